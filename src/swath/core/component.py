@@ -1,0 +1,65 @@
+"""The smallest seam: a component has ports, and the verbs of an FMU.
+
+    outputs = component.reset(stream)          # outputs valid at t = 0
+    outputs = component.step(t, dt, inputs)    # from t to t + dt [ns]; outputs valid at t + dt
+    state = component.save(); component.load(state)
+
+A level of a slot, an FMU, a ROS 2 node, a recorded log and a user's Python file all look like this.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from swath.core.errors import WiringError
+from swath.core.random import Stream
+from swath.core.signals import Signal
+
+Inputs = Mapping[str, Any]
+Outputs = dict[str, Signal]
+State = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Port:
+    """One input or output.
+
+    signal: the type of sample that flows; unit and shape: of its main field (`None` in a shape = any length)
+    history: an input that receives every sample since the component's last step, a tuple, oldest first
+    optional: an input that may stay open; it then is None
+    """
+
+    name: str
+    signal: type[Signal]
+    unit: str = ""
+    shape: tuple[int | None, ...] = ()
+    history: bool = False
+    optional: bool = False
+
+
+@runtime_checkable
+class Component(Protocol):
+    """Anything that can fill a slot."""
+
+    @property
+    def inputs(self) -> tuple[Port, ...]: ...
+    @property
+    def outputs(self) -> tuple[Port, ...]: ...
+    def reset(self, stream: Stream) -> Outputs: ...
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs: ...
+    def save(self) -> State: ...
+    def load(self, state: State) -> None: ...
+
+
+def check_fit(source: str, out: Port, target: str, into: Port) -> None:
+    """Refuse a connection whose two ends do not carry the same thing; names both ends."""
+    ends = f"{source}.{out.name} -> {target}.{into.name}"
+    if not issubclass(out.signal, into.signal):
+        raise WiringError(f"{ends}: sends {out.signal.__name__}, expected {into.signal.__name__}")
+    if out.unit != into.unit:
+        raise WiringError(f"{ends}: sends [{out.unit or '-'}], expected [{into.unit or '-'}]")
+    fits = len(out.shape) == len(into.shape) and all(
+        b is None or a == b for a, b in zip(out.shape, into.shape, strict=True)
+    )
+    if not fits:
+        raise WiringError(f"{ends}: sends shape {out.shape}, expected {into.shape}")

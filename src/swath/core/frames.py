@@ -1,0 +1,84 @@
+"""Frames and poses.
+
+World: ENU (x east, y north, z up). Bodies: ISO 8855 (x forward, y left, z up). Angles: intrinsic z-y'-x''
+(yaw, pitch, roll); pitch > 0 turns the nose down, roll > 0 turns the left side up. `pose_a_b` takes points
+of frame b to frame a. Its `position` is b's origin seen from a.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes."""
+
+    position: Array
+    rotation: Array
+
+    @staticmethod
+    def identity() -> "Pose":
+        """No offset, no turn."""
+        return Pose(np.zeros(3), np.eye(3))
+
+    @staticmethod
+    def from_euler(position: Any, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> "Pose":
+        """Pose from a position [m] and angles [rad]."""
+        return Pose(np.asarray(position, dtype=float), rotation_matrix(roll, pitch, yaw))
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
+
+    def inverse(self) -> "Pose":
+        """The transform the other way round."""
+        back = self.rotation.T
+        return Pose(-(back @ self.position), back)
+
+    def apply(self, points: Any) -> Array:
+        """Points [m], shape (..., 3), of the inner frame in the outer frame."""
+        return np.asarray(points, dtype=float) @ self.rotation.T + self.position
+
+    def turn(self, directions: Any) -> Array:
+        """Directions, shape (..., 3), of the inner frame in the outer frame."""
+        return np.asarray(directions, dtype=float) @ self.rotation.T
+
+    def euler(self) -> tuple[float, float, float]:
+        """(roll, pitch, yaw) [rad]."""
+        r = self.rotation
+        pitch = float(-np.arcsin(np.clip(r[2, 0], -1.0, 1.0)))
+        return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """(x, y, z, w), the order of ROS messages."""
+        roll, pitch, yaw = (0.5 * a for a in self.euler())
+        cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+        cy, sy = np.cos(yaw), np.sin(yaw)
+        return (
+            float(sr * cp * cy - cr * sp * sy),
+            float(cr * sp * cy + sr * cp * sy),
+            float(cr * cp * sy - sr * sp * cy),
+            float(cr * cp * cy + sr * sp * sy),
+        )
+
+
+def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:
+    """Rotation, shape (3, 3), from angles [rad]."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def wrap_angle(angle: Any) -> Any:
+    """Angle [rad] brought into (-pi, pi]."""
+    return -((np.pi - angle) % (2 * np.pi) - np.pi)

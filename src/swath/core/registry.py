@@ -1,0 +1,114 @@
+"""Levels: sibling files of a slot, chosen by name.
+
+A built-in level is a module in one of the slot's packages; its file name is the level's name. It defines
+
+    LEVEL = Level(SomeComponent, summary="...", cost="...", tolerance="...")
+
+A level may also come from an entry point (group `swath.levels`, name `slot.level`) or from a user's file
+(`path/to/file.py:Class`). In every case the class has a nested or module-level dataclass of parameters,
+`Params`, and is made by `Class(params, setup)`; `setup` is what the slot may know (see `core/setup.py`).
+"""
+
+import difflib
+import importlib
+import importlib.util
+import pkgutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError, SwathError
+
+GROUP = "swath.levels"
+
+
+@dataclass(frozen=True)
+class Level:
+    """One level of a slot.
+
+    component: class, called as component(params, setup); params: dataclass of its parameters
+    summary: one line; cost: what it costs; tolerance: against the next dearer level, or what it was
+    checked against
+    """
+
+    component: Any
+    params: Any
+    summary: str
+    cost: str = ""
+    tolerance: str = ""
+
+
+class Registry:
+    """Which packages hold the levels of which slot kind."""
+
+    def __init__(self, packages: Mapping[str, Sequence[str]]) -> None:
+        self.packages = dict(packages)
+
+    def names(self, kind: str) -> list[str]:
+        """Level names of a slot kind: built-in ones in file order, then entry points."""
+        found: list[str] = []
+        for package in self._packages(kind):
+            path = importlib.import_module(package).__path__
+            files = [i.name for i in pkgutil.iter_modules(path) if not i.name.startswith("_")]
+            found += [name for name in files if self._defines_level(package, name)]
+        prefix = kind + "."
+        extra = [e.name.removeprefix(prefix) for e in entry_points(group=GROUP) if e.name.startswith(prefix)]
+        return found + sorted(extra)
+
+    def get(self, kind: str, level: str, *, base: Path | None = None) -> Level:
+        """The level, from a built-in file, an entry point, or `file.py:Class` (relative to `base`)."""
+        if ".py:" in level:
+            return _from_file(kind, level, base or Path.cwd())
+        for package in self._packages(kind):
+            if importlib.util.find_spec(f"{package}.{level}") is not None and level.isidentifier():
+                return self._checked(importlib.import_module(f"{package}.{level}"), kind, level)
+        for entry in entry_points(group=GROUP):
+            if entry.name == f"{kind}.{level}":
+                loaded = entry.load()
+                return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
+        names = self.names(kind)
+        near = difflib.get_close_matches(level, names, n=1)
+        hint = f", did you mean {near[0]!r}?" if near else ""
+        expected = f"expected one of {', '.join(names)}, or file.py:Class{hint}"
+        raise InputError(f"{kind}.level", level, expected)
+
+    def _packages(self, kind: str) -> Sequence[str]:
+        if kind not in self.packages:
+            raise InputError("slot", kind, f"expected one of {', '.join(sorted(self.packages))}")
+        return self.packages[kind]
+
+    def _defines_level(self, package: str, name: str) -> bool:
+        return hasattr(importlib.import_module(f"{package}.{name}"), "LEVEL")
+
+    def _checked(self, module: Any, kind: str, level: str) -> Level:
+        found = getattr(module, "LEVEL", None)
+        if not isinstance(found, Level):
+            raise InputError(f"{kind}.level", level, f"expected one of {', '.join(self.names(kind))}")
+        return found
+
+
+def _from_file(kind: str, reference: str, base: Path) -> Level:
+    file_text, _, class_name = reference.rpartition(":")
+    file = Path(file_text) if Path(file_text).is_absolute() else base / file_text
+    if not file.is_file():
+        raise InputError(f"{kind}.level", reference, f"expected file.py:Class, but there is no file {file}")
+    spec = importlib.util.spec_from_file_location(f"swath_user_{file.stem}", file)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{kind}.level", reference, "expected a Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise SwathError(f"{file}: could not be loaded: {type(error).__name__}: {error}") from error
+    found = getattr(module, class_name, None)
+    if found is None:
+        raise InputError(f"{kind}.level", reference, f"{file} has no {class_name}")
+    return found if isinstance(found, Level) else _level_of_class(found)
+
+
+def _level_of_class(component: Any) -> Level:
+    params = getattr(component, "Params", None)
+    summary = (component.__doc__ or component.__name__).strip().splitlines()[0]
+    return Level(component, params, summary, cost="not stated", tolerance="not stated")

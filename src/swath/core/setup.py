@@ -1,0 +1,49 @@
+"""What the parts of a machine know about the machine: geometry from the data sheet, never the truth."""
+
+from dataclasses import dataclass
+
+from swath.core.frames import Pose
+
+
+@dataclass(frozen=True)
+class MachineGeometry:
+    """Data-sheet geometry. Machine frame: origin at the middle of the fixed (front) axle on the ground.
+
+    wheelbase, front_track, rear_track [m]; the steered axle lies `wheelbase` BEHIND the fixed one
+    max_steer: equivalent single-wheel angle limit [rad]
+    header_width [m]; knife_x: knife ahead of the fixed axle [m]; header_y: centre of the header, leftward [m]
+    header_height: of its body above the knife [m]; header_depth: of its body behind the knife [m]
+    body: rear end x, front end x, half width, bottom z, top z of the chassis box [m]
+    """
+
+    wheelbase: float
+    front_track: float
+    rear_track: float
+    max_steer: float
+    header_width: float
+    knife_x: float
+    header_y: float
+    header_height: float
+    header_depth: float
+    body: tuple[float, float, float, float, float]
+
+    def header_end(self, side: str) -> tuple[float, float]:
+        """(x, y) of the knife's `left` or `right` end in the machine frame [m]."""
+        half = 0.5 * self.header_width
+        return self.knife_x, self.header_y + (half if side == "left" else -half)
+
+
+@dataclass(frozen=True)
+class ControlSetup:
+    """What a control component may know.
+
+    mounting: pose_machine_sensor of the edge sensor as the fitter measured it
+    edge_side: `left` or `right`, the end of the header that follows the edge. With `left` the cut ground lies
+    to the left of the edge and the standing crop to its right; with `right` the other way round
+    period [s] of the component
+    """
+
+    machine: MachineGeometry
+    mounting: Pose
+    edge_side: str
+    period: float

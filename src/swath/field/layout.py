@@ -1,0 +1,152 @@
+"""How the field lies in memory: the arrays that the field writes and the ray kernel reads.
+
+Stand frame: the world turned about z so that x runs along the drilled rows. Everything here is in it.
+
+The ground is divided into square tiles of side T (about 1 m, a whole number of rows). A few tile prototypes
+hold real plants; a hash of (seed, tile index) says which prototype stands on a tile and how it is mirrored.
+A tile bends its prototype to the ground and the maps by one affine map, q = stand-frame point minus the
+tile's lower corner:
+
+    zeta = (q_z - plane(q_x, q_y)) / scale          prototype height coordinate
+    xi   = (q_x - lean_x * zeta, q_y - lean_y * zeta)   prototype plane coordinates, periodic with T
+
+with plane(q_x, q_y) = ground + slope_x (q_x - T/2) + slope_y (q_y - T/2). Mirroring in x replaces xi_x by
+T - xi_x. 8 x 8 tiles make a page, the unit of memory; pages exist near machines and where crop was changed.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+PAGE_TILES = 8
+PAGE_NODES = 64  # ground lattice intervals along a page; the lattice has one node more
+PAGE_CUT_CELLS = 512  # cut cells along a page: T / 64, 15.6 mm for T = 1 m
+STANDING = 255  # code of a cut cell whose stems stand; below: stubble height [cm], 0 = bare
+MIRROR_X, MIRROR_Y = 1 << 16, 1 << 17  # flags beside the prototype number in `tile_prototype`
+
+
+class Organ(IntEnum):
+    """What a ray hit."""
+
+    NONE = 0
+    GROUND = 1
+    STRAW = 2
+    STEM = 3
+    EAR = 4
+    LEAF = 5
+    STUBBLE = 6
+    SOLID = 7
+    WEED = 8
+
+
+class Shape(IntEnum):
+    """Kind of a primitive."""
+
+    CAPSULE = 0
+    RIBBON = 1
+
+
+@dataclass(frozen=True)
+class PlantLibrary:
+    """Tile prototypes with their plants, primitives and search index. Read-only after making.
+
+    tile_size T [m]; tile_count K; density_max: stems/m2 in the prototypes; row_spacing [m], 0 = no rows
+    height_max: top of the tallest primitive [m]
+
+    Stems, sorted by tile; tile k owns stem_start[k]:stem_start[k + 1].
+    stem_xy: base in the tile [m], (n, 2), in [0, T); stem_rank: (n,) in [0, 1): the stem exists on a tile
+    whose density fraction exceeds it; stem_height [m]: tip of the plant; grain_kg, straw_kg: (n,) masses
+
+    Primitives (m of them), sorted by tile, each copied to every tile side it overlaps (periodic tile):
+    shape: Shape; organ: Organ; a, b: ends [m], (m, 3); capsule: radius [m], width unused; ribbon:
+    parallelogram with corners a - w, a + w, b + w, b - w, w = width (m, 3) [m]
+    owner: index of the stem; base: (m, 2) base of that stem as seen from this copy [m]; may lie outside
+    [0, T) for copies
+
+    Search index: columns x columns x bins cells per tile, cell = ((k * columns + iy) * columns + ix) * bins
+    + iz, column side T / columns, bin height bin_height [m] from zeta = 0; cell c lists primitives
+    cell_items[cell_start[c]:cell_start[c + 1]]. Everything that overlaps a cell is listed in it; what reaches
+    below zeta = 0 is listed in bin 0.
+    """
+
+    tile_size: float
+    tile_count: int
+    density_max: float
+    row_spacing: float
+    height_max: float
+    stem_start: NDArray[np.int32]
+    stem_xy: NDArray[np.float32]
+    stem_rank: NDArray[np.float32]
+    stem_height: NDArray[np.float32]
+    grain_kg: NDArray[np.float64]
+    straw_kg: NDArray[np.float64]
+    shape: NDArray[np.uint8]
+    organ: NDArray[np.uint8]
+    a: NDArray[np.float32]
+    b: NDArray[np.float32]
+    radius: NDArray[np.float32]
+    width: NDArray[np.float32]
+    owner: NDArray[np.int32]
+    base: NDArray[np.float32]
+    columns: int
+    bins: int
+    bin_height: float
+    cell_start: NDArray[np.int32]
+    cell_items: NDArray[np.int32]
+    reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(len(Organ), np.float32))
+
+
+@dataclass
+class Pages:
+    """Pools of page data. The first axis of a pool is the page slot; pools grow by doubling.
+
+    table: (ny, nx) int32, page slot or -1 (nothing known there: a ray that gets there is lost)
+    table_x, table_y: page index of table[0, 0]; page (i, j) covers [i, i + 1] x [j, j + 1] * 8 T
+    ground: (n, 65, 65) height of the soil [m], float32, [iy, ix]; straw: (n, 65, 65) depth of straw on it [m]
+    Both are bilinear between nodes, T / 8 apart; the surface a ray hits is ground + straw.
+    tile_plane: (n, 8, 8, 3) ground, slope_x, slope_y; tile_stand: (n, 8, 8, 4) scale, lean_x, lean_y [m per
+    m of zeta], density fraction (of density_max); tile_top: (n, 8, 8) highest live crop above the tile's
+    plane [m], 0 = bare; tile_prototype: (n, 8, 8) prototype number with mirror flags
+    cut_slot: (n,) >= 0: row of `cut`; < 0: the whole page has code -1 - cut_slot
+    cut: (m, 512, 512) uint8 codes, [iy, ix]
+    revision: grows by one with every change (a copy on another device is then stale)
+    """
+
+    table: NDArray[np.int32]
+    table_x: int
+    table_y: int
+    ground: NDArray[np.float32]
+    straw: NDArray[np.float32]
+    tile_plane: NDArray[np.float32]
+    tile_stand: NDArray[np.float32]
+    tile_top: NDArray[np.float32]
+    tile_prototype: NDArray[np.int32]
+    cut_slot: NDArray[np.int32]
+    cut: NDArray[np.uint8]
+    revision: int = 0
+
+
+@dataclass
+class Solids:
+    """Things that are not crop, world frame. Any count may be 0.
+
+    boxes: box_centre (n, 3) [m], box_axes (n, 3, 3) columns are the box axes in the world, box_half (n, 3)
+    half sizes [m]; capsules (posts): capsule_a, capsule_b (m, 3) [m], capsule_radius (m,) [m]; ellipsoids
+    (stones): ellipsoid_centre (k, 3), ellipsoid_axes (k, 3, 3), ellipsoid_half (k, 3) [m]
+    reflectance of each at 905 nm
+    """
+
+    box_centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    box_axes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    box_half: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    box_reflectance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    capsule_a: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    capsule_b: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    capsule_radius: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    capsule_reflectance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    ellipsoid_centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    ellipsoid_axes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    ellipsoid_half: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    ellipsoid_reflectance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))

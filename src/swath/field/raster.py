@@ -1,0 +1,195 @@
+"""A map on a regular grid: north up, metres, in the local frame of a field.
+
+World coordinates of a field are a projected (UTM) system minus an origin: a pure translation. Grid convergence
+and point scale (below 0.04 % inside a UTM zone) are left in, so east and north are the grid's, not geographic.
+"""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swath.core.errors import InputError, MissingExtra
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Values on square cells.
+
+    values: shape (ny, nx), float32, row 0 is the south, column 0 the west; nan = unknown.
+    x0, y0: centre of the south-west cell [m]. cell: edge of a cell [m].
+    epsg: of the system x and y are a translation of, None = none known.
+    """
+
+    values: NDArray[np.float32]
+    x0: float
+    y0: float
+    cell: float
+    epsg: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.values.ndim != 2 or self.values.size == 0:
+            raise InputError("raster.values", self.values.shape, "expected two dimensions, none empty")
+        if not (np.isfinite([self.x0, self.y0, self.cell]).all() and self.cell > 0.0):
+            raise InputError("raster.cell", (self.x0, self.y0, self.cell), "expected finite values, cell > 0")
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Outer edges of the outer cells (west, south, east, north) [m]."""
+        ny, nx = self.values.shape
+        half = 0.5 * self.cell
+        west, south = self.x0 - half, self.y0 - half
+        return west, south, west + nx * self.cell, south + ny * self.cell
+
+    def centres(self) -> tuple[Array, Array]:
+        """Cell centres: x [m], shape (nx,), and y [m], shape (ny,)."""
+        ny, nx = self.values.shape
+        return self.x0 + self.cell * np.arange(nx), self.y0 + self.cell * np.arange(ny)
+
+    def sample(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Value at points [m], bilinear between cell centres, in the shape of x and y broadcast.
+
+        The cell a point lies in decides whether there is a value: outside the map or in a nan cell the result
+        is nan. Elsewhere nan neighbours are left out and the other weights scaled up; in the outer half cell of
+        the map the value is constant outwards.
+        """
+        corners, weights, inside = self._corners(x, y)
+        known = np.isfinite(corners)
+        weights = np.where(known, weights, 0.0)
+        total = np.where(inside, weights.sum(axis=0), 1.0)
+        value = (weights * np.where(known, corners, 0.0)).sum(axis=0) / total
+        return np.where(inside, value, np.nan)
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """Slope (d/dx, d/dy) [value per m] of the bilinear surface; nan where one of the four cells is nan.
+
+        Piecewise: it jumps across lines through cell centres, and is zero outwards in the outer half cell.
+        """
+        (c00, c10, c01, c11), _, inside = self._corners(x, y)
+        fx, fy, clamped_x, clamped_y = self._fractions(x, y)
+        gx = np.where(clamped_x, 0.0, ((c10 - c00) * (1 - fy) + (c11 - c01) * fy) / self.cell)
+        gy = np.where(clamped_y, 0.0, ((c01 - c00) * (1 - fx) + (c11 - c10) * fx) / self.cell)
+        return np.where(inside, gx, np.nan), np.where(inside, gy, np.nan)
+
+    def shifted(self, dx: float, dy: float) -> "Raster":
+        """The same map with its coordinates moved by (dx, dy) [m]."""
+        return Raster(self.values, self.x0 + dx, self.y0 + dy, self.cell, self.epsg)
+
+    @staticmethod
+    def from_geotiff(path: Path | str, origin: tuple[float, float] | None = None) -> "Raster":
+        """First band of a GeoTIFF. origin: (easting, northing) [m] to subtract, None = keep the file's.
+
+        Raises InputError naming the file when it cannot be read, has no projected system in metres, is rotated,
+        has cells that are not square, or holds no number at all. A nodata value becomes nan.
+        """
+        path = Path(path)
+        with _open(path) as dataset:
+            epsg = _metric_epsg(dataset.crs, path)
+            cell = _cell(dataset.transform, path)
+            masked = dataset.read(1, masked=True)
+            west, north = float(dataset.transform.c), float(dataset.transform.f)
+        values = np.asarray(masked.astype(np.float32).filled(np.nan))[::-1]
+        if not np.isfinite(values).any():
+            raise InputError("raster", None, "expected at least one number, every cell is empty", file=path)
+        values = np.where(np.isfinite(values), values, np.float32(np.nan))
+        east0, north0 = origin if origin is not None else (0.0, 0.0)
+        y0 = north - (values.shape[0] - 0.5) * cell - north0
+        return Raster(np.ascontiguousarray(values), west + 0.5 * cell - east0, y0, cell, epsg)
+
+    def to_geotiff(self, path: Path | str, epsg: int, origin: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Write as float32, deflate, nodata nan, with origin (easting, northing) [m] added back."""
+        rasterio = _rasterio()
+        ny, nx = self.values.shape
+        west = self.x0 - 0.5 * self.cell + origin[0]
+        north = self.y0 + (ny - 0.5) * self.cell + origin[1]
+        with rasterio.open(
+            path, "w", driver="GTiff", height=ny, width=nx, count=1, dtype="float32", nodata=float("nan"),
+            crs=rasterio.crs.CRS.from_epsg(epsg), compress="deflate", predictor=3,
+            transform=rasterio.transform.from_origin(west, north, self.cell, self.cell),
+        ) as dataset:  # fmt: skip
+            dataset.write(np.ascontiguousarray(self.values[::-1], dtype=np.float32), 1)
+
+    def _fractions(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Any, Any]:
+        """Fraction of a cell past the lower corner in x and y, and where x or y lies outside the centres."""
+        ny, nx = self.values.shape
+        u, v = np.broadcast_arrays(self._index(x, self.x0), self._index(y, self.y0))
+        out_u, out_v = (u < 0) | (u > nx - 1), (v < 0) | (v > ny - 1)
+        u, v = np.clip(u, 0.0, nx - 1), np.clip(v, 0.0, ny - 1)
+        i, j = np.minimum(u.astype(int), max(nx - 2, 0)), np.minimum(v.astype(int), max(ny - 2, 0))
+        return u - i, v - j, out_u, out_v
+
+    def _corners(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Any]:
+        """Values and weights of the four cells around each point, shape (4, ...), and where there is a value."""
+        ny, nx = self.values.shape
+        u, v = np.broadcast_arrays(self._index(x, self.x0), self._index(y, self.y0))
+        inside = (u >= -0.5) & (u <= nx - 0.5) & (v >= -0.5) & (v <= ny - 0.5)
+        u = np.where(inside, np.clip(u, 0.0, nx - 1), 0.0)
+        v = np.where(inside, np.clip(v, 0.0, ny - 1), 0.0)
+        i, j = np.minimum(u.astype(int), max(nx - 2, 0)), np.minimum(v.astype(int), max(ny - 2, 0))
+        i1, j1 = np.minimum(i + 1, nx - 1), np.minimum(j + 1, ny - 1)
+        fx, fy = u - i, v - j
+        grid = self.values
+        corners = np.stack([grid[j, i], grid[j, i1], grid[j1, i], grid[j1, i1]]).astype(float)
+        weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy])
+        own = grid[
+            np.minimum(np.floor(v + 0.5).astype(int), ny - 1),
+            np.minimum(np.floor(u + 0.5).astype(int), nx - 1),
+        ]
+        return corners, weights, inside & np.isfinite(own)
+
+    def _index(self, position: ArrayLike, start: float) -> Array:
+        value = (np.asarray(position, dtype=float) - start) / self.cell
+        return np.where(np.isfinite(value), value, -1e9)
+
+
+def _rasterio() -> Any:
+    try:
+        import rasterio
+        import rasterio.crs
+        import rasterio.errors
+        import rasterio.transform
+    except ImportError as error:
+        raise MissingExtra("geo", "reading and writing GeoTIFF") from error
+    return rasterio
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[Any]:
+    rasterio = _rasterio()
+    if not path.is_file():
+        raise InputError("raster", None, "expected a GeoTIFF, there is no such file", file=path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            with rasterio.open(path) as dataset:
+                yield dataset
+    except (rasterio.errors.RasterioError, ValueError, MemoryError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError("raster", None, f"expected a readable GeoTIFF: {reason}", file=path) from error
+
+
+def _metric_epsg(crs: Any, path: Path) -> int | None:
+    if crs is None:
+        raise InputError("raster.crs", None, "expected a coordinate system, the file names none", file=path)
+    if not crs.is_projected or abs(float(crs.linear_units_factor[1]) - 1.0) > 1e-9:
+        raise InputError("raster.crs", str(crs), "expected a projected system in metres (UTM)", file=path)
+    epsg = crs.to_epsg()
+    return None if epsg is None else int(epsg)
+
+
+def _cell(transform: Any, path: Path) -> float:
+    a, b, _, d, e, _ = (float(v) for v in tuple(transform)[:6])
+    if b != 0.0 or d != 0.0 or a <= 0.0 or e >= 0.0:
+        raise InputError(
+            "raster.transform", tuple(transform)[:6], "expected north up, not rotated", file=path
+        )
+    if abs(a + e) > 1e-6 * a:
+        raise InputError("raster.cell", (a, -e), "expected square cells", file=path)
+    return a
