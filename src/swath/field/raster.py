@@ -1,7 +1,7 @@
 """A map on a regular grid: north up, metres, in the local frame of a field.
 
-World coordinates of a field are a projected (UTM) system minus an origin: a pure translation. Grid convergence
-and point scale (below 0.04 % inside a UTM zone) are left in, so east and north are the grid's, not geographic.
+World coordinates of a field are a projected (UTM) system minus an origin: a pure translation. Grid
+convergence and point scale (below 0.04 % inside a UTM zone) are left in, so east and north are the grid's.
 """
 
 import warnings
@@ -51,32 +51,38 @@ class Raster:
     def centres(self) -> tuple[Array, Array]:
         """Cell centres: x [m], shape (nx,), and y [m], shape (ny,)."""
         ny, nx = self.values.shape
-        return self.x0 + self.cell * np.arange(nx), self.y0 + self.cell * np.arange(ny)
+        x: Array = self.x0 + self.cell * np.arange(nx, dtype=float)
+        y: Array = self.y0 + self.cell * np.arange(ny, dtype=float)
+        return x, y
 
     def sample(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Value at points [m], bilinear between cell centres, in the shape of x and y broadcast.
 
-        The cell a point lies in decides whether there is a value: outside the map or in a nan cell the result
-        is nan. Elsewhere nan neighbours are left out and the other weights scaled up; in the outer half cell of
-        the map the value is constant outwards.
+        The cell a point lies in decides whether there is a value: outside the map or in a nan cell the
+        result is nan. Elsewhere nan neighbours are left out and the other weights scaled up; in the outer
+        half cell of the map the value is constant outwards.
         """
-        corners, weights, inside = self._corners(x, y)
+        corners, fx, fy, inside = self._corners(x, y)
+        weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy])
         known = np.isfinite(corners)
         weights = np.where(known, weights, 0.0)
         total = np.where(inside, weights.sum(axis=0), 1.0)
         value = (weights * np.where(known, corners, 0.0)).sum(axis=0) / total
-        return np.where(inside, value, np.nan)
+        return np.asarray(np.where(inside, value, np.nan))
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         """Slope (d/dx, d/dy) [value per m] of the bilinear surface; nan where one of the four cells is nan.
 
         Piecewise: it jumps across lines through cell centres, and is zero outwards in the outer half cell.
         """
-        (c00, c10, c01, c11), _, inside = self._corners(x, y)
-        fx, fy, clamped_x, clamped_y = self._fractions(x, y)
-        gx = np.where(clamped_x, 0.0, ((c10 - c00) * (1 - fy) + (c11 - c01) * fy) / self.cell)
-        gy = np.where(clamped_y, 0.0, ((c01 - c00) * (1 - fx) + (c11 - c10) * fx) / self.cell)
-        return np.where(inside, gx, np.nan), np.where(inside, gy, np.nan)
+        (c00, c10, c01, c11), fx, fy, inside = self._corners(x, y)
+        gx = ((c10 - c00) * (1 - fy) + (c11 - c01) * fy) / self.cell
+        gy = ((c01 - c00) * (1 - fx) + (c11 - c10) * fx) / self.cell
+        east, north = self.centres()
+        flat_x = (np.asarray(x) < east[0]) | (np.asarray(x) > east[-1])
+        flat_y = (np.asarray(y) < north[0]) | (np.asarray(y) > north[-1])
+        gx, gy = np.where(flat_x, 0.0 * gx, gx), np.where(flat_y, 0.0 * gy, gy)
+        return np.asarray(np.where(inside, gx, np.nan)), np.asarray(np.where(inside, gy, np.nan))
 
     def shifted(self, dx: float, dy: float) -> "Raster":
         """The same map with its coordinates moved by (dx, dy) [m]."""
@@ -86,8 +92,8 @@ class Raster:
     def from_geotiff(path: Path | str, origin: tuple[float, float] | None = None) -> "Raster":
         """First band of a GeoTIFF. origin: (easting, northing) [m] to subtract, None = keep the file's.
 
-        Raises InputError naming the file when it cannot be read, has no projected system in metres, is rotated,
-        has cells that are not square, or holds no number at all. A nodata value becomes nan.
+        Raises InputError naming the file when it cannot be read, has no projected system in metres, is
+        rotated, has cells that are not square, or holds no number at all. A nodata value becomes nan.
         """
         path = Path(path)
         with _open(path) as dataset:
@@ -112,37 +118,24 @@ class Raster:
         with rasterio.open(
             path, "w", driver="GTiff", height=ny, width=nx, count=1, dtype="float32", nodata=float("nan"),
             crs=rasterio.crs.CRS.from_epsg(epsg), compress="deflate", predictor=3,
-            transform=rasterio.transform.from_origin(west, north, self.cell, self.cell),
+            transform=rasterio.Affine(self.cell, 0.0, west, 0.0, -self.cell, north),
         ) as dataset:  # fmt: skip
             dataset.write(np.ascontiguousarray(self.values[::-1], dtype=np.float32), 1)
 
-    def _fractions(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Any, Any]:
-        """Fraction of a cell past the lower corner in x and y, and where x or y lies outside the centres."""
-        ny, nx = self.values.shape
-        u, v = np.broadcast_arrays(self._index(x, self.x0), self._index(y, self.y0))
-        out_u, out_v = (u < 0) | (u > nx - 1), (v < 0) | (v > ny - 1)
-        u, v = np.clip(u, 0.0, nx - 1), np.clip(v, 0.0, ny - 1)
-        i, j = np.minimum(u.astype(int), max(nx - 2, 0)), np.minimum(v.astype(int), max(ny - 2, 0))
-        return u - i, v - j, out_u, out_v
-
-    def _corners(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Any]:
-        """Values and weights of the four cells around each point, shape (4, ...), and where there is a value."""
+    def _corners(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Any]:
+        """Values of the four cells around each point, shape (4, ...): SW, SE, NW, NE;
+        the fractions of a cell past the first in x and y; and where there is a value.
+        """
         ny, nx = self.values.shape
         u, v = np.broadcast_arrays(self._index(x, self.x0), self._index(y, self.y0))
         inside = (u >= -0.5) & (u <= nx - 0.5) & (v >= -0.5) & (v <= ny - 0.5)
-        u = np.where(inside, np.clip(u, 0.0, nx - 1), 0.0)
-        v = np.where(inside, np.clip(v, 0.0, ny - 1), 0.0)
+        u, v = np.clip(u, 0.0, nx - 1), np.clip(v, 0.0, ny - 1)
         i, j = np.minimum(u.astype(int), max(nx - 2, 0)), np.minimum(v.astype(int), max(ny - 2, 0))
         i1, j1 = np.minimum(i + 1, nx - 1), np.minimum(j + 1, ny - 1)
-        fx, fy = u - i, v - j
         grid = self.values
         corners = np.stack([grid[j, i], grid[j, i1], grid[j1, i], grid[j1, i1]]).astype(float)
-        weights = np.stack([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy])
-        own = grid[
-            np.minimum(np.floor(v + 0.5).astype(int), ny - 1),
-            np.minimum(np.floor(u + 0.5).astype(int), nx - 1),
-        ]
-        return corners, weights, inside & np.isfinite(own)
+        own = grid[np.floor(v + 0.5).astype(int), np.floor(u + 0.5).astype(int)]
+        return corners, u - i, v - j, inside & np.isfinite(own)
 
     def _index(self, position: ArrayLike, start: float) -> Array:
         value = (np.asarray(position, dtype=float) - start) / self.cell
@@ -154,8 +147,7 @@ def _rasterio() -> Any:
         import rasterio
         import rasterio.crs
         import rasterio.errors
-        import rasterio.transform
-    except ImportError as error:
+        except ImportError as error:
         raise MissingExtra("geo", "reading and writing GeoTIFF") from error
     return rasterio
 
