@@ -147,7 +147,7 @@ def _rasterio() -> Any:
         import rasterio
         import rasterio.crs
         import rasterio.errors
-        except ImportError as error:
+    except ImportError as error:
         raise MissingExtra("geo", "reading and writing GeoTIFF") from error
     return rasterio
 
