@@ -11,7 +11,7 @@ class SwathError(Exception):
 class InputError(SwathError):
     """A value from outside that cannot be used.
 
-    Reads `key = value: expected what (file:line)`; parts that are unknown are left out.
+    Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out.
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class InputError(SwathError):
             text += f": {expected}"
         if file is not None:
             text += f" ({file}:{line})" if line is not None else f" ({file})"
-        super().__init__(text)
+        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
 
 
 class WiringError(SwathError):

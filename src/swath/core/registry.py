@@ -62,7 +62,7 @@ class Registry:
         if ".py:" in level:
             return _from_file(kind, level, base or Path.cwd())
         for package in self._packages(kind):
-            if importlib.util.find_spec(f"{package}.{level}") is not None and level.isidentifier():
+            if level.isidentifier() and importlib.util.find_spec(f"{package}.{level}") is not None:
                 return self._checked(importlib.import_module(f"{package}.{level}"), kind, level)
         for entry in entry_points(group=GROUP):
             if entry.name == f"{kind}.{level}":

@@ -13,6 +13,7 @@ from math import lcm
 from swath.core.errors import InputError
 
 NS = 1_000_000_000
+TICK = 100_000
 
 
 @dataclass(frozen=True)
@@ -75,5 +76,5 @@ def make_plan(slots: list[Slot], *, max_ticks: int = 200_000) -> Plan:
 
 
 def from_hz(rate_hz: float) -> int:
-    """Period [ns] of a rate, rounded to a nanosecond."""
-    return round(NS / rate_hz)
+    """Period [ns] of a rate, rounded to 0.1 ms so that rates share a short rhythm (15 Hz: 66.7 ms)."""
+    return max(1, round(NS / rate_hz / TICK)) * TICK

@@ -1,6 +1,6 @@
 """The converter at the border: file keys and flags carry their unit, inside everything is SI and radians.
 
-    speed = params.speed_kmh * KMH
+speed = params.speed_kmh * KMH
 """
 
 from math import pi

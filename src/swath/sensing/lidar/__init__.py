@@ -1,0 +1,1 @@
+"""LiDAR levels: sibling files with the same ports."""

@@ -1,0 +1,69 @@
+"""Where a sensor sits on its machine, and where it is at every beam of a sweep."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from swath.core.frames import Pose, wrap_angle
+from swath.core.setup import MachineGeometry
+from swath.core.signals import F64, MachineState
+from swath.core.units import DEG
+
+Length = Annotated[float, Ge(-30), Le(30)]
+Angle = Annotated[float, Ge(-180), Le(180)]
+
+
+@dataclass(frozen=True)
+class Mount:
+    """Mounting of a sensor.
+
+    at: the point the offsets count from. `edge_end`: the knife's end on the edge side, y_m then counts
+    outward, away from the machine; `axle`: the origin of the machine frame, y_m leftward
+    x_m, y_m, z_m [m]: forward, sideways, above ground; roll_deg, pitch_deg (> 0 nose down), yaw_deg
+    (for `edge_end` > 0 outward)
+    """
+
+    at: Literal["edge_end", "axle"] = "edge_end"
+    x_m: Length = 0.0
+    y_m: Length = 0.0
+    z_m: Length = 2.4
+    roll_deg: Angle = 0.0
+    pitch_deg: Angle = 16.0
+    yaw_deg: Angle = 0.0
+
+    def pose(self, machine: MachineGeometry, edge_side: str) -> Pose:
+        """pose_machine_sensor."""
+        x, y, yaw = self.x_m, self.y_m, self.yaw_deg
+        if self.at == "edge_end":
+            outward = 1.0 if edge_side == "left" else -1.0
+            end = machine.header_end(edge_side)
+            x, y, yaw = x + end[0], end[1] + outward * y, outward * yaw
+        return Pose.from_euler((x, y, self.z_m), self.roll_deg * DEG, self.pitch_deg * DEG, yaw * DEG)
+
+
+def poses_at(states: Sequence[MachineState], times: F64) -> tuple[F64, F64]:
+    """Machine positions (n, 3) [m] and rotations (n, 3, 3) at times [ns], between recorded states.
+
+    Positions and Euler angles are linear between neighbouring states (a few ms apart), and held outside.
+    """
+    t = np.array([s.t for s in states], dtype=float)
+    position = np.array([s.pose.position for s in states])
+    angle = np.array([s.pose.euler() for s in states])
+    angle = angle[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(angle, axis=0))]), axis=0)
+    at = np.stack([np.interp(times, t, position[:, k]) for k in range(3)], axis=1)
+    roll, pitch, yaw = (np.interp(times, t, angle[:, k]) for k in range(3))
+    return at, _rotations(roll, pitch, yaw)
+
+
+def _rotations(roll: F64, pitch: F64, yaw: F64) -> F64:
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)

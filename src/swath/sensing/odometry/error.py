@@ -1,0 +1,87 @@
+"""Odometry with the errors of wheel speed, gyro and steer-angle sensor."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Le
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.signals import MachineState, Odometry, SteerState
+from swath.core.units import DEG, PERCENT
+from swath.field.site import SiteSetup
+
+Share = Annotated[float, Ge(0), Le(30)]
+Angle = Annotated[float, Ge(0), Le(10)]
+
+
+@dataclass(frozen=True)
+class Params:
+    """Errors of the three sensors; each constant error is drawn once per run, N(0, sd).
+
+    slip_percent: the wheels turn faster than the ground passes: 2 to 6 % on stubble (memory, sure)
+    speed_scale_percent: sd of the calibration error; speed_noise_m_s: sd per sample
+    gyro_bias_deg_s: sd of the constant bias; gyro_noise_deg_s: sd per sample (a 0.014 deg/s/sqrt(Hz) MEMS
+    gyro read at 50 Hz gives 0.07 deg/s plus vibration)
+    steer_bias_deg: sd of the zero error; steer_noise_deg: sd per sample
+    """
+
+    slip_percent: Share = 3.0
+    speed_scale_percent: Share = 1.0
+    speed_noise_m_s: Annotated[float, Ge(0), Le(5)] = 0.02
+    gyro_bias_deg_s: Angle = 0.02
+    gyro_noise_deg_s: Angle = 0.1
+    steer_bias_deg: Angle = 0.2
+    steer_noise_deg: Angle = 0.05
+
+
+class ErrorOdometry:
+    """Truth, scaled, biased and noisy."""
+
+    inputs = (Port("state", MachineState), Port("steering", SteerState))
+    outputs = (Port("odometry", Odometry),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self._p = params
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Draw the constant errors."""
+        p = self._p
+        draw = stream.at(0).standard_normal(3)
+        self._stream = stream
+        self._scale = (1 + p.speed_scale_percent * PERCENT * draw[0]) * (1 + p.slip_percent * PERCENT)
+        self._gyro_bias = p.gyro_bias_deg_s * DEG * draw[1]
+        self._steer_bias = p.steer_bias_deg * DEG * draw[2]
+        return {"odometry": Odometry(0, 0.0, self._gyro_bias, self._steer_bias)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """One sample at t + dt."""
+        p = self._p
+        state: MachineState = inputs["state"]
+        steering: SteerState = inputs["steering"]
+        noise = self._stream.at(t + dt).standard_normal(3)
+        return {
+            "odometry": Odometry(
+                t + dt,
+                float(state.speed * self._scale + p.speed_noise_m_s * noise[0]),
+                float(state.yaw_rate + self._gyro_bias + p.gyro_noise_deg_s * DEG * noise[1]),
+                float(steering.angle + self._steer_bias + p.steer_noise_deg * DEG * noise[2]),
+            )
+        }
+
+    def save(self) -> State:
+        """Nothing to keep: the constants follow from the stream, the noise from the time."""
+        return {}
+
+    def load(self, state: State) -> None:
+        """Nothing to restore."""
+
+
+LEVEL = Level(
+    ErrorOdometry,
+    Params,
+    "wheel slip, scale error, gyro bias and noise",
+    cost="10 us per sample",
+    tolerance="equal to ideal with every error at 0",
+)

@@ -1,0 +1,44 @@
+"""Odometry without error: the true speed, yaw rate and steer angle."""
+
+from dataclasses import dataclass
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.signals import MachineState, Odometry, SteerState
+from swath.field.site import SiteSetup
+
+
+@dataclass(frozen=True)
+class Params:
+    """No parameters."""
+
+
+class IdealOdometry:
+    """Passes the truth on."""
+
+    inputs = (Port("state", MachineState), Port("steering", SteerState))
+    outputs = (Port("odometry", Odometry),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        pass
+
+    def reset(self, stream: Stream) -> Outputs:
+        """At rest."""
+        return {"odometry": Odometry(0, 0.0, 0.0, 0.0)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """One sample at t + dt."""
+        state: MachineState = inputs["state"]
+        steering: SteerState = inputs["steering"]
+        return {"odometry": Odometry(t + dt, state.speed, state.yaw_rate, steering.angle)}
+
+    def save(self) -> State:
+        """Nothing to keep."""
+        return {}
+
+    def load(self, state: State) -> None:
+        """Nothing to restore."""
+
+
+LEVEL = Level(IdealOdometry, Params, "true speed, yaw rate and steer angle", cost="none", tolerance="exact")
