@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose, wrap_angle
+from swath.core.random import Stream
+from swath.core.registry import Level, Registry
+
+
+def test_stream_depends_on_seed_name_and_counter_only():
+    one = Stream(1, "combine.lidar").at(5).standard_normal(4)
+    assert np.array_equal(one, Stream(1, "combine.lidar").at(5).standard_normal(4))
+    for other in (
+        Stream(2, "combine.lidar").at(5),
+        Stream(1, "cart.lidar").at(5),
+        Stream(1, "combine.lidar").at(6),
+    ):
+        assert not np.array_equal(one, other.standard_normal(4))
+
+
+def test_neighbouring_counters_are_independent():
+    draws = np.array([Stream(3, "x").at(k).standard_normal(50) for k in range(400)])
+    correlation = np.corrcoef(draws[:-1].ravel(), draws[1:].ravel())[0, 1]
+    assert abs(correlation) < 4 / np.sqrt(draws.size)
+    assert abs(draws.mean()) < 4 / np.sqrt(draws.size)
+
+
+def test_pose_inverse_product_and_angles():
+    a = Pose.from_euler((1.0, -2.0, 3.0), 0.1, -0.2, 2.5)
+    b = Pose.from_euler((0.3, 0.2, -0.1), -0.4, 0.3, -1.0)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    assert np.allclose((a @ b).apply(points), a.apply(b.apply(points)))
+    assert np.allclose(a.inverse().apply(a.apply(points)), points)
+    assert np.allclose(a.euler(), (0.1, -0.2, 2.5))
+
+
+def test_pitch_down_and_roll_left_up():
+    nose = Pose.from_euler(np.zeros(3), pitch=0.1).turn([1.0, 0.0, 0.0])
+    left = Pose.from_euler(np.zeros(3), roll=0.1).turn([0.0, 1.0, 0.0])
+    assert nose[2] < 0 < left[2]
+
+
+def test_quaternion_turns_vectors_as_the_matrix_does():
+    pose = Pose.from_euler(np.zeros(3), 0.3, -0.5, 1.2)
+    x, y, z, w = pose.quaternion()
+    v = np.array([0.2, -1.0, 0.7])
+    q = np.array([x, y, z])
+    turned = v + 2 * np.cross(q, np.cross(q, v) + w * v)
+    assert np.allclose(turned, pose.turn(v))
+
+
+def test_wrap_angle():
+    assert np.allclose(wrap_angle(np.array([3 * np.pi, -np.pi, 0.5])), [np.pi, np.pi, 0.5])
+
+
+REGISTRY = Registry({"odometry": ["swath.sensing.odometry"]})
+
+
+def test_levels_are_sibling_files():
+    assert REGISTRY.names("odometry") == ["error", "ideal"]
+    assert isinstance(REGISTRY.get("odometry", "ideal"), Level)
+
+
+def test_unknown_level_suggests_the_nearest():
+    with pytest.raises(InputError, match="did you mean 'ideal'"):
+        REGISTRY.get("odometry", "idael")
+    with pytest.raises(InputError, match="expected one of odometry"):
+        REGISTRY.get("gearbox", "ideal")
+
+
+def test_users_own_file_is_a_level(tmp_path):
+    (tmp_path / "mine.py").write_text('class Mine:\n    """My odometry."""\n', encoding="utf-8")
+    level = REGISTRY.get("odometry", "mine.py:Mine", base=tmp_path)
+    assert level.summary == "My odometry."
+    with pytest.raises(InputError, match="has no Yours"):
+        REGISTRY.get("odometry", "mine.py:Yours", base=tmp_path)
+    with pytest.raises(InputError, match="there is no file"):
+        REGISTRY.get("odometry", "other.py:Mine", base=tmp_path)
