@@ -109,6 +109,8 @@ class Pages:
     tile_plane: (n, 8, 8, 3) ground, slope_x, slope_y; tile_stand: (n, 8, 8, 4) scale, lean_x, lean_y [m per
     m of zeta], density fraction (of density_max); tile_top: (n, 8, 8) highest live crop above the tile's
     plane [m], 0 = bare; tile_prototype: (n, 8, 8) prototype number with mirror flags
+    tile_bump: (n, 8, 8) the most that ground + straw rises above the tile's plane, over the tile's 9 x 9
+    nodes [m]: rays that stay above it skip the tile's ground
     cut_slot: (n,) >= 0: row of `cut`; < 0: the whole page has code -1 - cut_slot
     cut: (m, 512, 512) uint8 codes, [iy, ix]
     revision: grows by one with every change (a copy on another device is then stale)
@@ -125,6 +127,7 @@ class Pages:
     tile_prototype: NDArray[np.int32]
     cut_slot: NDArray[np.int32]
     cut: NDArray[np.uint8]
+    tile_bump: NDArray[np.float32]
     revision: int = 0
 
 
