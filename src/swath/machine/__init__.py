@@ -1,0 +1,1 @@
+"""The machine: motion, steering, header, process; what the data card says about it."""

@@ -1,0 +1,1 @@
+"""Header levels: what the knife takes from the field."""

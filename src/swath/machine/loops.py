@@ -1,0 +1,42 @@
+"""First-order loops with a limited rate, solved exactly: no step size enters."""
+
+from math import copysign, expm1, isfinite
+
+from swath.core.errors import InputError
+from swath.machine.card import Dynamics
+
+
+def approach(value: float, target: float, dt: float, *, lag: float, limit: float) -> tuple[float, float]:
+    """Solve dv/dt = clip((target - v) / lag, -limit, limit) over dt [s].
+
+    lag > 0 [s]; limit > 0 [units of v per s]. Returns (v(dt), integral of v over dt). Outside limit * lag of
+    the target v is a ramp, inside an exponential.
+    """
+    error = target - value
+    ramp = min(dt, max(0.0, abs(error) / limit - lag))
+    slope = copysign(limit, error)
+    reached = value + slope * ramp
+    area = (value + 0.5 * slope * ramp) * ramp
+    rest = dt - ramp
+    if rest > 0.0:
+        gap = target - reached
+        gone = -gap * expm1(-rest / lag)
+        area += target * rest - lag * gone
+        reached += gone
+    return reached, area
+
+
+class SpeedLoop:
+    """The drive as its closed loop: first order with limited acceleration (hydrostat under a governor)."""
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        self._d = dynamics
+
+    def advance(self, speed: float, wanted: float, dt: float) -> tuple[float, float]:
+        """(speed after dt [s], distance in it [m]); speeds [m/s], < 0 backwards. Slowing uses `decel`."""
+        if not isfinite(wanted):
+            raise InputError("speed command", wanted, "expected a finite speed")
+        d = self._d
+        target = min(max(wanted, -d.max_speed), d.max_speed)
+        grows = abs(target) > abs(speed) and target * speed >= 0.0
+        return approach(speed, target, dt, lag=d.speed_lag, limit=d.accel if grows else d.decel)

@@ -1,0 +1,1 @@
+"""Motion levels: how the machine moves under steering and speed."""

@@ -1,0 +1,1 @@
+"""Process levels: what becomes of the crop inside the machine."""

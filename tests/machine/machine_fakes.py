@@ -1,0 +1,59 @@
+"""A tiny ground and the wiring of a component, for tests of the machine alone."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.schedule import NS
+from swath.machine.card import MachineCard, load_machine
+from swath.machine.sweep import signed_area
+
+STREAM = Stream(1, "test")
+
+
+@dataclass
+class Ground:
+    """Ground z = height(x, y); records what is done to it. 0.8 kg grain and 0.6 kg straw per m2."""
+
+    height: object = lambda x, y: np.zeros(np.broadcast(x, y).shape)
+    cuts: list = field(default_factory=list)
+    straw: list = field(default_factory=list)
+
+    def ground_height(self, x, y):
+        return self.height(np.asarray(x), np.asarray(y))
+
+    def ensure(self, x, y, radius_m):
+        pass
+
+    def cut(self, polygon, height_m):
+        area = signed_area(polygon)
+        self.cuts.append(polygon)
+        return SimpleNamespace(grain=0.8 * area, straw=0.6 * area, stem_count=int(500 * area), area=area)
+
+    def deposit_straw(self, polygon, mass_kg):
+        self.straw.append((polygon, mass_kg))
+
+
+def slope(along=0.0, left=0.0):
+    """Plane ground with a rise per metre of x and of y."""
+    return Ground(lambda x, y: along * x + left * y)
+
+
+def site(ground=None, machine: MachineCard | None = None, start=None, period=0.01):
+    """What a machine's slot is told."""
+    return SimpleNamespace(
+        field=ground or Ground(),
+        machine=machine or load_machine("lexion-700"),
+        start=start or Pose.identity(),
+        period=period,
+    )
+
+
+def drive(component, seconds, *, dt=0.01, **inputs):
+    """Step a component with constant inputs from t = 0; the list of its outputs (first port)."""
+    port = component.outputs[0].name
+    step = round(dt * NS)
+    return [component.step(i * step, step, inputs)[port] for i in range(round(seconds * NS) // step)]
