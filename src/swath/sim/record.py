@@ -1,0 +1,80 @@
+"""The recorder: an observer of the graph that writes tracks.parquet and run.mcap."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+
+from swath.core.schedule import NS
+from swath.core.signals import MachineState, Signal, SteerState
+from swath.sim.mcap import McapFile
+from swath.sim.messages import Messenger, RecordedMachine
+from swath.sim.tracks import Column, Tracks, write_tracks
+
+THINNED = (MachineState, SteerState)  # fast, smooth signals: recorded at the track rate
+
+
+class Recorder:
+    """Writes a run into its folder while it goes; call it with (slot, t, outputs).
+
+    folder: exists already. machines: whose slots (`name.slot`) are recorded; slots of other names are not
+    extra: per machine name, further columns of tracks.parquet
+    rate_hz: of tracks.parquet and of the thinned signals in run.mcap; mcap: write run.mcap
+
+    run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
+    Used as a context manager, it closes on an exception and on Ctrl-C too.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        machines: Sequence[RecordedMachine],
+        *,
+        extra: Mapping[str, Sequence[Column]] | None = None,
+        rate_hz: float = 50.0,
+        mcap: bool = True,
+    ) -> None:
+        self.folder = folder
+        self._period = round(NS / rate_hz)
+        more = extra or {}
+        self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
+        self.file = McapFile(folder / "run.mcap") if mcap else None
+        self._messengers = {m.name: Messenger(m, self.file) for m in machines} if self.file else {}
+        self._due: dict[tuple[str, str], int] = {}
+        self._is_closed = False
+
+    def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Record what `slot` published at t [ns]."""
+        name, _, part = slot.partition(".")
+        if name not in self.tracks:
+            return
+        for output, signal in outputs.items():
+            self.tracks[name].take(t, signal)
+            if name in self._messengers and self._is_due(slot, output, t, signal):
+                self._messengers[name].write(part, output, t, signal)
+
+    def close(self) -> None:
+        """Complete both files. Calling it again does nothing."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
+        finally:
+            if self.file is not None:
+                self.file.close()
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _is_due(self, slot: str, output: str, t: int, signal: Signal) -> bool:
+        if not isinstance(signal, THINNED):
+            return True
+        if t < self._due.get((slot, output), 0):
+            return False
+        self._due[(slot, output)] = (t // self._period + 1) * self._period
+        return True

@@ -1,0 +1,1 @@
+"""Shared by all tests; lets them import the modules beside this file."""
