@@ -6,6 +6,7 @@ their definition travels in the file, so a viewer needs no package.
 """
 
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -146,6 +147,7 @@ def definition(signal: type[Signal]) -> str:
     return "\n".join(lines) + "\n"
 
 
+@cache
 def _field_kinds(signal: type[Signal]) -> dict[str, str]:
     hints = get_type_hints(signal)
     kinds: dict[str, str] = {}
