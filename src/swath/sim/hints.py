@@ -1,0 +1,111 @@
+"""Near misses: which key was meant, in which unit, and what a value should have looked like."""
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import Any
+
+UNITS = {
+    "deg_s": "deg/s",
+    "rad_s": "rad/s",
+    "deg_s2": "deg/s2",
+    "m_s": "m/s",
+    "m_s2": "m/s2",
+    "kg_s": "kg/s",
+    "kg_m2": "kg/m2",
+    "kg_m3": "kg/m3",
+    "kg_ha": "kg/ha",
+    "t_ha": "t/ha",
+    "g_m2": "g/m2",
+    "per_m2": "1/m2",
+    "per_ha": "1/ha",
+    "per_m": "1/m",
+    "percent": "%",
+    "kmh": "km/h",
+    "mph": "mile/h",
+    "knots": "kn",
+    "fraction": "share 0 to 1",
+    "mrad": "mrad",
+    "rad": "rad",
+    "deg": "deg",
+    "khz": "kHz",
+    "hz": "Hz",
+    "rpm": "1/min",
+    "ms": "ms",
+    "us": "us",
+    "ns": "ns",
+    "min": "min",
+    "h": "h",
+    "s": "s",
+    "km": "km",
+    "cm": "cm",
+    "mm": "mm",
+    "nm": "nm",
+    "um": "um",
+    "m": "m",
+    "m2": "m2",
+    "m3": "m3",
+    "ha": "ha",
+    "ft": "ft",
+    "feet": "ft",
+    "in": "inch",
+    "inch": "inch",
+    "acre": "acre",
+    "kg": "kg",
+    "g": "g",
+    "t": "t",
+    "lb": "lb",
+    "kn": "kN",
+    "n": "N",
+    "kw": "kW",
+    "kpa": "kPa",
+    "bar": "bar",
+}
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"
+WIRE_PATTERN = r"^([A-Za-z_][A-Za-z0-9_-]*\.){1,2}[A-Za-z_][A-Za-z0-9_]*$"
+PATTERNS = {
+    NAME_PATTERN: "at most 64 letters, digits, dots, - and _",
+    WIRE_PATTERN: "slot.output or machine.slot.output",
+}
+_SUFFIXES = sorted(UNITS, key=len, reverse=True)
+_NUMBER_AND_UNIT = re.compile(r"^\s*[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?\s*([A-Za-z°%µ].*)?$")
+
+
+def split_unit(key: str) -> tuple[str, str]:
+    """A file key as (quantity, unit): `speed_kmh` -> ("speed", "km/h"); no unit -> (key, "")."""
+    for suffix in _SUFFIXES:
+        if key.endswith("_" + suffix) and len(key) > len(suffix) + 1:
+            return key[: -len(suffix) - 1], UNITS[suffix]
+    return key, ""
+
+
+def unknown_key(key: str, known: Iterable[str], what: str = "unknown key") -> str:
+    """The text after an unknown key: the nearest known one, and its unit when only the unit differs."""
+    names = list(known)
+    quantity = split_unit(key)[0]
+    same = [n for n in names if split_unit(n)[0] == quantity and split_unit(n)[1]]
+    if same:
+        return f"{what}, did you mean {same[0]!r}? expected in {split_unit(same[0])[1]}"
+    near = difflib.get_close_matches(key, names, n=1) or difflib.get_close_matches(
+        quantity, [split_unit(n)[0] for n in names], n=1, cutoff=0.75
+    )
+    if near:
+        meant = near[0] if near[0] in names else next(n for n in names if split_unit(n)[0] == near[0])
+        return f"{what}, did you mean {meant!r}?"
+    return f"{what}, expected one of {', '.join(names)}" if 0 < len(names) <= 16 else what
+
+
+def near_miss(value: Any, names: Iterable[str]) -> str:
+    """`, did you mean 'x'?` or nothing."""
+    near = difflib.get_close_matches(str(value), list(names), n=1)
+    return f", did you mean {near[0]!r}?" if near else ""
+
+
+def number_form(key: str, value: Any, what: str = "a number") -> str:
+    """What a number's key expects; a number with a unit gets told so."""
+    unit = split_unit(key)[1]
+    text = f"expected {what} in {unit}" if unit else f"expected {what}"
+    match = _NUMBER_AND_UNIT.match(value) if isinstance(value, str) else None
+    if match is None:
+        return text
+    return text + (", without the unit" if match.group(1) else ", without quotes")

@@ -1,0 +1,128 @@
+"""Scenario files: what runs where, at which level, and which limits it must keep.
+
+    scenario = load_scenario("laser-pilot", sets=["combine.lidar.rate_hz=50"])
+    scenario.machines["combine"].slots["lidar"].params
+
+Reading checks everything that can be known without building the field. Every error names the key, its value,
+what was expected, the file and the line.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.data.cards import card_names, find_card
+from swath.sim.choices import FieldSection, MachineSection
+from swath.sim.hints import near_miss
+from swath.sim.kit import KIT, Kit
+from swath.sim.overrides import apply_overrides
+from swath.sim.reader import Reader
+from swath.sim.sections import Limit, Run
+from swath.sim.yamlfile import Document, KeyPath, dump, parse, read_document
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A validated scenario. Two are equal when they would be written the same."""
+
+    name: str
+    summary: str
+    seed: int
+    run: Run
+    field: FieldSection
+    machines: Mapping[str, MachineSection]
+    expect: Mapping[str, Limit]
+    document: Document = dataclasses.field(default_factory=lambda: Document(None), repr=False)
+
+    @property
+    def file(self) -> Path | None:
+        """Where it was read from."""
+        return self.document.file
+
+    def plain(self) -> dict[str, Any]:
+        """Plain data with every default filled in and every path absolute."""
+        return {
+            "name": self.name,
+            "summary": self.summary,
+            "seed": self.seed,
+            "run": self.run.model_dump(mode="json"),
+            "field": self.field.plain(),
+            **{name: machine.plain() for name, machine in self.machines.items()},
+            "expect": {k: v.model_dump(mode="json", exclude_none=True) for k, v in self.expect.items()},
+        }
+
+    def resolved(self) -> str:
+        """YAML text of the whole scenario; reading it again gives an equal scenario."""
+        return dump(self.plain())
+
+    def locate(self, error: InputError) -> InputError:
+        """The same error with the file and line of its key, when the key can be found in the scenario.
+
+        A key may be full (`combine.lidar.mount.z_m`) or the end of one (`lidar.mount.z_m`).
+        """
+        if error.file is not None:
+            return error
+        parts: KeyPath = tuple(int(p) if p.isdigit() else p for p in error.key.split("."))
+        places = self.document.places
+        for end in range(len(parts), 0, -1):
+            if parts[:end] in places:
+                return self.document.error(parts, error.value, error.expected)
+            tails = [p for p in places if len(p) > end and p[-end:] == parts[:end]]
+            if len(tails) == 1:
+                return self.document.error((*tails[0], *parts[end:]), error.value, error.expected)
+        return InputError(error.key, error.value, error.expected, file=self.file)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scenario) and self.plain() == other.plain()
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def load_scenario(source: str | Path, *, sets: Sequence[str] = (), kit: Kit = KIT) -> Scenario:
+    """Read a bundled scenario by name, a file, or the scenario in a run folder.
+
+    sets: overrides such as `combine.lidar.rate_hz=50`. Raises InputError: the first thing that is wrong; its
+    `others` are the rest.
+    """
+    return read_scenario(read_document(find_scenario(source)), sets=sets, kit=kit)
+
+
+def parse_scenario(
+    text: str, *, base: Path | None = None, sets: Sequence[str] = (), kit: Kit = KIT
+) -> Scenario:
+    """Read a scenario from text; paths in it are relative to the folder `base`."""
+    file = None if base is None else base / "scenario.yaml"
+    return read_scenario(parse(text, "text", file), sets=sets, kit=kit)
+
+
+def read_scenario(document: Document, *, sets: Sequence[str] = (), kit: Kit = KIT) -> Scenario:
+    """Check a document and make the scenario."""
+    apply_overrides(document, sets, kit)
+    reader = Reader(document, kit)
+    parts = reader.read()
+    return Scenario(document=document, **parts)
+
+
+def scenario_names() -> list[str]:
+    """Names of the bundled scenarios."""
+    return card_names("scenarios")
+
+
+def find_scenario(source: str | Path) -> Path:
+    """Path of a scenario: a bundled one's name, a file, or a run folder that holds one."""
+    path = Path(source)
+    try:
+        if path.is_dir() and (path / "scenario.yaml").is_file():
+            return path / "scenario.yaml"
+        if path.is_file():
+            return path
+        if isinstance(source, str) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
+            return find_card("scenarios", source)
+    except (InputError, OSError, ValueError):
+        names = scenario_names()
+        expected = f"expected a file or one of {', '.join(names)}{near_miss(source, names)}"
+        raise InputError("scenario", str(source), expected) from None
+    raise InputError("scenario", str(source), "there is no such file")

@@ -1,0 +1,92 @@
+"""The sections of a scenario file that are the same whatever levels it chooses."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field, model_validator
+
+from swath.sim.check import STRICT
+from swath.sim.hints import NAME_PATTERN, WIRE_PATTERN
+
+Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class Head(BaseModel):
+    """Name, summary and seed."""
+
+    model_config = STRICT
+    name: Annotated[str, Field(pattern=NAME_PATTERN, description="default: the file's name")]
+    summary: Annotated[str, Field(max_length=500, description="one line")] = ""
+    seed: Annotated[int, Field(ge=0, lt=1 << 63, description="of every random stream")] = 1
+
+
+class Run(BaseModel):
+    """How long a run lasts: it ends at whichever limit comes first."""
+
+    model_config = STRICT
+    distance_m: Annotated[float, Field(gt=0, le=1e6, description="driven by the first machine [m]")] = 120.0
+    max_duration_s: Annotated[float, Field(gt=0, le=1e6, description="simulated time [s]")] = 120.0
+
+
+class Limit(BaseModel):
+    """Bounds of a metric; both included."""
+
+    model_config = STRICT
+    min: Annotated[float | None, Field(description="smallest value kept")] = None
+    max: Annotated[float | None, Field(description="largest value kept")] = None
+
+    @model_validator(mode="after")
+    def _has_a_bound(self) -> "Limit":
+        if self.min is None and self.max is None:
+            raise ValueError("expected min, max or both")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise ValueError("expected min <= max")
+        return self
+
+
+class StartAlongEdge(BaseModel):
+    """Start on the nominal edge, heading along it."""
+
+    model_config = STRICT
+    along_edge_m: Annotated[Metres, Field(description="of the header end from the edge's start [m]")] = 0.0
+    offset_m: Annotated[
+        float, Field(ge=-100, le=100, description="of the header end, to the left of the edge [m]")
+    ] = 0.0
+    heading_error_deg: Annotated[
+        float, Field(ge=-90, le=90, description="against the edge's direction, to the left [deg]")
+    ] = 0.0
+
+
+class StartPose(BaseModel):
+    """Start at a place in the world, the middle of the fixed axle."""
+
+    model_config = STRICT
+    x_m: Annotated[Metres, Field(description="east [m]")]
+    y_m: Annotated[Metres, Field(description="north [m]")]
+    heading_deg: Annotated[
+        float, Field(ge=-360, le=360, description="of the forward axis, from east to the left [deg]")
+    ] = 0.0
+
+
+class SlotCommon(BaseModel):
+    """What every slot of a machine takes beside its level's own keys."""
+
+    model_config = STRICT
+    rate_hz: Annotated[float, Field(gt=0, le=10_000, description="how often it runs [Hz]")]
+    offset_ms: Annotated[float, Field(ge=0, le=1e6, description="first due this long after 0 [ms]")] = 0.0
+    latch: Annotated[bool, Field(description="see only samples from before the tick")] = False
+    wires: Annotated[
+        dict[str, Annotated[str, Field(pattern=WIRE_PATTERN)]],
+        Field(description="input: slot.output, or machine.slot.output; overrides the slot's own"),
+    ] = {}
+
+
+class MachineCommon(BaseModel):
+    """What a machine section takes beside its slots."""
+
+    model_config = STRICT
+    machine: Annotated[str, Field(description="name in data/machines, or your own YAML file")] = (
+        "lexion-700-class"
+    )
+    edge_side: Annotated[
+        Literal["left", "right"], Field(description="the end of the header that follows the edge")
+    ] = "left"

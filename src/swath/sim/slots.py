@@ -1,0 +1,84 @@
+"""The slots of a machine: which packages hold their levels, how often they run, what feeds them.
+
+The order here is the order within one tick. Wires are by the name of the input port; a level connects those
+of its slot's list whose port it has, a scenario's `wires:` override them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from swath.core.registry import Registry
+
+
+@dataclass(frozen=True)
+class SlotKind:
+    """One slot of a machine.
+
+    packages: where its levels lie; level: the default one; rate_hz: the default rate
+    wires: input port -> (slot, output port) of the same machine
+    """
+
+    name: str
+    packages: tuple[str, ...]
+    level: str
+    rate_hz: float
+    wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+
+_STATE = {"state": ("motion", "state")}
+
+SLOTS: tuple[SlotKind, ...] = (
+    SlotKind(
+        "motion",
+        ("swath.machine.motion",),
+        "single_track",
+        200.0,
+        {"steering": ("steering", "steering"), "speed": ("speed", "command")},
+    ),
+    SlotKind("header", ("swath.machine.header",), "fixed_height", 50.0, _STATE),
+    SlotKind("process", ("swath.machine.process",), "constant", 10.0, {**_STATE, "flow": ("header", "flow")}),
+    SlotKind("lidar", ("swath.sensing.lidar",), "plants", 25.0, _STATE),
+    SlotKind(
+        "odometry",
+        ("swath.sensing.odometry",),
+        "error",
+        50.0,
+        {**_STATE, "steering": ("steering", "steering")},
+    ),
+    SlotKind(
+        "edge",
+        ("swath.control.edge", "swath.sensing.edge"),
+        "max_likelihood",
+        25.0,
+        {**_STATE, "scan": ("lidar", "scan"), "odometry": ("odometry", "odometry")},
+    ),
+    SlotKind(
+        "steer",
+        ("swath.control.steer",),
+        "preview",
+        50.0,
+        {**_STATE, "edge": ("edge", "edge"), "odometry": ("odometry", "odometry")},
+    ),
+    SlotKind(
+        "speed",
+        ("swath.control.speed",),
+        "constant",
+        10.0,
+        {"odometry": ("odometry", "odometry"), "load": ("process", "load"), "edge": ("edge", "edge")},
+    ),
+    SlotKind("steering", ("swath.machine.steering",), "actuator", 200.0, {"command": ("steer", "command")}),
+)
+SLOT_NAMES = tuple(s.name for s in SLOTS)
+
+FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
+    "terrain": ("swath.field.terrain",),
+    "stand": ("swath.field.stand",),
+}
+FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
+
+REGISTRY = Registry({**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}})
+
+
+def slot_kind(name: str) -> SlotKind:
+    """The slot of a name."""
+    return next(s for s in SLOTS if s.name == name)

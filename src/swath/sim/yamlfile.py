@@ -1,0 +1,232 @@
+"""YAML in which every key keeps its place, so that an error can say file and line.
+
+Read as YAML 1.2 core (as editors do): `1e3` is a number, `yes`, `on` and `2018-07-01` are text. Anchors,
+aliases and `<<` are understood; what is refused: duplicate keys, keys that are not text, tags, numbers that
+are not finite, text that is not Unicode, and files too large or too deep to be meant.
+"""
+
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from swath.core.errors import InputError
+
+KeyPath = tuple[str | int, ...]
+MAX_BYTES = 1 << 20
+MAX_DEPTH = 24
+MAX_VALUES = 50_000
+_INT = re.compile(r"^[-+]?[0-9]+$|^0x[0-9a-fA-F]+$|^0o[0-7]+$")
+_FLOAT = re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$")
+_SPECIAL = re.compile(r"^[-+]?\.(?:inf|Inf|INF)$|^\.(?:nan|NaN|NAN)$")
+_YAML = "tag:yaml.org,2002:"
+_MERGE = _YAML + "merge"
+_PLAIN_TAGS = {_YAML + t for t in ("str", "int", "float", "bool", "null", "timestamp", "merge", "value")}
+_WORDS: dict[str, bool | None] = {"": None, "~": None, "null": None, "Null": None, "NULL": None}
+_WORDS |= {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a value was written: a file and its line, or a command-line flag."""
+
+    file: str
+    line: int | None = None
+
+
+@dataclass
+class Document:
+    """Plain data and the place of every key path in it."""
+
+    data: Any
+    file: Path | None = None
+    places: dict[KeyPath, Place] = field(default_factory=dict)
+
+    def place(self, path: KeyPath) -> Place | None:
+        """Place of a key path, or of its nearest parent that was written."""
+        for end in range(len(path), -1, -1):
+            if path[:end] in self.places:
+                return self.places[path[:end]]
+        return None
+
+    def error(self, path: KeyPath, value: Any, expected: str) -> InputError:
+        """The error about a key path, with its place."""
+        place = self.place(path)
+        return InputError(
+            dotted(path),
+            value,
+            expected,
+            file=None if place is None else place.file,
+            line=None if place is None else place.line,
+        )
+
+
+def dotted(path: KeyPath) -> str:
+    """`("field", "obstacles", 0)` as `field.obstacles.0`."""
+    return ".".join(str(p) for p in path) or "file"
+
+
+def read_document(file: Path) -> Document:
+    """Parse a YAML file. InputError when it cannot be read or is not YAML."""
+    try:
+        size = file.stat().st_size
+        if size > MAX_BYTES:
+            raise InputError(str(file), None, f"expected a YAML file of at most {MAX_BYTES >> 20} MiB")
+        text = file.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(str(file), None, "expected text in UTF-8") from error
+    except FileNotFoundError as error:
+        raise InputError(str(file), None, "there is no such file") from error
+    except OSError as error:
+        raise InputError(str(file), None, f"could not be read: {error.strerror}") from error
+    return parse(text, str(file), Path(file))
+
+
+def parse(text: str, name: str = "text", file: Path | None = None) -> Document:
+    """Parse YAML text; `name` stands for the file in error messages."""
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        problem = " ".join(filter(None, (error.context, error.problem)))
+        where = f", column {mark.column + 1}" if mark else ""
+        raise InputError(
+            "YAML", None, f"{problem}{where}", file=name, line=mark.line + 1 if mark else None
+        ) from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise InputError(
+            "YAML", None, "a character that YAML does not allow", file=name, line=line
+        ) from error
+    except (yaml.YAMLError, ValueError) as error:
+        raise InputError("YAML", None, str(error), file=name) from error
+    except RecursionError as error:
+        raise InputError("YAML", None, f"nested deeper than {MAX_DEPTH}", file=name) from error
+    document = Document(None, file, {(): Place(name, 1)})
+    document.data = _Builder(document, name).build(node, ()) if node is not None else None
+    return document
+
+
+def parse_value(text: str, flag: str) -> Any:
+    """A single value, as given to a flag; errors name the flag."""
+    try:
+        return parse(text, flag).data
+    except InputError as error:
+        raise InputError(flag, None, error.expected) from error
+
+
+class _Builder:
+    """Turns nodes into plain data and notes the places."""
+
+    def __init__(self, document: Document, name: str) -> None:
+        self.document, self.name, self.count = document, name, 0
+
+    def build(self, node: yaml.Node, path: KeyPath) -> Any:
+        self.count += 1
+        if len(path) > MAX_DEPTH:
+            raise self._error(node, path[:4], None, f"nested deeper than {MAX_DEPTH}")
+        if self.count > MAX_VALUES:
+            raise self._error(node, path, None, f"more than {MAX_VALUES} values, aliases expanded")
+        self.document.places.setdefault(path, Place(self.name, node.start_mark.line + 1))
+        if isinstance(node, yaml.MappingNode):
+            self._check_tag(node, path, _YAML + "map")
+            return self._mapping(node, path)
+        if isinstance(node, yaml.SequenceNode):
+            self._check_tag(node, path, _YAML + "seq")
+            return [self.build(item, (*path, index)) for index, item in enumerate(node.value)]
+        return self._scalar(node, path)
+
+    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+        merges = [v for k, v in node.value if k.tag == _MERGE]
+        merged = [item for v in merges for item in (v.value if isinstance(v, yaml.SequenceNode) else [v])]
+        result: dict[str, Any] = {}
+        for source in reversed(merged):
+            if not isinstance(source, yaml.MappingNode):
+                raise self._error(source, path, None, "expected `<<` to name a mapping")
+            result |= self.build(source, path)
+        first: dict[str, int] = {}
+        for key_node, value_node in node.value:
+            if key_node.tag == _MERGE:
+                continue
+            key = self._key(key_node, path)
+            line = key_node.start_mark.line + 1
+            if key in first:
+                raise self._error(key_node, (*path, key), None, f"written twice, first in line {first[key]}")
+            first[key] = line
+            self.document.places[(*path, key)] = Place(self.name, line)
+            result[key] = self.build(value_node, (*path, key))
+        return result
+
+    def _key(self, node: yaml.Node, path: KeyPath) -> str:
+        if not isinstance(node, yaml.ScalarNode) or not node.value:
+            raise self._error(node, path, None, "expected a name before the colon")
+        self._check_text(node, path)
+        return str(node.value)
+
+    def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
+        text = str(node.value)
+        self._check_text(node, path)
+        if getattr(node, "style", None) is not None:
+            self._check_tag(node, path, _YAML + "str")
+            return text
+        if node.tag not in _PLAIN_TAGS:
+            raise self._error(node, path, None, f"the tag {node.tag} is not understood here")
+        if text in _WORDS:
+            return _WORDS[text]
+        if _SPECIAL.match(text):
+            raise self._error(node, path, text, "expected a finite number")
+        if _INT.match(text):
+            return self._finite(node, path, text, _integer(text))
+        if _FLOAT.match(text):
+            return self._finite(node, path, text, float(text))
+        return text
+
+    def _finite(self, node: yaml.Node, path: KeyPath, text: str, value: int | float | None) -> int | float:
+        if value is None or not math.isfinite(value):
+            raise self._error(node, path, text, "expected a finite number")
+        return value
+
+    def _check_tag(self, node: yaml.Node, path: KeyPath, plain: str) -> None:
+        if node.tag != plain:
+            raise self._error(node, path, None, f"the tag {node.tag} is not understood here")
+
+    def _check_text(self, node: yaml.Node, path: KeyPath) -> None:
+        try:
+            str(node.value).encode()
+        except UnicodeEncodeError as error:
+            raise self._error(node, path, None, "expected text in Unicode") from error
+
+    def _error(self, node: yaml.Node, path: KeyPath, value: Any, expected: str) -> InputError:
+        return InputError(dotted(path), value, expected, file=self.name, line=node.start_mark.line + 1)
+
+
+def _integer(text: str) -> int | None:
+    """The number, None when it does not fit 64 bits."""
+    if len(text) > 24:
+        return None
+    value = int(text, 0) if text[:2] in ("0x", "0o") else int(text)
+    return value if abs(value) < 1 << 63 else None
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes what `parse` reads: text that YAML 1.2 would take for something else is quoted."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _write_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    ambiguous = text in _WORDS or any(p.match(text) for p in (_INT, _FLOAT, _SPECIAL))
+    return dumper.represent_scalar(_YAML + "str", text, style="'" if ambiguous else None)
+
+
+_Dumper.add_representer(str, _write_text)
+
+
+def dump(data: Any) -> str:
+    """YAML text of plain data, keys in the given order; `parse` gives the same data back."""
+    text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
+    return text

@@ -1,0 +1,245 @@
+"""Scenario files: what is read, what is refused and with which words."""
+
+import pytest
+from fake_levels import FAKE, GOOD
+
+from swath.core.errors import InputError, SwathError
+from swath.sim.scenario import load_scenario, parse_scenario
+
+
+def read(text=GOOD, **options):
+    return parse_scenario(text, kit=FAKE, **options)
+
+
+def refusal(old, new, **options):
+    """The message that reading says after one change to a good scenario."""
+    assert old in GOOD
+    with pytest.raises(SwathError) as caught:
+        read(GOOD.replace(old, new), **options)
+    return str(caught.value)
+
+
+def test_reads_levels_parameters_and_defaults():
+    scenario = read()
+    lidar = scenario.machines["combine"].slots["lidar"]
+    assert (scenario.name, scenario.seed, scenario.run.distance_m) == ("small", 3, 50.0)
+    assert (lidar.level, lidar.common.rate_hz, lidar.params.sub_rays) == ("plants", 25.0, 19)
+    assert lidar.params.mount.z_m == 2.5
+    assert list(scenario.machines["combine"].slots) == ["lidar", "steer", "speed"]
+    assert scenario.field.terrain.level == "plane"
+    assert scenario.field.edge.gaps == ((10.0, 12.0),)
+    assert scenario.expect["lateral_rms_m"].max == 0.05
+
+
+def test_wires_are_the_slots_own_with_the_scenarios_on_top():
+    slots = read().machines["combine"].slots
+    assert slots["steer"].wires == {"scan": ("combine.lidar", "scan")}
+    other = GOOD.replace("steer: preview", "steer: {level: preview, wires: {scan: cart.lidar.scan}}")
+    slots = read(other + "cart: {machine: lexion-700-class}\n").machines["combine"].slots
+    assert slots["steer"].wires == {"scan": ("cart.lidar", "scan")}
+
+
+def test_a_slot_can_be_off():
+    scenario = read(GOOD.replace("steer: preview", "steer: off"))
+    assert "steer" not in scenario.machines["combine"].slots
+    assert read(scenario.resolved()) == scenario
+
+
+def test_resolved_reads_back_equal_from_another_place(tmp_path):
+    (tmp_path / "map.tif").write_bytes(b"x")
+    (tmp_path / "mine.py").write_text(
+        "from dataclasses import dataclass\n"
+        "class Steer:\n"
+        "    '''Mine.'''\n"
+        "    @dataclass(frozen=True)\n"
+        "    class Params:\n"
+        "        gain: float = 1.5\n"
+        "    def __init__(self, params, setup): ...\n"
+    )
+    text = GOOD.replace("plane", "{level: dem, file: map.tif}")
+    text = text.replace("steer: preview", "steer: {level: 'mine.py:Steer', gain: 2}")
+    (tmp_path / "here.yaml").write_text(text)
+    scenario = load_scenario(tmp_path / "here.yaml", kit=FAKE)
+    assert scenario.machines["combine"].slots["steer"].params.gain == 2
+    assert scenario.field.terrain.params.file == str(tmp_path / "map.tif")
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "scenario.yaml").write_text(scenario.resolved())
+    again = load_scenario(run, kit=FAKE)
+    assert again == scenario
+    assert again.resolved() == scenario.resolved()
+    assert read() != read(sets=["seed=4"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("rate_hz: 25", "rate_hz: -5", "combine.lidar.rate_hz = -5: expected > 0 (text:18)"),
+        (
+            "rate_hz: 25",
+            "rate_hz: 25 Hz",
+            "rate_hz = 25 Hz: expected a number in Hz, without the unit (text:18)",
+        ),
+        ("rate_hz: 25", "rate_hz: '25'", "rate_hz = 25: expected a number in Hz, without quotes (text:18)"),
+        ("rate_hz: 25", "rate_hz: true", "rate_hz = True: expected a number in Hz (text:18)"),
+        ("rate_hz: 25", "rate_hz:", "rate_hz = (nothing): expected a number in Hz (text:18)"),
+        ("rate_hz: 25", "rate_hz: .nan", "rate_hz = .nan: expected a finite number (text:18)"),
+        ("rate_hz: 25", "rate_hz: -.inf", "rate_hz = -.inf: expected a finite number (text:18)"),
+        ("rate_hz: 25", "rate_hz: 1e999", "rate_hz = 1e999: expected a finite number (text:18)"),
+        ("seed: 3", "seed: 1" + 30 * "0", "expected a finite number (text:3)"),
+        ("seed: 3", "seed: 3.5", "seed = 3.5: expected a whole number (text:3)"),
+        ("seed: 3", "sead: 3", "sead: unknown key, did you mean 'seed'? (text:3)"),
+        ("field:", "feild:", "feild: unknown key, did you mean 'field'? (text:5)"),
+        ("speed_kmh: 7", "speed_mph: 7", "unknown key, did you mean 'speed_kmh'? expected in km/h (text:22)"),
+        ("speed_kmh: 7", "sped_kmh: 7", "sped_kmh: unknown key, did you mean 'speed_kmh'? (text:22)"),
+        (
+            "speed_kmh: 7",
+            "speed_kmh: 7 km/h",
+            "speed_kmh = 7 km/h: expected a number in km/h, without the unit",
+        ),
+        ("stems_per_m2", "stems_per_ha", "did you mean 'stems_per_m2'? expected in 1/m2 (text:9)"),
+        ("stems_per_m2: 400", "stems_per_m2: 1e9", "stems_per_m2 = 1000000000.0: expected <= 2000 (text:9)"),
+        ("{z_m: 2.5}", "{zz_m: 2.5}", "combine.lidar.mount.zz_m: unknown key, did you mean 'z_m'? (text:19)"),
+        ("{z_m: 2.5}", "{z_m: true}", "combine.lidar.mount.z_m = True: expected a number in m (text:19)"),
+        ("{z_m: 2.5}", "3", "combine.lidar.mount = 3: expected a mapping of keys (text:19)"),
+        (
+            "shape: straight",
+            "shape: strait",
+            "field.edge.shape = strait: expected one of curve, straight, did you",
+        ),
+        ("kind: post, ", "", "field.obstacles.0.kind: expected one of box, post (text:12)"),
+        (
+            "x_m: 3, y_m",
+            "x: 3, y_m",
+            "field.obstacles.0.x: unknown key, did you mean 'x_m'? expected in m (text:12)",
+        ),
+        ("[10, 12]", "[10, 12, 13]", "field.edge.gaps.0 = [10, 12, 13]: expected at most 2 items (text:10)"),
+        (
+            "preview",
+            "previw",
+            "combine.steer = previw: expected one of preview, pursuit, or file.py:Class, did",
+        ),
+        (
+            "plane",
+            "{level: dem, file: no.tif}",
+            "field.terrain.file = no.tif: there is no such file (text:6)",
+        ),
+        ("plane", "{level: dem}", "field.terrain.file: expected a value, the key is missing (text:6)"),
+        ("preview", "nowhere.py:Steer", "expected file.py:Class, but there is no file"),
+        ("lexion-700-class", "lexion-900-class", "did you mean 'lexion-700-class'? (text:14)"),
+        (
+            "lidar.scan",
+            "lidr.scan",
+            "wires.scan = lidr.scan: expected slot.output of a slot that is there, did you",
+        ),
+        ("lidar.scan", "scan", "wires.scan = scan: expected slot.output or machine.slot.output (text:20)"),
+        ("{max: 0.05}", "{max: 1, min: 2}", "expected min <= max (text:24)"),
+        ("{max: 0.05}", "{}", "expected min, max or both (text:24)"),
+        (
+            "lateral_rms_m",
+            "lateral_rsm_m",
+            "expect.lateral_rsm_m: unknown metric, did you mean 'lateral_rms_m'?",
+        ),
+        ("along_edge_m: 2", "x_m: 2", "combine.start.y_m: expected a value, the key is missing (text:15)"),
+        (
+            "name: small",
+            "name: a/b",
+            "name = a/b: expected at most 64 letters, digits, dots, - and _ (text:1)",
+        ),
+    ],
+)
+def test_refusals(old, new, message):
+    text = refusal(old, new)
+    assert message in text
+    assert "\n" not in text
+
+
+def test_a_check_between_keys_names_the_key():
+    text = refusal("stems_per_m2: 400", "stems_per_m2: 1200\n    row_spacing_m: 0.6")
+    assert text == "field.stand.row_spacing_m = 0.6: expected at most 0.5 at this density (text:10)"
+
+
+def test_all_errors_are_kept_the_first_is_the_message():
+    with pytest.raises(InputError) as caught:
+        read(GOOD.replace("rate_hz: 25", "rate_hz: 0").replace("seed: 3", "seed: -1"))
+    assert caught.value.key == "seed"
+    assert [e.key for e in caught.value.others] == ["combine.lidar.rate_hz"]
+
+
+def test_no_machine_and_no_mapping():
+    with pytest.raises(SwathError, match="expected a machine"):
+        read("field: {edge: {shape: straight}}")
+    for text in ("", "3", "[1, 2]", "hello"):
+        with pytest.raises(SwathError, match="expected keys such as"):
+            read(text)
+
+
+def test_named_scenarios_say_what_there_is(tmp_path):
+    with pytest.raises(
+        InputError, match=r"scenario = strait: expected a file or one of .*did you mean 'straight'"
+    ):
+        load_scenario("strait")
+    with pytest.raises(InputError, match="there is no such file"):
+        load_scenario(tmp_path / "none.yaml")
+
+
+class TestOverrides:
+    def test_value_is_yaml_and_shorthand_opens_up(self):
+        scenario = read(sets=["combine.steer.speed_kmh=9", "combine.lidar.sector_deg=[-30, 30]", "seed=7"])
+        slots = scenario.machines["combine"].slots
+        assert (slots["steer"].level, slots["steer"].params.speed_kmh) == ("preview", 9.0)
+        assert (slots["lidar"].params.sector_deg, scenario.seed) == ((-30.0, 30.0), 7)
+
+    def test_another_level_drops_what_only_the_old_one_knew(self):
+        lidar = read(sets=["combine.lidar.level=empirical"]).machines["combine"].slots["lidar"]
+        assert (lidar.level, lidar.common.rate_hz, lidar.params.spread_m) == ("empirical", 25.0, 0.1)
+
+    def test_inside_a_list(self):
+        assert read(sets=["field.obstacles.0.x_m=8"]).field.obstacles[0].x_m == 8.0
+
+    @pytest.mark.parametrize(
+        ("flag", "message"),
+        [
+            ("combine.lidar.rate_hz=-3", "lidar.rate_hz = -3: expected > 0 (--set combine.lidar.rate_hz=-3)"),
+            (
+                "combine.lidar.rate=3",
+                "unknown key, did you mean 'rate_hz'? expected in Hz (--set combine.lidar.r",
+            ),
+            ("combine.steer=prevew", "did you mean 'preview'? (--set combine.steer=prevew)"),
+            ("foo", "--set foo: expected --set key.key=value"),
+            ("foo=1", "foo: unknown key; a machine has keys such as"),
+            ("seed=[[", "--set seed=[[: "),
+            ("seed.x=1", "--set seed.x=1: seed has no keys inside"),
+            ("field.obstacles.3.x_m=3", "expected a number below 1 instead of 3"),
+            ("combine.lidar.level=", "combine.lidar.level = (nothing): expected a level's name (--set "),
+        ],
+    )
+    def test_errors_name_the_flag(self, flag, message):
+        with pytest.raises(SwathError) as caught:
+            read(sets=[flag])
+        assert message in str(caught.value)
+
+
+class TestLocate:
+    @pytest.mark.parametrize(
+        ("key", "line"),
+        [
+            ("combine.lidar.mount.z_m", 19),
+            ("combine.lidar.mount.roll_deg", 19),
+            ("lidar.mount.z_m", 19),
+            ("mount.z_m", 19),
+            ("combine.speed.period", 22),
+            ("field.obstacles.0.x_m", 12),
+        ],
+    )
+    def test_finds_full_keys_ends_of_keys_and_parents(self, key, line):
+        located = read().locate(InputError(key, -1, "expected more"))
+        assert (located.key.rpartition(".")[2], located.line) == (key.rpartition(".")[2], line)
+        assert str(located).endswith(f"= -1: expected more (text:{line})")
+
+    def test_keeps_a_place_that_is_known(self):
+        error = InputError("range.noise_mm", 1, "expected rows", file="a.yaml", line=3)
+        assert read().locate(error) is error
+
+    def test_an_unknown_key_stays_as_it_is(self):
+        assert str(read().locate(InputError("foo.bar", 1, "expected 2"))) == "foo.bar = 1: expected 2"
