@@ -1,0 +1,1 @@
+"""Crop-edge detectors: a scan and odometry in, the crop edge in the machine frame out."""

@@ -1,0 +1,154 @@
+"""The height step of one profile: stubble on one side, crop on the other.
+
+A split rule scores every place at which the laterally ordered heights could be divided; this file orders
+them, levels the ground, applies the gates and turns the scores into an edge point with a variance.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath.control.edge._line import Line
+from swath.control.edge._profile import Profile
+from swath.core.signals import F64
+
+# heights in lateral order [m], shape (n,), fewest points on a side -> log-likelihood of a split before each
+# of the points 1..n-1, shape (n - 1,), -inf where a split is not allowed; the gain over "no step" [nat]
+SplitRule = Callable[[F64, int], tuple[F64, float]]
+
+
+@dataclass(frozen=True)
+class Gates:
+    """When a step is an edge.
+
+    min_step [m]: of the mean heights; min_points on each side; min_gain [nat] of two populations over one
+    min_separation: mean step / root sum of the two variances; max_ground [m]: mean height of the stubble
+    side above the machine's ground plane; window, search [m]: half width of the profile around a known edge,
+    around the header end when there is none; resolution [m]: standard deviation no edge point is better than
+    """
+
+    min_step: float = 0.25
+    min_points: int = 5
+    min_gain: float = 15.0
+    min_separation: float = 1.2
+    max_ground: float = 0.6
+    window: float = 3.0
+    search: float = 5.0
+    resolution: float = 0.02
+
+
+@dataclass(frozen=True)
+class Step:
+    """An edge point. x, u [m]; variance [m2] of u; quality 0..1; crop_height, stubble_height [m]."""
+
+    x: float
+    u: float
+    variance: float
+    quality: float
+    crop_height: float
+    stubble_height: float
+
+
+@dataclass(frozen=True)
+class _Split:
+    first: int  # index of the first crop point
+    low: float
+    high: float
+    low_var: float
+    high_var: float
+
+
+def find_step(
+    profile: Profile, expected: Line | None, centre: float, split: SplitRule, gates: Gates
+) -> Step | None:
+    """The edge point of one profile, None when it shows no edge.
+
+    expected: the edge as known so far; lateral distances are taken from it, so that a heading error does not
+    smear the step. centre [m]: u of the header end, where an edge is searched when none is known.
+    """
+    line = expected or Line(0.0, centre, 0.0, 0.0)
+    lateral = profile.u - line.at(profile.x)
+    inside = np.abs(lateral) < (gates.search if expected is None else gates.window)
+    x, z, lateral = profile.x[inside], profile.z[inside], lateral[inside]
+    if len(z) < 2 * gates.min_points:
+        return None
+    order = np.argsort(lateral, kind="stable")
+    x, z, lateral = x[order], z[order], lateral[order]
+    score, gain = split(z, gates.min_points)
+    if not gain > 0.0:
+        return None
+    level = z - _ground_slope(lateral, z, int(np.argmax(score)) + 1) * lateral
+    rough = _describe(level, int(np.argmax(score)) + 1)
+    x, lateral = _clear_part(x, lateral, level, rough, line, profile.sensor)
+    order = np.argsort(lateral, kind="stable")
+    x, level, lateral = x[order], level[order], lateral[order]
+    score, gain = split(level, gates.min_points)
+    if not gain > gates.min_gain:
+        return None
+    found = _describe(level, int(np.argmax(score)) + 1)
+    separation = (found.high - found.low) / np.sqrt(found.low_var + found.high_var + 1e-6)
+    if found.high - found.low < gates.min_step or separation < gates.min_separation:
+        return None
+    if abs(found.low) > gates.max_ground:
+        return None
+    at, variance = _locate(lateral, score)
+    ahead = float(np.mean(x[found.first - 1 : found.first + 1]))
+    quality = float(np.clip((separation - 0.5 * gates.min_separation) / gates.min_separation, 0.2, 1.0))
+    crop, stubble = _heights(level, found.first)
+    return Step(ahead, float(line.at(ahead)) + at, variance + gates.resolution**2, quality, crop, stubble)
+
+
+def _describe(z: F64, first: int) -> _Split:
+    low, high = z[:first], z[first:]
+    return _Split(first, float(low.mean()), float(high.mean()), float(low.var()), float(high.var()))
+
+
+def _ground_slope(lateral: F64, z: F64, first: int) -> float:
+    """Lateral slope of the stubble side: the machine's roll against the ground ahead, unknown to control.
+
+    Least squares, shrunk toward 0 by a roll of 2 deg standard deviation; points far from the mean count less.
+    """
+    w, h = lateral[:first], z[:first]
+    middle = float(np.median(h))
+    weight = 1.0 / (1.0 + ((h - middle) / 0.1) ** 2)
+    total = float(weight.sum())
+    dw = w - float((weight * w).sum()) / total
+    dh = h - float((weight * h).sum()) / total
+    noise = float((weight * dh * dh).sum()) / total
+    return float((weight * dw * dh).sum()) / (float((weight * dw * dw).sum()) + noise / 0.035**2 + 1e-9)
+
+
+def _clear_part(
+    x: F64, lateral: F64, z: F64, split: _Split, line: Line, sensor: tuple[float, float, float]
+) -> tuple[F64, F64]:
+    """Where each echo says what it says.
+
+    An echo from the crop says: crop here. One from the stubble says: nothing along my last metres below the
+    canopy. Of that part of its ray the end nearer to the crop counts; without this the shadow that a stand
+    throws over the stubble behind it would move the edge toward the cut side.
+    """
+    limit = 0.5 * (split.low + split.high)
+    share = np.clip((split.high - z) / np.maximum(sensor[2] - z, 0.1), 0.0, 1.0)
+    entry_x = x + share * (sensor[0] - x)
+    entry_u = lateral + line.at(x) + share * (sensor[1] - lateral - line.at(x))
+    entry = entry_u - line.at(entry_x)
+    nearer = (z < limit) & (entry > lateral)
+    return np.where(nearer, entry_x, x), np.where(nearer, entry, lateral)
+
+
+def _locate(lateral: F64, score: F64) -> tuple[float, float]:
+    """Mean and variance of the edge under the likelihood of all splits, uniform within each gap of beams."""
+    gap = np.diff(lateral)
+    middle = 0.5 * (lateral[1:] + lateral[:-1])
+    chance = np.exp(score - score.max()) * np.clip(gap, 1e-3, 0.3)
+    chance /= chance.sum()
+    mean = float((chance * middle).sum())
+    return mean, float((chance * ((middle - mean) ** 2 + gap * gap / 12.0)).sum())
+
+
+def _heights(z: F64, first: int) -> tuple[float, float]:
+    """(crop, stubble) heights: 90th percentiles of both sides above the 10th of the stubble side [m]."""
+    low, high = np.sort(z[:first]), np.sort(z[first:])
+    ground = low[int(0.1 * len(low))]
+    return float(high[int(0.9 * len(high))] - ground), float(low[int(0.9 * len(low))] - ground)

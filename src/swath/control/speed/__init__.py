@@ -1,0 +1,1 @@
+"""Speed laws: a wanted forward speed."""

@@ -1,0 +1,1 @@
+"""Steering laws: the crop edge in, a path curvature out."""

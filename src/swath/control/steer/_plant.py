@@ -1,0 +1,104 @@
+"""What the law assumes about the machine between its command and the path: dead time, then a lag."""
+
+from collections import deque
+from typing import NamedTuple
+
+from swath.core.component import State
+
+
+class Place(NamedTuple):
+    """A later stand of the machine in its frame of now: x, y [m], heading [rad]."""
+
+    x: float
+    y: float
+    heading: float
+
+
+class ActuatorModel:
+    """Path curvature that follows the commands after a dead time [s] with a first-order lag [s]."""
+
+    def __init__(self, dead_time: float, lag: float, period: float) -> None:
+        self._share = period / (lag + period)
+        self._period = period
+        self._pending: deque[float] = deque(maxlen=max(1, round(dead_time / period)))
+        self._more = round(lag / period)
+        self.reset()
+
+    def reset(self) -> None:
+        """Everything at rest, straight ahead."""
+        self._pending.extend([0.0] * (self._pending.maxlen or 1))
+        self.curvature = 0.0
+
+    def push(self, command: float, measured: float) -> None:
+        """A period passed with `command` [1/m] given at its start; `measured` is the curvature driven now."""
+        self._pending.append(command)
+        self.curvature = measured
+
+    def ahead(self, speed: float, slip: float) -> Place:
+        """Where the machine will stand when the next command has taken hold: dead time and lag later.
+
+        speed [m/s]; slip [rad]: by which its course deviates to the left of what the steering explains.
+        """
+        x = y = heading = 0.0
+        curvature = self.curvature
+        for command in [*self._pending, *([self._pending[-1]] * self._more)]:
+            curvature += self._share * (command - curvature)
+            turn = speed * self._period * curvature
+            x += speed * self._period
+            y += speed * self._period * (heading + 0.5 * turn + slip)
+            heading += turn
+        return Place(x, y, heading)
+
+    def save(self) -> State:
+        """Pending commands and the present curvature."""
+        return {"pending": list(self._pending), "curvature": self.curvature}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._pending.extend(state["pending"])
+        self.curvature = state["curvature"]
+
+
+class SlipObserver:
+    """Side slip of the header end: how much its course deviates from what the steering explains [rad].
+
+    On a side slope a combine crabs by about slope / normalised cornering stiffness, 1.4 deg on 10 %. Observer
+    of lateral error e and slip c over the travelled distance s, de/ds = angle - course - c, both poles at
+    1 / `distance` [1/m]; innovations are clipped to +-`clip` [m] so that a step of the edge is not taken for
+    slip.
+    """
+
+    def __init__(self, distance: float, clip: float, limit: float) -> None:
+        self._pole = 1.0 / distance if distance > 0.0 else 0.0
+        self._clip, self._limit = clip, limit
+        self.reset()
+
+    def reset(self) -> None:
+        """No slip."""
+        self.slip = 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Keep the slip, forget the lateral error (the edge was lost)."""
+        self._error: float | None = None
+
+    def update(self, error: float, drift: float, travel: float) -> None:
+        """A period's `travel` [m] with lateral `error` [m] and the drift [rad] expected without slip."""
+        if self._error is None or self._pole == 0.0:
+            self._error = error
+            return
+        self._error += (drift - self.slip) * travel
+        missed = min(max(error - self._error, -self._clip), self._clip)
+        self._error += missed * min(1.0, 2.0 * self._pole * travel)
+        self.slip -= missed * self._pole**2 * travel
+        self.slip = min(max(self.slip, -self._limit), self._limit)
+        if abs(error - self._error) > 3.0 * self._clip:
+            self._error = error
+
+    def save(self) -> State:
+        """Slip and lateral error."""
+        return {"slip": self.slip, "error": self._error}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self.slip, self._error = state["slip"], state["error"]
