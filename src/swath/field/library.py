@@ -1,0 +1,244 @@
+"""Tile prototypes full of plants, with the search index that rays walk through."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.field.crop import Crop
+from swath.field.layout import Organ, PlantLibrary, Shape
+from swath.field.plants import Plants, make_plants
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays never miss a listed cell [m]
+
+
+def make_library(
+    crop: Crop,
+    *,
+    density_max: float,
+    row_spacing: float,
+    seed: Stream,
+    tile_count: int = 16,
+    columns: int = 20,
+    bins: int = 16,
+    leaves: bool = True,
+    ears: bool = True,
+    upright: bool = False,
+) -> PlantLibrary:
+    """Draw `tile_count` prototypes and index them.
+
+    density_max: stems/m2 in the prototypes (the densest place of the field); row_spacing [m], 0 = stems
+    anywhere, even and independent (Poisson but for the exact count per tile). The tile's side is the whole
+    number of rows nearest to 1 m. leaves, ears, upright: see `plants.make_plants`.
+    """
+    if not density_max > 0.0:
+        raise InputError("density_max", density_max, "expected > 0 stems/m2")
+    if not 0.0 <= row_spacing <= 1.0:
+        raise InputError("row_spacing_m", row_spacing, "expected 0 (no rows) to 1 m")
+    size = row_spacing * max(1, round(1.0 / row_spacing)) if row_spacing > 0.0 else 1.0
+    per_tile = max(1, round(density_max * size * size))
+    count = per_tile * tile_count
+    rng = seed.child("plants").at()
+    xy = _places(crop, tile_count, per_tile, size, row_spacing, rng)
+    rank = (np.argsort(rng.random((tile_count, per_tile)), axis=1) + rng.random((tile_count, 1))) / per_tile
+    plants = make_plants(crop, count, rng, leaves=leaves, ears=ears, upright=upright)
+    tile = np.repeat(np.arange(tile_count), per_tile)
+    index = _Index(size, tile_count, columns, bins, _top(plants) / bins)
+    pieces = _copies(plants, xy, tile, size)
+    pieces = pieces.take(np.lexsort((index.locality(pieces), pieces.tile)))
+    cell_start, cell_items = index.fill(pieces)
+    reflectance = np.zeros(len(Organ), np.float32)
+    for name, value in crop.reflectance.items():
+        reflectance[Organ[name.upper()]] = value
+    return PlantLibrary(
+        tile_size=size,
+        tile_count=tile_count,
+        density_max=density_max,
+        row_spacing=row_spacing,
+        height_max=_top(plants),
+        stem_start=np.arange(0, count + 1, per_tile, dtype=np.int32),
+        stem_xy=xy.astype(np.float32),
+        stem_rank=rank.ravel().astype(np.float32),
+        stem_height=plants.height.astype(np.float32),
+        grain_kg=plants.grain_kg,
+        straw_kg=plants.straw_kg,
+        shape=plants.shape[pieces.source],
+        organ=plants.organ[pieces.source],
+        a=pieces.a.astype(np.float32),
+        b=pieces.b.astype(np.float32),
+        radius=plants.radius[pieces.source].astype(np.float32),
+        width=plants.width[pieces.source].astype(np.float32),
+        owner=plants.owner[pieces.source],
+        base=pieces.base.astype(np.float32),
+        columns=columns,
+        bins=bins,
+        bin_height=_top(plants) / bins,
+        cell_start=cell_start,
+        cell_items=cell_items,
+        reflectance=reflectance,
+    )
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed."""
+
+    source: Ints
+    tile: Ints
+    a: Array
+    b: Array
+    half: Array
+    radius: Array
+    base: Array
+
+    def take(self, order: Ints) -> "_Pieces":
+        """The same pieces in another order."""
+        return _Pieces(
+            self.source[order],
+            self.tile[order],
+            self.a[order],
+            self.b[order],
+            self.half[order],
+            self.radius[order],
+            self.base[order],
+        )
+
+
+def _top(plants: Plants) -> float:
+    tip = np.maximum(plants.a[:, 2], plants.b[:, 2]) + plants.radius + np.abs(plants.width[:, 2])
+    return float(tip.max()) + 1e-4
+
+
+def _places(
+    crop: Crop, tile_count: int, per_tile: int, size: float, row_spacing: float, rng: np.random.Generator
+) -> Array:
+    """Feet of the stems in their tiles [m], (tile_count * per_tile, 2), in [0, size)."""
+    shape = (tile_count, per_tile)
+    if row_spacing == 0.0:
+        xy = rng.random((*shape, 2)) * size
+    else:
+        plants = max(1, round(per_tile / crop.stand.stems_per_plant))
+        rows = round(size / row_spacing)
+        slot = (np.arange(plants) + rng.random((tile_count, plants))) / plants * rows  # along all rows, even
+        row, along = np.floor(slot), slot % 1.0
+        member = np.argsort(rng.random(shape), axis=1) % plants
+        foot = np.stack([along * size, (row + 0.5) * row_spacing], axis=-1)
+        xy = np.take_along_axis(foot, member[..., None], axis=1)
+        xy = xy + crop.stand.tiller_spread * np.clip(rng.standard_normal((*shape, 2)), -3.0, 3.0)
+    xy = (xy.reshape(-1, 2) % size).astype(np.float32)
+    return np.where(xy >= np.float32(size), np.float32(0.0), xy).astype(np.float64)
+
+
+def _copies(plants: Plants, xy: Array, tile: Ints, size: float) -> _Pieces:
+    """Every primitive at its place, and once more for every tile side it reaches over."""
+    shift = np.concatenate([xy[plants.owner], np.zeros((len(plants.owner), 1))], axis=1)
+    a, b = plants.a + shift, plants.b + shift
+    reach = (plants.radius[:, None] + np.abs(plants.width) + PAD)[:, :2]
+    low, high = np.minimum(a, b)[:, :2] - reach, np.maximum(a, b)[:, :2] + reach
+    found: list[tuple[Ints, Array]] = []
+    for ix in (-2, -1, 0, 1, 2):
+        for iy in (-2, -1, 0, 1, 2):
+            move = size * np.array([ix, iy, 0.0])
+            inside = ((low + move[:2] < size) & (high + move[:2] > 0.0)).all(axis=1)
+            found.append((np.flatnonzero(inside), move))
+    source = np.concatenate([index for index, _ in found])
+    move = np.concatenate([np.broadcast_to(m, (len(index), 3)) for index, m in found])
+    owner = plants.owner[source]
+    return _Pieces(
+        source,
+        tile[owner],
+        a[source] + move,
+        b[source] + move,
+        plants.width[source],
+        plants.radius[source],
+        xy[owner] + move[:, :2],
+    )
+
+
+@dataclass(frozen=True)
+class _Index:
+    """The cells of all tiles: columns x columns x bins each."""
+
+    size: float
+    tile_count: int
+    columns: int
+    bins: int
+    bin_height: float
+
+    def locality(self, pieces: _Pieces) -> Ints:
+        """Cell of each piece's middle within its tile: pieces near each other are stored near each other."""
+        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
+        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
+        cell = np.clip(np.floor(0.5 * (pieces.a + pieces.b) / side), 0, limit).astype(np.int64)
+        order: Ints = (cell[:, 1] * self.columns + cell[:, 0]) * self.bins + cell[:, 2]
+        return order
+
+    def fill(self, pieces: _Pieces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """cell_start and cell_items: for each cell the pieces that overlap it, capsules first."""
+        cells, items = [], []
+        for first in range(0, len(pieces.source), 200_000):
+            part = np.arange(first, min(first + 200_000, len(pieces.source)))
+            cell, item = self._overlaps(pieces.take(part))
+            cells.append(cell)
+            items.append(item + first)
+        cell, item = np.concatenate(cells), np.concatenate(items)
+        is_ribbon = pieces.radius[item] == 0.0
+        order = np.lexsort((item, is_ribbon, cell))
+        count = self.tile_count * self.columns * self.columns * self.bins
+        start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=count))])
+        return start.astype(np.int32), item[order].astype(np.int32)
+
+    def _overlaps(self, pieces: _Pieces) -> tuple[Ints, Ints]:
+        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
+        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
+        grow = pieces.radius[:, None] + np.abs(pieces.half) + PAD
+        low = np.floor((np.minimum(pieces.a, pieces.b) - grow) / side)
+        high = np.floor((np.maximum(pieces.a, pieces.b) + grow) / side)
+        low, high = np.clip(low, 0, limit).astype(np.int64), np.clip(high, 0, limit).astype(np.int64)
+        span = high - low + 1
+        total = span.prod(axis=1)
+        item = np.repeat(np.arange(len(total)), total)
+        rest = np.arange(len(item)) - np.repeat(np.cumsum(total) - total, total)
+        ix, rest = rest % span[item, 0], rest // span[item, 0]
+        iy, iz = rest % span[item, 1], rest // span[item, 1]
+        cell = low[item] + np.stack([ix, iy, iz], axis=-1)
+        middle = (cell + 0.5) * side
+        box = np.broadcast_to(0.5 * side, middle.shape).copy()
+        bottom = cell[:, 2] == 0  # bin 0 also holds what reaches below zeta = 0
+        middle[bottom, 2] -= 0.5
+        box[bottom, 2] += 0.5
+        keep = _boxes_meet(pieces, item, middle, box)
+        cell, item = cell[keep], item[keep]
+        flat = ((pieces.tile[item] * self.columns + cell[:, 1]) * self.columns + cell[:, 0]) * self.bins
+        return flat + cell[:, 2], item
+
+
+def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
+    """Does the primitive `item` reach into the box? Separating axes: never a false no.
+
+    A capsule is its axis grown by the radius, a ribbon a flat parallelogram; axes: the box normals, the
+    ribbon's normal, and the cross products of box edges and primitive edges.
+    """
+    e1 = 0.5 * (pieces.b - pieces.a)[item]
+    e2 = pieces.half[item]
+    offset = 0.5 * (pieces.a + pieces.b)[item] - middle
+    radius = pieces.radius[item] + PAD
+    axes = [np.cross(e1, e2)]
+    for unit in np.eye(3):
+        axes += [np.broadcast_to(unit, e1.shape), np.cross(e1, unit), np.cross(e2, unit)]
+    meets = np.ones(len(item), bool)
+    for axis in axes:
+        reach = np.abs((e1 * axis).sum(1)) + np.abs((e2 * axis).sum(1)) + (np.abs(axis) * box).sum(1)
+        reach += radius * np.linalg.norm(axis, axis=1)
+        meets &= np.abs((offset * axis).sum(1)) <= reach
+    return meets
+
+
+def is_capsule(library: PlantLibrary) -> NDArray[np.bool_]:
+    """Which primitives are capsules, (m,)."""
+    result: NDArray[np.bool_] = library.shape == Shape.CAPSULE
+    return result

@@ -1,0 +1,210 @@
+"""Rays against a field: many at once, on all cores, the same bits for any number of threads."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swath.field.layout import Pages, PlantLibrary, Solids
+from swath.rays.device import start_warp, thread_count
+from swath.rays.geometry import pack_solids
+
+F32 = NDArray[np.float32]
+CHUNK_MIN = 1024  # fewer rays than this are not worth another thread
+
+
+class Castable(Protocol):
+    """What rays need of a field; `stand_yaw` [rad] turns the stand frame into the world."""
+
+    pages: Pages
+    library: PlantLibrary
+    stand_yaw: float
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Nearest hits of n rays, all (n,).
+
+    distance [m], nan = nothing within range; organ: `layout.Organ`; cosine: |cos| of the incidence angle;
+    reflectance of what was hit at 905 nm; the last three are 0 where nothing was hit
+    """
+
+    distance: F32
+    organ: NDArray[np.uint8]
+    cosine: F32
+    reflectance: F32
+
+    @property
+    def is_hit(self) -> NDArray[np.bool_]:
+        """True where something was hit, (n,)."""
+        result: NDArray[np.bool_] = self.organ > 0
+        return result
+
+
+class RayCaster:
+    """Casts rays into a field.
+
+    threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu` or a Warp device as `cuda:0`.
+    On the CPU the kernel reads the field's own memory; on another device a copy, renewed after each change.
+    """
+
+    def __init__(self, field: Castable, *, threads: int | None = None, device: str = "cpu") -> None:
+        self.field = field
+        self.threads = thread_count() if threads is None else threads
+        self.device = device
+        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._scene: Any = None
+        self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
+        self._revision = -1
+        self._library: PlantLibrary | None = None
+
+    def cast(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        range_max: float,
+        solids: Solids | None = None,
+    ) -> Hits:
+        """Nearest hit of each ray within range_max [m].
+
+        origins [m], directions (unit): (n, 3), world frame. A ray that starts inside an organ or a solid does
+        not see it; a ray that leaves the known pages sees only solids. Raises ValueError on non-finite rays.
+        """
+        o = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
+        d = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
+        if o.shape != d.shape:
+            raise ValueError(f"origins {o.shape} and directions {d.shape}: expected the same shape")
+        if not (np.isfinite(o).all() and np.isfinite(d).all() and np.isfinite(range_max)):
+            raise ValueError("expected finite origins, directions and range_max")
+        n = len(o)
+        hits = Hits(
+            np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)
+        )
+        if n:
+            self._launch(o, d, float(range_max), solids or Solids(), hits)
+        return hits
+
+    def _launch(
+        self, o: NDArray[np.float64], d: NDArray[np.float64], range_max: float, solids: Solids, hits: Hits
+    ) -> None:
+        wp = start_warp()
+        from swath.rays.kernel.cast import cast
+
+        scene = self._refresh(wp)
+        things = self._things(wp, solids)
+        rays = [self._share(wp, o, wp.vec3d), self._share(wp, d, wp.vec3d)]
+        out = [
+            self._share(wp, a, t)
+            for a, t in (
+                (hits.distance, wp.float32),
+                (hits.organ, wp.uint8),
+                (hits.cosine, wp.float32),
+                (hits.reflectance, wp.float32),
+            )
+        ]
+        n = len(o)
+        if self.device != "cpu":
+            wp.launch(cast, dim=n, inputs=[scene, things, *rays, range_max, 0, *out], device=self.device)
+            for array, target in zip(out, _arrays(hits), strict=True):
+                target[:] = array.numpy()
+            return
+
+        def run(first: int, count: int) -> None:
+            wp.launch(cast, dim=count, inputs=[scene, things, *rays, range_max, first, *out], device="cpu")
+
+        if self._pool is None or n < 2 * CHUNK_MIN:
+            run(0, n)
+            return
+        chunk = max(CHUNK_MIN, -(-n // (8 * self.threads)))
+        list(self._pool.map(lambda first: run(first, min(chunk, n - first)), range(0, n, chunk)))
+
+    def _share(self, wp: Any, array: NDArray[Any], dtype: Any) -> Any:
+        """The array for Warp: the same memory on the CPU, a copy elsewhere."""
+        return wp.array(array, dtype=dtype, device=self.device, copy=self.device != "cpu")
+
+    def _things(self, wp: Any, solids: Solids) -> Any:
+        from swath.rays.kernel.scene import Things
+
+        packed = pack_solids(solids)
+        things = Things()
+        things.count = len(packed.kind)
+        if things.count == 0:
+            return things
+        things.kind = self._share(wp, packed.kind, wp.int32)
+        things.centre = self._share(wp, packed.centre, wp.vec3d)
+        things.axes = self._share(wp, packed.axes, wp.mat33)
+        things.half = self._share(wp, packed.half, wp.vec3)
+        things.bound = self._share(wp, packed.bound, wp.float32)
+        things.reflectance = self._share(wp, packed.reflectance, wp.float32)
+        return things
+
+    def _refresh(self, wp: Any) -> Any:
+        """The scene as it is now: pools that were reallocated are taken anew, copies renewed."""
+        from swath.rays.kernel.scene import Scene
+
+        if self._scene is None:
+            self._scene = Scene()
+        if self._library is not self.field.library:
+            self._library = self.field.library
+            self._take_library(wp, self._library)
+        scene, pages = self._scene, self.field.pages
+        scene.turn = wp.vec2d(np.cos(self.field.stand_yaw), np.sin(self.field.stand_yaw))
+        is_stale = pages.revision != self._revision
+        for name, dtype in (
+            ("table", wp.int32),
+            ("ground", wp.float32),
+            ("straw", wp.float32),
+            ("tile_plane", wp.vec3),
+            ("tile_stand", wp.vec4),
+            ("tile_top", wp.float32),
+            ("tile_bump", wp.float32),
+            ("tile_prototype", wp.int32),
+            ("cut_slot", wp.int32),
+            ("cut", wp.uint8),
+        ):
+            pool = getattr(pages, name)
+            if self._held.get(name) is not pool or (is_stale and self.device != "cpu"):
+                self._held[name] = pool
+                setattr(scene, name, self._share(wp, pool, dtype))
+        if is_stale or len(self._held["page_top"]) != len(pages.ground):
+            self._held["page_top"] = page_tops(pages, self._library.tile_size)
+            scene.page_top = self._share(wp, self._held["page_top"], wp.float32)
+        scene.table_x, scene.table_y = pages.table_x, pages.table_y
+        self._revision = pages.revision
+        return scene
+
+    def _take_library(self, wp: Any, library: PlantLibrary) -> None:
+        rank = library.stem_rank[library.owner] if len(library.owner) else np.zeros(0, np.float32)
+        packed = {
+            "prim0": (np.concatenate([library.a, library.radius[:, None]], axis=1), wp.vec4),
+            "prim1": (np.concatenate([library.b, rank[:, None]], axis=1), wp.vec4),
+            "prim2": (np.concatenate([library.width, np.zeros_like(rank)[:, None]], axis=1), wp.vec4),
+            "base": (library.base, wp.vec2),
+            "organ": (library.organ, wp.uint8),
+            "cell_start": (library.cell_start, wp.int32),
+            "cell_items": (library.cell_items, wp.int32),
+            "reflectance": (library.reflectance, wp.float32),
+        }
+        scene = self._scene
+        for name, (array, dtype) in packed.items():
+            array = np.ascontiguousarray(array)
+            self._held[name] = array
+            setattr(scene, name, self._share(wp, array, dtype))
+        scene.tile_size = library.tile_size
+        scene.side = library.tile_size / library.columns
+        scene.columns, scene.bins, scene.bin_height = library.columns, library.bins, library.bin_height
+
+
+def page_tops(pages: Pages, tile_size: float) -> F32:
+    """Highest thing in each page [m], (n,): ground, straw or live crop."""
+    plane = pages.tile_plane
+    corner = plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2]))
+    top: F32 = (corner + np.maximum(pages.tile_top, pages.tile_bump)).max(axis=(1, 2)).astype(np.float32)
+    return top
+
+
+def _arrays(hits: Hits) -> tuple[NDArray[Any], ...]:
+    return hits.distance, hits.organ, hits.cosine, hits.reflectance

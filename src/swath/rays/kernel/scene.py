@@ -1,0 +1,135 @@
+"""What the kernel reads, and what it carries along a ray."""
+
+import warp as wp
+
+from swath.rays.kernel.shapes import MISS
+
+
+@wp.struct
+class Scene:
+    """Library and pages, see `field/layout.py`.
+
+    prim0: a, radius (0 = ribbon); prim1: b, rank of the owner; prim2: width of a ribbon
+    page_top: highest thing in a page [m]
+    """
+
+    tile_size: wp.float64
+    side: float
+    columns: int
+    bins: int
+    bin_height: float
+    prim0: wp.array(dtype=wp.vec4)
+    prim1: wp.array(dtype=wp.vec4)
+    prim2: wp.array(dtype=wp.vec4)
+    base: wp.array(dtype=wp.vec2)
+    organ: wp.array(dtype=wp.uint8)
+    cell_start: wp.array(dtype=int)
+    cell_items: wp.array(dtype=int)
+    reflectance: wp.array(dtype=float)
+    table: wp.array2d(dtype=int)
+    table_x: int
+    table_y: int
+    ground: wp.array3d(dtype=float)
+    straw: wp.array3d(dtype=float)
+    tile_plane: wp.array3d(dtype=wp.vec3)
+    tile_stand: wp.array3d(dtype=wp.vec4)
+    tile_top: wp.array3d(dtype=float)
+    tile_bump: wp.array3d(dtype=float)
+    tile_prototype: wp.array3d(dtype=int)
+    page_top: wp.array(dtype=float)
+    cut_slot: wp.array(dtype=int)
+    cut: wp.array3d(dtype=wp.uint8)
+    turn: wp.vec2d  # cos, sin of the stand's yaw
+
+
+@wp.struct
+class Things:
+    """Solids of all kinds in one list, world frame.
+
+    kind: 0 box, 1 capsule along its z axis, 2 ellipsoid; axes: columns are the axes; half: half sizes [m],
+    of a capsule radius, radius, half axis; bound: radius of a ball around it [m]
+    """
+
+    count: int
+    kind: wp.array(dtype=int)
+    centre: wp.array(dtype=wp.vec3d)
+    axes: wp.array(dtype=wp.mat33)
+    half: wp.array(dtype=wp.vec3)
+    bound: wp.array(dtype=float)
+    reflectance: wp.array(dtype=float)
+
+
+@wp.struct
+class Ray:
+    """A ray in the stand frame, seen from the lower corner of the tile that it starts over.
+
+    o, d: origin [m] and unit direction; inv, off: t of a plane x = c is c * inv + off, MISS if parallel
+    tile_x, tile_y: that tile; z0: world height of o.z = 0 [m]
+    """
+
+    o: wp.vec3
+    d: wp.vec3
+    inv: wp.vec3
+    off: wp.vec3
+    tile_x: int
+    tile_y: int
+    z0: float
+
+
+@wp.struct
+class Hit:
+    """Nearest hit so far. t [m]; organ; cosine of the incidence angle; reflectance."""
+
+    t: float
+    organ: int
+    cosine: float
+    reflectance: float
+
+
+@wp.func
+def plane_slope(d: float) -> float:
+    """1 / d, or 0 for a direction that never crosses planes of this axis."""
+    if wp.abs(d) < 1.0e-12:
+        return 0.0
+    return 1.0 / d
+
+
+@wp.func
+def plane_offset(o: float, d: float) -> float:
+    """t at which the ray crosses coordinate 0, MISS when it never does."""
+    if wp.abs(d) < 1.0e-12:
+        return MISS
+    return -o / d
+
+
+@wp.func
+def floor_div(a: int, b: int) -> int:
+    """Floor of a / b for b > 0."""
+    q = a / b
+    if a - q * b < 0:
+        q = q - 1
+    return q
+
+
+@wp.func
+def page_slot(scene: Scene, page_x: int, page_y: int) -> int:
+    """Slot of a page, -1 where nothing is known."""
+    i = page_x - scene.table_x
+    j = page_y - scene.table_y
+    if i < 0 or j < 0 or i >= scene.table.shape[1] or j >= scene.table.shape[0]:
+        return -1
+    return scene.table[j, i]
+
+
+@wp.func
+def cut_code(scene: Scene, cell_x: int, cell_y: int) -> int:
+    """Cut code of a cell by its number from the origin of the stand frame; 255 where nothing is known."""
+    page_x = floor_div(cell_x, 512)
+    page_y = floor_div(cell_y, 512)
+    slot = page_slot(scene, page_x, page_y)
+    if slot < 0:
+        return 255
+    row = scene.cut_slot[slot]
+    if row < 0:
+        return -1 - row
+    return int(scene.cut[row, cell_y - page_y * 512, cell_x - page_x * 512])
