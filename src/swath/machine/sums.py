@@ -1,0 +1,29 @@
+"""Running totals that stay exact over hours."""
+
+
+class Total:
+    """Neumaier's compensated sum: the error does not grow with the number of terms.
+
+    Neumaier 1974, doi:10.1002/zamm.19740540106.
+    """
+
+    def __init__(self, total: float = 0.0, rest: float = 0.0) -> None:
+        self._total, self._rest = total, rest
+
+    def add(self, value: float) -> None:
+        """Add one term."""
+        new = self._total + value
+        if abs(self._total) >= abs(value):
+            self._rest += (self._total - new) + value
+        else:
+            self._rest += (value - new) + self._total
+        self._total = new
+
+    @property
+    def value(self) -> float:
+        """The sum so far."""
+        return self._total + self._rest
+
+    def save(self) -> tuple[float, float]:
+        """Everything that is needed to go on exactly."""
+        return self._total, self._rest

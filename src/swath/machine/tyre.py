@@ -1,0 +1,48 @@
+"""Brush tyre with a relaxation length, and what an axle carries.
+
+The brush model with a parabolic pressure over the patch (Pacejka 2012, Tyre and Vehicle Dynamics, section
+3.2.1), written per load, since the cornering stiffness of large tyres grows about with the load:
+
+    Fy / Fz = friction * (1 - (1 - x)^3),  x = min(1, stiffness * |tan alpha| / (3 friction))
+
+The slip that the tread feels lags behind the slip of the wheel over the relaxation length sigma
+(Pacejka 2012, section 7.2):   sigma ds/dt + |vx| s = vy.   For small slip this is a lagging force,
+sigma dF/dt + |v| F = |v| F_ss; kept as slip it still holds the machine on a side slope at standstill.
+"""
+
+from math import cos, pi, sqrt
+
+GRAVITY = 9.81  # [m/s2]
+CREEP_SPEED = 0.5  # below this the carcass damps (Pacejka 2012, section 8.6, there 2.5 m/s) [m/s]
+CREEP_DAMPING = 0.5  # damping ratio of the lateral carcass spring at standstill (estimate)
+
+
+def brush(slip: float, stiffness: float, friction: float) -> float:
+    """Side force over load for a slip tan(alpha); odd, the sign of the slip (the force acts against it).
+
+    stiffness: cornering stiffness over load [1/rad]; friction: lateral force over load when all slides
+    """
+    x = stiffness * abs(slip) / (3.0 * friction)
+    share = friction if x >= 1.0 else friction * x * (3.0 - x * (3.0 - x))
+    return share if slip >= 0.0 else -share
+
+
+def slide_slip(stiffness: float, friction: float) -> float:
+    """Slip tan(alpha) from which the whole patch slides."""
+    return 3.0 * friction / stiffness
+
+
+def slip_for(force_over_load: float, stiffness: float, friction: float) -> float:
+    """Slip tan(alpha) that gives a side force over load in [0, friction): the brush formula turned round."""
+    return slide_slip(stiffness, friction) * (1.0 - (1.0 - force_over_load / friction) ** (1.0 / 3.0))
+
+
+def creep_damping(speed: float, stiffness: float, relaxation: float) -> float:
+    """Damping force over load per lateral speed [s/m]; 0 above CREEP_SPEED.
+
+    At rest a tyre is a spring of stiffness * Fz / relaxation; without this a stopped machine swings for ever.
+    """
+    if abs(speed) >= CREEP_SPEED:
+        return 0.0
+    at_rest = 2.0 * CREEP_DAMPING * sqrt(stiffness / (relaxation * GRAVITY))
+    return at_rest * 0.5 * (1.0 + cos(pi * speed / CREEP_SPEED))

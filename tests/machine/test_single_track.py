@@ -1,0 +1,213 @@
+"""The single-track model against closed forms that are written down here a second time."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine_fakes import STREAM, drive, site, slope
+
+from swath.core.signals import SpeedCommand, SteerState
+from swath.machine import tyre
+from swath.machine.card import load_machine
+from swath.machine.motion import kinematic
+from swath.machine.motion.single_track import Params, SingleTrack
+
+CARD = load_machine("lexion-700")
+D = CARD.dynamics
+L, A = CARD.wheelbase, D.cg_behind
+B = L - A
+G = 9.81
+
+
+def make(ground=None, machine=CARD, **params):
+    motion = SingleTrack(Params(**params), site(ground, machine))
+    motion.reset(STREAM)
+    return motion
+
+
+def run(motion, seconds, *, steer=0.0, speed=2.0, dt=0.005):
+    return drive(motion, seconds, dt=dt, steering=SteerState(0, steer, 0.0), speed=SpeedCommand(0, speed))
+
+
+@pytest.mark.parametrize("rolling", [0.0, 0.06, 0.12])
+@pytest.mark.parametrize("speed", [1.0, 2.0, 5.0])
+def test_yaw_gain_against_the_linear_closed_form(speed, rolling):
+    """Moments and forces of the linear model, solved by hand.
+
+    Y = m u r;  L Ff = Y (b + h f);  rear side force with its rolling drag: Fr + D steer = Y (a - h f) / L
+    steer = L r / u + Ff / Cf - Fr / Cr
+    """
+    lead_f, lead_r = rolling * D.front.radius, rolling * D.rear.radius
+    rear_load = D.mass * G * (A + lead_f) / (L + lead_f - lead_r)
+    cf, cr = D.stiffness * (D.mass * G - rear_load), D.stiffness * rear_load
+    drag, hf, push = rolling * rear_load, D.cg_height * rolling, D.mass * speed
+    gain = (1 - drag / cr) / (L / speed + push / L * ((B + hf) / cf - (A - hf) / cr))
+    steer = 1e-3
+    motion = make(rolling_resistance=rolling, start_speed_kmh=speed * 3.6, friction=1.5)
+    state = run(motion, 15.0, steer=steer, speed=speed)[-1]
+    assert state.yaw_rate / steer == pytest.approx(gain, rel=2e-3)
+
+
+def test_without_rolling_resistance_it_steers_neutrally():
+    """Both tyres have the same stiffness per load: no understeer, the kinematic yaw rate at any speed."""
+    for speed in (1.0, 5.0):
+        motion = make(rolling_resistance=0.0, start_speed_kmh=speed * 3.6)
+        state = run(motion, 15.0, steer=1e-3, speed=speed)[-1]
+        assert state.yaw_rate == pytest.approx(speed * math.tan(1e-3) / L, rel=1e-3)
+
+
+def test_crabs_on_a_side_slope():
+    """On 10 % the tyres slip until they carry a tenth of their load: about 0.1 / 4 rad = 1.4 deg downhill."""
+    motion = make(slope(0.0, 0.1), rolling_resistance=0.0, start_speed_kmh=7.2)
+    run(motion, 10.0)
+    first, *_, last = run(motion, 5.0)
+    way = last.pose.position - first.pose.position
+    crab = -way[1] / way[0]  # heading has drifted by some 0.1 deg while the tyres built up slip
+    slip = tyre.slip_for(0.1, D.stiffness, D.friction)
+    assert -last.lateral_speed / last.speed == pytest.approx(slip, rel=1e-6)
+    assert last.yaw_rate == pytest.approx(0.0, abs=1e-9)
+    assert crab + last.pose.euler()[2] == pytest.approx(slip, rel=1e-3)
+    assert math.degrees(slip) == pytest.approx(1.43, rel=0.07)
+    assert math.degrees(tyre.slip_for(0.1, 4.0, 1.5)) == pytest.approx(1.43, rel=0.03)
+
+
+def linear_matrix(speed):
+    """Lateral speed, yaw rate and the two tyre slips; no rolling resistance, straight ahead."""
+    cf, cr = D.stiffness * D.mass * G * B / L, D.stiffness * D.mass * G * A / L
+    sf, sr = D.front.relaxation, D.rear.relaxation
+    return np.array(
+        [
+            [0.0, -speed, -cf / D.mass, -cr / D.mass],
+            [0.0, 0.0, -A * cf / D.yaw_inertia, B * cr / D.yaw_inertia],
+            [1 / sf, A / sf, -speed / sf, 0.0],
+            [1 / sr, -B / sr, 0.0, -speed / sr],
+        ]
+    )
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0])
+def test_relaxation_modes_against_the_eigenvalues(speed, capsys):
+    """The ring-down after a small steering pulse, fitted with a linear map from sample to sample."""
+    motion = make(rolling_resistance=0.0, start_speed_kmh=speed * 3.6)
+    run(motion, 0.2, steer=2e-5, speed=speed)
+    samples = []
+    for _ in range(60):
+        run(motion, 0.02, speed=speed)
+        state = motion.save()
+        samples.append([state[k] for k in ("side", "turn", "front_slip", "rear_slip")])
+    x = np.array(samples)
+    step = np.linalg.lstsq(x[:-1], x[1:], rcond=None)[0].T
+    modes = np.log(np.linalg.eigvals(step).astype(complex)) / 0.02
+    expected = np.linalg.eigvals(linear_matrix(speed))
+    np.testing.assert_allclose(np.sort_complex(modes), np.sort_complex(expected), rtol=2e-3)
+    for mode in expected[expected.imag > 0]:
+        print(f"{speed} m/s: {abs(mode) / 2 / math.pi:.2f} Hz, damping {-mode.real / abs(mode):.2f}")
+    shown = capsys.readouterr().out
+    if speed == 2.0:
+        assert "0.60 Hz, damping 0.42" in shown
+        assert "1.15 Hz, damping 0.19" in shown
+
+
+def test_converges_with_order_four():
+    def end(substep_ms):
+        motion = make(substep_ms=substep_ms, start_speed_kmh=10.8)
+        s = run(motion, 2.0, steer=0.2, speed=3.0, dt=0.02)[-1]
+        return np.array([*s.pose.position[:2], s.yaw_rate, s.lateral_speed])
+
+    exact = end(0.5)
+    errors = np.array([np.abs(end(ms) - exact).max() for ms in (20.0, 10.0, 5.0)])
+    assert errors[2] < 1e-8
+    assert np.all(np.log2(errors[:-1] / errors[1:]) > 3.7)
+
+
+def test_parked_on_a_slope_it_stays():
+    motion = make(slope(0.05, 0.1))
+    states = run(motion, 20.0, steer=0.3, speed=0.0)
+    sunk = tyre.slip_for(0.1, D.stiffness, D.friction) * D.front.relaxation
+    assert states[-1].pose.position[1] == pytest.approx(-sunk, rel=0.05)
+    assert abs(states[-1].lateral_speed) < 1e-6
+    assert abs(states[-1].yaw_rate) < 1e-6
+
+
+def test_comes_to_rest_in_a_turn_without_swinging_on():
+    motion = make(start_speed_kmh=7.2)
+    run(motion, 3.0, steer=0.5)
+    state = run(motion, 25.0, steer=0.5, speed=0.0)[-1]
+    assert abs(state.speed) + abs(state.lateral_speed) + abs(state.yaw_rate) < 1e-6
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.005, 0.02])
+@pytest.mark.parametrize("steer", [0.0, 0.05, 0.7])
+def test_stable_from_standstill_to_8_m_s(dt, steer):
+    fast = replace(CARD, dynamics=replace(D, max_speed=9.0, accel=2.0))
+    states = run(make(machine=fast), 8.0, steer=steer, speed=8.0, dt=dt)
+    values = np.array([[s.speed, s.lateral_speed, s.yaw_rate] for s in states])
+    assert np.all(np.isfinite(values))
+    assert values[-1, 0] == pytest.approx(8.0, abs=0.2)
+    # no more sideways than the tyres (and the rolling drag of the turned rear wheel) can push
+    speed, lateral, turn = values.T
+    accel = np.diff(lateral - A * turn) / dt + 0.5 * (speed * turn)[1:] + 0.5 * (speed * turn)[:-1]
+    assert np.abs(accel).max() < (D.friction + 0.03) * G
+
+
+def test_left_and_right_mirror():
+    left, right = (
+        run(make(slope(0.02, s * 0.05), start_speed_kmh=5.0), 6.0, steer=s * 0.3)[-1] for s in (1, -1)
+    )
+    assert left.yaw_rate == -right.yaw_rate
+    assert left.lateral_speed == -right.lateral_speed
+    np.testing.assert_allclose(left.pose.position * [1, -1, 1], right.pose.position, atol=1e-9)
+
+
+def test_saved_state_goes_on_byte_for_byte():
+    ground = slope(0.03, 0.05)
+    one, two = make(ground, start_speed_kmh=4.0), make(ground, start_speed_kmh=4.0)
+    run(one, 3.0, steer=0.2)
+    kept = one.save()
+    first = run(one, 2.0, steer=-0.1)
+    two.load(kept)
+    second = run(two, 2.0, steer=-0.1)
+    for a, b in zip(first, second, strict=True):
+        assert a.pose.position.tobytes() == b.pose.position.tobytes()
+        assert a.pose.rotation.tobytes() == b.pose.rotation.tobytes()
+        assert (a.speed, a.lateral_speed, a.yaw_rate, a.distance) == (
+            b.speed,
+            b.lateral_speed,
+            b.yaw_rate,
+            b.distance,
+        )
+
+
+@pytest.mark.parametrize(
+    ("speed", "yaw_off", "behind"), [(1.5, 0.03, 0.6), (2.2, 0.04, 0.8), (6.0, 0.10, 3.0)]
+)
+def test_what_the_kinematic_level_leaves_out(speed, yaw_off, behind):
+    """One step of the steering angle to R = 20 m: tyre lag and drag set yaw rate and place apart."""
+    steer, seconds = math.atan(L / 20.0), 20.0 * math.pi / 6 / speed
+    simple = kinematic.Kinematic(kinematic.Params(start_speed_kmh=speed * 3.6), site())
+    simple.reset(STREAM)
+    full = make(start_speed_kmh=speed * 3.6)
+    a, b = (run(m, seconds, steer=steer, speed=speed)[-1] for m in (simple, full))
+    gap = float(np.hypot(*(a.pose.position - b.pose.position)[:2]))
+    assert 0.25 * behind < gap < behind
+    settled = run(full, 5.0, steer=steer, speed=speed)[-1]
+    assert 0.0 < 1.0 - settled.yaw_rate / a.yaw_rate < yaw_off
+    print(f"{speed} m/s: yaw rate {settled.yaw_rate / a.yaw_rate:.3f}, place after 30 deg {gap:.2f} m apart")
+
+
+def test_brush_tyre_limits():
+    assert tyre.brush(1e-6, 4.0, 0.55) == pytest.approx(4e-6, rel=1e-4)
+    assert tyre.brush(tyre.slide_slip(4.0, 0.55), 4.0, 0.55) == pytest.approx(0.55)
+    assert tyre.brush(-9.0, 4.0, 0.55) == -0.55
+    for share in (0.01, 0.1, 0.5):
+        assert tyre.brush(tyre.slip_for(share, 4.0, 0.55), 4.0, 0.55) == pytest.approx(share)
+
+
+@pytest.mark.parametrize("pitch_grade", [-0.1, 0.1])
+def test_axle_loads_add_up_and_follow_the_grade(pitch_grade):
+    motion = make(slope(pitch_grade, 0.0), rolling_resistance=0.0)
+    front, rear = motion._loads(motion._stance, 0.0)
+    normal = D.mass * G * math.cos(math.atan(pitch_grade))
+    assert front + rear == pytest.approx(normal)
+    assert rear == pytest.approx(normal * (A + D.cg_height * pitch_grade) / L)
