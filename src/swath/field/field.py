@@ -1,0 +1,280 @@
+"""The field: the one truth that every sensor looks at and every header cuts."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.field.boundary import Boundary
+from swath.field.breaks import BrokenEdge
+from swath.field.crop import Crop
+from swath.field.cutting import Cut, StemIndex, check_polygon
+from swath.field.edge import EdgeShape
+from swath.field.harvest import cut_pages, recount_pages, standing_share
+from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
+from swath.field.page_maker import PageMaker
+from swath.field.pages import Change, Key, PageStore
+from swath.field.setup import Stand, Terrain
+from swath.field.straw import spread_straw, write_depth
+from swath.field.tops import update_tops
+
+Array = NDArray[np.float64]
+FAR = 1e6  # places beyond this are refused [m]
+
+
+class Field:
+    """Terrain, stand and what was cut and dropped. All positions are world ENU metres.
+
+    library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world
+    turned by `stand_yaw` [rad] about z; nominal_edge: the edge of the crop at the start, without its breaks
+    Pages come into memory by `ensure`, and by themselves where any verb touches the field.
+    """
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        stand: Stand,
+        edge: BrokenEdge,
+        library: PlantLibrary,
+        *,
+        stream: Stream,
+        boundary: Boundary | None = None,
+        straw_exponent: float = 1.0,
+        straw_density: float = 25.0,
+        page_limit: int = 1024,
+    ) -> None:
+        if stand.density_max > library.density_max * (1.0 + 1e-6):
+            expected = f"expected at most the {library.density_max:g} stems/m2 of the plant library"
+            raise InputError("field.stand.density_max", stand.density_max, expected)
+        self.terrain, self.stand, self.edge, self.boundary = terrain, stand, edge, boundary
+        self.library = library
+        self.nominal_edge: EdgeShape = edge.shape
+        self.stand_yaw = float(stand.row_azimuth)
+        self.straw_density = straw_density
+        self.stems = StemIndex(library, straw_exponent)
+        seed = stream.child("tiles").integer()
+        self.maker = PageMaker(terrain, stand, edge, boundary, library, seed)
+        self.store = PageStore(self.maker.make, self._finish, tile_size=library.tile_size, limit=page_limit)
+        self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
+
+    @property
+    def pages(self) -> Pages:
+        """Page memory as in `layout.Pages`. Its arrays are replaced when they grow: read them anew."""
+        return self.store.pages
+
+    def to_stand(self, x: Any, y: Any) -> tuple[Array, Array]:
+        """World points in the stand frame."""
+        c, s = self._turn
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        return c * x + s * y, c * y - s * x
+
+    def ensure(self, x: Any, y: Any, radius_m: float) -> None:
+        """Bring the pages within the radius of one or more points into memory."""
+        u, v = (np.atleast_1d(a) for a in self.to_stand(x, y))
+        _check_near(u, v)
+        if not 0.0 <= radius_m <= 1e4:
+            raise InputError("radius_m", radius_m, "expected 0 to 10000 m")
+        side, keys = self.maker.side, {}
+        for cu, cv in zip(u.tolist(), v.tolist(), strict=True):
+            i = np.arange(int((cu - radius_m) // side), int((cu + radius_m) // side) + 1)
+            j = np.arange(int((cv - radius_m) // side), int((cv + radius_m) // side) + 1)
+            du = np.maximum(np.maximum(i * side - cu, cu - (i + 1) * side), 0.0)
+            dv = np.maximum(np.maximum(j * side - cv, cv - (j + 1) * side), 0.0)
+            jj, ii = np.nonzero(du**2 + dv[:, None] ** 2 <= radius_m**2)
+            keys.update(dict.fromkeys(zip(i[ii].tolist(), j[jj].tolist(), strict=True)))
+        self.store.need(list(keys))
+
+    def ground_height(self, x: Any, y: Any) -> Array:
+        """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""
+        (z00, z10, z01, z11), fu, fv = self._corners(x, y)
+        low, high = z00 + (z10 - z00) * fu, z01 + (z11 - z01) * fu
+        return np.asarray(low + (high - low) * fv)
+
+    def ground_normal(self, x: Any, y: Any) -> Array:
+        """Upward unit normal of the soil surface in the world, shape (..., 3)."""
+        (z00, z10, z01, z11), fu, fv = self._corners(x, y)
+        gu = ((z10 - z00) * (1 - fv) + (z11 - z01) * fv) / self.maker.node
+        gv = ((z01 - z00) * (1 - fu) + (z11 - z10) * fu) / self.maker.node
+        c, s = self._turn
+        normal = np.stack([-(c * gu - s * gv), -(s * gu + c * gv), np.ones_like(gu)], axis=-1)
+        return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+    def cut(self, polygon: Any, height_m: float) -> Cut:
+        """Cut the crop within a convex polygon (n, 2) [m] at a height above the ground [m].
+
+        Takes whole cells, by their centre, each once whatever was cut before; rounds the height to 1 cm;
+        what is lower already stays.
+        """
+        if not 0.0 <= height_m <= 2.54:
+            raise InputError("height_m", height_m, "expected 0 to 2.54 m")
+        return cut_pages(self.store, self.stems, self._cells(polygon), round(100.0 * height_m), self._retop)
+
+    def standing_area(self, polygon: Any) -> float:
+        """Area of standing crop within a convex polygon (n, 2) [m2]."""
+        return standing_share(self.store, self._cells(polygon)) * self.maker.cell**2
+
+    def standing(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """True where crop stands, in the shape of x and y."""
+        u, v = (np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y))
+        slot = self._slots(u // PAGE_CUT_CELLS, v // PAGE_CUT_CELLS)
+        p, u, v = self.pages, u % PAGE_CUT_CELLS, v % PAGE_CUT_CELLS
+        row = p.cut_slot[slot]
+        code = np.where(row < 0, -1 - row, 0).astype(np.uint8)
+        dense = row >= 0
+        if dense.any():
+            code[dense] = p.cut[row[dense], v[dense], u[dense]]
+        return np.asarray((code == STANDING) & (p.tile_stand[slot, v // 64, u // 64, 3] > 0.0))
+
+    def edge_offset(self, start: Any, end: Any) -> float:
+        """Distance [m] from start towards end at which ground without crop turns into standing crop.
+
+        The split that agrees with most of the samples, less than 1 cm apart; nan when the segment has no
+        standing crop, no other ground, or when no split agrees with more of them than not.
+        """
+        a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+        length = float(np.hypot(*(b - a)))
+        count = int(np.ceil(length / 0.01)) + 1
+        at = (np.arange(count) + 0.5) / count
+        crop = self.standing(a[0] + (b[0] - a[0]) * at, a[1] + (b[1] - a[1]) * at)
+        if crop.all() or not crop.any():
+            return float("nan")
+        agree = np.concatenate([[0], np.cumsum(np.where(crop, -1, 1))]) + np.count_nonzero(crop)
+        best = int(np.argmax(agree))
+        return best / count * length if 0 < best < count else float("nan")
+
+    def deposit_straw(self, polygon: Any, mass_kg: float, *, heading: float | None = None) -> None:
+        """Lay straw on the ground within a convex polygon (n, 2) [m].
+
+        Even, or with a heading [rad] as a ridge along it: depth falls as a parabola to both sides. The mass
+        on all nodes adds up to what was laid; depth is mass / (straw_density * node area).
+        """
+        if not 0.0 <= mass_kg < np.inf:
+            raise InputError("mass_kg", mass_kg, "expected >= 0")
+        points = check_polygon(polygon)
+        _check_near(points[:, 0], points[:, 1])
+        heading = None if heading is None else heading - self.stand_yaw
+        corners = np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.node
+        spread_straw(self.store, corners, mass_kg, heading, self._depth_per_kg)
+
+    @property
+    def straw_kg(self) -> float:
+        """Mass of all straw laid on the field [kg]."""
+        return sum(float(m.sum()) for m in self._all_straw().values())
+
+    def recount(self) -> Cut:
+        """What is missing now against the start, stem by stem from the codes alone."""
+        return recount_pages(self.store, self.maker, self.stems)
+
+    def save(self) -> dict[str, Any]:
+        """What was changed: packed codes and straw of changed pages."""
+        changes = self.store.changes()
+        return {
+            "keys": np.array(list(changes), dtype=np.int64).reshape(-1, 2),
+            "codes": [c.codes for c in changes.values()],
+            "straw": [c.straw for c in changes.values()],
+        }
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over a saved state; everything else is as at the start."""
+        keys: list[Key] = [(int(i), int(j)) for i, j in state["keys"]]
+        changes = zip(keys, state["codes"], state["straw"], strict=True)
+        self.store.restore({key: Change(codes, straw) for key, codes, straw in changes})
+
+    @property
+    def _depth_per_kg(self) -> float:
+        return 1.0 / (self.straw_density * self.maker.node**2)
+
+    def _all_straw(self) -> dict[Key, Array]:
+        return self.store.all_straw()
+
+    def _finish(self, keys: list[Key]) -> None:
+        self._retop(keys)
+        write_depth(self.store, keys, self._depth_per_kg)
+
+    def _retop(self, keys: list[Key]) -> None:
+        update_tops(self.store, self.library, keys)
+
+    def _cells(self, polygon: Any) -> Array:
+        """Polygon in units of cut cells of the stand frame."""
+        points = check_polygon(polygon)
+        _check_near(points[:, 0], points[:, 1])
+        return np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.cell
+
+    def _points(self, x: Any, y: Any) -> tuple[Array, Array]:
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        _check_near(x, y)
+        return self.to_stand(x, y)
+
+    def _slots(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Slots of pages, made where they are missing."""
+        p = self.pages
+        column, row = i - p.table_x, j - p.table_y
+        ny, nx = p.table.shape
+        known = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+        if known.all():
+            slot = p.table[row, column]
+            if (slot >= 0).all():
+                return slot.astype(np.int64)
+        pairs = np.unique(np.stack([i.ravel(), j.ravel()], axis=-1), axis=0)
+        self.store.need([(int(a), int(b)) for a, b in pairs])
+        p = self.pages
+        return p.table[j - p.table_y, i - p.table_x].astype(np.int64)
+
+    def _corners(self, x: Any, y: Any) -> tuple[Array, Array, Array]:
+        """Heights of the four lattice nodes around points, (4, ...), and the fractions between them."""
+        u, v = (a / self.maker.node for a in self._points(x, y))
+        iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+        slot = self._slots(iu // PAGE_NODES, iv // PAGE_NODES)
+        a, b, ground = iu % PAGE_NODES, iv % PAGE_NODES, self.pages.ground
+        z = [ground[slot, b, a], ground[slot, b, a + 1], ground[slot, b + 1, a], ground[slot, b + 1, a + 1]]
+        return np.array(z, dtype=np.float64), u - iu, v - iv
+
+
+def make_field(
+    terrain: Terrain,
+    stand: Stand,
+    edge: BrokenEdge,
+    *,
+    crop: Crop,
+    library: PlantLibrary | None = None,
+    stream: Stream,
+    boundary: Boundary | None = None,
+    page_limit: int = 1024,
+) -> Field:
+    """A field from resolved levels. The library is made from the crop when none is given.
+
+    Raises InputError when the edge does not pass through the field.
+    """
+    from swath.field.library import make_library
+
+    if boundary is not None:
+        s = np.linspace(0.0, edge.shape.length, 256)
+        if not boundary.contains(*edge.shape.point_at(s).T).any():
+            raise InputError("field.edge", None, "expected an edge inside the boundary of the field")
+    if library is None:
+        library = make_library(
+            crop,
+            density_max=stand.density_max,
+            row_spacing=stand.row_spacing,
+            seed=stream.child("library"),
+        )
+    return Field(
+        terrain,
+        stand,
+        edge,
+        library,
+        stream=stream,
+        boundary=boundary,
+        straw_exponent=crop.yields.straw_exponent,
+        straw_density=crop.yields.swath_density,
+        page_limit=page_limit,
+    )
+
+
+def _check_near(x: Array, y: Array) -> None:
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise InputError("position", None, "expected finite x and y")
+    if x.size and max(np.abs(x).max(), np.abs(y).max()) > FAR:
+        raise InputError("position", None, f"expected within {FAR:g} m of the origin of the field")

@@ -1,0 +1,225 @@
+"""Cutting, counting and recounting the cells of pages."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import fsum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.cutting import (
+    CELLS,
+    TILE_CELLS,
+    Cut,
+    StemIndex,
+    cell_in_tile,
+    rows_inside,
+    split_at_tiles,
+)
+from swath.field.layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
+from swath.field.page_maker import PageMaker
+from swath.field.pages import Codes, Key, PageStore, inflate_codes
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+PAGE_CELLS = PAGE_CUT_CELLS * PAGE_CUT_CELLS
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Runs of cells within one tile each. slot: of the page; tile_x, tile_y, cell_x, cell_y: tile in the
+    page and first cell in the tile; length [cells].
+    """
+
+    slot: Ints
+    tile_x: Ints
+    tile_y: Ints
+    cell_x: Ints
+    cell_y: Ints
+    length: Ints
+
+    def take(self, which: NDArray[np.bool_]) -> "_Runs":
+        """Some of the runs."""
+        return _Runs(*(getattr(self, n)[which] for n in self.__dataclass_fields__))
+
+
+def cut_pages(
+    store: PageStore, stems: StemIndex, polygon: Array, code: int, retop: Callable[[list[Key]], None]
+) -> Cut:
+    """Bring every cell of a polygon (cell units) that is higher down to the code. retop: told of pages where
+    the height of a whole tile changed.
+    """
+    runs, keys = _runs(store, polygon)
+    p = store.pages
+    if runs.slot.size:  # leave out uniform pages that are this low already
+        row = p.cut_slot[runs.slot]
+        runs = runs.take((row >= 0) | (-1 - row > code))
+    if runs.slot.size == 0:
+        return Cut()
+    for slot in np.unique(runs.slot):
+        store.open_cut(int(slot))
+    base = p.cut_slot[runs.slot].astype(np.int64) * PAGE_CELLS
+    base += (runs.tile_y * TILE_CELLS + runs.cell_y) * PAGE_CUT_CELLS + runs.tile_x * TILE_CELLS + runs.cell_x
+    before = np.cumsum(runs.length) - runs.length
+    step = np.arange(int(runs.length.sum()))
+    run = np.repeat(np.arange(len(base)), runs.length)
+    flat = step + (base - before)[run]
+    cells = p.cut.reshape(-1)
+    old = cells[flat]
+    changed = np.flatnonzero(old > code)
+    if changed.size == 0:
+        return Cut()
+    if changed.size < flat.size:
+        flat, old, run, step = flat[changed], old[changed], run[changed], step[changed]
+    cells[flat] = code
+    taken = _taken(store, stems, runs, before, run, step, old, code)
+    _note(store, runs, keys, np.bincount(run, minlength=len(base)) > 0, retop)
+    return taken
+
+
+def standing_share(store: PageStore, polygon: Array) -> float:
+    """Number of standing cells within a polygon (cell units)."""
+    runs, _ = _runs(store, polygon)
+    p = store.pages
+    fraction = p.tile_stand[runs.slot, runs.tile_y, runs.tile_x, 3]
+    row = p.cut_slot[runs.slot]
+    runs_alive = fraction > 0.0
+    whole = runs_alive & (row == -1 - STANDING)
+    total = int(runs.length[whole].sum())
+    dense = runs.take(runs_alive & (row >= 0))
+    base = p.cut_slot[dense.slot].astype(np.int64) * PAGE_CELLS
+    base += (dense.tile_y * TILE_CELLS + dense.cell_y) * PAGE_CUT_CELLS
+    base += dense.tile_x * TILE_CELLS + dense.cell_x
+    before = np.cumsum(dense.length) - dense.length
+    flat = np.arange(int(dense.length.sum())) + np.repeat(base - before, dense.length)
+    return total + int(np.count_nonzero(p.cut.reshape(-1)[flat] == STANDING))
+
+
+def recount_pages(store: PageStore, maker: PageMaker, stems: StemIndex) -> Cut:
+    """Sum over all changed pages, tile by tile and stem by stem, of what is gone against the start."""
+    total = []
+    for key, change in store.changes().items():
+        if change.codes is None:
+            continue
+        data = maker.make(*key)
+        start, now = _full(data.codes), _full(inflate_codes(change.codes))
+        for ty in range(PAGE_TILES):
+            for tx in range(PAGE_TILES):
+                part = np.s_[ty * TILE_CELLS : (ty + 1) * TILE_CELLS, tx * TILE_CELLS : (tx + 1) * TILE_CELLS]
+                if not np.array_equal(start[part], now[part]):
+                    stand, prototype = data.tile_stand[ty, tx], int(data.tile_prototype[ty, tx])
+                    total.append(_recount_tile(stems, maker.cell, stand, prototype, start[part], now[part]))
+    return Cut(
+        fsum(c.grain for c in total),
+        fsum(c.straw for c in total),
+        sum(c.stem_count for c in total),
+        fsum(c.area for c in total),
+        fsum(c.grain_left for c in total),
+    )
+
+
+def _recount_tile(
+    stems: StemIndex,
+    cell: float,
+    stand: NDArray[np.float32],
+    prototype: int,
+    start: NDArray[np.uint8],
+    now: NDArray[np.uint8],
+) -> Cut:
+    library = stems.library
+    k = prototype & (MIRROR_X - 1)
+    mine = np.arange(library.stem_start[k], library.stem_start[k + 1])
+    mine = mine[library.stem_rank[mine] < stand[3]]
+    xy = library.stem_xy[mine].astype(np.float64)
+    ix = cell_in_tile(xy[:, 0], library.tile_size, bool(prototype & MIRROR_X))
+    iy = cell_in_tile(xy[:, 1], library.tile_size, bool(prototype & MIRROR_Y))
+    then, after = start[iy, ix], now[iy, ix]
+    stands = np.broadcast_to(stand.astype(np.float64), (len(mine), 4))
+    was, is_now = stems.taken(mine, stands, then), stems.taken(mine, stands, after)
+    grain, straw, left = (fsum((b - a).tolist()) for a, b in zip(was, is_now, strict=True))
+    newly = (start == STANDING) & (now != STANDING)
+    area = float(np.count_nonzero(newly)) * cell**2 if stand[3] > 0.0 else 0.0
+    return Cut(grain, straw, int(np.count_nonzero((then == STANDING) & (after != STANDING))), area, left)
+
+
+def _runs(store: PageStore, polygon: Array) -> tuple[_Runs, dict[int, Key]]:
+    """Cells of a polygon as runs; the pages they lie on are brought into memory. Also slot -> page."""
+    row, first, after = split_at_tiles(*rows_inside(polygon))
+    i, j = first // PAGE_CUT_CELLS, row // PAGE_CUT_CELLS
+    keys: dict[int, Key] = {}
+    slot = np.empty(len(row), np.int64)
+    if row.size:
+        i0, j0, nx = int(i.min()), int(j.min()), int(i.max() - i.min()) + 1
+        pair = (j - j0) * nx + (i - i0)
+        found = np.flatnonzero(np.bincount(pair))
+        places = [(i0 + int(n) % nx, j0 + int(n) // nx) for n in found]
+        store.need(places)
+        lookup = np.zeros(int(found[-1]) + 1, np.int64)
+        for n, key in zip(found, places, strict=True):
+            lookup[n] = store.keys[key]
+            keys[store.keys[key]] = key
+        slot = lookup[pair]
+    x, y = first - i * PAGE_CUT_CELLS, row - j * PAGE_CUT_CELLS
+    runs = _Runs(slot, x // TILE_CELLS, y // TILE_CELLS, x % TILE_CELLS, y % TILE_CELLS, after - first)
+    return runs, keys
+
+
+def _taken(
+    store: PageStore,
+    stems: StemIndex,
+    runs: _Runs,
+    before: Ints,
+    run: Ints,
+    step: Ints,
+    old: NDArray[np.uint8],
+    code: int,
+) -> Cut:
+    """Mass on changed cells: run each lies in, its number among all cells of the runs, its old code."""
+    p = store.pages
+    stand = p.tile_stand[runs.slot, runs.tile_y, runs.tile_x].astype(np.float64)
+    variant = stems.variant(p.tile_prototype[runs.slot, runs.tile_y, runs.tile_x])
+    start = variant * CELLS + runs.cell_y * TILE_CELLS + runs.cell_x - before
+    where, stem = stems.on_cells(step + start[run])
+    of = run[where]
+    alive = stems.rank[stem] < stand[of, 3]
+    where, stem, of = where[alive], stem[alive], of[alive]
+    grain, straw, left = (float(a.sum()) for a in stems.taken(stem, stand[of], code))
+    stood = old == STANDING
+    recut = ~stood[where]
+    if recut.any():
+        again = stems.taken(stem[recut], stand[of[recut]], old[where[recut]])
+        grain, straw, left = grain - again[0].sum(), straw - again[1].sum(), left - again[2].sum()
+    area = np.count_nonzero(stood & (stand[run, 3] > 0.0)) * (stems.library.tile_size / TILE_CELLS) ** 2
+    return Cut(float(grain), float(straw), int(np.count_nonzero(~recut)), float(area), float(left))
+
+
+def _note(
+    store: PageStore,
+    runs: _Runs,
+    keys: dict[int, Key],
+    hit: NDArray[np.bool_],
+    retop: Callable[[list[Key]], None],
+) -> None:
+    """Book-keeping after codes changed in the runs that were hit: highest codes, collapse, tops."""
+    p = store.pages
+    tile = (runs.slot * PAGE_TILES + runs.tile_y) * PAGE_TILES + runs.tile_x
+    tile = np.flatnonzero(np.bincount(tile[hit]))
+    slot, ty, tx = tile // PAGE_TILES**2, tile // PAGE_TILES % PAGE_TILES, tile % PAGE_TILES
+    blocks = p.cut.reshape(len(p.cut), PAGE_TILES, TILE_CELLS, PAGE_TILES, TILE_CELLS)
+    highest = blocks[p.cut_slot[slot], ty, :, tx, :].max(axis=(1, 2))
+    lower = highest < store.code_max[slot, ty, tx]
+    store.code_max[slot, ty, tx] = highest
+    for n in np.unique(slot):
+        store.recut.add(keys[int(n)])
+    p.revision += 1
+    if lower.any():
+        touched = np.unique(slot[lower])
+        retop([keys[int(n)] for n in touched])
+        for n in touched:
+            store.try_collapse(int(n))
+
+
+def _full(codes: Codes) -> NDArray[np.uint8]:
+    if isinstance(codes, int):
+        return np.full((PAGE_CUT_CELLS, PAGE_CUT_CELLS), codes, np.uint8)
+    return codes

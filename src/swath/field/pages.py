@@ -1,0 +1,292 @@
+"""Store of pages: made where they are needed, forgotten where nothing was changed, packed when far.
+
+A page is a pure function of its index (`PageMaker`); what a run adds to it are cut codes and straw. A page
+that was changed is never lost: when it goes out of memory its codes and straw stay, deflated.
+"""
+
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pages
+
+Key = tuple[int, int]
+Codes = int | NDArray[np.uint8]
+N = PAGE_NODES + 1
+TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
+GROUND_POOLS = ("ground", "straw", "tile_plane", "tile_bump")
+SLOT_POOLS = (*GROUND_POOLS, "tile_stand", "tile_top", "tile_prototype", "cut_slot")  # one row per page
+
+
+@dataclass(frozen=True)
+class PageData:
+    """A page as it is at the start. codes: one code for the whole page or (512, 512). Rest as in `Pages`."""
+
+    ground: NDArray[np.float32]
+    tile_plane: NDArray[np.float32]
+    tile_stand: NDArray[np.float32]
+    tile_prototype: NDArray[np.int32]
+    codes: Codes
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a run did to a page. codes: None = nothing, a whole page's code, or deflated (512, 512) codes;
+    straw: None or deflated (64, 64) float64 masses [kg] on the nodes that the page owns.
+    """
+
+    codes: int | bytes | None
+    straw: bytes | None
+
+
+class PageStore:
+    """Pages in memory and what was changed on the others.
+
+    make: gives the page of an index; finish: called with the keys of pages that just came into memory
+    tile_size [m]; limit: number of pages kept in memory beyond those asked for last
+    """
+
+    def __init__(
+        self,
+        make: Callable[[int, int], PageData],
+        finish: Callable[[list[Key]], None] = lambda keys: None,
+        *,
+        tile_size: float = 1.0,
+        limit: int = 1024,
+    ) -> None:
+        self.make, self.finish, self.tile_size, self.limit = make, finish, tile_size, limit
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.pages = _empty_pages()
+        self.code_max = np.zeros((0, PAGE_TILES, PAGE_TILES), np.uint8)  # highest code per tile
+        self.keys: dict[Key, int] = {}  # slot of every page in memory, oldest use first
+        self.recut: set[Key] = set()  # pages whose codes are not those of the start
+        self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
+        self.packed: dict[Key, Change] = {}  # changed pages that are not in memory
+        self._free: list[int] = []
+        self._free_cut: list[int] = []
+
+    def slot_at(self, key: Key) -> int:
+        """Slot of a page, -1 when it is not in memory."""
+        return self.keys.get(key, -1)
+
+    def need(self, keys: Sequence[Key]) -> None:
+        """Bring pages into memory; forget the ones unused for longest when there are too many."""
+        missing = []
+        for key in keys:
+            slot = self.keys.pop(key, None)
+            if slot is None:
+                missing.append(key)
+            else:
+                self.keys[key] = slot
+        if not missing:
+            return
+        wanted = len(self.keys) + len(missing)
+        if wanted > self.limit:
+            keep = set(keys)
+            old = [k for k in self.keys if k not in keep]
+            for key in old[: wanted - self.limit]:
+                self._drop(key)
+        self._widen(missing)
+        for key in missing:
+            self._insert(key)
+        self.finish(missing)
+        self.pages.revision += 1
+
+    def codes_of(self, key: Key) -> Codes:
+        """Codes of a page in memory: one for all, or a view (512, 512)."""
+        row = int(self.pages.cut_slot[self.keys[key]])
+        return -1 - row if row < 0 else self.pages.cut[row]
+
+    def open_cut(self, slot: int) -> int:
+        """Row of `cut` of a page, made from its uniform code where it has none."""
+        row = int(self.pages.cut_slot[slot])
+        if row >= 0:
+            return row
+        if not self._free_cut:
+            self._grow_cut()
+        new = self._free_cut.pop()
+        self.pages.cut[new] = -1 - row
+        self.pages.cut_slot[slot] = new
+        return new
+
+    def try_collapse(self, slot: int) -> bool:
+        """Give the cut row back when all its cells have one code."""
+        row = int(self.pages.cut_slot[slot])
+        if row < 0:
+            return False
+        cells = self.pages.cut[row]
+        code = int(cells[0, 0])
+        if int(self.code_max[slot].min()) != code or not bool((cells == code).all()):
+            return False
+        self.pages.cut_slot[slot] = -1 - code
+        self._free_cut.append(row)
+        return True
+
+    def changes(self) -> dict[Key, Change]:
+        """Every changed page, in and out of memory, by key in order."""
+        found = dict(self.packed)
+        for key in self.recut | set(self.straw_mass):
+            found[key] = self._pack(key)
+        return dict(sorted(found.items()))
+
+    def restore(self, changes: dict[Key, Change]) -> None:
+        """Forget everything, then take over changed pages."""
+        revision = self.pages.revision
+        self.clear()
+        self.packed = dict(changes)
+        self.pages.revision = revision + 1
+
+    def straw_of(self, key: Key) -> NDArray[np.float64] | None:
+        """Straw masses (64, 64) [kg] of a page in or out of memory, None without any."""
+        mass = self.straw_mass.get(key)
+        if mass is None and key in self.packed:
+            packed = self.packed[key].straw
+            mass = None if packed is None else inflate_straw(packed)
+        return mass
+
+    def all_straw(self) -> dict[Key, NDArray[np.float64]]:
+        """Straw masses of every page that has any."""
+        keys = sorted(set(self.straw_mass) | {k for k, c in self.packed.items() if c.straw is not None})
+        return {k: mass for k in keys if (mass := self.straw_of(k)) is not None}
+
+    @property
+    def byte_count(self) -> int:
+        """Memory held [bytes]."""
+        p = self.pages
+        pools = [p.table, p.cut, self.code_max, *(getattr(p, name) for name in SLOT_POOLS)]
+        packed = sum(
+            (len(c.codes) if isinstance(c.codes, bytes) else 0) + len(c.straw or b"")
+            for c in self.packed.values()
+        )
+        return sum(a.nbytes for a in pools) + packed + sum(a.nbytes for a in self.straw_mass.values())
+
+    def _insert(self, key: Key) -> None:
+        if not self._free:
+            self._grow()
+        slot = self._free.pop()
+        data = self.make(*key)
+        p = self.pages
+        p.ground[slot] = data.ground
+        p.straw[slot] = 0.0
+        p.tile_plane[slot], p.tile_stand[slot] = data.tile_plane, data.tile_stand
+        p.tile_prototype[slot] = data.tile_prototype
+        change = self.packed.pop(key, None)
+        codes = data.codes
+        if change is not None and change.codes is not None:
+            codes = inflate_codes(change.codes)
+            self.recut.add(key)
+        if change is not None and change.straw is not None:
+            self.straw_mass[key] = inflate_straw(change.straw)
+        if isinstance(codes, int):
+            p.cut_slot[slot] = -1 - codes
+            self.code_max[slot] = codes
+        else:
+            p.cut_slot[slot] = -1
+            row = self.open_cut(slot)
+            p.cut[row] = codes
+            self.code_max[slot] = codes.reshape(PAGE_TILES, TILE_CELLS, PAGE_TILES, TILE_CELLS).max(
+                axis=(1, 3)
+            )
+        self.keys[key] = slot
+        p.table[key[1] - p.table_y, key[0] - p.table_x] = slot
+
+    def _drop(self, key: Key) -> None:
+        p = self.pages
+        if key in self.recut or key in self.straw_mass:
+            self.packed[key] = self._pack(key)
+            self.recut.discard(key)
+            self.straw_mass.pop(key, None)
+        slot = self.keys.pop(key)
+        if p.cut_slot[slot] >= 0:
+            self._free_cut.append(int(p.cut_slot[slot]))
+        p.cut_slot[slot] = -1
+        p.table[key[1] - p.table_y, key[0] - p.table_x] = -1
+        self._free.append(slot)
+
+    def _pack(self, key: Key) -> Change:
+        codes: int | bytes | None = None
+        if key in self.recut:
+            now = self.codes_of(key)
+            codes = now if isinstance(now, int) else zlib.compress(now.tobytes(), 1)
+        straw = self.straw_mass.get(key)
+        return Change(codes, None if straw is None else zlib.compress(straw.tobytes(), 1))
+
+    def _grow(self) -> None:
+        p, old = self.pages, len(self.pages.ground)
+        new = max(2 * old, 32)
+        for name in SLOT_POOLS:
+            setattr(p, name, _grown(getattr(p, name), new))
+        self.code_max = _grown(self.code_max, new)
+        self._free += range(new - 1, old - 1, -1)
+
+    def _grow_cut(self) -> None:
+        old = len(self.pages.cut)
+        new = max(2 * old, 8)
+        self.pages.cut = _grown(self.pages.cut, new)
+        self._free_cut += range(new - 1, old - 1, -1)
+
+    def _widen(self, keys: list[Key], margin: int = 8) -> None:
+        """Let the window table hold the keys; at least a quarter larger than before when it has to grow."""
+        p = self.pages
+        ny, nx = p.table.shape
+        x, y = np.array([k[0] for k in keys]), np.array([k[1] for k in keys])
+        x0, x1, y0, y1 = int(x.min()), int(x.max()) + 1, int(y.min()), int(y.max()) + 1
+        if nx > 0:
+            if p.table_x <= x0 and x1 <= p.table_x + nx and p.table_y <= y0 and y1 <= p.table_y + ny:
+                return
+            x0, x1 = min(x0, p.table_x), max(x1, p.table_x + nx)
+            y0, y1 = min(y0, p.table_y), max(y1, p.table_y + ny)
+        x0, x1 = x0 - margin - nx // 8, x1 + margin + nx // 8
+        y0, y1 = y0 - margin - ny // 8, y1 + margin + ny // 8
+        if (x1 - x0) * (y1 - y0) > 1 << 26:
+            raise InputError("field", None, "expected a run within one region, the places are too far apart")
+        table = np.full((y1 - y0, x1 - x0), -1, np.int32)
+        if nx > 0:
+            table[p.table_y - y0 : p.table_y - y0 + ny, p.table_x - x0 : p.table_x - x0 + nx] = p.table
+        p.table, p.table_x, p.table_y = table, x0, y0
+
+
+def inflate_codes(codes: int | bytes) -> Codes:
+    """Codes of a page from their packed form."""
+    if isinstance(codes, int):
+        return codes
+    flat = np.frombuffer(zlib.decompress(codes), np.uint8)
+    return flat.reshape(PAGE_CUT_CELLS, PAGE_CUT_CELLS)
+
+
+def inflate_straw(straw: bytes) -> NDArray[np.float64]:
+    """Straw masses of a page from their packed form."""
+    flat = np.frombuffer(zlib.decompress(straw), np.float64)
+    return flat.reshape(PAGE_NODES, PAGE_NODES).copy()
+
+
+def _empty_pages() -> Pages:
+    f = np.float32
+    return Pages(
+        table=np.full((0, 0), -1, np.int32),
+        table_x=0,
+        table_y=0,
+        ground=np.zeros((0, N, N), f),
+        straw=np.zeros((0, N, N), f),
+        tile_plane=np.zeros((0, PAGE_TILES, PAGE_TILES, 3), f),
+        tile_stand=np.zeros((0, PAGE_TILES, PAGE_TILES, 4), f),
+        tile_top=np.zeros((0, PAGE_TILES, PAGE_TILES), f),
+        tile_prototype=np.zeros((0, PAGE_TILES, PAGE_TILES), np.int32),
+        cut_slot=np.zeros(0, np.int32),
+        cut=np.zeros((0, PAGE_CUT_CELLS, PAGE_CUT_CELLS), np.uint8),
+        tile_bump=np.zeros((0, PAGE_TILES, PAGE_TILES), f),
+    )
+
+
+def _grown(pool: NDArray[Any], count: int) -> NDArray[Any]:
+    grown = np.zeros((count, *pool.shape[1:]), pool.dtype)
+    grown[: len(pool)] = pool
+    return grown

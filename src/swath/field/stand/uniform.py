@@ -1,0 +1,69 @@
+"""Stand level `uniform`: the same density, height and lean everywhere."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
+
+from swath.core.registry import Level
+from swath.core.units import DEG
+from swath.field.setup import FieldSetup
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Params:
+    """crop: name of a crop file; stems_per_m2; row_spacing_m, 0 = no rows; row_azimuth_deg: direction of the
+    rows, counter-clockwise from east; height_factor: plant length relative to the crop's own; lean_deg,
+    lean_azimuth_deg: mean lean of all stems on top of their own, and where to.
+    """
+
+    crop: str = "wheat"
+    stems_per_m2: Annotated[float, Gt(0.0), Le(3000.0)] = 500.0
+    row_spacing_m: Annotated[float, Ge(0.0), Le(2.0)] = 0.125
+    row_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    height_factor: Annotated[float, Gt(0.0), Le(4.0)] = 1.0
+    lean_deg: Annotated[float, Ge(0.0), Le(80.0)] = 0.0
+    lean_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+
+
+class Uniform:
+    """A stand that is alike everywhere."""
+
+    def __init__(self, params: Params, setup: FieldSetup) -> None:
+        self.crop = params.crop
+        self.density_max = params.stems_per_m2
+        self.row_spacing = params.row_spacing_m
+        self.row_azimuth = params.row_azimuth_deg * DEG
+        self._factor = params.height_factor
+        self._lean = params.lean_deg * DEG, params.lean_azimuth_deg * DEG
+
+    def density(self, x: Any, y: Any) -> Array:
+        """Stems per m2."""
+        return _constant(self.density_max, x, y)
+
+    def height_factor(self, x: Any, y: Any) -> Array:
+        """Plant length relative to the crop's own."""
+        return _constant(self._factor, x, y)
+
+    def lean(self, x: Any, y: Any) -> tuple[Array, Array]:
+        """Lean from the vertical and its direction [rad]."""
+        return _constant(self._lean[0], x, y), _constant(self._lean[1], x, y)
+
+    def bare(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """Nowhere."""
+        return _constant(0.0, x, y) > 0.0
+
+    def may_be_bare(self, x: Any, y: Any, radius: float) -> NDArray[np.bool_]:
+        """Nowhere."""
+        return _constant(0.0, x, y) > 0.0
+
+
+def _constant(value: float, x: Any, y: Any) -> Array:
+    return np.full(np.broadcast_shapes(np.shape(x), np.shape(y)), value)
+
+
+LEVEL = Level(Uniform, Params, "alike everywhere", cost="none", tolerance="exact")

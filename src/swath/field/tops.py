@@ -1,0 +1,84 @@
+"""Tops of tiles: how high a ray has to look for crop.
+
+A stem stands on its own cell but leans over others, and a tile shows every stem whose foot lies within reach
+of it. So a tile counts as standing as long as crop stands on it or on a tile within that reach.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.layout import PAGE_NODES, PAGE_TILES, STANDING, PlantLibrary
+from swath.field.pages import Key, PageStore
+
+Ints = NDArray[np.int64]
+NODES_PER_TILE = PAGE_NODES // PAGE_TILES
+SLACK = 0.001  # added to tops so that float32 rounding never hides a tip [m]
+REACH_MAX = 4  # tiles
+
+
+def update_tops(store: PageStore, library: PlantLibrary, keys: list[Key]) -> None:
+    """Write `tile_top` of the pages `keys` and of the pages around them, as far as they are in memory."""
+    around = {(i + a, j + b) for i, j in keys for a in (-1, 0, 1) for b in (-1, 0, 1)}
+    here = sorted(key for key in around if key in store.keys)
+    if not here:
+        return
+    page = np.array(here, dtype=np.int64)
+    slots = np.array([store.keys[key] for key in here], dtype=np.int64)
+    p = store.pages
+    stand = p.tile_stand[slots].astype(np.float64)
+    lean = np.hypot(stand[..., 1], stand[..., 2])
+    tiles = np.ceil((stem_reach(library) + lean * library.height_max) / library.tile_size).astype(int)
+    reach = np.minimum(tiles, REACH_MAX)
+    code = _code_around(store, page, int(reach.max()))
+    highest = np.zeros(reach.shape, np.uint8)
+    for r in range(int(reach.max()) + 1):
+        widened = _widest(code, int(reach.max()), r)
+        highest = np.where(reach == r, widened, highest)
+    top = np.where(highest == STANDING, np.inf, 0.01 * highest)
+    top = np.minimum(top, library.height_max * stand[..., 0]) + SLACK
+    p.tile_top[slots] = np.where((highest == 0) | (stand[..., 3] <= 0.0), 0.0, top)
+
+
+def update_bumps(store: PageStore, keys: list[Key]) -> None:
+    """Write `tile_bump` of pages in memory: how far ground and straw rise above each tile's plane."""
+    if not keys:
+        return
+    p, n = store.pages, NODES_PER_TILE
+    slots = np.array([store.keys[key] for key in keys], dtype=np.int64)
+    surface = (p.ground[slots] + p.straw[slots]).astype(np.float64)
+    blocks = np.lib.stride_tricks.sliding_window_view(surface, (n + 1, n + 1), axis=(1, 2))[:, ::n, ::n]
+    offset = (np.arange(n + 1) / n - 0.5) * store.tile_size
+    height, slope_x, slope_y = (p.tile_plane[slots].astype(np.float64)[..., k, None, None] for k in range(3))
+    plane = height + slope_x * offset + slope_y * offset[:, None]
+    p.tile_bump[slots] = (blocks - plane).max(axis=(3, 4))
+
+
+def stem_reach(library: PlantLibrary) -> float:
+    """How far outside a tile the foot of a stem can lie that the tile shows [m]."""
+    if len(library.base) == 0:
+        return 0.0
+    return max(0.0, float(-library.base.min()), float(library.base.max()) - library.tile_size)
+
+
+def _code_around(store: PageStore, page: Ints, reach: int) -> NDArray[np.uint8]:
+    """Highest codes of the tiles of pages and `reach` tiles around them; STANDING where no page is."""
+    p = store.pages
+    step = np.arange(-reach, PAGE_TILES + reach)
+    tx = (page[:, 0] * PAGE_TILES)[:, None, None] + step
+    ty = (page[:, 1] * PAGE_TILES)[:, None, None] + step[:, None]
+    tx, ty = np.broadcast_arrays(tx, ty)
+    column, row = tx // PAGE_TILES - p.table_x, ty // PAGE_TILES - p.table_y
+    ny, nx = p.table.shape
+    known = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+    slot = np.where(known, p.table[np.clip(row, 0, ny - 1), np.clip(column, 0, nx - 1)], -1)
+    code = store.code_max[slot, ty % PAGE_TILES, tx % PAGE_TILES]
+    return np.where(slot >= 0, code, STANDING).astype(np.uint8)
+
+
+def _widest(code: NDArray[np.uint8], border: int, reach: int) -> NDArray[np.uint8]:
+    """Maximum over the tiles within `reach`, (n, 8, 8)."""
+    found = np.zeros((len(code), PAGE_TILES, PAGE_TILES), np.uint8)
+    for dy in range(border - reach, border + reach + 1):
+        for dx in range(border - reach, border + reach + 1):
+            np.maximum(found, code[:, dy : dy + PAGE_TILES, dx : dx + PAGE_TILES], out=found)
+    return found
