@@ -96,7 +96,7 @@ class Raster:
         rotated, has cells that are not square, or holds no number at all. A nodata value becomes nan.
         """
         path = Path(path)
-        with _open(path) as dataset:
+        with open_geotiff(path) as dataset:
             epsg = _metric_epsg(dataset.crs, path)
             cell = _cell(dataset.transform, path)
             masked = dataset.read(1, masked=True)
@@ -153,7 +153,8 @@ def _rasterio() -> Any:
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[Any]:
+def open_geotiff(path: Path) -> Iterator[Any]:
+    """An open rasterio dataset. Raises InputError naming the file for whatever goes wrong with it."""
     rasterio = _rasterio()
     if not path.is_file():
         raise InputError("raster", None, "expected a GeoTIFF, there is no such file", file=path)

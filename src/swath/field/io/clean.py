@@ -20,14 +20,18 @@ LEAST_FLOW = 0.1  # of the machine's median flow: below, the header is out of th
 TURN_RADIUS = 20.0  # m: a track curved more tightly is a headland turn
 TURN_REACH = 8.0  # m before and after, over which the curvature is taken
 RAMP = 3.0  # s at each end of a pass while the machine fills and empties
-OUTLIER_SIGMA = 5.0  # robust standard deviations of log yield
+OUTLIER_SIGMA = 5.0  # robust standard deviations
 LOCAL_RECORDS = 21  # of the running median a record is held against
+STRIP_RECORDS = 41  # of the running median that tells a strip narrower than the header
+STRIP_SHARE = 0.6  # of the yield of the passes beside it: less means that the header was not full
+STRIP_REACH = 1.6  # header widths to the passes beside
 LONGEST_HOLE = 5  # records without crop that do not end a pass
 SHORTEST_PASS = 30.0  # m
 
 REASONS = (
     "outside_boundary", "standing", "speed_out_of_range", "header_up", "partial_width", "headland_turn",
-    "flow_not_arrived", "not_harvesting", "pass_start", "pass_end", "no_pass", "yield_outlier",
+    "flow_not_arrived", "not_harvesting", "pass_start", "pass_end", "no_pass",
+    "narrow_strip", "yield_outlier",
 )  # fmt: skip
 
 
@@ -35,12 +39,14 @@ REASONS = (
 class Cleaned:
     """A log with the verdict on each record, shape (n,).
 
-    reason: index into REASONS, -1 = kept; flow: delay removed [kg/s], nan = unknown
-    grain: yield as harvested [kg/m2], nan = unknown; pass_id: -1 = not in a pass, else 0.. in driven order
+    cutting: header in the crop, in turns too; reason: index into REASONS, -1 = kept
+    flow: delay removed [kg/s], nan = unknown; grain: yield as harvested [kg/m2], nan = unknown
+    pass_id: -1 = not in a pass, else 0.. in driven order
     course: of travel, counter-clockwise from east [rad]; distance: along the track from its start [m]
     """
 
     log: Log
+    cutting: NDArray[np.bool_]
     delays: tuple[Delay, ...]
     reason: NDArray[np.int64]
     flow: Array
@@ -99,8 +105,11 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
     reason = np.full(len(log), -1, dtype=np.int64)
     for name, failed in tests.items():
         reason[(reason < 0) & failed] = REASONS.index(name)
+    narrow = _narrow_strips(log, grain, pass_id, np.flatnonzero(reason < 0))
+    reason[narrow] = REASONS.index("narrow_strip")
     reason[_outliers(log, grain, reason < 0)] = REASONS.index("yield_outlier")
-    return Cleaned(log, tuple(delays), reason, flow, grain, pass_id, course, distance)
+    cutting = ~standing & ~empty & (log.width > 0.0)
+    return Cleaned(log, cutting, tuple(delays), reason, flow, grain, pass_id, course, distance)
 
 
 def geometry(log: Log) -> tuple[Array, Array, Array]:
@@ -168,18 +177,49 @@ def _time_in_pass(log: Log, pass_id: NDArray[np.int64]) -> tuple[Array, Array]:
     return since, until
 
 
+def _narrow_strips(
+    log: Log, grain: Array, pass_id: NDArray[np.int64], index: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Of the records `index`, those on a strip that yields far less than the passes beside it.
+
+    The last strip of a land is seldom as wide as the header, but the monitor takes the full width: over a
+    running median of STRIP_RECORDS such a pass lies below STRIP_SHARE of both what lies beside.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(index) < 2 * STRIP_RECORDS:
+        return index[:0]
+    usual = _running_median(grain[index], STRIP_RECORDS)
+    count = min(48, len(index))
+    reach = STRIP_REACH * float(np.median(log.width[index]))
+    position = log.position[index]
+    distance, near = cKDTree(position).query(position, k=count, distance_upper_bound=reach)
+    near = np.where(np.isfinite(distance), near, 0)
+    other = np.isfinite(distance) & (pass_id[index][near] != pass_id[index][:, None])
+    number = other.sum(axis=1)
+    beside = np.where(other, usual[near], np.inf)
+    beside.sort(axis=1)
+    middle = beside[np.arange(len(index)), np.maximum(number // 2, 0).clip(max=count - 1)]
+    narrow: NDArray[np.bool_] = (number >= 5) & (usual < STRIP_SHARE * np.where(number >= 5, middle, 0.0))
+    return np.asarray(index[narrow])
+
+
+def _running_median(values: Array, count: int) -> Array:
+    half = count // 2
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, half, mode="edge"), count)
+    return np.asarray(np.median(windows, axis=1))
+
+
 def _outliers(log: Log, grain: Array, candidate: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Records far from the field's median yield, or from the running median along their own track."""
+    """Records far from the field's median yield, or (log yield) from the running median of their track."""
     bad = np.zeros(len(log), dtype=bool)
     index = np.flatnonzero(candidate & (grain > 0.0))
     if len(index) < LOCAL_RECORDS:
         return bad
     value = np.log(grain[index])
-    half = LOCAL_RECORDS // 2
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(value, half, mode="edge"), LOCAL_RECORDS)
-    for deviation in (value - np.median(value), value - np.median(windows, axis=1)):
+    for deviation in (grain[index] - np.median(grain[index]), value - _running_median(value, LOCAL_RECORDS)):
         sigma = 1.4826 * float(np.median(np.abs(deviation)))
-        bad[index[np.abs(deviation) > OUTLIER_SIGMA * max(sigma, 0.02)]] = True
+        bad[index[np.abs(deviation) > OUTLIER_SIGMA * max(sigma, 0.01)]] = True
     return bad
 
 

@@ -26,7 +26,7 @@ class Heights:
     raster: height [m] as logged less the pass offsets; offset: of each pass [m], shape (pass_count,)
     step_before, step_after: robust sd of the height step between neighbouring passes [m]
     outlier_count: records dropped; missing_count: records of passes without a height
-    far_share: share of cells farther than 1.5 cells + one header width from any record (nearest value)
+    far_share: share of cells too far from any record, where the surface is only carried on smoothly
     """
 
     raster: Raster
@@ -53,9 +53,29 @@ def fit_terrain(cleaned: Cleaned, grid: Raster) -> Heights | None:
     xy, z, group = xy[good], z[good], group[good]
     offset, before, after = _pass_offsets(xy, z, group, reach)
     values, distance = _interpolate(xy, z - offset[group], grid)
+    far = distance > reach
+    values = carry_on(np.where(far, np.nan, values))
     raster = Raster(values.astype(np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
-    far = float((distance > reach + 1.5 * grid.cell).mean())
-    return Heights(raster, offset, before, after, int((~good).sum()), int((in_pass & ~usable).sum()), far)
+    dropped, missing = int((~good).sum()), int((in_pass & ~usable).sum())
+    return Heights(raster, offset, before, after, dropped, missing, float(far.mean()))
+
+
+def carry_on(values: Array) -> Array:
+    """Fill nan cells smoothly from the known ones: means of ever larger squares, relaxed at each size."""
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return values
+    ny, nx = values.shape
+    padded = np.pad(values, ((0, ny % 2), (0, nx % 2)), constant_values=np.nan)
+    blocks = padded.reshape(padded.shape[0] // 2, 2, -1, 2)
+    count = np.isfinite(blocks).sum(axis=(1, 3))
+    mean = np.where(count > 0, np.nansum(blocks, axis=(1, 3)) / np.maximum(count, 1), np.nan)
+    filled = np.where(known, values, np.kron(carry_on(mean), np.ones((2, 2)))[:ny, :nx])
+    for _ in range(60):
+        edged = np.pad(filled, 1, mode="edge")
+        around = 0.25 * (edged[:-2, 1:-1] + edged[2:, 1:-1] + edged[1:-1, :-2] + edged[1:-1, 2:])
+        filled = np.where(known, values, around)
+    return filled
 
 
 def _smooth(xy: Array, z: Array) -> tuple[Raster, Raster, Raster]:
@@ -161,7 +181,7 @@ def _spread(steps: Array) -> float:
 
 
 def _interpolate(xy: Array, z: Array, grid: Raster) -> tuple[Array, Array]:
-    """Heights at the cells of grid and distance to the nearest record [m]; nearest record outside the hull.
+    """Heights at the cells of grid and distance to the nearest record [m]; that record outside the hull.
 
     Records are first averaged in squares of half a cell.
     """

@@ -135,7 +135,9 @@ def _read_shapefile(path: Path) -> Table:
         raise MissingExtra("geo", "reading a shapefile") from error
     try:
         with zipfile.ZipFile(path) as archive:
-            parts = _parts(archive, path)
+            parts = shapefile_parts(archive, path)
+            if "dbf" not in parts:
+                raise InputError("log", None, "expected a .dbf beside the .shp in the archive", file=path)
             reader = shapefile.Reader(
                 shp=io.BytesIO(archive.read(parts["shp"])),
                 dbf=io.BytesIO(archive.read(parts["dbf"])),
@@ -160,18 +162,16 @@ def _read_shapefile(path: Path) -> Table:
     return Table(columns, np.arange(1, len(points) + 1), points, crs, {})
 
 
-def _parts(archive: zipfile.ZipFile, path: Path) -> dict[str, str]:
+def shapefile_parts(archive: zipfile.ZipFile, path: Path, key: str = "log") -> dict[str, str]:
     """Extension -> name of the one shapefile in the archive."""
     infos = [i for i in archive.infolist() if not i.is_dir() and "__MACOSX" not in i.filename]
     if sum(i.file_size for i in infos) > LARGEST_BYTES:
-        raise InputError("log", None, f"expected at most {LARGEST_BYTES} bytes unpacked", file=path)
+        raise InputError(key, None, f"expected at most {LARGEST_BYTES} bytes unpacked", file=path)
     shapes = [i.filename for i in infos if i.filename.lower().endswith(".shp")]
     if len(shapes) != 1:
-        raise InputError("log", None, f"expected one .shp in the archive, found {len(shapes)}", file=path)
+        raise InputError(key, None, f"expected one .shp in the archive, found {len(shapes)}", file=path)
     stem = shapes[0][:-4]
     parts = {i.filename[-3:].lower(): i.filename for i in infos if i.filename[:-4] == stem}
-    if "dbf" not in parts:
-        raise InputError("log", None, "expected a .dbf beside the .shp in the archive", file=path)
     return parts
 
 

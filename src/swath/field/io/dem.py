@@ -1,0 +1,49 @@
+"""A digital elevation model, in whatever system it comes, on the cells of a field."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError, MissingExtra
+from swath.field.raster import Raster, open_geotiff
+
+LEAST_KNOWN = 0.8  # share of the cells around the field that must have a height
+
+
+def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
+    """Heights [m] of a GeoTIFF at the cells of grid (bilinear), and the share of cells it knows.
+
+    Any system with a CRS will do, geographic ones too. Cells without a height take that of the nearest cell.
+    Raises InputError when the file is unreadable, has no CRS, or covers less than LEAST_KNOWN of the grid.
+    """
+    try:
+        import rasterio
+        import rasterio.warp
+        from scipy.ndimage import distance_transform_edt
+    except ImportError as error:
+        raise MissingExtra("geo", "reading a DEM") from error
+    ny, nx = grid.values.shape
+    west, _, _, north = grid.bounds
+    target = rasterio.Affine(grid.cell, 0.0, west, 0.0, -grid.cell, north)
+    values = np.full((ny, nx), np.nan, dtype=np.float32)
+    with open_geotiff(path) as dataset:
+        if dataset.crs is None:
+            raise InputError("dem.crs", None, "expected a coordinate system, the file names none", file=path)
+        rasterio.warp.reproject(
+            _band(dataset), values, src_transform=dataset.transform, src_crs=dataset.crs, src_nodata=np.nan,
+            dst_transform=target, dst_crs=f"EPSG:{grid.epsg}", dst_nodata=np.nan,
+            resampling=rasterio.warp.Resampling.bilinear,
+        )  # fmt: skip
+    values = values[::-1]
+    known = np.isfinite(values)
+    share = float(known.mean())
+    if share < LEAST_KNOWN:
+        expected = f"expected heights for at least {LEAST_KNOWN:.0%} of the field and its margin"
+        raise InputError("dem", f"{share:.0%}", expected, file=path)
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return Raster(values[tuple(nearest)], grid.x0, grid.y0, grid.cell, grid.epsg), share
+
+
+def _band(dataset: Any) -> Any:
+    return dataset.read(1, masked=True).astype(np.float32).filled(np.nan)

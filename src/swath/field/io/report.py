@@ -1,0 +1,73 @@
+"""What an import did, in numbers: for the terminal, for field.yaml, for tests."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """Outcome of an import. Each section is a plain dict; keys carry their unit.
+
+    source: file, profile, columns. rows: read, broken (reason -> count), records. machines: per machine.
+    removed: reason -> count. kept: records that count. field: area, passes, spacing, direction.
+    crop: yield, mass, stems. terrain: where heights come from and how good they are. notes: assumptions.
+    """
+
+    out: Path
+    source: dict[str, Any]
+    rows: dict[str, Any]
+    machines: list[dict[str, Any]]
+    removed: dict[str, int]
+    kept: int
+    field: dict[str, Any]
+    crop: dict[str, Any]
+    terrain: dict[str, Any]
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """All sections as plain data, without where it was written."""
+        parts = {k: v for k, v in vars(self).items() if k not in ("out", "notes")}
+        return {**parts, "notes": list(self.notes)}
+
+    def __rich__(self) -> Any:
+        """A table for the terminal."""
+        from rich.table import Table
+
+        table = Table(
+            title=f"field {self.out}", title_justify="left", show_header=False, box=None, padding=(0, 2)
+        )
+        table.add_column(style="bold")
+        table.add_column(justify="right")
+        table.add_column(style="dim")
+        table.add_row("rows in the log", f"{self.rows['read']:,}", self.source["profile"])
+        for name, count in self.rows["broken"].items():
+            if count:
+                table.add_row("  broken", f"{count:,}", name.replace("_", " "))
+        for name, count in self.removed.items():
+            if count:
+                table.add_row("  not used", f"{count:,}", name.replace("_", " "))
+        table.add_row(
+            "records used", f"{self.kept:,}", f"{100 * self.kept / max(self.rows['read'], 1):.1f} %"
+        )
+        for machine in self.machines:
+            delay = f"flow delay {machine['flow_delay_s']:+.1f} s, {machine['flow_delay_method']}"
+            table.add_row(f"machine {machine['name']}", f"{machine['records']:,}", delay)
+        field, crop, terrain = self.field, self.crop, self.terrain
+        spacing = "" if field["pass_spacing_m"] is None else f", {field['pass_spacing_m']:.2f} m apart"
+        table.add_row(
+            "area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"
+        )
+        table.add_row("passes", f"{field['passes']}", f"{field['pass_length_m'] / 1000:.1f} km{spacing}")
+        table.add_row(
+            "yield",
+            f"{crop['yield_t_ha']:.2f} t/ha",
+            f"10-90 %: {crop['yield_p10_t_ha']:.2f}-{crop['yield_p90_t_ha']:.2f}",
+        )
+        table.add_row(
+            "stems", f"{crop['stems_per_m2']:.0f} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"
+        )
+        table.add_row("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"])
+        for note in self.notes:
+            table.add_row("note", "", note)
+        return table
