@@ -39,7 +39,7 @@ class Line(NamedTuple):
 class Prior:
     """How far an edge may be from straight ahead: standard deviations of slope [1] and bend [1/m]."""
 
-    slope: float = 0.3
+    slope: float = 0.07
     bend: float = 0.02
 
 

@@ -78,7 +78,8 @@ def find_step(
     score, gain = split(z, gates.min_points)
     if not gain > 0.0:
         return None
-    level = z - _ground_slope(lateral, z, int(np.argmax(score)) + 1) * lateral
+    slope = _ground_slope(lateral, z, int(np.argmax(score)) + 1)
+    level = z - slope * lateral
     rough = _describe(level, int(np.argmax(score)) + 1)
     x, lateral = _clear_part(x, lateral, level, rough, line, profile.sensor)
     order = np.argsort(lateral, kind="stable")
@@ -93,10 +94,13 @@ def find_step(
     if abs(found.low) > gates.max_ground:
         return None
     at, variance = _locate(lateral, score)
-    ahead = float(np.mean(x[found.first - 1 : found.first + 1]))
+    foot = slope * (found.high - found.low)  # the canopy leans out of a rolled machine's frame
+    ahead = _abreast(x, lateral - at, found.first)
     quality = float(np.clip((separation - 0.5 * gates.min_separation) / gates.min_separation, 0.2, 1.0))
     crop, stubble = _heights(level, found.first)
-    return Step(ahead, float(line.at(ahead)) + at, variance + gates.resolution**2, quality, crop, stubble)
+    return Step(
+        ahead, float(line.at(ahead)) + at + foot, variance + gates.resolution**2, quality, crop, stubble
+    )
 
 
 def _describe(z: F64, first: int) -> _Split:
@@ -145,6 +149,18 @@ def _locate(lateral: F64, score: F64) -> tuple[float, float]:
     chance /= chance.sum()
     mean = float((chance * middle).sum())
     return mean, float((chance * ((middle - mean) ** 2 + gap * gap / 12.0)).sum())
+
+
+def _abreast(x: F64, beside: F64, first: int) -> float:
+    """x [m] at which the edge point holds: midway between the crop's and the stubble's echoes next to it.
+
+    Not the x of the two echoes that happen to enclose the edge: it jumps by metres along the assumed heading,
+    and the line through such points would confirm whatever heading was assumed.
+    """
+    close = np.abs(beside) < 1.0
+    low, high = x[:first][close[:first]], x[first:][close[first:]]
+    middle = [float(np.median(side)) for side in (low, high) if len(side)]
+    return sum(middle) / len(middle) if middle else float(np.median(x))
 
 
 def _heights(z: F64, first: int) -> tuple[float, float]:

@@ -14,7 +14,8 @@ from swath.control.edge._step import Step
 from swath.core.component import State
 from swath.core.signals import F64
 
-X, U, VARIANCE, QUALITY, AGE, IS_USED, COLUMNS = range(7)
+X, U, VARIANCE, QUALITY, AGE, IS_USED, SLOPE, COLUMNS = range(8)
+LEVER = 1.2  # m, by which the place of an edge point in its scan is unsure along the assumed heading
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class EdgeTrack:
         cos, sin = np.cos(turn), np.sin(turn)
         rows[:, X], rows[:, U] = cos * x + sin * u, cos * u - sin * x
         rows[:, AGE] += dt
+        rows[:, SLOPE] -= turn
         front = float(np.nanmax(rows[:, X])) if np.isfinite(rows[:, X]).any() else 0.0
         fresh = (rows[:, AGE] <= self._memory.window_s) & ~(rows[:, X] < front - self._memory.window)
         self._rows = rows[fresh]
@@ -71,6 +73,7 @@ class EdgeTrack:
         """Take the edge point of a new scan, or that it showed none."""
         row = np.full((1, COLUMNS), np.nan)
         row[0, AGE], row[0, IS_USED] = 0.0, 0.0
+        row[0, SLOPE] = 0.0 if self.line is None else self.line.slope
         if step is not None:
             row[0, :AGE] = step.x, step.u, step.variance, step.quality
             if self.is_found and self.line is not None:
@@ -115,7 +118,9 @@ class EdgeTrack:
 
     def _fit(self) -> None:
         used = self._rows[self._rows[:, IS_USED] > 0.0]
-        self.line, _ = fit_line(used[:, X], used[:, U], used[:, VARIANCE], self._x0, self._prior, self.line)
+        slope = 0.0 if self.line is None else self.line.slope
+        variance = used[:, VARIANCE] + (LEVER * (used[:, SLOPE] - slope)) ** 2
+        self.line, _ = fit_line(used[:, X], used[:, U], variance, self._x0, self._prior, self.line)
 
     def _acquire(self) -> None:
         memory = self._memory

@@ -13,18 +13,36 @@ from swath.core.registry import Level
 from swath.core.signals import F64
 
 FLOOR = 0.03  # m, standard deviation no population may fall below: range noise and soil roughness
+STRAY_LOW = 0.05  # share of stubble-side echoes that are something else: weeds, volunteers, straw
+STRAY_HIGH = 0.15  # share of crop-side echoes that are something else: gaps between stems, low tillers
+STRAY_DENSITY = 1.0  # 1/m, of stray heights: anywhere within a metre
 
 
 def split_by_likelihood(z: F64, min_points: int) -> tuple[F64, float]:
     """Log-likelihood of a step up before each of the points 1..n-1, and the best one's gain over no step.
 
-    z: heights in lateral order, stubble first [m], shape (n,). For a split into n1 and n2 points with
-    variances v1 and v2: -(n1 ln v1 + n2 ln v2) / 2, up to a constant. Shape (n - 1,), -inf where a side has
-    fewer than `min_points` or the step goes down. The gain is 0 when no split is allowed.
+    z: heights in lateral order, stubble first [m], shape (n,). The populations come from the best split into
+    n1 and n2 points with variances v1 and v2: -(n1 ln v1 + n2 ln v2) / 2, up to a constant. Then, with both
+    known and a share of stray echoes in each, the place follows from the sum of the log-likelihood ratios of
+    the single echoes, so that one low echo deep in thin crop cannot pull the edge there. Shape (n - 1,), -inf
+    where a side has fewer than `min_points` or the step goes down. The gain is 0 when no split is allowed.
     """
     n = len(z)
     if n < 2 * min_points:
         return np.full(max(n - 1, 0), -np.inf), 0.0
+    score, gain = _two_normals(z, min_points)
+    if not np.isfinite(gain):
+        return score, 0.0
+    first = int(np.argmax(score)) + 1
+    crop = _log_density(z, z[first:], STRAY_HIGH)
+    stubble = _log_density(z, z[:first], STRAY_LOW)
+    place = np.cumsum(stubble - crop)[:-1]
+    return np.where(np.isfinite(score), place, -np.inf), gain
+
+
+def _two_normals(z: F64, min_points: int) -> tuple[F64, float]:
+    """(log-likelihood of every split with its own two means and variances, gain over one population)."""
+    n = len(z)
     centred = z - z.mean()
     first = np.cumsum(centred)
     second = np.cumsum(centred * centred)
@@ -36,10 +54,16 @@ def split_by_likelihood(z: F64, min_points: int) -> tuple[F64, float]:
     high_var = np.maximum((second[-1] - second[:-1]) / high_count - high * high, 0.0) + FLOOR**2
     score = -0.5 * (low_count * np.log(low_var) + high_count * np.log(high_var))
     allowed = (low_count >= min_points) & (high_count >= min_points) & (high > low)
-    if not allowed.any():
-        return np.full(n - 1, -np.inf), 0.0
     score[~allowed] = -np.inf
     return score, float(score.max() + 0.5 * n * np.log(second[-1] / n + FLOOR**2))
+
+
+def _log_density(z: F64, population: F64, stray: float) -> F64:
+    """Log density of heights [ln 1/m] in a normal population with a share of stray ones."""
+    middle = float(population.mean())
+    variance = float(population.var()) + FLOOR**2
+    normal = np.exp(-0.5 * (z - middle) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
+    return np.asarray(np.log((1.0 - stray) * normal + stray * STRAY_DENSITY))
 
 
 class MaxLikelihood(EdgeDetector):
