@@ -1,0 +1,147 @@
+"""report.html: one self-contained page about a run; no scripts, prints on paper."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.signals import F64
+from swath.sim.messages import RecordedMachine
+from swath.study.metrics import SETTLING_M
+from swath.study.referee import Series
+from swath.view import page, plots
+from swath.view.keep import FieldMap, KeptScan
+from swath.view.stand3d import Stand, stand_figure
+
+
+@dataclass
+class ReportData:
+    """Everything a report shows. What is None or empty is left out.
+
+    summary: as in summary.json (see `study.summary.make_summary`)
+    scenario: the resolved scenario as YAML text
+    machine, series: of the machine the report is about, and its referee's `series()`
+    tracks: its columns, as from `Recorder.tracks[name].arrays()`
+    map: from `keep.make_map`; scans: from `ScanKeeper.pick()`, the newest last
+    stand: the field, when stems can be drawn from its pages
+    edge: initial edge, (k, 2) world [m]; obstacles: (x, y, radius) [m]; driven: a track driven in reality
+    """
+
+    summary: Mapping[str, Any]
+    scenario: str
+    machine: RecordedMachine
+    series: Series
+    tracks: Mapping[str, Any]
+    map: FieldMap | None = None
+    scans: Sequence[KeptScan] = ()
+    stand: Stand | None = None
+    edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
+    obstacles: Sequence[tuple[float, float, float]] = ()
+    driven: F64 | None = None
+
+
+def write_report(run_dir: Path, data: ReportData) -> Path:
+    """Write `report.html` into the run folder in one go and return its path."""
+    import matplotlib
+
+    path = run_dir / "report.html"
+    with matplotlib.rc_context(plots.STYLE):
+        text = page.render(data.summary, data.scenario, list(_figures(data)))
+    part = path.with_suffix(".html.part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+    return path
+
+
+def _figures(data: ReportData) -> list[page.Figure]:
+    made: list[page.Figure] = []
+    if data.map is not None:
+        made.append(_map(data))
+    if len(data.series.distance) > 1:
+        made.append(_errors(data))
+    if data.scans:
+        made.append(_scans(data))
+        if data.stand is not None:
+            made.append(_stand(data, data.stand))
+    if len(data.tracks.get("t_s", ())) > 1:
+        made.append(_drive(data))
+    return made
+
+
+def _map(data: ReportData) -> page.Figure:
+    assert data.map is not None
+    tracks, geometry = data.tracks, data.machine.geometry
+    axle = np.stack([tracks["x_m"], tracks["y_m"]], axis=1)
+    heading = np.stack([np.cos(tracks["yaw_rad"]), np.sin(tracks["yaw_rad"])], axis=1)
+    left = np.stack([-heading[:, 1], heading[:, 0]], axis=1)
+
+    def along(x: float, y: float) -> F64:
+        return np.asarray(axle + x * heading + y * left)
+
+    ends = along(*geometry.header_end("left")), along(*geometry.header_end("right"))
+    fig = plots.map_figure(
+        data.map,
+        header_ends=ends,
+        axle=axle,
+        edge=data.edge,
+        obstacles=data.obstacles,
+        driven=data.driven,
+        outline=_outline(data, along) if len(axle) else None,
+        side=data.machine.edge_side,
+    )
+    caption = "The field after the run, turned so that the run goes from left to right."
+    return page.Figure("Field map", plots.as_image(fig, kind="png", dpi=190), caption)
+
+
+def _outline(data: ReportData, along: Any) -> F64:
+    """The machine at the end of the run, seen from above: header and body."""
+    g = data.machine.geometry
+    rear, front, half = g.body[0], g.body[1], g.body[2]
+    lx, ly = g.header_end("left")
+    _, ry = g.header_end("right")
+    corners = [(lx, ly), (lx, ry), (lx - g.header_depth, ry), (lx - g.header_depth, g.header_y - 0.7)]
+    corners += [(front, g.header_y - 0.7), (front, -half), (rear, -half), (rear, half), (front, half)]
+    corners += [(front, g.header_y + 0.7), (lx - g.header_depth, g.header_y + 0.7), (lx - g.header_depth, ly)]
+    return np.array([along(x, y)[-1] for x, y in corners])
+
+
+def _errors(data: ReportData) -> page.Figure:
+    expect = data.summary.get("expect") or {}
+    bands: dict[str, float] = {}
+    for part, name in (("lateral", "lateral_rms_m"), ("edge", "edge_rmse_m")):
+        limit = expect.get(name, {}).get("limit", {}).get("max")
+        if limit is not None:
+            bands[part] = float(limit)
+    fig = plots.errors_figure(data.series, settling=SETTLING_M, bands=bands)
+    caption = (
+        "Above: the header end against where it should be beside the initial edge. Below: the detected edge "
+        "against the true one, at the place ahead where the detector reports it."
+    )
+    if bands:
+        caption += " Dashed: plus and minus the limit on the root mean square."
+    return page.Figure("Steering and detection", plots.as_image(fig), caption)
+
+
+def _scans(data: ReportData) -> page.Figure:
+    fig = plots.scans_figure(data.scans, data.machine.geometry, data.machine.edge_side)
+    caption = (
+        "Echoes as the sensor reports them, placed by its nominal mounting, seen from behind the machine: "
+        "left is left. Travelled distance and detection error above each scan."
+    )
+    return page.Figure("Scans", plots.as_image(fig), caption)
+
+
+def _stand(data: ReportData, stand: Stand) -> page.Figure:
+    fig = stand_figure(stand, data.scans[-1], data.machine)
+    caption = (
+        f"The stems about the edge ahead of the machine at {data.scans[-1].distance:.1f} m, every one as the "
+        "rays met it, seen along the drive from above the cut ground, with the echoes of the last scan."
+    )
+    return page.Figure("The stand", plots.as_image(fig, kind="png", dpi=190), caption)
+
+
+def _drive(data: ReportData) -> page.Figure:
+    fig = plots.drive_figure(dict(data.tracks))
+    return page.Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
