@@ -25,15 +25,12 @@ class Ground:
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))
 
-    def ensure(self, x, y, radius_m):
-        pass
-
     def cut(self, polygon, height_m):
         area = signed_area(polygon)
         self.cuts.append(polygon)
         return SimpleNamespace(grain=0.8 * area, straw=0.6 * area, stem_count=int(500 * area), area=area)
 
-    def deposit_straw(self, polygon, mass_kg):
+    def deposit_straw(self, polygon, mass_kg, *, heading=None):
         self.straw.append((polygon, mass_kg))
 
 

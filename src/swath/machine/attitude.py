@@ -16,7 +16,6 @@ from swath.core.setup import MachineGeometry
 from swath.machine.card import Axle, dynamics_of
 
 ALONG, ACROSS = 4, 2  # ground samples of one contact patch
-MARGIN = 2.0  # ground is kept present this far around the machine [m]
 
 
 class Ground(Protocol):
@@ -24,10 +23,6 @@ class Ground(Protocol):
 
     def ground_height(self, x: Any, y: Any, /) -> Any:
         """Height of the ground [m] at world x, y [m]."""
-        ...
-
-    def ensure(self, x: float, y: float, radius: float, /) -> None:
-        """Make the ground present within a radius [m]."""
         ...
 
 
@@ -60,8 +55,6 @@ class TerrainFollower:
         half_f, half_r, back = 0.5 * machine.front_track, 0.5 * machine.rear_track, -machine.wheelbase
         places = np.array([(0.0, half_f), (0.0, -half_f), (back, half_r), (back, -half_r)])
         self._points = (places[:, None, :] + np.stack([front, front, rear, rear])).reshape(-1, 2)
-        self._radius = MARGIN + float(np.abs(self._points).sum(axis=1).max())
-        self._present: tuple[float, float] | None = None
 
     def at(self, x: float, y: float, yaw: float) -> Stance:
         """Stance at a place [m] and heading [rad].
@@ -69,7 +62,6 @@ class TerrainFollower:
         pitch = atan((rear - front) / wheelbase), roll = atan(front slope * cos(pitch)): on a plane the body's
         z axis is then exactly the plane's normal (intrinsic z-y'-x'' angles).
         """
-        self._keep_present(x, y)
         c, s = cos(yaw), sin(yaw)
         px, py = self._points[:, 0], self._points[:, 1]
         heights = np.asarray(
@@ -81,12 +73,6 @@ class TerrainFollower:
         front_slope = (front_left - front_right) / self._tracks[0]
         rear_slope = (rear_left - rear_right) / self._tracks[1]
         return Stance(front, atan(front_slope * cos(pitch)), pitch, front_slope, rear_slope)
-
-    def _keep_present(self, x: float, y: float) -> None:
-        near = self._present
-        if near is None or abs(x - near[0]) + abs(y - near[1]) > MARGIN:
-            self._ground.ensure(x, y, self._radius)
-            self._present = (x, y)
 
 
 def _patch(axle: Axle) -> np.ndarray:

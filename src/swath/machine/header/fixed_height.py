@@ -56,7 +56,8 @@ class FixedHeightHeader:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Cut what the knife passed over since the last step.
 
-        header_fill = area cut / area swept: the cut share of the header's width; 0 when it did not move.
+        header_fill = area cut / area swept: the cut share of the header's width; 0 when it did not move. The
+        field cuts whole cells, so over a few centimetres it scatters (0.7 to 1.2 at 4 cm); average it.
         """
         grain = straw = area = swept_area = 0.0
         stem_count = 0
@@ -97,6 +98,6 @@ LEVEL = Level(
     FixedHeightHeader,
     Params,
     summary="takes all standing crop under the knife at one height",
-    cost="the field's cut: per polygon",
+    cost="about 0.5 ms per step (12 m header, 50 Hz)",
     tolerance="no losses, no lifting, no following of the ground by the header",
 )

@@ -4,6 +4,7 @@ Grain goes to the tank, straw to a swath on the ground behind the machine. Nothi
 """
 
 from dataclasses import dataclass
+from math import atan2
 from typing import Annotated, Any, Protocol
 
 import numpy as np
@@ -38,8 +39,8 @@ class Params:
 class StrawGround(Protocol):
     """The part of a field that takes straw."""
 
-    def deposit_straw(self, polygon: Array, mass: float, /) -> Any:
-        """Lay straw [kg] evenly over a convex polygon (n, 2) [m]."""
+    def deposit_straw(self, polygon: Array, mass: float, /, *, heading: float | None = None) -> Any:
+        """Lay straw [kg] over a convex polygon (n, 2) [m], as a ridge along a heading [rad]."""
         ...
 
 
@@ -99,8 +100,10 @@ class ConstantProcess:
         if area <= 0.0:
             return
         if self._loose > 0.0:
+            dx, dy = (ends - self._ends).sum(axis=0).tolist()
             for polygon in polygons:
-                self._field.deposit_straw(polygon, self._loose * signed_area(polygon) / area)
+                mass = self._loose * signed_area(polygon) / area
+                self._field.deposit_straw(polygon, mass, heading=atan2(dy, dx))
             self._loose = 0.0
         self._ends = ends
 

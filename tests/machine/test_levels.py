@@ -1,0 +1,35 @@
+from dataclasses import is_dataclass
+
+import pytest
+from machine_fakes import STREAM, site
+
+from swath.core.component import Component
+from swath.core.registry import Registry
+
+SLOTS = {kind: [f"swath.machine.{kind}"] for kind in ("motion", "header", "process", "steering")}
+REGISTRY = Registry(SLOTS)
+LEVELS = [(kind, name) for kind in SLOTS for name in REGISTRY.names(kind)]
+
+
+def test_the_levels_of_the_machine():
+    assert LEVELS == [
+        ("motion", "kinematic"),
+        ("motion", "single_track"),
+        ("header", "fixed_height"),
+        ("process", "constant"),
+        ("steering", "actuator"),
+        ("steering", "ideal"),
+    ]
+
+
+@pytest.mark.parametrize(("kind", "name"), LEVELS)
+def test_each_level_is_a_component_with_every_output_at_the_start(kind, name):
+    level = REGISTRY.get(kind, name)
+    assert is_dataclass(level.params)
+    component = level.component(level.params(), site())
+    assert isinstance(component, Component)
+    outputs = component.reset(STREAM)
+    assert set(outputs) == {p.name for p in component.outputs}
+    for port in component.outputs:
+        assert isinstance(outputs[port.name], port.signal)
+        assert outputs[port.name].t == 0
