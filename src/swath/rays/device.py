@@ -2,6 +2,8 @@
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,8 @@ def start_warp() -> Any:
             Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
         )
         wp.config.kernel_cache_dir = str(folder)
-    wp.init()
+    with _quiet_stderr():  # without a GPU driver the native part says so there
+        wp.init()
     return wp
 
 
@@ -39,6 +42,22 @@ def thread_count() -> int:
     if not text.isdecimal() or int(text) < 1:
         raise InputError("SWATH_THREADS", text, "expected a whole number >= 1")
     return int(text)
+
+
+@contextmanager
+def _quiet_stderr() -> Iterator[None]:
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no stderr
+        yield
+        return
+    with open(os.devnull, "w") as nothing:
+        os.dup2(nothing.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def _is_writable(folder: Path) -> bool:
