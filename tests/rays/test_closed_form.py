@@ -5,8 +5,9 @@ random places S(z) = exp(-n A(z)), A(z) the mean shadow area on the plane z. For
 d and height h the shadow is d (h - z) cot(beta), which gives S = exp(-cot(beta) * integral n d dz). Here A is
 the exact shadow of cylinder and ear, round ends included, by numerical integration; `thin` is the plain form.
 
-Sampling: 48 independent tiles (9,600 or 28,800 stems), 40,000 rays at random places and azimuths. Over seeds
-the ground share scatters by about 0.003, the mean height by 3 mm (the limits are 0.01 and 10 mm).
+Sampling: 48 independent tiles (9,600 or 28,800 stems), 40,000 rays at random places and azimuths. Over
+six seeds at 600/m2 and 60 deg the ground share scatters by 0.002 (sd), the mean height by 1.5 mm, its std by
+0.7 mm (the limits are 0.01, 10 mm and 10 mm).
 """
 
 from functools import cache
@@ -64,7 +65,8 @@ def profile(tip, ears):
 def shadow_areas(tip, ears, cot, grid):
     """Shadow area [m2] on each plane of grid [m] of the plant part above it."""
     z, r = profile(tip, ears)
-    y = (np.arange(40) + 0.5) / 40 * (EAR / 2 if ears else STEM / 2)
+    edges = np.concatenate([np.linspace(0, STEM / 2, 21), np.linspace(STEM / 2, EAR / 2, 31)[1:]])
+    y, dy = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     half = np.sqrt(np.maximum(r[:, None] ** 2 - y**2, 0.0))
     there = r[:, None] > y
     far = np.where(there, z[:, None] * cot + half, -np.inf)
@@ -72,7 +74,7 @@ def shadow_areas(tip, ears, cot, grid):
     far = np.maximum.accumulate(far[::-1], axis=0)[::-1]
     near = np.minimum.accumulate(near[::-1], axis=0)[::-1]
     length = np.where(far > near, far - near, 0.0)
-    area = 2.0 * length.sum(axis=1) * (y[1] - y[0])
+    area = 2.0 * (length * dy).sum(axis=1)
     return np.interp(grid, z, area, right=0.0)
 
 
