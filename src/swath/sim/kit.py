@@ -27,6 +27,10 @@ class Kit:
         module, _, attribute = self.parts[name].partition(":")
         return getattr(import_module(module), attribute)
 
+    def default_level(self, kind: str) -> str:
+        """The level that a slot, `terrain` or `stand` has when a scenario does not say."""
+        return self.field_levels.get(kind) or self.slot(kind).level
+
     def slot(self, name: str) -> SlotKind:
         """The slot of a name."""
         return next(s for s in self.slots if s.name == name)

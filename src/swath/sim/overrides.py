@@ -1,23 +1,23 @@
 """`--set combine.lidar.level=empirical`: changes to a scenario before it is checked."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.sim.check import known_keys
 from swath.sim.kit import Kit
-from swath.sim.yamlfile import Document, KeyPath, Place, parse_value
+from swath.sim.yamlfile import Document, KeyPath, Place, key_path, parse_value
 
 
-def apply_overrides(document: Document, sets: Sequence[str], kit: Kit) -> None:
+def apply_overrides(document: Document, sets: Sequence[str], kit: Kit, flags: Mapping[str, str]) -> None:
     """Change the document in place, in order. Errors about these values will name the flag.
 
+    flags: further changes, by the flag that stands for them: {"--seed 3": "seed=3"}.
     Choosing another level drops the parameters that only the level before it knew.
     """
-    for text in sets:
-        flag = f"--set {text}"
+    for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]:
         key, equals, value_text = text.partition("=")
-        path: KeyPath = tuple(int(p) if p.isdigit() else p for p in key.strip().split("."))
+        path = key_path(key)
         if not equals or "" in path:
             raise InputError(flag, None, "expected --set key.key=value")
         value = parse_value(value_text, flag)
@@ -48,10 +48,11 @@ def _drop_foreign(document: Document, path: KeyPath, level: Any, kit: Kit) -> No
     if not isinstance(entry, dict) or path[1] not in kit.registry.packages:
         return
     kind = str(path[1])
-    default = kit.field_levels.get(kind) or kit.slot(kind).level
     base = document.file.resolve().parent if document.file else None
     try:
-        before = known_keys(kit.registry.get(kind, str(entry.get("level", default)), base=base).params)
+        before = known_keys(
+            kit.registry.get(kind, str(entry.get("level", kit.default_level(kind))), base=base).params
+        )
         after = known_keys(kit.registry.get(kind, str(level), base=base).params)
     except (SwathError, OSError, ValueError):
         return  # reported when the scenario is read

@@ -21,7 +21,7 @@ from swath.sim.kit import KIT, Kit
 from swath.sim.overrides import apply_overrides
 from swath.sim.reader import Reader
 from swath.sim.sections import Limit, Run
-from swath.sim.yamlfile import Document, KeyPath, dump, parse, read_document
+from swath.sim.yamlfile import Document, dump, key_path, parse, read_document
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Scenario:
         """
         if error.file is not None:
             return error
-        parts: KeyPath = tuple(int(p) if p.isdigit() else p for p in error.key.split("."))
+        parts = key_path(error.key)
         places = self.document.places
         for end in range(len(parts), 0, -1):
             if parts[:end] in places:
@@ -81,13 +81,19 @@ class Scenario:
     __hash__ = None  # type: ignore[assignment]
 
 
-def load_scenario(source: str | Path, *, sets: Sequence[str] = (), kit: Kit = KIT) -> Scenario:
+def load_scenario(
+    source: str | Path,
+    *,
+    sets: Sequence[str] = (),
+    flags: Mapping[str, str] | None = None,
+    kit: Kit = KIT,
+) -> Scenario:
     """Read a bundled scenario by name, a file, or the scenario in a run folder.
 
-    sets: overrides such as `combine.lidar.rate_hz=50`. Raises InputError: the first thing that is wrong; its
-    `others` are the rest.
+    sets: overrides such as `combine.lidar.rate_hz=50`; flags: overrides that errors call otherwise, such as
+    {"--seed 3": "seed=3"}. Raises InputError: the first thing that is wrong; its `others` are the rest.
     """
-    return read_scenario(read_document(find_scenario(source)), sets=sets, kit=kit)
+    return read_scenario(read_document(find_scenario(source)), sets=sets, flags=flags, kit=kit)
 
 
 def parse_scenario(
@@ -98,9 +104,15 @@ def parse_scenario(
     return read_scenario(parse(text, "text", file), sets=sets, kit=kit)
 
 
-def read_scenario(document: Document, *, sets: Sequence[str] = (), kit: Kit = KIT) -> Scenario:
+def read_scenario(
+    document: Document,
+    *,
+    sets: Sequence[str] = (),
+    flags: Mapping[str, str] | None = None,
+    kit: Kit = KIT,
+) -> Scenario:
     """Check a document and make the scenario."""
-    apply_overrides(document, sets, kit)
+    apply_overrides(document, sets, kit, flags or {})
     reader = Reader(document, kit)
     parts = reader.read()
     return Scenario(document=document, **parts)

@@ -69,6 +69,12 @@ def dotted(path: KeyPath) -> str:
     return ".".join(str(p) for p in path) or "file"
 
 
+def key_path(text: str) -> KeyPath:
+    """`field.obstacles.0` as `("field", "obstacles", 0)`."""
+    parts = text.strip().split(".")
+    return tuple(int(p) if p.isascii() and p.isdecimal() and len(p) < 7 else p for p in parts)
+
+
 def read_document(file: Path) -> Document:
     """Parse a YAML file. InputError when it cannot be read or is not YAML."""
     try:

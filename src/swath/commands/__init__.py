@@ -1,0 +1,1 @@
+"""The subcommands of `swath`: each module has `add(parsers)` and the function that it runs."""

@@ -1,0 +1,32 @@
+"""What the commands print: tables on stdout, nothing fancier than that."""
+
+from collections.abc import Sequence
+from typing import Any
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, wide: bool = True) -> None:
+    """Print a table. `wide`: use 160 columns where there is no terminal, so that lines stay whole."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    if wide and not console.is_terminal:
+        console.width = 160
+    made = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    for column in columns:
+        made.add_column(column, overflow="fold")
+    for row in rows:
+        made.add_row(*(str(cell).replace("[", "\\[") for cell in row))
+    console.print(made)
+
+
+def number(value: Any) -> str:
+    """A number at a readable length, anything else as it is."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if isinstance(value, int):
+        return f"{value:,}".replace(",", " ")
+    return f"{value:.4g}"

@@ -1,0 +1,84 @@
+"""`swath run`: drive a scenario."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser("run", help="run a scenario, write a run folder", description=_DESCRIPTION)
+    parser.add_argument(
+        "scenario", metavar="NAME|FILE", help="a bundled scenario, a YAML file, or a run folder"
+    )
+    add_scenario_options(parser)
+    parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
+    parser.set_defaults(run=run)
+
+
+def add_scenario_options(parser: argparse.ArgumentParser) -> None:
+    """`--out`, `--set` and `--seed`."""
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="sets",
+        metavar="KEY=VALUE",
+        help="change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times",
+    )
+    parser.add_argument("--seed", metavar="N", help="another seed")
+
+
+def load(args: argparse.Namespace) -> Any:
+    """The scenario that the arguments ask for."""
+    from swath.sim.scenario import load_scenario
+
+    flags = {f"--seed {args.seed}": f"seed={args.seed}"} if args.seed is not None else {}
+    return load_scenario(args.scenario, sets=args.sets, flags=flags)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Exit code: 0 limits kept, 1 a limit broken."""
+    from swath.core.errors import InputError
+    from swath.sim.runfolder import choose_run_folder
+
+    scenario = load(args)
+    out = choose_run_folder(scenario.name, scenario.seed, args.out)
+    from swath.job import run_job
+
+    try:
+        result = run_job(scenario, out, progress=not args.quiet)
+    except InputError as error:
+        raise scenario.locate(error) from error
+    if args.quiet:
+        print(out)
+    else:
+        report(result.summary, out)
+    return int(result.exit_code)
+
+
+def report(summary: dict[str, Any], out: Path) -> None:
+    """Print the metrics of a run, its limits and where the report is."""
+    from swath.commands.output import number, table
+    from swath.sim.metric_names import LIMITABLE_METRICS
+
+    limits = summary.get("expect", {})
+    rows = []
+    for name in LIMITABLE_METRICS:
+        if name in summary:
+            entry = limits.get(name, {})
+            bounds = entry.get("limit", {})
+            bound = ", ".join(f"{k} {number(v)}" for k, v in bounds.items() if v is not None)
+            rows.append((name, number(summary[name]), bound, entry.get("verdict", "")))
+    table("", ("metric", "value", "limit", "verdict"), rows)
+    if summary.get("incomplete"):
+        print("incomplete: the run was stopped before its end")
+    print(f"digest  {summary.get('digest', '-')}")
+    print(f"report  {out / 'report.html'}")
+
+
+_DESCRIPTION = """Run a scenario. Exit code: 0 all limits kept, 1 a limit broken, 2 bad input,
+130 stopped by Ctrl-C (the folder then holds what was recorded, marked incomplete)."""

@@ -1,0 +1,47 @@
+"""`swath scan`: one scan of a scenario, as a picture and a file."""
+
+import argparse
+from typing import Any
+
+from swath.commands.run import add_scenario_options, load
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser("scan", help="one scan of a scenario, as a picture and a file")
+    parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
+    add_scenario_options(parser)
+    parser.add_argument("--at", metavar="S", help="after S seconds of driving (default: where it starts)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make the scan, print where its files are."""
+    from swath.core.errors import InputError
+    from swath.sim.runfolder import choose_scan_folder
+
+    at = _seconds(args.at)
+    scenario = load(args)
+    out = choose_scan_folder(scenario.name, scenario.seed, args.out)
+    from swath.job import scan_job
+
+    try:
+        files = scan_job(scenario, out, at_s=at)
+    except InputError as error:
+        raise scenario.locate(error) from error
+    for file in files:
+        print(file)
+    return 0
+
+
+def _seconds(text: str | None) -> float:
+    """A time from the command line [s]."""
+    from swath.core.errors import InputError
+
+    try:
+        value = 0.0 if text is None else float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1e5:
+        raise InputError("--at", text, "expected seconds, 0 to 100000")
+    return value

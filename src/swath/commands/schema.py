@@ -1,0 +1,29 @@
+"""`swath schema`: JSON Schema of scenario files, for editors."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser("schema", help="JSON Schema of scenario files, for editors")
+    parser.add_argument("--out", type=Path, metavar="F", help="file to write (default: print it)")
+    parser.add_argument("--markdown", action="store_true", help="the reference of all keys as text instead")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print or write it."""
+    import json
+
+    from swath.sim.reference import reference
+    from swath.sim.schema import scenario_schema
+
+    text = reference() if args.markdown else json.dumps(scenario_schema(), indent=1) + "\n"
+    if args.out is None:
+        print(text, end="")
+    else:
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        args.out.write_text(text, encoding="utf-8")
+    return 0

@@ -1,0 +1,157 @@
+"""JSON Schema of scenario files, made from the levels that are built in.
+
+Every slot is a choice of a level's name, or of a mapping whose `level` says which keys it takes. Levels that
+are not built in (entry points, `file.py:Class`) are allowed with any keys: `swath run` checks those.
+"""
+
+import re
+from typing import Any
+
+from swath.sim.check import schema_of
+from swath.sim.hints import split_unit
+from swath.sim.kit import KIT, Kit
+from swath.sim.metric_names import LIMITABLE_METRICS
+from swath.sim.sections import Head, Limit, MachineCommon, Run, SlotCommon, StartAlongEdge, StartPose
+
+Node = dict[str, Any]
+FOREIGN = {"type": "string", "pattern": r"\.py:[A-Za-z_]\w*$"}
+
+
+def scenario_schema(kit: Kit = KIT) -> Node:
+    """The whole schema, draft 2020-12."""
+    defs: dict[str, Node] = {}
+    machine = _machine(kit, defs)
+    head = adopt(Head, "head", defs)["properties"]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "swath scenario",
+        "description": "What runs where, at which level of detail, and which limits it must keep.",
+        "type": "object",
+        "required": ["field"],
+        "properties": {
+            **head,
+            "run": adopt(Run, "run", defs),
+            "field": _field(kit, defs),
+            "expect": {
+                "type": "object",
+                "description": "limits on metrics; a broken one makes the exit code 1",
+                "properties": {name: adopt(Limit, "limit", defs) for name in LIMITABLE_METRICS},
+                "additionalProperties": False,
+            },
+        },
+        "additionalProperties": machine,
+        "$defs": defs,
+    }
+
+
+def adopt(kind: Any, prefix: str, defs: dict[str, Node]) -> Node:
+    """Schema of a class with units and meanings in the descriptions; its definitions go into `defs`."""
+    whole = schema_of(kind)
+    renamed = {name: f"{prefix}.{name}" for name in whole["$defs"]}
+    for name, node in whole["$defs"].items():
+        defs[renamed[name]] = _described(_renamed(node, renamed))
+    node = {k: v for k, v in whole.items() if k != "$defs"}
+    if "$ref" in node:
+        return defs[renamed[node["$ref"].rpartition("/")[2]]]
+    return _described(_renamed(node, renamed))
+
+
+def meanings(text: str, keys: list[str]) -> dict[str, str]:
+    """What a docstring says about each key: `key, key [unit]: meaning; key: meaning`."""
+    if not keys:
+        return {}
+    any_key = "|".join(sorted(map(re.escape, keys), key=len, reverse=True))
+    pattern = rf"(?:^|;\s+|\n\s*)((?:{any_key})(?:,\s+(?:{any_key}))*)(?![\w-])(?:\s*\[[^\]]*\])?\s*[:,]?\s*"
+    found = list(re.finditer(pattern, text))
+    result: dict[str, str] = {}
+    for match, after in zip(found, [*found[1:], None][: len(found)], strict=True):
+        said = text[match.end() : after.start() if after else len(text)].split("\n\n")[0]
+        said = " ".join(said.split()).rstrip(";. ")
+        result |= dict.fromkeys(re.split(r",\s+", match.group(1)), said)
+    return result
+
+
+def _described(node: Node) -> Node:
+    properties = node.get("properties", {})
+    said = meanings(node.pop("description", ""), list(properties))
+    node.pop("title", None)
+    for key, entry in properties.items():
+        entry.pop("title", None)
+        unit = split_unit(key)[1]
+        text = entry.get("description") or said.get(key, "")
+        if unit and f"[{unit}]" not in text:
+            text = f"{text} [{unit}]".strip()
+        if text:
+            entry["description"] = text
+    return node
+
+
+def _renamed(node: Any, names: dict[str, str]) -> Any:
+    """A copy in which references point to the new names."""
+    if isinstance(node, list):
+        return [_renamed(item, names) for item in node]
+    if not isinstance(node, dict):
+        return node
+    copy = {key: _renamed(value, names) for key, value in node.items() if key != "discriminator"}
+    if isinstance(copy.get("$ref"), str):
+        copy["$ref"] = "#/$defs/" + names[copy["$ref"].rpartition("/")[2]]
+    return copy
+
+
+def _machine(kit: Kit, defs: dict[str, Node]) -> Node:
+    slots = {slot.name: _slot(kit, slot.name, defs) for slot in kit.slots}
+    start = {"anyOf": [adopt(StartAlongEdge, "start", defs), adopt(StartPose, "start", defs)]}
+    common = adopt(MachineCommon, "machine", defs)["properties"]
+    return {
+        "type": "object",
+        "description": "a machine; the key is its name",
+        "properties": {**common, "start": start, **slots},
+        "additionalProperties": False,
+    }
+
+
+def _slot(kit: Kit, kind: str, defs: dict[str, Node]) -> Node:
+    common = adopt(SlotCommon, "slot", defs)["properties"]
+    choice = _choice(kit, kind, common, defs)
+    choice["anyOf"].append({"enum": ["off", False], "description": "no such slot"})
+    return choice
+
+
+def _choice(kit: Kit, kind: str, common: Node, defs: dict[str, Node]) -> Node:
+    names = kit.registry.names(kind)
+    levels = [kit.registry.get(kind, name) for name in names]
+    default = kit.default_level(kind)
+    members: list[Node] = [{"enum": names, "description": "the level, with its defaults"}, FOREIGN]
+    for name, level in zip(names, levels, strict=True):
+        node = {"properties": {}} if level.params is None else adopt(level.params, f"{kind}.{name}", defs)
+        properties = {"level": {"const": name, "description": level.summary}, **common, **node["properties"]}
+        required = [*node.get("required", []), *([] if name == default else ["level"])]
+        defs[f"{kind}.{name}"] = {
+            "type": "object",
+            "title": f"{kind}: {name}",
+            "description": level.summary,
+            "properties": properties,
+            "required": required,
+            "additionalProperties": False,
+        }
+        members.append({"$ref": f"#/$defs/{kind}.{name}"})
+    members.append({"type": "object", "properties": {"level": FOREIGN, **common}, "required": ["level"]})
+    return {"anyOf": members}
+
+
+def _field(kit: Kit, defs: dict[str, Node]) -> Node:
+    ground = {kind: _choice(kit, kind, {}, defs) for kind in kit.field_levels}
+    edge, obstacle, boundary = (
+        adopt(kit.part(p), f"field.{p}", defs) for p in ("edge", "obstacles", "boundary")
+    )
+    return {
+        "type": "object",
+        "properties": {
+            "folder": {"type": "string", "description": "an imported field: terrain and stand come from it"},
+            **ground,
+            "edge": edge,
+            "obstacles": {"type": "array", "items": obstacle},
+            "boundary": boundary,
+        },
+        "additionalProperties": False,
+    }

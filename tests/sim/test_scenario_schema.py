@@ -1,0 +1,85 @@
+"""The JSON Schema: valid itself, agrees with the reader, and documents units."""
+
+import json
+
+import jsonschema
+import pytest
+from fake_levels import FAKE, GOOD
+
+from swath.sim.reference import reference
+from swath.sim.scenario import parse_scenario
+from swath.sim.schema import meanings, scenario_schema
+from swath.sim.yamlfile import parse
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = scenario_schema(FAKE)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert json.loads(json.dumps(schema)) == schema
+    return jsonschema.Draft202012Validator(schema)
+
+
+def test_accepts_what_the_reader_accepts(validator):
+    data = parse(GOOD).data
+    assert list(validator.iter_errors(data)) == []
+    assert list(validator.iter_errors(parse(parse_scenario(GOOD, kit=FAKE).resolved()).data)) == []
+    data["combine"]["steer"] = {"level": "mine.py:Steer", "gain": 2}
+    data["combine"]["speed"] = "off"
+    assert list(validator.iter_errors(data)) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("rate_hz: 25", "rate_hz: -5"),
+        ("speed_kmh: 7", "speed_mph: 7"),
+        ("steer: preview", "steer: previw"),
+        ("{z_m: 2.5}", "{z_m: high}"),
+        ("shape: straight", "shape: strait"),
+        ("kind: post, ", ""),
+        ("lateral_rms_m", "lateral_rsm_m"),
+    ],
+)
+def test_refuses_what_the_reader_refuses(validator, old, new):
+    changed = parse(GOOD.replace(old, new)).data
+    assert list(validator.iter_errors(changed))
+
+
+def test_units_are_in_the_descriptions(validator):
+    lidar = validator.schema["$defs"]["lidar.plants"]["properties"]
+    assert lidar["rate_hz"]["description"] == "how often it runs [Hz]"
+    assert validator.schema["$defs"]["speed.constant"]["properties"]["speed_kmh"]["description"] == (
+        "over ground [km/h]"
+    )
+    assert (
+        validator.schema["$defs"]["lidar.plants.Mount"]["properties"]["z_m"]["description"]
+        == "above ground [m]"
+    )
+
+
+def test_meanings_of_a_docstring():
+    text = """Parameters of the law.
+
+    overlap_m: how far out
+    lookahead_m, lookahead_s: the greater of
+    both; lag_s [s]: of the steering; row_m, 0 = none; last_m: the end.
+
+    Not about last_m: this.
+    """
+    said = meanings(text, ["overlap_m", "lookahead_m", "lookahead_s", "lag_s", "row_m", "last_m"])
+    assert said == {
+        "overlap_m": "how far out",
+        "lookahead_m": "the greater of both",
+        "lookahead_s": "the greater of both",
+        "lag_s": "of the steering",
+        "row_m": "0 = none",
+        "last_m": "the end",
+    }
+
+
+def test_reference_has_every_key():
+    page = reference(FAKE)
+    for key in ("`mount.z_m`", "`stems_per_m2`", "`speed_kmh`", "`wires`", "`points_m`", "`edge_rmse_m`"):
+        assert key in page
+    assert "| `sub_rays` | whole number >= 1, <= 217 | `19` | per beam |" in page

@@ -1,0 +1,225 @@
+"""The command line: what it prints, its exit codes, and what it does not load."""
+
+import json
+import subprocess
+import sys
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+from fake_levels import FAKE, GOOD
+
+import swath
+from swath.cli import main
+from swath.core.errors import InputError
+from swath.sim.runfolder import choose_run_folder, choose_scan_folder, clear_run_folder
+
+HEAVY = {
+    "warp",
+    "matplotlib",
+    "pyarrow",
+    "rasterio",
+    "rosbags",
+    "scipy",
+    "shapely",
+    "pydantic",
+    "numpy",
+    "rich",
+    "yaml",
+}
+
+
+class Job:
+    """Stands for `swath.job`; keeps what it was asked for."""
+
+    def __init__(self):
+        self.calls = []
+        self.exit_code = 0
+        self.error = None
+
+    def run_job(self, scenario, out, progress):
+        self.calls.append((scenario, out, progress))
+        if self.error is not None:
+            raise self.error
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "scenario.yaml").write_text(scenario.resolved())
+        (out / "summary.json").write_text("{}")
+        verdict = {"value": 0.1, "limit": {"max": 0.05}, "verdict": "broken"}
+        summary = {
+            "lateral_rms_m": 0.1,
+            "ray_count": 12345678,
+            "digest": "abc",
+            "expect": {"lateral_rms_m": verdict},
+        }
+        return SimpleNamespace(summary=summary, exit_code=self.exit_code)
+
+    def scan_job(self, scenario, out, at_s):
+        self.calls.append((scenario, out, at_s))
+        return [out / "scan.png", out / "scan.csv"]
+
+
+@pytest.fixture
+def job(monkeypatch, tmp_path):
+    fake = Job()
+    monkeypatch.setitem(sys.modules, "swath.job", fake)
+    monkeypatch.setattr(swath, "job", fake, raising=False)
+    import swath.sim.scenario as module
+
+    monkeypatch.setattr(module, "load_scenario", partial(module.load_scenario, kit=FAKE))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.yaml").write_text(GOOD)
+    return fake
+
+
+def test_nothing_heavy_is_loaded():
+    code = "import sys, swath, swath.cli; swath.cli.main([]); print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(run.stdout.splitlines()[-1].split())
+    assert "swath.cli" in loaded
+    assert not HEAVY & loaded
+    helps = "import sys, swath.cli\ntry: swath.cli.main(['run', '--help'])\nfinally: print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", helps], capture_output=True, text=True, check=True)
+    assert not HEAVY & set(run.stdout.splitlines()[-1].split())
+
+
+def test_alone_it_shows_five_real_command_lines(capsys):
+    from swath.cli import COMMANDS
+
+    assert main([]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  swath ")]
+    assert len(lines) == 5
+    assert {line[1] for line in lines} <= {c.__name__.rpartition(".")[2] for c in COMMANDS}
+
+
+def test_version_and_help(capsys):
+    for flag in ("--version", "--help"):
+        with pytest.raises(SystemExit) as caught:
+            main([flag])
+        assert caught.value.code == 0
+    assert f"swath {swath.__version__}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["rnu"], "swath: rnu: no such command, did you mean 'run'?"),
+        (["run"], "the following arguments are required: NAME|FILE"),
+        (["run", "a", "--fast"], "unrecognized arguments: --fast"),
+        (["run", "nowhere.yaml"], "swath: scenario = nowhere.yaml: there is no such file"),
+        (["run", "strait"], "did you mean 'straight'?"),
+        (["run", "small.yaml", "--seed", "x"], "seed = x: expected a whole number (--seed x)"),
+        (["run", "small.yaml", "--set", "combine.speed.speed_kmh=-1"], "(--set combine.speed.speed_kmh=-1)"),
+        (["scan", "small.yaml", "--at", "-1"], "swath: --at = -1: expected seconds, 0 to 100000"),
+        (["levels", "lidr"], "did you mean 'lidar'?"),
+        (["field"], "the following arguments are required: VERB"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(job, capsys, tmp_path, argv, message):
+    assert main(argv) == 2
+    said = capsys.readouterr()
+    assert message in said.err
+    assert len(said.err.splitlines()) == 1
+    assert said.out == ""
+    assert [p.name for p in tmp_path.iterdir()] == ["small.yaml"]
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_run(job, capsys, code):
+    job.exit_code = code
+    assert main(["run", "small.yaml", "--set", "combine.speed.speed_kmh=5", "--seed", "9"]) == code
+    scenario, out, progress = job.calls[0]
+    assert (scenario.seed, str(out), progress) == (9, "runs/small-9", True)
+    assert scenario.machines["combine"].slots["speed"].params.speed_kmh == 5.0
+    said = capsys.readouterr().out
+    assert "broken" in said
+    assert "12 345 678" in said
+    assert "runs/small-9/report.html" in said
+
+
+def test_runs_do_not_overwrite_each_other(job, capsys):
+    for _ in range(3):
+        main(["run", "small.yaml", "--quiet"])
+    assert capsys.readouterr().out.split() == ["runs/small-3", "runs/small-3-2", "runs/small-3-3"]
+
+
+def test_an_error_while_assembling_gets_its_line(job, capsys):
+    job.error = InputError("combine.lidar.mount.z_m", -1, "expected a sensor above the ground")
+    assert main(["run", "small.yaml"]) == 2
+    expected = "swath: combine.lidar.mount.z_m = -1: expected a sensor above the ground (small.yaml:19)\n"
+    assert capsys.readouterr().err == expected
+
+
+def test_interrupt_and_mistakes(job, capsys, monkeypatch):
+    job.error = KeyboardInterrupt()
+    assert main(["run", "small.yaml"]) == 130
+    job.error = ZeroDivisionError("division\nby zero")
+    assert main(["run", "small.yaml"]) == 70
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "swath: stopped"
+    assert said[1].startswith("swath: ZeroDivisionError: division by zero. This is a mistake in swath")
+    assert len(said) == 2
+    monkeypatch.setenv("SWATH_DEBUG", "1")
+    assert main(["run", "small.yaml"]) == 70
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_scan(job, capsys):
+    assert main(["scan", "small.yaml", "--at", "4.5"]) == 0
+    assert (str(job.calls[0][1]), job.calls[0][2]) == ("runs/small-3-scan", 4.5)
+    assert capsys.readouterr().out.split() == ["runs/small-3-scan/scan.png", "runs/small-3-scan/scan.csv"]
+
+
+def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
+    asked = []
+    importer = SimpleNamespace(
+        import_log=lambda log, out, **more: asked.append((log.name, out.name, more)) or "3 records",
+        show=lambda folder: folder / "overview.png",
+    )
+    monkeypatch.setitem(sys.modules, "swath.field.io.importer", importer)
+    assert main(["field", "import", "log.csv", "--out", "field", "--dem", "d.tif"]) == 0
+    assert asked[0][:2] == ("log.csv", "field")
+    assert str(asked[0][2]["dem"]) == "d.tif"
+    assert main(["field", "show", "field"]) == 0
+    assert capsys.readouterr().out.splitlines() == ["3 records", "field/overview.png"]
+
+
+def test_scenarios(capsys):
+    assert main(["scenarios"]) == 0
+    said = capsys.readouterr().out
+    for name in ("laser-pilot", "straight", "bend"):
+        assert name in said
+
+
+class TestRunFolder:
+    def finished(self, folder, name="small"):
+        folder.mkdir(parents=True)
+        (folder / "scenario.yaml").write_text(f"name: {name}\n")
+        (folder / "summary.json").write_text(json.dumps({}))
+        return folder
+
+    def test_new_empty_and_earlier_runs_are_taken(self, tmp_path):
+        empty = tmp_path / "empty"
+        empty.mkdir()
+        earlier = self.finished(tmp_path / "earlier")
+        for out in (tmp_path / "new", empty, earlier):
+            assert choose_run_folder("small", 1, out) == out
+        assert (earlier / "summary.json").exists()
+
+    def test_anything_else_is_refused(self, tmp_path):
+        foreign = tmp_path / "foreign"
+        foreign.mkdir()
+        (foreign / "thesis.doc").write_text("")
+        other = self.finished(tmp_path / "other", "bend")
+        for out in (foreign, other, foreign / "thesis.doc"):
+            with pytest.raises(
+                InputError, match=r"--out = .*expected a new or empty folder, or an earlier run of small"
+            ):
+                choose_run_folder("small", 1, out)
+            with pytest.raises(InputError, match="--out"):
+                choose_scan_folder("small", 1, out)
+
+    def test_clearing_takes_only_the_files_of_a_run(self, tmp_path):
+        folder = self.finished(tmp_path / "run")
+        (folder / "notes.txt").write_text("mine")
+        clear_run_folder(folder)
+        assert [f.name for f in folder.iterdir()] == ["notes.txt"]
