@@ -31,6 +31,7 @@ class Level:
     component: class, called as component(params, setup); params: dataclass of its parameters
     summary: one line; cost: what it costs; tolerance: against the next dearer level, or what it was
     checked against
+    sees_truth: a control level that is given the field although control is not (for isolating a part)
     """
 
     component: Any
@@ -38,6 +39,7 @@ class Level:
     summary: str
     cost: str = ""
     tolerance: str = ""
+    sees_truth: bool = False
 
 
 class Registry:

@@ -69,6 +69,7 @@ SLOTS: tuple[SlotKind, ...] = (
     SlotKind("steering", ("swath.machine.steering",), "actuator", 200.0, {"command": ("steer", "command")}),
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
+CONTROL = ("edge", "steer", "speed")  # these are told the machine's geometry, never the truth
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
     "terrain": ("swath.field.terrain",),

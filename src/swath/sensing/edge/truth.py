@@ -71,5 +71,10 @@ def _no_edge(t: int, reference_x: float) -> CropEdge:
 
 
 LEVEL = Level(
-    TruthEdge, Params, "the true edge, for testing steering alone", cost="0.1 ms", tolerance="15.6 mm cells"
+    TruthEdge,
+    Params,
+    "the true edge, for testing steering alone",
+    cost="0.1 ms",
+    tolerance="15.6 mm cells",
+    sees_truth=True,
 )

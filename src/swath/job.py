@@ -1,0 +1,167 @@
+"""Jobs: what the command line does with a scenario, from reading to the finished folder."""
+
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath import __version__
+from swath.core.schedule import NS
+from swath.sim.digest import Digest
+from swath.sim.loop import Progress, drive
+from swath.sim.record import Recorder
+from swath.sim.runfolder import clear_run_folder
+from swath.sim.scenario import Scenario
+from swath.sim.world import World, assemble
+from swath.study.metrics import is_broken
+from swath.study.referee import Referee
+from swath.study.summary import make_summary, write_summary
+from swath.view.keep import ScanKeeper
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """summary: as in summary.json; exit_code: 0 limits kept, 1 a limit broken; folder of the run."""
+
+    summary: dict[str, Any]
+    exit_code: int
+    folder: Path
+
+
+def run_job(scenario: Scenario, out: Path, *, progress: bool = False, report: bool = True) -> JobResult:
+    """Run a scenario into a folder.
+
+    The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C and
+    crashes leave a valid folder marked incomplete; the exception goes on.
+    """
+    world = assemble(scenario)
+    out.mkdir(parents=True, exist_ok=True)
+    clear_run_folder(out)
+    (out / "scenario.yaml").write_text(scenario.resolved(), encoding="utf-8")
+    watch = Watch(world, out)
+    started = time.perf_counter()
+    try:
+        with _progress_bar(world, progress) as show, watch.recorder:
+            drive(world, watch.observers, progress=show)
+    except BaseException:
+        watch.finish(time.perf_counter() - started, incomplete=True, report=False)
+        raise
+    summary = watch.finish(time.perf_counter() - started, incomplete=False, report=report)
+    return JobResult(summary, 1 if is_broken(summary["expect"]) else 0, out)
+
+
+class Watch:
+    """Everything that looks on while a world runs: digest, referee, recorder, keeper of scans."""
+
+    def __init__(self, world: World, out: Path) -> None:
+        self.world, self.out = world, out
+        leader = world.leader
+        recorded = {name: machine.recorded() for name, machine in world.machines.items()}
+        self.digest = Digest()
+        self.referees = {
+            name: Referee(world.field, recorded[name], overlap=machine.overlap)
+            for name, machine in world.machines.items()
+        }
+        referee = self.referees[leader.name]
+        self.keeper = ScanKeeper(recorded[leader.name], referee)
+        extra = {name: r.columns() for name, r in self.referees.items()}
+        self.recorder = Recorder(out, list(recorded.values()), extra=extra)
+        self.observers = [self.digest, *self.referees.values(), self.keeper, self.recorder]
+
+    def finish(self, wall_s: float, *, incomplete: bool, report: bool) -> dict[str, Any]:
+        """Judge, write summary.json and the report; returns the summary."""
+        world, scenario = self.world, self.world.scenario
+        self.recorder.close()
+        summary = make_summary(
+            {
+                "name": scenario.name,
+                "summary": scenario.summary,
+                "seed": scenario.seed,
+                "swath": __version__,
+                "machine": world.leader.card.name,
+            },
+            self.referees[world.leader.name].metrics(),
+            {k: v.model_dump(exclude_none=True) for k, v in scenario.expect.items()},
+            simulated_s=world.graph.t / NS,
+            wall_s=wall_s,
+            ray_count=sum(m.ray_count for m in world.machines.values()),
+            digest=self.digest.hex,
+            incomplete=incomplete,
+            cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
+        )
+        write_summary(self.out, summary)
+        if report:
+            self._report(summary)
+        return summary
+
+    def _report(self, summary: dict[str, Any]) -> None:
+        import numpy as np
+
+        from swath.view.keep import make_map
+        from swath.view.report import ReportData, write_report
+
+        world, leader = self.world, self.world.leader
+        series = self.referees[leader.name].series()
+        edge = world.field.nominal_edge
+        path = np.stack([series.x, series.y], axis=1)
+        write_report(
+            self.out,
+            ReportData(
+                summary=summary,
+                scenario=world.scenario.resolved(),
+                machine=leader.recorded(),
+                series=series,
+                tracks=self.recorder.tracks[leader.name].arrays(),
+                map=make_map(world.field, path) if len(path) > 1 else None,
+                scans=self.keeper.pick(),
+                stand=world.field,
+                edge=edge.point_at(np.linspace(0.0, edge.length, 500)),
+                driven=world.field.driven,
+            ),
+        )
+
+
+def scan_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> list[Path]:
+    """One scan of a scenario's first machine after `at_s` of driving: scan.png, scan.csv, scan.npz."""
+    from swath.view.scan import write_scan
+
+    world = assemble(scenario)
+    leader = world.leader
+    referee = Referee(world.field, leader.recorded(), overlap=leader.overlap)
+    keeper = ScanKeeper(leader.recorded(), referee)
+    needed = max(at_s, 2.0 / world.scenario.machines[leader.name].slots["lidar"].common.rate_hz)
+    drive(world, [referee, keeper], until_s=needed)
+    parts = Path(tempfile.mkdtemp(prefix="swath-scan-"))
+    try:
+        files = write_scan(parts, world, keeper)
+        out.mkdir(parents=True, exist_ok=True)
+        return [Path(shutil.move(f, out / f.name)) for f in files]
+    finally:
+        shutil.rmtree(parts, ignore_errors=True)
+
+
+@contextmanager
+def _progress_bar(world: World, wanted: bool) -> Iterator[Progress | None]:
+    """A rich bar over the driven distance, on stderr; nothing where there is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    if not wanted or not console.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[at]}"),
+        TimeRemainingColumn(),
+    )
+    with Bar(*columns, console=console, transient=True) as bar:
+        run = world.scenario.run
+        task = bar.add_task(world.scenario.name, total=run.distance_m, at="")
+        yield lambda driven, t: bar.update(task, completed=driven, at=f"{driven:.0f} m, {t:.0f} s simulated")

@@ -1,0 +1,228 @@
+"""From a scenario to something that runs: the field, the machines in it, their parts and connections."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError, SwathError
+from swath.core.frames import Pose
+from swath.core.graph import Graph, Node
+from swath.core.random import Stream
+from swath.core.schedule import Slot, from_hz
+from swath.core.setup import ControlSetup
+from swath.field.field import Field
+from swath.field.layout import Solids
+from swath.field.site import Bodies, SiteSetup
+from swath.field.solids import machine_body
+from swath.machine.card import MachineCard, load_machine
+from swath.sim.choices import MachineSection, SlotChoice
+from swath.sim.ground import build_field
+from swath.sim.messages import RecordedMachine
+from swath.sim.scenario import Scenario
+from swath.sim.sections import StartPose
+from swath.sim.slots import CONTROL
+
+LOOK_AHEAD_M = 5.0  # the edge must go on this far beyond where the header ends up
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine in the world. parts: slot -> component; mountings: sensor slot -> pose_machine_sensor
+
+    overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
+    """
+
+    name: str
+    card: MachineCard
+    edge_side: str
+    parts: Mapping[str, Any]
+    mountings: Mapping[str, Pose]
+    overlap: float
+
+    @property
+    def ray_count(self) -> int:
+        """Rays cast by all sensors so far."""
+        return sum(int(getattr(part, "ray_count", 0)) for part in self.parts.values())
+
+    def recorded(self) -> RecordedMachine:
+        """What the recording needs to know."""
+        return RecordedMachine(self.name, self.card, self.edge_side, self.mountings)
+
+
+@dataclass(frozen=True)
+class World:
+    """A scenario, assembled."""
+
+    scenario: Scenario
+    field: Field
+    bodies: Bodies
+    graph: Graph
+    machines: Mapping[str, Machine]
+
+    @property
+    def leader(self) -> Machine:
+        """The first machine: its distance ends the run."""
+        return next(iter(self.machines.values()))
+
+    def save(self) -> dict[str, Any]:
+        """Everything that changes while running."""
+        return {"graph": self.graph.save(), "field": self.field.save(), "bodies": self.bodies.save()}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Back to a saved moment, in a world of the same scenario."""
+        self.graph.load(state["graph"])
+        self.field.load(state["field"])
+        self.bodies.load(state["bodies"])
+
+    def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
+        """Observer of the graph: the bodies of the machines stand where the machines do."""
+        if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
+            self.bodies.place(slot.partition(".")[0], state.pose)
+
+
+def assemble(scenario: Scenario) -> World:
+    """Build the world. InputError or WiringError, with file and line, where something cannot work."""
+    try:
+        return _assemble(scenario)
+    except InputError as error:
+        raise scenario.locate(error) from error
+
+
+def _assemble(scenario: Scenario) -> World:
+    base = scenario.file.parent if scenario.file is not None else Path.cwd()
+    field, obstacles = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
+    site = Site(field, obstacles, Bodies(), base)
+    machines, nodes = {}, []
+    for section in scenario.machines.values():
+        machine, own_nodes = _build_machine(section, site)
+        machines[section.name] = machine
+        nodes += own_nodes
+        _check_room(scenario, section, field, machine.card)
+    return World(scenario, field, site.bodies, Graph(nodes, scenario.seed), machines)
+
+
+@dataclass(frozen=True)
+class Site:
+    """What all machines of a scenario share."""
+
+    field: Field
+    obstacles: Solids
+    bodies: Bodies
+    base: Path
+
+
+def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[Node]]:
+    card = load_machine(section.card.as_posix())
+    _check_side(section, site.field)
+    start = _start(section, site.field, card)
+    site.bodies.add(section.name, machine_body(card), start)
+    parts: dict[str, Any] = {}
+    mountings: dict[str, Pose] = {}
+    for slot in _build_order(section.slots):
+        choice = section.slots[slot]
+        period = from_hz(choice.common.rate_hz)
+        setup: Any = SiteSetup(
+            field=site.field,
+            machine=card,
+            start=start,
+            edge_side=section.common.edge_side,
+            period=period * 1e-9,
+            name=section.name,
+            obstacles=site.obstacles,
+            bodies=site.bodies,
+            base=site.base,
+        )
+        if slot in CONTROL and not choice.found.sees_truth:
+            mounting = mountings.get("lidar", Pose.from_euler((card.knife_x, 0.0, 2.0)))
+            setup = ControlSetup(card, mounting, section.common.edge_side, period * 1e-9)
+        parts[slot] = _make(section.name, slot, choice, setup)
+        if isinstance(getattr(parts[slot], "mounting", None), Pose):
+            mountings[slot] = parts[slot].mounting
+    nodes = [_node(section, slot, parts[slot]) for slot in section.slots]
+    steer = section.slots.get("steer")
+    overlap = float(getattr(steer.params, "overlap_m", 0.0)) if steer is not None else 0.0
+    return Machine(section.name, card, section.common.edge_side, parts, mountings, overlap), nodes
+
+
+def _build_order(slots: Mapping[str, SlotChoice]) -> list[str]:
+    """Sensors first: control is told where they sit."""
+    return [s for s in slots if s not in CONTROL] + [s for s in slots if s in CONTROL]
+
+
+def _make(machine: str, slot: str, choice: SlotChoice, setup: Any) -> Any:
+    try:
+        return choice.make(setup)
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(f"{machine}.{slot}.{error.key}", error.value, error.expected) from error
+    except SwathError:
+        raise
+    except Exception as error:
+        if ".py:" not in choice.level:
+            raise
+        what = f"could not be made: {type(error).__name__}: {error}"
+        raise InputError(f"{machine}.{slot}.level", choice.level, what) from error
+
+
+def _node(section: MachineSection, slot: str, component: Any) -> Node:
+    choice = section.slots[slot]
+    common = choice.common
+    ports = {p.name for p in component.inputs}
+    wires = {port: wire for port, wire in choice.wires.items() if port in ports or port in choice.wired}
+    optional = {p.name for p in component.inputs if p.optional}
+    off = {f"{section.name}.{name}" for name in section.off}
+    wires = {port: wire for port, wire in wires.items() if not (wire[0] in off and port in optional)}
+    timing = Slot(
+        f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
+    )
+    return Node(timing, component, wires)
+
+
+def _start(section: MachineSection, field: Field, card: MachineCard) -> Pose:
+    """pose_world_machine at t = 0, level; motion puts it on the ground."""
+    start = section.start
+    if isinstance(start, StartPose):
+        x, y, yaw = start.x_m, start.y_m, np.radians(start.heading_deg)
+    else:
+        edge = field.nominal_edge
+        along = float(edge.heading_at(start.along_edge_m))
+        yaw = along + np.radians(start.heading_error_deg)
+        left = np.array([-np.sin(along), np.cos(along)])
+        end = edge.point_at(start.along_edge_m) + start.offset_m * left
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        x, y = end - turn @ np.array(card.header_end(section.common.edge_side))
+    return Pose.from_euler((x, y, float(field.ground_height(x, y))), yaw=float(yaw))
+
+
+def _check_side(section: MachineSection, field: Field) -> None:
+    """The crop must stand on the machine's side of the edge."""
+    crop_side, edge_side = field.nominal_edge.crop_side, section.common.edge_side
+    if crop_side == edge_side:
+        other = "right" if edge_side == "left" else "left"
+        expected = f"expected {other}, because the crop stands to the {crop_side} of the edge"
+        raise InputError(f"{section.name}.edge_side", edge_side, expected)
+
+
+def _check_room(scenario: Scenario, section: MachineSection, field: Field, card: MachineCard) -> None:
+    """The edge, and the field around it, must go on for as long as the run does."""
+    if isinstance(section.start, StartPose):
+        return
+    begin = section.start.along_edge_m
+    room = field.nominal_edge.length - begin - LOOK_AHEAD_M
+    if scenario.run.distance_m > room:
+        expected = f"expected at most {max(room, 0.0):.0f} m, the edge ends there"
+        raise InputError("run.distance_m", scenario.run.distance_m, expected)
+    s = np.linspace(begin, begin + scenario.run.distance_m + LOOK_AHEAD_M, 200)
+    along, at = field.nominal_edge.heading_at(s), field.nominal_edge.point_at(s)
+    left = np.stack([-np.sin(along), np.cos(along)], axis=1)
+    inward = -1.0 if section.common.edge_side == "left" else 1.0
+    for across in (0.0, inward * card.header_width):
+        points = at + across * left
+        if not np.all(field.covers(points[:, 0], points[:, 1])):
+            short = float(s[np.argmin(field.covers(points[:, 0], points[:, 1]))] - begin)
+            expected = f"expected a field that covers the run, it ends after {short:.0f} m"
+            raise InputError("run.distance_m", scenario.run.distance_m, expected)
