@@ -104,9 +104,11 @@ class GridField:
         low, high = self._index(*polygon.min(axis=0)), self._index(*polygon.max(axis=0))
         rows, columns = slice(low[0], high[0] + 1), slice(low[1], high[1] + 1)
         x, y = self.x[rows, columns], self.y[rows, columns]
+        area = np.sum(polygon[:, 0] * nxt[:, 1] - polygon[:, 1] * nxt[:, 0])
+        turn = np.sign(area)
         inside = np.ones(x.shape, dtype=bool)
         for (ax, ay), (bx, by) in zip(polygon, nxt, strict=True):
-            inside &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0
+            inside &= turn * ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) >= 0
         return (rows, columns), inside
 
     def cut(self, polygon):

@@ -5,7 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from swath.sim.metric_names import LIMITABLE_METRICS
 from swath.study.metrics import (
+    METRICS,
     balance_error,
     edge_metrics,
     evaluate,
@@ -83,3 +85,8 @@ def test_json_safe_knows_numpy_and_nan():
         json_safe({"a": np.float32(0.5), "b": np.array([1.0, np.nan]), "c": (np.bool_(True), np.inf)})
     )
     assert json.loads(text) == {"a": 0.5, "b": [1.0, None], "c": [True, None]}
+
+
+def test_every_metric_a_limit_can_be_set_on_has_a_meaning():
+    assert set(METRICS) - set(LIMITABLE_METRICS) == {"digest", "incomplete", "expect"}
+    assert set(LIMITABLE_METRICS) < set(METRICS)

@@ -5,7 +5,7 @@ import pytest
 from fake_run import ArcEdge, GridField, drive, machine
 
 from swath.core.signals import CropFlow, MachineLoad
-from swath.sim.metric_names import METRICS
+from swath.study.metrics import METRICS
 from swath.study.referee import Referee
 
 

@@ -1,6 +1,6 @@
 """The numbers of a run and the limits they are held against. docs/metrics.md states each with its formula.
 
-The names are listed in sim/metric_names.py, where a scenario's limits are checked against them.
+The names that a scenario may set limits on are in sim/metric_names.py.
 """
 
 from collections.abc import Mapping
@@ -13,6 +13,27 @@ from swath.core.signals import F64
 
 SETTLING_M = 10.0  # driven before the lateral error counts
 STEP_M = 0.1  # spacing of the interpolated path
+
+METRICS: dict[str, str] = {
+    "edge_rmse_m": "detected against true edge, root mean square [m]",
+    "edge_bias_m": "detected minus true edge, mean [m], > 0 towards the standing crop",
+    "detection_availability": "share of edge samples with an edge, where a true edge exists",
+    "false_edge_share": "share of edge samples with an edge, where no true edge exists",
+    "lateral_rms_m": "lateral error of the header end after settling, root mean square [m]",
+    "lateral_p95_m": "lateral error of the header end after settling, 95th percentile of its size [m]",
+    "lateral_bias_m": "lateral error of the header end after settling, mean [m], > 0 towards the crop",
+    "header_use": "cut width / header width, mean over time after settling",
+    "uncut_area_m2": "standing crop left on the cut side of the header end's path [m2]",
+    "area_cut_m2": "ground from which crop was cut [m2]",
+    "grain_cut_kg": "grain taken in by the header [kg]",
+    "mass_balance_error": "|left the field - in machine, tank, losses and swath| / left the field",
+    "distance_m": "way of the fixed axle's centre [m]",
+    "real_time_factor": "simulated time / wall time",
+    "ray_count": "rays cast",
+    "digest": "fingerprint of every sample of the run",
+    "incomplete": "true when the run was stopped before its end",
+    "expect": "limits with value and verdict",
+}
 
 
 def edge_metrics(error: F64, exists: NDArray[np.bool_], found: NDArray[np.bool_]) -> dict[str, float]:

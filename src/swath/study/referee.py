@@ -173,8 +173,8 @@ class Referee:
         inner, outer = np.stack([px, py], axis=1), np.stack([outer_x, outer_y], axis=1)
         area = 0.0
         for i in range(len(at) - 1):
-            strip = np.array([inner[i], inner[i + 1], outer[i + 1], outer[i]])
-            area += self.field.standing_area(strip if self.side > 0 else strip[::-1])
+            area += self.field.standing_area(np.array([inner[i], inner[i + 1], outer[i + 1]]))
+            area += self.field.standing_area(np.array([inner[i], outer[i + 1], outer[i]]))
         return area
 
     def accounted(self) -> tuple[float, float]:

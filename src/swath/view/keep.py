@@ -8,6 +8,7 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.signals import F64, CropEdge, MachineState, Scan, ScanTruth, Signal
+from swath.field.layout import PAGE_NODES, PAGE_TILES, Solids
 from swath.sim.messages import RecordedMachine
 from swath.study.referee import Referee
 
@@ -136,11 +137,37 @@ def make_map(field: Standing, path: F64, *, margin: float = 12.0, columns: int =
     grid_u, grid_v = np.meshgrid(u, v)
     x = frame.origin[0] + np.cos(turn) * grid_u - np.sin(turn) * grid_v
     y = frame.origin[1] + np.sin(turn) * grid_u + np.cos(turn) * grid_v
-    depth = getattr(field, "straw_depth", None)
+    depth = straw_depth(field, x, y) if hasattr(field, "pages") else None
     return FieldMap(
         frame.origin,
         turn,
         (float(low[0]), float(low[0] + cell * len(u)), float(low[1]), float(low[1] + cell * len(v))),
         np.asarray(field.standing(x, y), dtype=bool),
-        None if depth is None else np.asarray(depth(x, y), dtype=float),
+        depth,
     )
+
+
+def straw_depth(field: Any, x: F64, y: F64) -> F64:
+    """Depth of straw [m] at the lattice node next to world points, 0 where no page is in memory."""
+    pages, node = field.pages, field.library.tile_size * PAGE_TILES / PAGE_NODES
+    u, v = (np.floor(a / node + 0.5).astype(int) for a in field.to_stand(x, y))
+    column, row = u // PAGE_NODES - pages.table_x, v // PAGE_NODES - pages.table_y
+    inside = (column >= 0) & (column < pages.table.shape[1]) & (row >= 0) & (row < pages.table.shape[0])
+    slot = np.where(inside, pages.table[np.where(inside, row, 0), np.where(inside, column, 0)], -1)
+    depth = pages.straw[np.maximum(slot, 0), v % PAGE_NODES, u % PAGE_NODES]
+    return np.where(slot >= 0, depth, 0.0).astype(float)
+
+
+def circles_of(solids: Solids) -> list[tuple[float, float, float]]:
+    """x, y, radius [m] of obstacles as a map shows them; a box by its longer horizontal half side."""
+    centres = np.concatenate([solids.box_centre, 0.5 * (solids.capsule_a + solids.capsule_b),
+                              solids.ellipsoid_centre])  # fmt: skip
+    flat = [
+        np.abs(axes[:2] * half).max() for axes, half in zip(solids.box_axes, solids.box_half, strict=True)
+    ]
+    round_ = [
+        np.abs(axes[:2] * half).max()
+        for axes, half in zip(solids.ellipsoid_axes, solids.ellipsoid_half, strict=True)
+    ]
+    radius = [*flat, *solids.capsule_radius, *round_]
+    return [(float(c[0]), float(c[1]), float(r)) for c, r in zip(centres, radius, strict=True)]

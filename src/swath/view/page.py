@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from swath.study.metrics import METRICS
+
 GROUPS: dict[str, dict[str, tuple[str, str, float, int]]] = {
     "Edge detection": {
         "edge_rmse_m": ("edge error, RMS", "cm", 100.0, 2),
@@ -173,8 +175,9 @@ def _metric_row(
         kept = held["verdict"] == "kept"
         mark = f'<span class="{"kept" if kept else "broken"}">{"✓ kept" if kept else "✗ broken"}</span>'
     text = _number(value, factor, digits, unit)
+    tip = escape(f"{name}: {METRICS.get(name, label)}")
     return (
-        f'<tr title="{escape(name)}"><td>{escape(label)}</td><td class="n v">{text}</td>'
+        f'<tr title="{tip}"><td>{escape(label)}</td><td class="n v">{text}</td>'
         f'<td class="limit n">{limit}</td><td class="mark">{mark}</td></tr>'
     )
 

@@ -225,13 +225,22 @@ def drive_figure(tracks: dict[str, Any]) -> Any:
     axes[0].legend(loc="lower right", ncol=2)
     axes[1].plot(at, np.degrees(tracks["steer_rad"]), color=ORANGE, lw=1.2)
     axes[1].set_ylabel("steered axle\n[deg], > 0 left")
-    axes[2].plot(at, 100 * tracks["header_fill"], color=GREEN, lw=1.2)
+    axes[2].plot(at, 100 * _over_a_metre(at, tracks["header_fill"]), color=GREEN, lw=1.2)
     axes[2].set_ylabel("header use\n[%]")
     axes[2].set_ylim(0, 108)
     axes[2].set_xlabel("travelled distance [m]")
     axes[2].set_xlim(0, max(float(np.nanmax(at)) if len(at) else 1.0, 1.0))
     fig.align_ylabels(axes)
     return fig
+
+
+def _over_a_metre(at: F64, values: F64) -> F64:
+    """Mean over the last metre: what the header takes in one step scatters with the cut cells."""
+    known = np.nan_to_num(values)
+    sums = np.concatenate([[0.0], np.cumsum(known)])
+    first = np.searchsorted(at, at - 1.0)
+    last = np.arange(1, len(at) + 1)
+    return np.asarray((sums[last] - sums[first]) / (last - first))
 
 
 def scans_figure(scans: Sequence[KeptScan], geometry: MachineGeometry, side: str) -> Any:
