@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
+from swath.core.graph import Observer
 from swath.core.schedule import NS
 from swath.sim.digest import Digest
 from swath.sim.loop import Progress, drive
@@ -70,7 +71,7 @@ class Watch:
         self.keeper = ScanKeeper(recorded[leader.name], referee)
         extra = {name: r.columns() for name, r in self.referees.items()}
         self.recorder = Recorder(out, list(recorded.values()), extra=extra)
-        self.observers = [self.digest, *self.referees.values(), self.keeper, self.recorder]
+        self.observers: list[Observer] = [self.digest, *self.referees.values(), self.keeper, self.recorder]
 
     def finish(self, wall_s: float, *, incomplete: bool, report: bool) -> dict[str, Any]:
         """Judge, write summary.json and the report; returns the summary."""
@@ -155,13 +156,8 @@ def _progress_bar(world: World, wanted: bool) -> Iterator[Progress | None]:
     if not wanted or not console.is_terminal:
         yield None
         return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[at]}"),
-        TimeRemainingColumn(),
-    )
-    with Bar(*columns, console=console, transient=True) as bar:
+    text, at = TextColumn("{task.description}"), TextColumn("{task.fields[at]}")
+    with Bar(text, BarColumn(), at, TimeRemainingColumn(), console=console, transient=True) as bar:
         run = world.scenario.run
         task = bar.add_task(world.scenario.name, total=run.distance_m, at="")
         yield lambda driven, t: bar.update(task, completed=driven, at=f"{driven:.0f} m, {t:.0f} s simulated")

@@ -39,7 +39,7 @@ class LidarCard:
 
     def noise_sigma(self, distance: F64) -> F64:
         """One-sigma range noise [m] at distances [m]: linear between the data sheet's points."""
-        return np.interp(distance, self.noise[:, 0], self.noise[:, 1])
+        return np.asarray(np.interp(distance, self.noise[:, 0], self.noise[:, 1]), dtype=np.float64)
 
     def azimuths(self, first: float, last: float, step: float) -> F64:
         """Beam azimuths [rad] from first to last inclusive, centred in the sector when step does not fit."""

@@ -1,4 +1,4 @@
-"""The field of a scenario: terrain, stand, edge, obstacles and boundary made by their levels, put together."""
+"""The field of a scenario: its parts made by their levels and put together."""
 
 from pathlib import Path
 
