@@ -1,14 +1,14 @@
 """What breaks a clean edge: gaps where the crop is missing and teeth that are bitten out of it."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.edge import EdgeShape
 from swath.field.hashing import hash_uniform
 from swath.field.layout import STANDING
+from swath.field.track import EdgeShape
 
 Array = NDArray[np.float64]
 
@@ -39,13 +39,13 @@ class Teeth:
     def depth(self, s: Array) -> Array:
         """Depth of the bite [m] at s [m] along the edge."""
         if self.kind == "sawtooth":
-            return self.amplitude * ((s / self.wavelength + hash_uniform(self.seed, 0)[0]) % 1.0)
+            return np.asarray(self.amplitude * ((s / self.wavelength + hash_uniform(self.seed, 0)[0]) % 1.0))
         knot = 2.0 * s / self.wavelength
         k = np.floor(knot)
         blend = 0.5 - 0.5 * np.cos(np.pi * (knot - k))
         index = k.astype(np.int64)
         low, high = hash_uniform(self.seed, index), hash_uniform(self.seed, index + 1)
-        return self.amplitude * (low + (high - low) * blend).reshape(s.shape)
+        return np.asarray(self.amplitude * (low + (high - low) * blend).reshape(s.shape))
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,3 @@ class BrokenEdge:
         codes[distance > radius + deep] = STANDING
         codes[distance < -radius] = self.stubble
         return codes
-
-    @staticmethod
-    def of(shape: EdgeShape, stubble_height: float, **rest: Any) -> "BrokenEdge":
-        """From a stubble height [m]."""
-        return BrokenEdge(shape, round(100.0 * stubble_height), **rest)

@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.field.boundary import Boundary
+from swath.field.boundary import Region
 from swath.field.breaks import BrokenEdge
 from swath.field.crop import Crop
 from swath.field.cutting import Cut, StemIndex, check_polygon
-from swath.field.edge import EdgeShape
 from swath.field.harvest import cut_pages, recount_pages, standing_share
 from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.page_maker import PageMaker
@@ -19,6 +18,7 @@ from swath.field.pages import Change, Key, PageStore
 from swath.field.setup import Stand, Terrain
 from swath.field.straw import spread_straw, write_depth
 from swath.field.tops import update_tops
+from swath.field.track import EdgeShape
 
 Array = NDArray[np.float64]
 FAR = 1e6  # places beyond this are refused [m]
@@ -40,7 +40,7 @@ class Field:
         library: PlantLibrary,
         *,
         stream: Stream,
-        boundary: Boundary | None = None,
+        boundary: Region | None = None,
         straw_exponent: float = 1.0,
         straw_density: float = 25.0,
         page_limit: int = 1024,
@@ -51,7 +51,7 @@ class Field:
         self.terrain, self.stand, self.edge, self.boundary = terrain, stand, edge, boundary
         self.library = library
         self.nominal_edge: EdgeShape = edge.shape
-        self.stand_yaw = float(stand.row_azimuth)
+        self.stand_yaw = float(stand.row_heading)
         self.straw_density = straw_density
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
@@ -240,7 +240,7 @@ def make_field(
     crop: Crop,
     library: PlantLibrary | None = None,
     stream: Stream,
-    boundary: Boundary | None = None,
+    boundary: Region | None = None,
     page_limit: int = 1024,
 ) -> Field:
     """A field from resolved levels. The library is made from the crop when none is given.

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.boundary import Boundary
+from swath.field.boundary import Region
 from swath.field.breaks import BrokenEdge
 from swath.field.hashing import hash_cells
 from swath.field.layout import (
@@ -32,13 +32,13 @@ class PageMaker:
         terrain: Terrain,
         stand: Stand,
         edge: BrokenEdge,
-        boundary: Boundary | None,
+        boundary: Region | None,
         library: PlantLibrary,
         seed: int,
     ) -> None:
         self.terrain, self.stand, self.edge, self.boundary = terrain, stand, edge, boundary
         self.library, self.seed = library, seed
-        self.yaw = stand.row_azimuth
+        self.yaw = stand.row_heading
         self.tile = library.tile_size
         self.side = PAGE_TILES * library.tile_size
         self.cell = library.tile_size / TILE_CELLS
@@ -68,7 +68,8 @@ class PageMaker:
         pages at a border see the same ones.
         """
         steps = np.arange(PAGE_NODES + 1)
-        u, v = (PAGE_NODES * i + steps) * self.node, (PAGE_NODES * j + steps) * self.node
+        u: Array = np.asarray((PAGE_NODES * i + steps) * self.node, dtype=np.float64)
+        v: Array = np.asarray((PAGE_NODES * j + steps) * self.node, dtype=np.float64)
         return self.terrain.lattice(u, v, self.yaw)
 
     def codes(self, i: int, j: int) -> Codes:

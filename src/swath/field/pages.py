@@ -166,7 +166,7 @@ class PageStore:
             (len(c.codes) if isinstance(c.codes, bytes) else 0) + len(c.straw or b"")
             for c in self.packed.values()
         )
-        return sum(a.nbytes for a in pools) + packed + sum(a.nbytes for a in self.straw_mass.values())
+        return int(sum(a.nbytes for a in pools) + packed + sum(a.nbytes for a in self.straw_mass.values()))
 
     def _insert(self, key: Key) -> None:
         if not self._free:

@@ -1,10 +1,12 @@
 """What terrain and stand levels are given besides their parameters, and the verbs they must have.
 
 World: x east, y north, z up [m]. z = 0 is the datum of the terrain, so that heights stay below a few hundred
-metres and fit float32 (rounding at 256 m: 15 um). Directions in files (`*_deg`) are counter-clockwise from
-east, the same as a machine's heading.
+metres and fit float32 (rounding at 256 m: 15 um). In files an azimuth is clockwise from north, as surveyors
+have it and in `field.yaml`; a heading is counter-clockwise from east, as a machine's yaw. Inside, all
+directions are counter-clockwise from east.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.random import Stream
+from swath.core.units import DEG
 
 Array = NDArray[np.float64]
 
@@ -20,12 +23,21 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class FieldSetup:
     """stream: random numbers of the field; folder: where relative file names start;
-    origin: (easting, northing) of the world's origin in the projected system of the field's maps [m].
+    origin: (easting, northing) of the world's origin in the projected system of the field's maps [m];
+    to_local: longitude and latitude (n, 2) [deg] -> world (n, 2) [m], None where the field has no place on
+    earth; tracks: driven passes of the field, world points (n, 2) each
     """
 
     stream: Stream = field(default_factory=lambda: Stream(0, "field"))
     folder: Path = field(default_factory=Path)
     origin: tuple[float, float] = (0.0, 0.0)
+    to_local: Callable[[Any], Array] | None = None
+    tracks: tuple[Array, ...] = ()
+
+
+def from_azimuth(azimuth_deg: float) -> float:
+    """Direction counter-clockwise from east [rad] of an azimuth clockwise from north [deg]."""
+    return (90.0 - azimuth_deg) * DEG
 
 
 class Terrain(Protocol):
@@ -47,13 +59,13 @@ class Stand(Protocol):
     """A level of the stand.
 
     crop: name of the crop; density_max [stems/m2]: nowhere exceeded; row_spacing [m], 0 = no rows;
-    row_azimuth [rad]: direction of the rows in the world
+    row_heading [rad]: direction of the rows in the world, counter-clockwise from east
     """
 
     crop: str
     density_max: float
     row_spacing: float
-    row_azimuth: float
+    row_heading: float
 
     def density(self, x: Any, y: Any) -> Array:
         """Stems per m2 at world points."""
@@ -64,7 +76,7 @@ class Stand(Protocol):
         ...
 
     def lean(self, x: Any, y: Any) -> tuple[Array, Array]:
-        """Mean lean from the vertical and the direction it leans to in the world [rad]."""
+        """Mean lean from the vertical and its direction, counter-clockwise from east [rad]."""
         ...
 
     def bare(self, x: Any, y: Any) -> NDArray[np.bool_]:

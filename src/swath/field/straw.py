@@ -39,8 +39,8 @@ def spread_straw(
     origin = node.min(axis=0)
     nx, ny = node.max(axis=0) - origin + 1
     flat = (node[:, 1] - origin[1]) * nx + node[:, 0] - origin[0]
-    laid = np.bincount(flat, share * np.tile(weight, 4), minlength=nx * ny).reshape(ny, nx)
-    _add(store, laid, int(origin[0]), int(origin[1]), depth_per_kg)
+    laid: Array = np.asarray(np.bincount(flat, share * np.tile(weight, 4), minlength=nx * ny), np.float64)
+    _add(store, laid.reshape(ny, nx), int(origin[0]), int(origin[1]), depth_per_kg)
 
 
 def write_depth(store: PageStore, keys: list[Key], depth_per_kg: float) -> None:
@@ -92,10 +92,8 @@ def _points_inside(polygon: Array, spacing: float = 0.5) -> tuple[Array, Array]:
     for b, c in pairwise(polygon[1:]):
         e, f = b - polygon[0], c - polygon[0]
         count = max(1, int(np.ceil(max(np.hypot(*e), np.hypot(*f), np.hypot(*(f - e))) / spacing)))
-        i, j = np.meshgrid(np.arange(count), np.arange(count))
-        lower = (i + j < count).ravel()
-        upper = (i + j < count - 1).ravel()
-        i, j = i.ravel(), j.ravel()
+        j, i = np.divmod(np.arange(count * count), count)
+        lower, upper = i + j < count, i + j < count - 1
         s = np.concatenate([i[lower] + 1 / 3, i[upper] + 2 / 3]) / count
         t = np.concatenate([j[lower] + 1 / 3, j[upper] + 2 / 3]) / count
         points.append(polygon[0] + s[:, None] * e + t[:, None] * f)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.registry import Level
 from swath.core.units import DEG
-from swath.field.setup import FieldSetup
+from swath.field.setup import FieldSetup, from_azimuth
 
 Array = NDArray[np.float64]
 
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Params:
     """crop: name of a crop file; stems_per_m2; row_spacing_m, 0 = no rows; row_azimuth_deg: direction of the
-    rows, counter-clockwise from east; height_factor: plant length relative to the crop's own; lean_deg,
-    lean_azimuth_deg: mean lean of all stems on top of their own, and where to.
+    rows, clockwise from north; height_factor: plant length relative to the crop's own; lean_deg,
+    lean_azimuth_deg: mean lean of all stems on top of their own, and where to, clockwise from north.
     """
 
     crop: str = "wheat"
@@ -37,9 +37,9 @@ class Uniform:
         self.crop = params.crop
         self.density_max = params.stems_per_m2
         self.row_spacing = params.row_spacing_m
-        self.row_azimuth = params.row_azimuth_deg * DEG
+        self.row_heading = from_azimuth(params.row_azimuth_deg)
         self._factor = params.height_factor
-        self._lean = params.lean_deg * DEG, params.lean_azimuth_deg * DEG
+        self._lean = params.lean_deg * DEG, from_azimuth(params.lean_azimuth_deg)
 
     def density(self, x: Any, y: Any) -> Array:
         """Stems per m2."""

@@ -8,18 +8,18 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from swath.core.registry import Level
-from swath.core.units import DEG, PERCENT
-from swath.field.setup import FieldSetup
+from swath.core.units import PERCENT
+from swath.field.setup import FieldSetup, from_azimuth
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Params:
-    """slope_percent: rise per run; slope_direction_deg: where it rises to, counter-clockwise from east."""
+    """slope_percent: rise per run; slope_azimuth_deg: where it rises to, clockwise from north."""
 
     slope_percent: Annotated[float, Ge(-100.0), Le(100.0)] = 0.0
-    slope_direction_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    slope_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 90.0
     height_m: Annotated[float, Ge(-1000.0), Le(1000.0)] = 0.0
 
 
@@ -28,7 +28,7 @@ class Plane:
 
     def __init__(self, params: Params, setup: FieldSetup) -> None:
         self.base = params.height_m
-        slope, direction = params.slope_percent * PERCENT, params.slope_direction_deg * DEG
+        slope, direction = params.slope_percent * PERCENT, from_azimuth(params.slope_azimuth_deg)
         self.slope_x, self.slope_y = slope * np.cos(direction), slope * np.sin(direction)
 
     def height(self, x: Any, y: Any) -> Array:

@@ -1,0 +1,164 @@
+"""Obstacles and machine bodies: boxes, posts and stones that a ray can hit."""
+
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
+from pydantic import Field as PydanticField
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose, rotation_matrix
+from swath.core.setup import MachineGeometry
+from swath.core.units import DEG
+from swath.field.layout import Solids
+
+Array = NDArray[np.float64]
+PLACE = 1e5  # farthest coordinate of an obstacle [m]
+WOOD, PAINT, STONE = 0.4, 0.3, 0.3  # reflectance at 905 nm, assumed; a user can set each
+KNIFE_CLEARANCE = 0.1  # of the header's body above ground [m], assumed
+
+Metres = Annotated[float, Ge(-PLACE), Le(PLACE)]
+Size = Annotated[float, Gt(0.0), Le(100.0)]
+Share = Annotated[float, Ge(0.0), Le(1.0)]
+
+
+@dataclass(frozen=True)
+class PostObstacle:
+    """An upright round post. x_m, y_m: its foot on the ground."""
+
+    x_m: Metres
+    y_m: Metres
+    kind: Literal["post"] = "post"
+    height_m: Size = 2.0
+    diameter_m: Size = 0.15
+    reflectance: Share = WOOD
+
+
+@dataclass(frozen=True)
+class BoxObstacle:
+    """A box on the ground. x_m, y_m: its middle; heading_deg: of its length, from east to the left."""
+
+    x_m: Metres
+    y_m: Metres
+    kind: Literal["box"] = "box"
+    length_m: Size = 2.0
+    width_m: Size = 2.0
+    height_m: Size = 2.0
+    heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    reflectance: Share = PAINT
+
+
+@dataclass(frozen=True)
+class StoneObstacle:
+    """An ellipsoid, half of its height above ground. x_m, y_m: its middle."""
+
+    x_m: Metres
+    y_m: Metres
+    kind: Literal["stone"] = "stone"
+    length_m: Size = 0.5
+    width_m: Size = 0.4
+    height_m: Size = 0.5
+    heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    reflectance: Share = STONE
+
+
+Obstacle = Annotated[PostObstacle | BoxObstacle | StoneObstacle, PydanticField(discriminator="kind")]
+
+
+def make_obstacles(obstacles: Any, field: Any) -> Solids:
+    """Solids of obstacle parameters, each standing on the ground of a field (its `ground_height` is asked).
+
+    Raises InputError for an obstacle outside the boundary of the field.
+    """
+    made = []
+    for index, o in enumerate(obstacles):
+        region = getattr(field, "boundary", None)
+        if region is not None and not bool(region.contains(o.x_m, o.y_m)):
+            place = f"[{o.x_m:g}, {o.y_m:g}]"
+            raise InputError(f"field.obstacles.{index}", place, "expected a place inside the boundary")
+        foot = np.array([o.x_m, o.y_m, float(field.ground_height(o.x_m, o.y_m))])
+        if isinstance(o, PostObstacle):
+            made.append(post(foot, o.height_m, o.diameter_m, o.reflectance))
+            continue
+        size = (o.length_m, o.width_m, o.height_m)
+        shape = box_on_ground if isinstance(o, BoxObstacle) else stone
+        made.append(shape(foot, size, o.heading_deg * DEG, o.reflectance))
+    return merge(*made)
+
+
+def post(foot: Any, height: float, diameter: float, reflectance: float = WOOD) -> Solids:
+    """Upright capsule from its foot (3,) [m]; its round top ends at the height."""
+    foot = np.asarray(foot, dtype=float)
+    radius = 0.5 * diameter
+    top = foot + np.array([0.0, 0.0, max(height - radius, 0.0)])
+    return Solids(
+        capsule_a=foot[None],
+        capsule_b=top[None],
+        capsule_radius=np.array([radius]),
+        capsule_reflectance=np.array([reflectance]),
+    )
+
+
+def box_on_ground(foot: Any, size: Any, heading: float = 0.0, reflectance: float = PAINT) -> Solids:
+    """Box of size (length, width, height) [m] whose lower face has its middle at foot (3,)."""
+    half = 0.5 * np.asarray(size, dtype=float)
+    centre = np.asarray(foot, dtype=float) + np.array([0.0, 0.0, half[2]])
+    return Solids(
+        box_centre=centre[None],
+        box_axes=rotation_matrix(0.0, 0.0, heading)[None],
+        box_half=half[None],
+        box_reflectance=np.array([reflectance]),
+    )
+
+
+def stone(foot: Any, size: Any, heading: float = 0.0, reflectance: float = STONE) -> Solids:
+    """Ellipsoid of size (length, width, height) [m] around foot (3,): its lower half is in the soil."""
+    return Solids(
+        ellipsoid_centre=np.asarray(foot, dtype=float)[None],
+        ellipsoid_axes=rotation_matrix(0.0, 0.0, heading)[None],
+        ellipsoid_half=0.5 * np.asarray(size, dtype=float)[None],
+        ellipsoid_reflectance=np.array([reflectance]),
+    )
+
+
+def machine_body(machine: MachineGeometry, reflectance: float = PAINT) -> Solids:
+    """Chassis and header of a machine as two boxes in the machine frame."""
+    rear, front, half_width, bottom, top = machine.body
+    chassis = box_on_ground(
+        [0.5 * (rear + front), 0.0, bottom],
+        [front - rear, 2.0 * half_width, top - bottom],
+        reflectance=reflectance,
+    )
+    header = box_on_ground(
+        [machine.knife_x - 0.5 * machine.header_depth, machine.header_y, KNIFE_CLEARANCE],
+        [machine.header_depth, machine.header_width, machine.header_height],
+        reflectance=reflectance,
+    )
+    return merge(chassis, header)
+
+
+def merge(*solids: Solids) -> Solids:
+    """All of them together."""
+    if not solids:
+        return Solids()
+    return Solids(**{f.name: np.concatenate([getattr(s, f.name) for s in solids]) for f in fields(Solids)})
+
+
+def moved(solids: Solids, pose: Pose) -> Solids:
+    """Solids of an inner frame in the outer frame of a pose."""
+    return Solids(
+        box_centre=pose.apply(solids.box_centre),
+        box_axes=pose.rotation @ solids.box_axes,
+        box_half=solids.box_half,
+        box_reflectance=solids.box_reflectance,
+        capsule_a=pose.apply(solids.capsule_a),
+        capsule_b=pose.apply(solids.capsule_b),
+        capsule_radius=solids.capsule_radius,
+        capsule_reflectance=solids.capsule_reflectance,
+        ellipsoid_centre=pose.apply(solids.ellipsoid_centre),
+        ellipsoid_axes=pose.rotation @ solids.ellipsoid_axes,
+        ellipsoid_half=solids.ellipsoid_half,
+        ellipsoid_reflectance=solids.ellipsoid_reflectance,
+    )

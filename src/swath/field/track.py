@@ -1,0 +1,233 @@
+"""Geometry of the crop edge: a track of straight lines and arcs with crop on one side.
+
+Beyond its two ends the track goes straight on for ever, so that it parts the world. s [m] runs along the
+track from its start; offsets are > 0 on the crop side in `signed_distance` and > 0 to the left in `project`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.core.frames import wrap_angle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A line (curvature 0) or an arc. x, y: start [m]; heading there [rad]; length [m]; curvature [1/m],
+    > 0 bends left. s: of its start. turn_in, turn_out: headings [rad] that decide the side of what lies
+    nearest to its start and to its end: half way between this piece's heading and its neighbour's.
+    """
+
+    x: float
+    y: float
+    heading: float
+    length: float
+    curvature: float = 0.0
+    s: float = 0.0
+    turn_in: float = 0.0
+    turn_out: float = 0.0
+
+    def at(self, t: Any) -> tuple[Array, Array, Array]:
+        """x, y [m] and heading [rad] a way t [m] into the piece (or before and after it)."""
+        t = np.asarray(t, dtype=float)
+        heading = self.heading + self.curvature * t
+        if self.curvature == 0.0:
+            return self.x + t * np.cos(self.heading), self.y + t * np.sin(self.heading), heading
+        r = 1.0 / self.curvature
+        x = self.x + r * (np.sin(heading) - np.sin(self.heading))
+        y = self.y - r * (np.cos(heading) - np.cos(self.heading))
+        return x, y, heading
+
+    def project(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(way into the piece, offset > 0 left) [m] of the nearest point of the piece."""
+        t, offset = self._unbounded(x, y)
+        for outside, end, turn in (
+            (t < 0.0, 0.0, self.turn_in),
+            (t > self.length, self.length, self.turn_out),
+        ):
+            if np.any(outside):
+                ex, ey, _ = self.at(end)
+                dx, dy = x - ex, y - ey
+                side = np.where(np.cos(turn) * dy - np.sin(turn) * dx < 0.0, -1.0, 1.0)
+                offset = np.where(outside, side * np.hypot(dx, dy), offset)
+        return np.clip(t, 0.0, self.length), offset
+
+    def _unbounded(self, x: Array, y: Array) -> tuple[Array, Array]:
+        dx, dy = x - self.x, y - self.y
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        if self.curvature == 0.0:
+            return dx * c + dy * s, dy * c - dx * s
+        r = 1.0 / self.curvature
+        cx, cy = dx + r * s, dy - r * c  # from the centre of the arc
+        middle = 0.5 * self.length * self.curvature
+        turned = np.arctan2(cy, cx) - np.arctan2(-r * c, r * s)
+        angle = middle + wrap_angle(turned - middle)
+        return angle * r, np.sign(r) * (abs(r) - np.hypot(cx, cy))
+
+
+class EdgeShape:
+    """The nominal edge. crop_side: `left` or `right` of the track as it is driven."""
+
+    def __init__(self, pieces: Sequence[Piece], crop_side: str) -> None:
+        if not pieces:
+            raise InputError("field.edge", None, "expected a track of at least one piece")
+        if crop_side not in ("left", "right"):
+            raise InputError("field.edge.crop_side", crop_side, "expected left or right")
+        self.crop_side = crop_side
+        self.pieces = _linked(pieces)
+        self.length: float = self.pieces[-1].s + self.pieces[-1].length
+        self._starts = np.array([p.s for p in self.pieces])
+        self._sides = _extended(self.pieces, self.length)
+
+    def signed_distance(self, x: Any, y: Any) -> Array:
+        """Distance to the edge [m], > 0 on the crop side, in the shape of x and y broadcast."""
+        offset = self.project(x, y)[1]
+        return offset if self.crop_side == "left" else -offset
+
+    def project(self, x: Any, y: Any) -> tuple[Array, Array]:
+        """(s, offset > 0 left) [m] of the nearest point of the edge; s < 0 or > length beyond the ends."""
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        s, best = np.zeros(x.shape), np.full(x.shape, inf)
+        for piece in self._near(x, y):
+            t, offset = piece.project(x, y)
+            closer = np.abs(offset) < np.abs(best)
+            best = np.where(closer, offset, best)
+            s = np.where(closer, piece.s + t, s)
+        return s, best
+
+    def point_at(self, s: Any) -> Array:
+        """World point [m] at s [m], shape (..., 2)."""
+        x, y, _ = self._at(s)
+        return np.stack([x, y], axis=-1)
+
+    def heading_at(self, s: Any) -> Array:
+        """Direction of the track [rad] at s [m], in (-pi, pi]."""
+        return np.asarray(wrap_angle(self._at(s)[2]))
+
+    def curvature_at(self, s: Any) -> Array:
+        """Curvature [1/m] at s [m], > 0 bends left, 0 beyond the ends."""
+        s = np.asarray(s, dtype=float)
+        curvature = np.array([p.curvature for p in self.pieces])[self._index(s)]
+        return np.where((s < 0.0) | (s > self.length), 0.0, curvature)
+
+    def _index(self, s: Array) -> NDArray[np.intp]:
+        return np.clip(np.searchsorted(self._starts, s, side="right") - 1, 0, len(self.pieces) - 1)
+
+    def _at(self, s: Any) -> tuple[Array, Array, Array]:
+        s = np.asarray(s, dtype=float)
+        inside = np.clip(s, 0.0, self.length)
+        index = self._index(inside)
+        x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
+        for i in np.unique(index):
+            mine = index == i
+            x[mine], y[mine], heading[mine] = self.pieces[i].at(inside[mine] - self.pieces[i].s)
+        beyond = s - inside
+        return x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading
+
+    def _near(self, x: Array, y: Array) -> list[Piece]:
+        """The pieces that can be nearest to any of the points."""
+        if len(self._sides) <= 4 or x.size == 0:
+            return self._sides
+        cx, cy = 0.5 * (x.min() + x.max()), 0.5 * (y.min() + y.max())
+        reach = float(np.hypot(x.max() - cx, y.max() - cy))
+        far = np.array([abs(float(p.project(np.array(cx), np.array(cy))[1])) for p in self._sides])
+        return [self._sides[i] for i in np.flatnonzero(far <= far.min() + 2.0 * reach + 1e-9)]
+
+
+def straight(x: float, y: float, heading: float, length: float) -> list[Piece]:
+    """A straight track from (x, y) [m] along heading [rad]."""
+    return [Piece(x, y, heading, length)]
+
+
+def curve(
+    x: float, y: float, heading: float, *, run_in: float, radius: float, angle: float, run_out: float
+) -> list[Piece]:
+    """Straight, arc, straight. Lengths and radius [m]; angle [rad], > 0 bends left."""
+    pieces = [Piece(x, y, heading, run_in)] if run_in > 0.0 else []
+    px, py = x + run_in * np.cos(heading), y + run_in * np.sin(heading)
+    arc = Piece(float(px), float(py), heading, radius * abs(angle), np.sign(angle) / radius)
+    pieces.append(arc)
+    if run_out > 0.0:
+        ex, ey, end = arc.at(arc.length)
+        pieces.append(Piece(float(ex), float(ey), float(end), run_out))
+    return pieces
+
+
+def polyline(points: Any, corner_radius: float = 0.0, *, key: str = "field.edge.points_m") -> list[Piece]:
+    """Lines between points (n, 2) [m]; corners rounded to the radius, or less where the lines are short."""
+    p = _checked(points, key)
+    step = np.diff(p, axis=0)
+    length, heading = np.hypot(step[:, 0], step[:, 1]), np.arctan2(step[:, 1], step[:, 0])
+    turn = np.asarray(wrap_angle(np.diff(heading)))
+    if np.any(np.abs(turn) > pi - 1e-3):
+        raise InputError(key, None, "expected a track that does not turn back on itself")
+    half = np.minimum(length[:-1], length[1:]) / 2.0
+    trim = np.minimum(corner_radius * np.tan(np.abs(turn) / 2.0), half)
+    trim = np.concatenate([[0.0], trim, [0.0]])
+    pieces: list[Piece] = []
+    for i in range(len(length)):
+        c, s = np.cos(heading[i]), np.sin(heading[i])
+        run = float(length[i] - trim[i] - trim[i + 1])
+        start = p[i] + trim[i] * np.array([c, s])
+        if run > 1e-9:
+            pieces.append(Piece(float(start[0]), float(start[1]), float(heading[i]), run))
+        if trim[i + 1] > 1e-9:
+            radius = trim[i + 1] / np.tan(abs(turn[i]) / 2.0)
+            at = p[i + 1] - trim[i + 1] * np.array([c, s])
+            k = float(np.sign(turn[i]) / radius)
+            pieces.append(
+                Piece(float(at[0]), float(at[1]), float(heading[i]), float(radius * abs(turn[i])), k)
+            )
+    return pieces
+
+
+def shifted_left(points: Any, distance: float, *, key: str = "field.edge.points_m") -> Array:
+    """Points (n, 2) [m] moved to the left of their line, along the mean of the normals before and after."""
+    p = _checked(points, key)
+    step = np.diff(p, axis=0)
+    normal = np.stack([-step[:, 1], step[:, 0]], axis=-1) / np.hypot(step[:, 0], step[:, 1])[:, None]
+    before, after = np.concatenate([normal[:1], normal]), np.concatenate([normal, normal[-1:]])
+    both = before + after
+    return np.asarray(p + distance * 2.0 * both / np.maximum(np.sum(both**2, axis=1), 1e-3)[:, None])
+
+
+def _checked(points: Any, key: str) -> Array:
+    p = np.asarray(points, dtype=float)
+    if p.ndim != 2 or p.shape[1] != 2 or not np.isfinite(p).all():
+        raise InputError(key, points, "expected a list of finite [x, y]")
+    p = p[np.concatenate([[True], np.hypot(*np.diff(p, axis=0).T) > 1e-6])]
+    if len(p) < 2:
+        raise InputError(key, None, "expected at least two different points")
+    return np.asarray(p)
+
+
+def _linked(pieces: Sequence[Piece]) -> list[Piece]:
+    """Pieces with their s and with the headings that decide sides at joints."""
+    ends = [p.heading + p.curvature * p.length for p in pieces]
+    linked, s = [], 0.0
+    for i, p in enumerate(pieces):
+        before = ends[i - 1] if i > 0 else p.heading
+        after = pieces[i + 1].heading if i + 1 < len(pieces) else ends[i]
+        turn_in = p.heading - 0.5 * float(wrap_angle(p.heading - before))
+        turn_out = ends[i] + 0.5 * float(wrap_angle(after - ends[i]))
+        linked.append(Piece(p.x, p.y, p.heading, p.length, p.curvature, s, turn_in, turn_out))
+        s += p.length
+    return linked
+
+
+def _extended(pieces: list[Piece], length: float, far: float = 1e6) -> list[Piece]:
+    """The pieces between the two straight lines that continue them, each `far` [m] long."""
+    first, last = pieces[0], pieces[-1]
+    c, s = np.cos(first.heading), np.sin(first.heading)
+    h = first.heading
+    lead = Piece(float(first.x - far * c), float(first.y - far * s), h, far, 0.0, -far, h, h)
+    x, y, end = last.at(last.length)
+    tail = Piece(float(x), float(y), float(end), far, 0.0, length, float(end), float(end))
+    return [lead, *pieces, tail]
