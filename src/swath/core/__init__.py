@@ -1,0 +1,1 @@
+"""Components, ports, schedule, signals, frames, random streams: no agriculture in here."""
