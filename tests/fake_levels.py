@@ -76,12 +76,24 @@ class Dem:
 
 
 @dataclass(frozen=True)
+class Tooth:
+    """depth_m: of the bite."""
+
+    depth_m: float
+
+    def __post_init__(self):
+        if self.depth_m > 5:
+            raise InputError("depth_m", self.depth_m, "expected at most 5")
+
+
+@dataclass(frozen=True)
 class Straight:
-    """length_m: of the edge; gaps: pieces without crop."""
+    """length_m: of the edge; gaps: pieces without crop; teeth: bitten out."""
 
     shape: Literal["straight"] = "straight"
     length_m: Annotated[float, Gt(0), Le(1e5)] = 200.0
     gaps: tuple[tuple[float, float], ...] = ()
+    teeth: tuple[Tooth, ...] = ()
 
 
 @dataclass(frozen=True)

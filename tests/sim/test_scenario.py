@@ -159,6 +159,14 @@ def test_a_check_between_keys_names_the_key():
     assert text == "field.stand.row_spacing_m = 0.6: expected at most 0.5 at this density (text:10)"
 
 
+def test_a_check_in_a_nested_class_gets_its_full_key():
+    gaps = "{shape: straight, gaps: [[1, 2]], teeth: [{depth_m: 1}, {depth_m: 9}]}"
+    text = refusal("{shape: straight, length_m: 80, gaps: [[10, 12]]}", gaps)
+    assert text == "field.edge.teeth.1.depth_m = 9: expected at most 5 (text:10)"
+    with pytest.raises(InputError, match=r"field.edge.teeth.0.depth_m = 8: expected at most 5 \(--set"):
+        read(sets=["field.edge.teeth=[{depth_m: 8}]"])
+
+
 def test_all_errors_are_kept_the_first_is_the_message():
     with pytest.raises(InputError) as caught:
         read(GOOD.replace("rate_hz: 25", "rate_hz: 0").replace("seed: 3", "seed: -1"))

@@ -63,17 +63,21 @@ def test_meanings_of_a_docstring():
 
     overlap_m: how far out
     lookahead_m, lookahead_s: the greater of
-    both; lag_s [s]: of the steering; row_m, 0 = none; last_m: the end.
+    both; lag_s [s]: of the steering; row_m, 0 = none; x_m, y_m: east, north; last_m: the end.
 
     Not about last_m: this.
     """
-    said = meanings(text, ["overlap_m", "lookahead_m", "lookahead_s", "lag_s", "row_m", "last_m"])
+    said = meanings(
+        text, ["overlap_m", "lookahead_m", "lookahead_s", "lag_s", "row_m", "x_m", "y_m", "last_m"]
+    )
     assert said == {
         "overlap_m": "how far out",
         "lookahead_m": "the greater of both",
         "lookahead_s": "the greater of both",
         "lag_s": "of the steering",
         "row_m": "0 = none",
+        "x_m": "east",
+        "y_m": "north",
         "last_m": "the end",
     }
 

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
 from swath.sim.hints import PATTERNS, near_miss, number_form, unknown_key
-from swath.sim.yamlfile import Document, KeyPath
+from swath.sim.yamlfile import Document, KeyPath, key_path
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
@@ -171,6 +171,14 @@ def _child(node: dict[str, Any], part: str | int) -> list[dict[str, Any]]:
 
 
 def _under(error: InputError, path: KeyPath, document: Document) -> InputError:
-    """An error of a parameter class, its key put under `path`."""
-    parts = tuple(error.key.split("."))
-    return document.error((*path, *parts), error.value, error.expected) if error.file is None else error
+    """An error of a parameter class with its full key: the class may be nested anywhere under `path`."""
+    if error.file is not None:
+        return error
+    where = (*path, *key_path(error.key))
+    if where not in document.places:
+        tail = where[len(path) :]
+        inside = [p for p in document.paths(path) if p[-len(tail) :] == tail]
+        same = [p for p in inside if document.value(p) == error.value] or inside
+        where = same[0] if same else where
+    written = document.value(where)
+    return document.error(where, written if written == error.value else error.value, error.expected)

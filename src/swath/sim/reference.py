@@ -136,8 +136,21 @@ def _rows(node: dict[str, Any], defs: dict[str, Any], prefix: str) -> list[Row]:
             rows += _rows(target, defs, f"{prefix}{key}.")
             continue
         default = "" if key in node.get("required", []) else _yaml(entry.get("default"))
-        rows.append((prefix + key, _value(entry, defs), default, entry.get("description", "")))
+        inner = _inside(entry, defs)
+        value = _value(entry, defs) if inner is None else inner[1]
+        rows.append((prefix + key, value, default, entry.get("description", "")))
+        if inner is not None:
+            rows += _rows(inner[0], defs, f"{prefix}{key}{'[]' if inner[1].startswith('list') else ''}.")
     return rows
+
+
+def _inside(entry: dict[str, Any], defs: dict[str, Any]) -> tuple[dict[str, Any], str] | None:
+    """Schema of the keys inside a list of mappings or a mapping that may be null, and what to call it."""
+    members = [m for m in entry.get("anyOf", []) if m.get("type") != "null"]
+    for node, words in ((entry.get("items"), "list of keys"), *((m, "keys or null") for m in members)):
+        if isinstance(node, dict) and _target(node, defs).get("properties"):
+            return _target(node, defs), words
+    return None
 
 
 def _target(entry: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:

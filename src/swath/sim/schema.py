@@ -4,7 +4,10 @@ Every slot is a choice of a level's name, or of a mapping whose `level` says whi
 are not built in (entry points, `file.py:Class`) are allowed with any keys: `swath run` checks those.
 """
 
+import dataclasses
+import inspect
 import re
+import typing
 from typing import Any
 
 from swath.sim.check import schema_of
@@ -47,34 +50,48 @@ def scenario_schema(kit: Kit = KIT) -> Node:
 def adopt(kind: Any, prefix: str, defs: dict[str, Node]) -> Node:
     """Schema of a class with units and meanings in the descriptions; its definitions go into `defs`."""
     whole = schema_of(kind)
+    classes = _classes(kind)
     renamed = {name: f"{prefix}.{name}" for name in whole["$defs"]}
     for name, node in whole["$defs"].items():
-        defs[renamed[name]] = _described(_renamed(node, renamed))
+        defs[renamed[name]] = _described(_renamed(node, renamed), classes.get(name))
     node = {k: v for k, v in whole.items() if k != "$defs"}
     if "$ref" in node:
         return defs[renamed[node["$ref"].rpartition("/")[2]]]
-    return _described(_renamed(node, renamed))
+    return _described(_renamed(node, renamed), kind)
 
 
 def meanings(text: str, keys: list[str]) -> dict[str, str]:
-    """What a docstring says about each key: `key, key [unit]: meaning; key: meaning`."""
+    """What a docstring says about each key: `key, key [unit]: meaning; key: meaning`.
+
+    Where several keys are followed by as many meanings with commas between, each gets its own.
+    """
     if not keys:
         return {}
     any_key = "|".join(sorted(map(re.escape, keys), key=len, reverse=True))
-    pattern = rf"(?:^|;\s+|\n\s*)((?:{any_key})(?:,\s+(?:{any_key}))*)(?![\w-])(?:\s*\[[^\]]*\])?\s*[:,]?\s*"
+    pattern = (
+        rf"(?:^|[;.]\s+|\n\s*)((?:{any_key})(?:,\s+(?:{any_key}))*)(?![\w-])(?:\s*\[[^\]]*\])?\s*[:,]?\s*"
+    )
     found = list(re.finditer(pattern, text))
     result: dict[str, str] = {}
     for match, after in zip(found, [*found[1:], None][: len(found)], strict=True):
         said = text[match.end() : after.start() if after else len(text)].split("\n\n")[0]
         said = " ".join(said.split()).rstrip(";. ")
-        result |= dict.fromkeys(re.split(r",\s+", match.group(1)), said)
+        names, parts = re.split(r",\s+", match.group(1)), said.split(", ")
+        same = parts if len(parts) == len(names) else [said] * len(names)
+        result |= dict(zip(names, same, strict=True))
     return result
 
 
-def _described(node: Node) -> Node:
+def _described(node: Node, kind: Any) -> Node:
+    """The node with a description for every key, from the docstrings of its class and those it inherits."""
     properties = node.get("properties", {})
-    said = meanings(node.pop("description", ""), list(properties))
+    node.pop("description", None)
     node.pop("title", None)
+    said: dict[str, str] = {}
+    for base in reversed(getattr(kind, "__mro__", ())):
+        own = base.__doc__ or ""
+        if not own.startswith(f"{base.__name__}("):  # what dataclasses make up themselves
+            said |= meanings(inspect.cleandoc(own), list(properties))
     for key, entry in properties.items():
         entry.pop("title", None)
         unit = split_unit(key)[1]
@@ -84,6 +101,19 @@ def _described(node: Node) -> Node:
         if text:
             entry["description"] = text
     return node
+
+
+def _classes(kind: Any) -> dict[str, Any]:
+    """Every dataclass that a type mentions, by name."""
+    found: dict[str, Any] = {}
+    open_ends = [kind]
+    while open_ends:
+        item = open_ends.pop()
+        open_ends += typing.get_args(item)
+        if isinstance(item, type) and dataclasses.is_dataclass(item) and item.__name__ not in found:
+            found[item.__name__] = item
+            open_ends += typing.get_type_hints(item, include_extras=True).values()
+    return found
 
 
 def _renamed(node: Any, names: dict[str, str]) -> Any:

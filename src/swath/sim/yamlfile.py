@@ -52,6 +52,26 @@ class Document:
                 return self.places[path[:end]]
         return None
 
+    def value(self, path: KeyPath) -> Any:
+        """What was written at a key path; None where there is nothing."""
+        data = self.data
+        for part in path:
+            if isinstance(data, dict):
+                data = data.get(part)
+            elif isinstance(data, list) and isinstance(part, int) and part < len(data):
+                data = data[part]
+            else:
+                return None
+        return data
+
+    def paths(self, under: KeyPath = ()) -> list[KeyPath]:
+        """Every key path in the data below one, in order."""
+        data = self.value(under)
+        items: Any = (
+            data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+        )
+        return [p for key, _ in items for p in ((*under, key), *self.paths((*under, key)))]
+
     def error(self, path: KeyPath, value: Any, expected: str) -> InputError:
         """The error about a key path, with its place."""
         place = self.place(path)

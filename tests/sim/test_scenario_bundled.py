@@ -1,0 +1,72 @@
+"""The bundled scenarios, the schema and the reference, with the levels that are really there."""
+
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from swath.core.errors import InputError
+from swath.sim.kit import KIT
+from swath.sim.metric_names import LIMITABLE_METRICS
+from swath.sim.reference import reference
+from swath.sim.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
+from swath.sim.schema import scenario_schema
+from swath.sim.yamlfile import parse, read_document
+from swath.study.metrics import METRICS
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = scenario_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+def test_names():
+    assert {"laser-pilot", "straight", "bend"} <= set(scenario_names())
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_scenario_is_read_written_and_valid(name, validator):
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.summary
+    assert scenario.expect
+    assert parse_scenario(scenario.resolved()) == scenario
+    assert list(validator.iter_errors(read_document(find_scenario(name)).data)) == []
+    assert list(validator.iter_errors(parse(scenario.resolved()).data)) == []
+
+
+def test_every_level_can_be_chosen_by_name_or_says_what_it_needs():
+    refused = []
+    base = "name: x\nfield: {edge: {shape: straight}}\ncombine: {machine: lexion-700-class}\n"
+    for kind in [*KIT.field_levels, *(s.name for s in KIT.slots)]:
+        where = f"field.{kind}" if kind in KIT.field_levels else f"combine.{kind}"
+        for level in KIT.registry.names(kind):
+            try:
+                parse_scenario(base, sets=[f"{where}={level}"])
+            except InputError as error:
+                refused.append((level, error.expected))
+    assert refused == [("dem", "expected a value, the key is missing")]
+
+
+def test_limits_can_be_set_on_exactly_the_metrics_that_are_measured():
+    assert set(LIMITABLE_METRICS) == set(METRICS) - {"digest", "incomplete", "expect"}
+
+
+def test_reference_is_up_to_date():
+    written = (DOCS / "scenario.md").read_text(encoding="utf-8")
+    assert written == reference(), "run: swath schema --markdown --out docs/scenario.md"
+
+
+def test_schema_refuses_a_wrong_unit_and_a_wrong_level(validator):
+    data = read_document(find_scenario("straight")).data
+    for slot, entry in (
+        ("speed", {"speed_mph": 7}),
+        ("lidar", "plant"),
+        ("steer", {"level": "preview", "gain": 1}),
+    ):
+        changed = {**data, "combine": {**data["combine"], slot: entry}}
+        assert list(validator.iter_errors(changed))
