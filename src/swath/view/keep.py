@@ -125,13 +125,16 @@ class FieldMap:
         return np.asarray(moved @ np.array([[c, -s], [s, c]]))
 
 
-def make_map(field: Standing, path: F64, *, margin: float = 12.0, columns: int = 1400) -> FieldMap:
-    """Picture of the field around a path (n, 2) [m], with `margin` [m] on every side."""
-    path = np.asarray(path, dtype=float).reshape(-1, 2)
-    chord = path[-1] - path[0]
+def make_map(field: Standing, ends: tuple[F64, F64], *, margin: float = 6.0, columns: int = 1400) -> FieldMap:
+    """Picture of the field around the paths of the left and right header end, (n, 2) each [m].
+
+    margin: of field shown on every side [m]; columns: of the raster
+    """
+    chord = ends[0][-1] - ends[0][0]
     turn = float(np.arctan2(chord[1], chord[0])) if np.hypot(*chord) > 1.0 else 0.0
-    frame = FieldMap(path[0].copy(), turn, (0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)), None)
-    low, high = frame.place(path).min(axis=0) - margin, frame.place(path).max(axis=0) + margin
+    frame = FieldMap(ends[0][0].copy(), turn, (0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)), None)
+    placed = frame.place(np.concatenate(ends))
+    low, high = placed.min(axis=0) - margin, placed.max(axis=0) + margin
     cell = max(0.05, (high[0] - low[0]) / columns)
     u, v = np.arange(low[0] + cell / 2, high[0], cell), np.arange(low[1] + cell / 2, high[1], cell)
     grid_u, grid_v = np.meshgrid(u, v)

@@ -249,7 +249,7 @@ def scans_figure(scans: Sequence[KeptScan], geometry: MachineGeometry, side: str
     fig = figure(11.0, 2.5 * rows + 0.3)
     axes = fig.subplots(rows, 2, sharex=True, sharey=True, squeeze=False).ravel()
     for ax, scan in zip(axes, scans, strict=False):
-        _plot_scan(ax, scan, geometry, side)
+        plot_scan(ax, scan, geometry, side)
     for ax in axes[len(scans) :]:
         ax.set_axis_off()
     handles, labels = axes[0].get_legend_handles_labels()
@@ -258,7 +258,8 @@ def scans_figure(scans: Sequence[KeptScan], geometry: MachineGeometry, side: str
     return fig
 
 
-def _plot_scan(ax: Any, scan: KeptScan, geometry: MachineGeometry, side: str) -> None:
+def plot_scan(ax: Any, scan: KeptScan, geometry: MachineGeometry, side: str) -> None:
+    """One scan seen from behind the machine: echoes, true and detected edge, header end."""
     centre = geometry.header_end(side)[1]
     y, z = scan.points[:, 1], scan.points[:, 2]
     near = np.abs(y - centre) < 6.0

@@ -8,23 +8,24 @@ from typing import Any
 import numpy as np
 
 from swath.core.signals import F64
+from swath.field.layout import Solids
 from swath.sim.messages import RecordedMachine
 from swath.study.metrics import SETTLING_M
-from swath.study.referee import Series
+from swath.study.referee import Referee, Series
 from swath.view import page, plots
-from swath.view.keep import FieldMap, KeptScan
+from swath.view.keep import FieldMap, KeptScan, ScanKeeper, circles_of, make_map
 from swath.view.stand3d import Stand, stand_figure
 
 
 @dataclass
 class ReportData:
-    """Everything a report shows. What is None or empty is left out.
+    """Everything a report shows. What is None or empty is left out. `collect` makes it after a run.
 
     summary: as in summary.json (see `study.summary.make_summary`)
     scenario: the resolved scenario as YAML text
     machine, series: of the machine the report is about, and its referee's `series()`
     tracks: its columns, as from `Recorder.tracks[name].arrays()`
-    map: from `keep.make_map`; scans: from `ScanKeeper.pick()`, the newest last
+    map: from `make_map`; scans: from `ScanKeeper.pick()`, the newest last
     stand: the field, when stems can be drawn from its pages
     edge: initial edge, (k, 2) world [m]; obstacles: (x, y, radius) [m]; driven: a track driven in reality
     """
@@ -40,6 +41,56 @@ class ReportData:
     edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
     obstacles: Sequence[tuple[float, float, float]] = ()
     driven: F64 | None = None
+
+
+def collect(
+    summary: Mapping[str, Any],
+    scenario: str,
+    *,
+    field: Any,
+    referee: Referee,
+    keeper: ScanKeeper,
+    tracks: Mapping[str, Any],
+    obstacles: Solids | None = None,
+    driven: F64 | None = None,
+) -> ReportData:
+    """The data of a report after a run on a real field.
+
+    summary: from `make_summary`; scenario: the resolved YAML; field: `swath.field.field.Field`
+    tracks: `Recorder.tracks[name].arrays()`; driven: a track driven in reality, (n, 2) world [m]
+    """
+    machine = referee.machine
+    picture, edge = None, np.zeros((0, 2))
+    if len(tracks["t_s"]):
+        ends = tuple(_way(tracks, *machine.geometry.header_end(side)) for side in ("left", "right"))
+        picture = make_map(field, (ends[0], ends[1]))
+        reach = float(tracks["distance_m"][-1]) + 60.0
+        edge = _edge_about(field.nominal_edge, ends[0 if machine.edge_side == "left" else 1], reach)
+    return ReportData(
+        summary,
+        scenario,
+        machine,
+        referee.series(),
+        tracks,
+        map=picture,
+        scans=keeper.pick(4),
+        stand=field,
+        edge=edge,
+        obstacles=[] if obstacles is None else circles_of(obstacles),
+        driven=driven,
+    )
+
+
+def _way(tracks: Mapping[str, Any], x: float, y: float) -> F64:
+    """World path (n, 2) [m] of a point of the machine."""
+    c, s = np.cos(tracks["yaw_rad"]), np.sin(tracks["yaw_rad"])
+    return np.stack([tracks["x_m"] + c * x - s * y, tracks["y_m"] + s * x + c * y], axis=1)
+
+
+def _edge_about(shape: Any, path: F64, reach: float) -> F64:
+    """Points of the initial edge [m], from a little before a path to a little beyond it."""
+    start = float(shape.project(path[0, 0], path[0, 1])[0])
+    return np.asarray(shape.point_at(np.arange(start - 30.0, start + reach, 0.25)))
 
 
 def write_report(run_dir: Path, data: ReportData) -> Path:
@@ -73,29 +124,22 @@ def _figures(data: ReportData) -> list[page.Figure]:
 def _map(data: ReportData) -> page.Figure:
     assert data.map is not None
     tracks, geometry = data.tracks, data.machine.geometry
-    axle = np.stack([tracks["x_m"], tracks["y_m"]], axis=1)
-    heading = np.stack([np.cos(tracks["yaw_rad"]), np.sin(tracks["yaw_rad"])], axis=1)
-    left = np.stack([-heading[:, 1], heading[:, 0]], axis=1)
-
-    def along(x: float, y: float) -> F64:
-        return np.asarray(axle + x * heading + y * left)
-
-    ends = along(*geometry.header_end("left")), along(*geometry.header_end("right"))
+    ends = _way(tracks, *geometry.header_end("left")), _way(tracks, *geometry.header_end("right"))
     fig = plots.map_figure(
         data.map,
         header_ends=ends,
-        axle=axle,
+        axle=_way(tracks, 0.0, 0.0),
         edge=data.edge,
         obstacles=data.obstacles,
         driven=data.driven,
-        outline=_outline(data, along) if len(axle) else None,
+        outline=_outline(data),
         side=data.machine.edge_side,
     )
     caption = "The field after the run, turned so that the run goes from left to right."
     return page.Figure("Field map", plots.as_image(fig, kind="png", dpi=190), caption)
 
 
-def _outline(data: ReportData, along: Any) -> F64:
+def _outline(data: ReportData) -> F64:
     """The machine at the end of the run, seen from above: header and body."""
     g = data.machine.geometry
     rear, front, half = g.body[0], g.body[1], g.body[2]
@@ -104,7 +148,7 @@ def _outline(data: ReportData, along: Any) -> F64:
     corners = [(lx, ly), (lx, ry), (lx - g.header_depth, ry), (lx - g.header_depth, g.header_y - 0.7)]
     corners += [(front, g.header_y - 0.7), (front, -half), (rear, -half), (rear, half), (front, half)]
     corners += [(front, g.header_y + 0.7), (lx - g.header_depth, g.header_y + 0.7), (lx - g.header_depth, ly)]
-    return np.array([along(x, y)[-1] for x, y in corners])
+    return np.array([_way(data.tracks, x, y)[-1] for x, y in corners])
 
 
 def _errors(data: ReportData) -> page.Figure:
@@ -134,7 +178,7 @@ def _scans(data: ReportData) -> page.Figure:
 
 
 def _stand(data: ReportData, stand: Stand) -> page.Figure:
-    fig = stand_figure(stand, data.scans[-1], data.machine)
+    fig = stand_figure(stand, data.scans[-1], data.machine, data.edge)
     caption = (
         f"The stems about the edge ahead of the machine at {data.scans[-1].distance:.1f} m, every one as the "
         "rays met it, seen along the drive from above the cut ground, with the echoes of the last scan."

@@ -29,7 +29,7 @@ from swath.view.plots import BLUE, INK, ORANGE, figure
 COLOURS = {Organ.STEM: "#D9C37C", Organ.EAR: "#E69F00", Organ.LEAF: "#8E9A4B", Organ.STUBBLE: "#8D7F6D"}
 NAMES = {Organ.EAR: "ear", Organ.STEM: "stem", Organ.LEAF: "leaf", Organ.STUBBLE: "cut: stubble"}
 GROUND, GROUND_FAR = "#C9BBA3", "#E9E3D8"
-BACK, AHEAD, ASIDE = 1.6, 3.2, 1.9  # shown about the edge's reference point [m]
+BACK, AHEAD, ASIDE = 2.4, 2.4, 1.9  # shown about the place where the beams meet the edge [m]
 
 
 class Stand(Protocol):
@@ -164,29 +164,38 @@ class Camera:
         return seen[..., :2] / depth[..., None], depth
 
 
-def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine) -> Any:
-    """The stand about the edge ahead of the machine, with the echoes of one scan on it."""
+def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F64) -> Any:
+    """The stand where a scan meets the edge, with its echoes.
+
+    edge: points of the initial edge in the world, (k, 2) [m]
+    """
     from matplotlib.collections import PolyCollection
 
     side = 1.0 if machine.edge_side == "left" else -1.0
     y = next((v for v in (scan.edge_true, scan.edge.offset) if np.isfinite(v)), 0.0)
     y = float(y) if y else machine.geometry.header_end(machine.edge_side)[1]
-    box = _Box(scan.pose, scan.edge.reference_x, y, side)
-    camera = Camera.looking(box.world(-5.4, 2.9, 3.0), box.world(0.7, -0.15, 0.30))
-    x0, y0, _ = box.world(0.5 * (AHEAD - BACK), 0.0, 0.0)
+    box = _Box(scan.pose, _meeting(scan, y), y, side)
+    camera = Camera.looking(box.world(-6.0, 2.9, 3.0), box.world(0.2, -0.15, 0.30))
+    x0, y0, _ = box.world(0.0, 0.0, 0.0)
     found = organs_near(field, float(x0), float(y0), 3.4)
     quads, colours = _painted(field, found, box, camera)
-    fig = figure(11.0, 5.6)
+    fig = figure(11.0, 6.2)
     ax = fig.add_subplot()
     ax.add_collection(PolyCollection(list(quads), facecolors=colours, edgecolors="none", linewidths=0))
-    _draw_scan(ax, field, scan, machine, box, camera)
-    corners = camera.project(np.stack([box.world(u, v, h) for u in (-BACK, AHEAD) for v in (-ASIDE, ASIDE)
-                                       for h in (0.0, 0.9)]))[0]  # fmt: skip
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    ax.set(xlim=(low[0] - 0.02, high[0] + 0.02), ylim=(low[1] - 0.02, high[1] + 0.04), aspect="equal")
+    _draw_edges(ax, field, scan, edge, box, camera)
+    _draw_echoes(ax, scan, machine, box, camera)
+    low, high = quads.min(axis=(0, 1)), quads.max(axis=(0, 1))
+    ax.set(xlim=(low[0] - 0.01, high[0] + 0.01), ylim=(low[1] - 0.01, high[1] + 0.01), aspect="equal")
     ax.set_axis_off()
     _legend(ax)
     return fig
+
+
+def _meeting(scan: KeptScan, y: float) -> float:
+    """How far ahead of the axle the echoes next to the edge lie [m]; the edge's reference without any."""
+    hits = scan.pose.inverse().apply(scan.hits) if len(scan.hits) else np.zeros((0, 3))
+    near = hits[np.abs(hits[:, 1] - y) < 1.0, 0]
+    return float(0.5 * (near.min() + near.max())) if len(near) else scan.edge.reference_x
 
 
 @dataclass(frozen=True)
@@ -254,19 +263,40 @@ def _ground(field: Stand, box: _Box, camera: Camera) -> tuple[F64, F64]:
     return image[order], rgba[order]
 
 
-def _draw_scan(
-    ax: Any, field: Stand, scan: KeptScan, machine: RecordedMachine, box: _Box, camera: Camera
-) -> None:
-    """Echoes with the last stretch of their beams, and both edges on the ground."""
-    u = np.linspace(-BACK, AHEAD, 30)
-    for offset, slope, colour, dash in (
-        (scan.edge_true, 0.0, INK, (0, (5, 3))),
-        (scan.edge.offset, scan.edge.heading, ORANGE, "-"),
-    ):
-        if np.isfinite(offset) and np.isfinite(slope):
-            v = box.side * (offset - box.y + np.tan(slope) * u)
-            line = np.stack([box.world(float(i), float(j), 0.02) for i, j in zip(u, v, strict=True)])
-            ax.plot(*camera.project(line)[0].T, color=colour, lw=1.6, ls=dash, zorder=3)
+def _draw_edges(ax: Any, field: Stand, scan: KeptScan, edge: F64, box: _Box, camera: Camera) -> None:
+    """The initial and the detected edge on the ground."""
+    u = np.linspace(-BACK, AHEAD, 40)
+    seen = np.zeros((0, 2))
+    if scan.edge.is_found and np.isfinite(scan.edge.heading):
+        ahead = box.x + u - scan.edge.reference_x
+        v = (
+            scan.edge.offset
+            - box.y
+            + np.tan(scan.edge.heading) * ahead
+            + 0.5 * scan.edge.curvature * ahead**2
+        )
+        seen = np.stack([box.world(*at, 0.0)[:2] for at in zip(u, box.side * v, strict=True)])
+    for line, colour, dash in ((_fine(edge), INK, (0, (5, 3))), (seen, ORANGE, "-")):
+        if len(line):
+            z = np.asarray(field.ground_height(line[:, 0], line[:, 1]), dtype=float) + 0.02
+            points = np.concatenate([line, z[:, None]], axis=1)
+            points = points[box.holds(points)]
+            ax.plot(*camera.project(points)[0].T, color=colour, lw=1.6, ls=dash, zorder=3)
+
+
+def _fine(line: F64) -> F64:
+    """Points at most 5 cm apart along a line, (n, 2) [m]."""
+    if len(line) < 2:
+        return line
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    at = np.arange(0.0, way[-1], 0.05)
+    return np.stack([np.interp(at, way, line[:, 0]), np.interp(at, way, line[:, 1])], axis=1)
+
+
+def _draw_echoes(ax: Any, scan: KeptScan, machine: RecordedMachine, box: _Box, camera: Camera) -> None:
+    """Echoes with the last stretch of their beams."""
+    from matplotlib.collections import LineCollection
+
     hits = scan.hits[box.holds(scan.hits)] if len(scan.hits) else scan.hits
     if len(hits) == 0:
         return
@@ -274,8 +304,6 @@ def _draw_scan(
     back = (scan.pose @ mounting).position - hits
     start = hits + 0.45 * back / np.linalg.norm(back, axis=1)[:, None]
     rays = np.stack([camera.project(start)[0], camera.project(hits)[0]], axis=1)
-    from matplotlib.collections import LineCollection
-
     ax.add_collection(LineCollection(list(rays), colors=BLUE, alpha=0.30, linewidths=0.8, zorder=4))
     ax.plot(*rays[:, 1].T, "o", color=BLUE, ms=4.2, mec="white", mew=0.6, zorder=5)
 
@@ -286,7 +314,7 @@ def _legend(ax: Any) -> None:
 
     handles: list[Any] = [Patch(fc=COLOURS[k], label=n) for k, n in NAMES.items()]
     handles.append(Line2D([], [], marker="o", ls="", mfc=BLUE, mec="white", label="echo and its beam"))
-    handles.append(Line2D([], [], color=INK, ls=(0, (5, 3)), label="true edge at the scan"))
+    handles.append(Line2D([], [], color=INK, ls=(0, (5, 3)), label="initial edge"))
     handles.append(Line2D([], [], color=ORANGE, label="detected edge"))
-    ax.legend(handles=handles, ncol=len(handles), loc="upper center", bbox_to_anchor=(0.5, 1.06),
+    ax.legend(handles=handles, ncol=len(handles), loc="upper center", bbox_to_anchor=(0.5, 1.07),
               handlelength=1.4, columnspacing=1.2)  # fmt: skip
