@@ -133,6 +133,8 @@ class EdgeTrack:
         memory = self._memory
         recent = (self._rows[:, AGE] <= span + 1e-6) & np.isfinite(self._rows[:, X])
         asked = int((self._rows[:, AGE] <= span + 1e-6).sum())
+        if self._unseen < span - 1e-6 and near is None:
+            return False
         if float(self._rows[:, AGE].max()) < span - 1e-6 or recent.sum() < max(3, memory.min_share * asked):
             return False
         points = self._rows[recent]

@@ -22,7 +22,7 @@ def otsu_threshold(z: F64) -> tuple[float, float]:
     between = centred**2 / (low_count * (n - low_count))
     best = int(np.argmax(between))
     total = float(np.var(z))
-    share = float(between[best]) / n / total if total > 0.0 else 0.0
+    share = float(between[best]) / total if total > 0.0 else 0.0
     return 0.5 * float(ordered[best] + ordered[best + 1]), share
 
 

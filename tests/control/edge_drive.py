@@ -1,0 +1,67 @@
+"""Drives a detector past a synthetic edge and compares what it says with where the edge is."""
+
+import numpy as np
+from closed_loop import Course, setup_of
+from synthetic_edge import Scanner, Stand, mounting
+
+from swath.control.edge._detector import EdgeParams
+from swath.control.edge.max_likelihood import MaxLikelihood
+from swath.core.random import Stream
+from swath.core.signals import Odometry
+
+
+class EdgeSensor:
+    """Scanner and detector on one machine: call with a pose, get the edge."""
+
+    def __init__(
+        self, course, *, level=MaxLikelihood, side="left", hz=25, seed=0, roll_sd=0.0, tilt=0.0, outside=0.3,
+        stand=None, scanner=None, params=None, every=1,
+    ):  # fmt: skip
+        sign = 1.0 if side == "left" else -1.0
+        self.mounting = mounting(side, outside=outside)
+        world = Stand(lambda x, y: -sign * course.left_of(x, y), **(stand or {}))
+        self.scanner = Scanner(world, self.mounting, **(scanner or {}))
+        self.period = round(1e9 / hz)
+        self.level = level(EdgeParams(**(params or {})), setup_of(side, 1 / hz, self.mounting))
+        self.level.reset(Stream(1, "edge"))
+        self.rng = np.random.default_rng(seed)
+        self.roll_sd, self.tilt, self.roll, self.pitch = roll_sd, tilt, 0.0, 0.0
+
+    def __call__(self, t, pose, speed, yaw_rate):
+        keep, kick = 0.95, np.sqrt(1 - 0.95**2) * self.roll_sd
+        self.roll = keep * self.roll + kick * self.rng.standard_normal()
+        self.pitch = keep * self.pitch + kick * self.rng.standard_normal()
+        scan = self.scanner.scan(t, pose, self.rng, roll=self.roll + self.tilt, pitch=self.pitch)
+        inputs = {"scan": scan, "odometry": Odometry(t, speed, yaw_rate, 0.0)}
+        return self.level.step(t - self.period, self.period, inputs)["edge"]
+
+
+def drive(
+    course=None, *, scans=150, speed=2.0, offset=0.0, heading=0.0, side="left", hz=25, crab=0.0, **sensor
+):
+    """Rows (time, found, offset error, heading error, curvature error, confidence, crop, stubble height)."""
+    sign = 1.0 if side == "left" else -1.0
+    course = course or Course(y=6.0 * sign)
+    sense = EdgeSensor(course, side=side, hz=hz, **sensor)
+    x, y, psi, t, rows = 0.0, course.y - 6.0 * sign + 0.1 * sign + offset, heading, 0, []
+    dt = 1.0 / hz
+    for _ in range(scans):
+        yaw_rate = speed / course.radius if x > course.bend_at else 0.0
+        psi += yaw_rate * dt
+        x, y = x + speed * np.cos(psi + crab) * dt, y + speed * np.sin(psi + crab) * dt
+        t += sense.period
+        edge = sense(t, (x, y, psi), speed, yaw_rate)
+        true = course.seen_from((x, y, psi), edge.reference_x)
+        wrong = edge.offset - true[0], edge.heading - true[1], edge.curvature - true[2]
+        rows.append((t / 1e9, edge.is_found, *wrong, edge.confidence, edge.crop_height, edge.stubble_height))
+    return np.array(rows, dtype=float)
+
+
+def errors(rows, after=1.0):
+    """(availability, offset RMSE [m], offset bias [m], heading RMSE [rad]) after the first seconds."""
+    late = rows[rows[:, 0] > after]
+    found = late[late[:, 1] > 0]
+    if len(found) == 0:
+        return 0.0, np.inf, np.inf, np.inf
+    rms = np.sqrt(np.mean(found[:, 2:4] ** 2, axis=0))
+    return len(found) / len(late), rms[0], found[:, 2].mean(), rms[1]

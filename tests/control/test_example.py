@@ -1,0 +1,40 @@
+"""The template for a user's own detector loads the way a scenario loads it, and finds the edge."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closed_loop import setup_of
+from synthetic_edge import Scanner, Stand, mounting
+
+from swath.core.component import Component
+from swath.core.random import Stream
+from swath.core.registry import Registry
+from swath.core.signals import Odometry
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+REGISTRY = Registry({"edge": ["swath.control.edge"], "steer": ["swath.control.steer"]})
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_the_template_finds_a_straight_edge(side, sign):
+    level = REGISTRY.get("edge", "my_edge_detector.py:MyEdgeDetector", base=EXAMPLES)
+    mount = mounting(side)
+    detector = level.component(level.params(), setup_of(side, 0.04, mount))
+    assert isinstance(detector, Component)
+    assert not detector.reset(Stream(1, "edge"))["edge"].is_found
+    scanner, rng = Scanner(Stand(lambda x, y: 6.0 - sign * y), mount), np.random.default_rng(1)
+    for i in range(40):
+        scan = scanner.scan((i + 1) * 40_000_000, (0.08 * i, 0.1 * sign, 0.0), rng)
+        inputs = {"scan": scan, "odometry": Odometry(0, 2.0, 0.0, 0.0)}
+        edge = detector.step(i * 40_000_000, 40_000_000, inputs)["edge"]
+    assert edge.is_found
+    assert edge.offset == pytest.approx(5.9 * sign, abs=0.15)
+
+
+def test_built_in_levels_are_found_by_file_name():
+    assert REGISTRY.names("edge") == ["max_likelihood", "otsu"]
+    assert REGISTRY.names("steer") == ["preview"]
+    for name in REGISTRY.names("edge"):
+        level = REGISTRY.get("edge", name)
+        assert isinstance(level.component(level.params(), setup_of("left", 0.04, mounting())), Component)
