@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
+from swath.core.errors import InputError
 from swath.core.graph import Observer
 from swath.core.schedule import NS
+from swath.core.signals import F64, Scan, ScanTruth
 from swath.sim.digest import Digest
 from swath.sim.loop import Progress, drive
 from swath.sim.record import Recorder
@@ -100,49 +102,62 @@ class Watch:
         return summary
 
     def _report(self, summary: dict[str, Any]) -> None:
-        import numpy as np
+        from swath.view.report import collect, write_report
 
-        from swath.view.keep import make_map
-        from swath.view.report import ReportData, write_report
-
-        world, leader = self.world, self.world.leader
-        series = self.referees[leader.name].series()
-        edge = world.field.nominal_edge
-        path = np.stack([series.x, series.y], axis=1)
-        write_report(
-            self.out,
-            ReportData(
-                summary=summary,
-                scenario=world.scenario.resolved(),
-                machine=leader.recorded(),
-                series=series,
-                tracks=self.recorder.tracks[leader.name].arrays(),
-                map=make_map(world.field, path) if len(path) > 1 else None,
-                scans=self.keeper.pick(),
-                stand=world.field,
-                edge=edge.point_at(np.linspace(0.0, edge.length, 500)),
-                driven=world.field.driven,
-            ),
+        world, name = self.world, self.world.leader.name
+        data = collect(
+            summary,
+            world.scenario.resolved(),
+            field=world.field,
+            referee=self.referees[name],
+            keeper=self.keeper,
+            tracks=self.recorder.tracks[name].arrays(),
+            obstacles=world.obstacles,
+            driven=world.driven,
         )
+        write_report(self.out, data)
 
 
 def scan_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> list[Path]:
     """One scan of a scenario's first machine after `at_s` of driving: scan.png, scan.csv, scan.npz."""
     from swath.view.scan import write_scan
 
+    if "lidar" not in next(iter(scenario.machines.values())).slots:
+        raise InputError("lidar", "off", "expected a scenario whose first machine has a lidar")
     world = assemble(scenario)
     leader = world.leader
     referee = Referee(world.field, leader.recorded(), overlap=leader.overlap)
     keeper = ScanKeeper(leader.recorded(), referee)
-    needed = max(at_s, 2.0 / world.scenario.machines[leader.name].slots["lidar"].common.rate_hz)
-    drive(world, [referee, keeper], until_s=needed)
+    period_s = 1.0 / scenario.machines[leader.name].slots["lidar"].common.rate_hz
+    drive(world, [referee, keeper], until_s=max(at_s, 2.0 * period_s))
+    scan = world.graph.latest(f"{leader.name}.lidar", "scan")
+    truth = world.graph.latest(f"{leader.name}.lidar", "truth")
+    assert isinstance(scan, Scan)
+    assert isinstance(truth, ScanTruth)
     parts = Path(tempfile.mkdtemp(prefix="swath-scan-"))
     try:
-        files = write_scan(parts, world, keeper)
+        files = write_scan(
+            parts,
+            scan,
+            truth,
+            keeper.pick(1)[-1],
+            mounting=leader.mountings["lidar"],
+            machine=leader.recorded(),
+            stand=world.field,
+            edge=_edge_line(world),
+        )
         out.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(f, out / f.name)) for f in files]
     finally:
         shutil.rmtree(parts, ignore_errors=True)
+
+
+def _edge_line(world: World) -> F64:
+    """The initial edge as points (500, 2) in the world [m]."""
+    import numpy as np
+
+    edge = world.field.nominal_edge
+    return np.asarray(edge.point_at(np.linspace(0.0, edge.length, 500)))
 
 
 @contextmanager

@@ -86,6 +86,14 @@ class Field:
             keys.update(dict.fromkeys(zip(i[ii].tolist(), j[jj].tolist(), strict=True)))
         self.store.need(list(keys))
 
+    def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """True where the field is: inside its boundary and its terrain map, where it has them."""
+        inside = np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)
+        if self.boundary is not None:
+            inside &= self.boundary.contains(x, y)
+        known = getattr(self.terrain, "covers", None)
+        return inside if known is None else inside & known(x, y)
+
     def ground_height(self, x: Any, y: Any) -> Array:
         """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""
         (z00, z10, z01, z11), fu, fv = self._corners(x, y)

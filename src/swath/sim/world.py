@@ -13,6 +13,7 @@ from swath.core.graph import Graph, Node
 from swath.core.random import Stream
 from swath.core.schedule import Slot, from_hz
 from swath.core.setup import ControlSetup
+from swath.core.signals import F64
 from swath.field.field import Field
 from swath.field.layout import Solids
 from swath.field.site import Bodies, SiteSetup
@@ -54,10 +55,12 @@ class Machine:
 
 @dataclass(frozen=True)
 class World:
-    """A scenario, assembled."""
+    """A scenario, assembled. driven: the real pass that the edge follows, (n, 2) world [m], if it does."""
 
     scenario: Scenario
     field: Field
+    obstacles: Solids
+    driven: F64 | None
     bodies: Bodies
     graph: Graph
     machines: Mapping[str, Machine]
@@ -93,15 +96,17 @@ def assemble(scenario: Scenario) -> World:
 
 def _assemble(scenario: Scenario) -> World:
     base = scenario.file.parent if scenario.file is not None else Path.cwd()
-    field, obstacles = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
-    site = Site(field, obstacles, Bodies(), base)
+    ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
+    field = ground.field
+    site = Site(field, ground.obstacles, Bodies(), base)
     machines, nodes = {}, []
     for section in scenario.machines.values():
         machine, own_nodes = _build_machine(section, site)
         machines[section.name] = machine
         nodes += own_nodes
         _check_room(scenario, section, field, machine.card)
-    return World(scenario, field, site.bodies, Graph(nodes, scenario.seed), machines)
+    graph = Graph(nodes, scenario.seed)
+    return World(scenario, field, ground.obstacles, ground.driven, site.bodies, graph, machines)
 
 
 @dataclass(frozen=True)
