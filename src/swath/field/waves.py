@@ -11,8 +11,9 @@ With P(k) = C G(k) the integral is G(n) C Gamma(w / 2) / (sqrt(pi) Gamma((w + 1)
 
     C = sqrt(pi) Gamma((w + 1) / 2) / Gamma(w / 2)          (pi / 2 for w = 2)
 
-Waves reach from 0.05 to 4 cycles/m, the finest the ground lattice can carry. What lies above is missing from
-profiles: at w = 2, 13 % of the density at 2 cycles/m, 3 % at 1, under 1 % below 0.5.
+Waves reach from 0.05 to 4 cycles/m, the finest the ground lattice can carry. Shorter ones would also show in
+profiles below 2 cycles/m (13 % of the density there at w = 2), where they cross the line at a slant. Waves of
+3 to 4 cycles/m stand in for them, made stronger so that the density at 1.4 cycles/m is right.
 """
 
 from dataclasses import dataclass
@@ -95,7 +96,10 @@ def make_roughness(gd_n0: float, waviness: float, stream: Stream) -> Waves:
     correction = sqrt(pi) * gamma(0.5 * (waviness + 1.0)) / gamma(0.5 * waviness)
     low, high = ROUGHNESS_BAND
     edges = np.geomspace(low, high, WAVE_COUNT + 1)
-    variance = correction * gd_n0 * N0**waviness * _power_integral(edges, -waviness)
+    variance = _power_integral(edges, -waviness)
+    top = edges[:-1] >= 3.0
+    variance[top] *= 1.0 + _missing(waviness, high) / variance[top].sum()
+    variance *= correction * gd_n0 * N0**waviness
     return _spread(edges, np.sqrt(2.0 * variance), stream)
 
 
@@ -117,6 +121,13 @@ def _spread(edges: Array, amplitude: Array, stream: Stream) -> Waves:
     direction = pi * ((rng.random() + GOLDEN * np.arange(count)) % 1.0)
     phase = 2 * pi * rng.random(count)
     return Waves(k * np.cos(direction), k * np.sin(direction), amplitude, phase)
+
+
+def _missing(waviness: float, high: float, n: float = 1.4, stand_in: float = 3.5) -> float:
+    """Variance that waves at `stand_in` need to show at n what k^-waviness beyond `high` shows there."""
+    k = np.geomspace(high, 1e4 * high, 20_001)
+    share = k**-waviness * np.sqrt((stand_in**2 - n**2) / (k**2 - n**2))
+    return float(np.trapezoid(share, k))
 
 
 def _power_integral(edges: Array, exponent: float) -> Array:
