@@ -134,6 +134,12 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
         ),
         ("lidar.scan", "scan", "wires.scan = scan: expected slot.output or machine.slot.output (text:20)"),
         ("{max: 0.05}", "{max: 1, min: 2}", "expected min <= max (text:24)"),
+        (
+            "mount: {z_m",
+            "sensor: sick\n    mount: {z_m",
+            "lidar.sensor = sick: expected a file or one of sick-",
+        ),
+        ("level: uniform", "crop: rye", "field.stand.crop = rye: expected a file or one of wheat (text:8)"),
         ("{max: 0.05}", "{}", "expected min, max or both (text:24)"),
         (
             "lateral_rms_m",
@@ -201,6 +207,15 @@ class TestOverrides:
     def test_another_level_drops_what_only_the_old_one_knew(self):
         lidar = read(sets=["combine.lidar.level=empirical"]).machines["combine"].slots["lidar"]
         assert (lidar.level, lidar.common.rate_hz, lidar.params.spread_m) == ("empirical", 25.0, 0.1)
+
+    def test_paths_in_a_flag_start_from_the_working_directory(self, tmp_path, monkeypatch):
+        (tmp_path / "far").mkdir()
+        (tmp_path / "map.tif").write_bytes(b"x")
+        (tmp_path / "far" / "here.yaml").write_text(GOOD)
+        monkeypatch.chdir(tmp_path)
+        flag = "field.stand.density_file=map.tif"
+        stand = load_scenario("far/here.yaml", kit=FAKE, sets=[flag]).field.stand
+        assert stand.params.density_file == str(tmp_path / "map.tif")
 
     def test_inside_a_list(self):
         assert read(sets=["field.obstacles.0.x_m=8"]).field.obstacles[0].x_m == 8.0

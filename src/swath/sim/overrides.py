@@ -1,6 +1,7 @@
 """`--set combine.lidar.level=empirical`: changes to a scenario before it is checked."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
@@ -53,7 +54,7 @@ def _drop_foreign(document: Document, path: KeyPath, level: Any, kit: Kit) -> No
         before = known_keys(
             kit.registry.get(kind, str(entry.get("level", kit.default_level(kind))), base=base).params
         )
-        after = known_keys(kit.registry.get(kind, str(level), base=base).params)
+        after = known_keys(kit.registry.get(kind, str(level), base=Path.cwd()).params)
     except (SwathError, OSError, ValueError):
         return  # reported when the scenario is read
     for key in [k for k in entry if k in before and k not in after]:

@@ -38,7 +38,7 @@ class Reader:
 
     def __init__(self, document: Document, kit: Kit) -> None:
         self.document, self.kit = document, kit
-        self.base = document.file.resolve().parent if document.file else Path.cwd()
+        self.folder = document.file.resolve().parent if document.file else Path.cwd()
         self.errors: list[InputError] = []
 
     def read(self) -> dict[str, Any]:
@@ -82,6 +82,11 @@ class Reader:
         for key in data:
             if key not in known:
                 self.note((*path, key), None, unknown_key(key, known))
+
+    def base(self, path: KeyPath) -> Path:
+        """Where a relative path starts: the scenario's folder, or for a flag the working directory."""
+        place = self.document.place(path)
+        return Path.cwd() if place is not None and place.line is None else self.folder
 
     # field
 
@@ -173,11 +178,9 @@ class Reader:
         if common is None:
             return None
         try:
-            card = find_card("machines", common.machine, self.base)
-        except (InputError, OSError, ValueError) as error:
-            expected = getattr(error, "expected", "expected a name or a path")
-            self.note((name, "machine"), common.machine, expected)
-            return None
+            card = find_card("machines", common.machine)
+        except (InputError, OSError, ValueError):
+            return None  # noted when its path was looked at
         return MachineSection(name, common, card, start, chosen, off)
 
     def _start(self, data: Any, path: KeyPath) -> StartAlongEdge | StartPose:
@@ -229,7 +232,7 @@ class Reader:
             self.note(where, "(nothing)" if level is None else level, "expected a level's name")
             return entry, None
         try:
-            found = self.kit.registry.get(kind, level, base=self.base)
+            found = self.kit.registry.get(kind, level, base=self.base(where))
         except InputError as error:
             self.note(where, level, error.expected)
         except (OSError, ValueError):
@@ -238,14 +241,14 @@ class Reader:
             self.note(where, level, str(error))
         else:
             if callable(found.component):
-                entry["level"] = self._absolute_level(level)
+                entry["level"] = self._absolute_level(level, self.base(where))
                 return self._with_paths(entry, path), found
             self.note(where, level, "expected a class")
         return entry, None
 
-    def _absolute_level(self, level: str) -> str:
+    def _absolute_level(self, level: str, base: Path) -> str:
         file, colon, name = level.rpartition(":")
-        return f"{(self.base / file).resolve()}:{name}" if colon and ".py:" in level else level
+        return f"{(base / file).resolve()}:{name}" if colon and ".py:" in level else level
 
     def _params(self, found: Level, data: dict[str, Any], path: KeyPath, also: tuple[str, ...] = ()) -> Any:
         """Validated parameters. Unknown keys are noted here: they may be meant for the slot itself."""
@@ -268,15 +271,27 @@ class Reader:
         if not isinstance(value, str):
             return self._with_paths(value, path)
         if key in CARDS:
-            return str((self.base / value).resolve()) if value.endswith((".yaml", ".yml")) else value
+            return self._card(CARDS[key], value, path)
         if key in ("file", "folder") or key.endswith(("_file", "_folder")):
             return self._existing(key, value, path)
         return value
 
+    def _card(self, kind: str, value: str, path: KeyPath) -> str:
+        """A bundled card's name as it is, the user's own file as an absolute path."""
+        try:
+            file = find_card(kind, value, self.base(path))
+        except InputError as error:
+            self.note(path, value, error.expected)
+            return value
+        except (OSError, ValueError):
+            self.note(path, value, "expected a name, or a YAML file")
+            return value
+        return str(file.resolve()) if value.endswith((".yaml", ".yml")) else value
+
     def _existing(self, key: str, value: str, path: KeyPath) -> str:
         wants_folder = key.endswith("folder")
         try:
-            target = (self.base / value).resolve()
+            target = (self.base(path) / value).resolve()
             is_there = target.is_dir() if wants_folder else target.is_file()
         except (OSError, ValueError, RuntimeError):
             is_there = False
