@@ -1,5 +1,7 @@
 """Rays against every primitive, in float64 numpy with other formulas than the kernel: slow and plain."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from swath.field.layout import MIRROR_X, MIRROR_Y, STANDING, Organ, Pages, PlantLibrary
@@ -82,7 +84,9 @@ def tile_hit(library: PlantLibrary, pages: Pages, tx, ty, o, d, t0, t1):
             shift[axis] = size
     po, pd = matrix @ (o - q0) + shift, matrix @ d
     k = kind & 0xFFFF
-    mine = np.flatnonzero((library.owner >= library.stem_start[k]) & (library.owner < library.stem_start[k + 1]))
+    mine = np.flatnonzero(
+        (library.owner >= library.stem_start[k]) & (library.owner < library.stem_start[k + 1])
+    )
     mine = mine[library.stem_rank[library.owner[mine]] < fraction]
     ends = np.stack([po + t0 * pd, po + t1 * pd])
     best = (BIG, Organ.NONE)
@@ -143,7 +147,9 @@ def patch_hit(h, o, d, gap, t0, t1):
             -c * x[1] * y[1],
         ]
     )
-    roots = np.roots(poly[::-1]) if abs(poly[2]) > 1e-14 else np.array([-poly[0] / poly[1]] if poly[1] else [])
+    roots = (
+        np.roots(poly[::-1]) if abs(poly[2]) > 1e-14 else np.array([-poly[0] / poly[1]] if poly[1] else [])
+    )
     good = [float(t.real) for t in roots if abs(t.imag) < 1e-12 and t0 <= t.real <= t1]
     return min(good, default=BIG)
 
@@ -197,6 +203,6 @@ def tiles_along(o, d, size, range_max):
             sides = np.arange(np.floor(ends[0] / size) + 1, np.floor(ends[1] / size) + 1) * size
             cuts += [float(t) for t in (sides - o[axis]) / d[axis] if 0 < t < range_max]
     cuts.sort()
-    for t0, t1 in zip(cuts, cuts[1:], strict=False):
+    for t0, t1 in pairwise(cuts):
         middle = (o + 0.5 * (t0 + t1) * d) / size
         yield int(np.floor(middle[0])), int(np.floor(middle[1])), t0, t1

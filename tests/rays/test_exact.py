@@ -113,7 +113,7 @@ def test_far_from_the_origin_and_turned():
     there = make_pages(LIBRARY, pages=1, mixed=1, first=2500, ground=lambda x, y: 431.0 + 0.0 * x)
     yaw = 0.7
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1.0]])
-    moved = (o + [20000.0, 20000.0, 431.0]) @ turn.T
+    moved = (o + np.array([20000.0, 20000.0, 431.0])) @ turn.T
     far = RayCaster(HandField(there, LIBRARY, yaw), threads=1).cast(moved, d @ turn.T, range_max=4)
     same = near.organ == far.organ
     assert same.mean() > 0.99
