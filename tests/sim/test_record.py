@@ -211,6 +211,24 @@ def test_an_exception_leaves_whole_files(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.mcap", "tracks.parquet"]
 
 
+def test_an_interruption_within_a_message_costs_the_open_chunk_only(tmp_path, monkeypatch):
+    from mcap.writer import Writer
+
+    ground, whole, count = GridField(ArcEdge()), Writer.add_message, [0]
+
+    def torn(self, *args, **values):
+        count[0] += 1
+        if count[0] == 3000:
+            raise KeyboardInterrupt
+        whole(self, *args, **values)
+
+    monkeypatch.setattr(Writer, "add_message", torn)
+    with pytest.raises(KeyboardInterrupt), Recorder(tmp_path, [machine()]) as recorder:
+        drive([recorder], ground, seconds=9.0)
+    assert 1000 < read_until_torn(tmp_path / "run.mcap") < 3000
+    assert (tmp_path / "tracks.parquet").exists()
+
+
 def test_a_file_cut_anywhere_is_readable_up_to_its_last_whole_chunk(recorded, tmp_path):
     data = (recorded[0] / "run.mcap").read_bytes()
     whole = read_until_torn(recorded[0] / "run.mcap")

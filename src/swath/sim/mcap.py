@@ -6,7 +6,6 @@ their definition travels in the file, so a viewer needs no package.
 """
 
 from dataclasses import fields
-from functools import cache
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -61,7 +60,9 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
+        self._kinds: dict[str, dict[str, str]] = {}
         self._flushed = 0
+        self._is_torn = False
 
     def make(self, msgtype: str, **values: Any) -> Any:
         """A message, e.g. make("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)."""
@@ -74,15 +75,21 @@ class McapFile:
             self._declare(topic, msgtype, is_latched)
         data = bytes(self.store.serialize_cdr(message, msgtype))
         count = self._counts[topic] = self._counts.get(topic, 0) + 1
+        self._is_torn = True  # until the message is whole: Ctrl-C may come in between
         self._writer.add_message(self._channels[topic], log_time=t, data=data, publish_time=t, sequence=count)
+        self._is_torn = False
         if self._stream.tell() != self._flushed:  # a chunk was completed: hand it to the system now
             self._stream.flush()
             self._flushed = self._stream.tell()
 
     def close(self) -> None:
-        """Write the index and close. Calling it again does nothing."""
+        """Write the index and close. Calling it again does nothing.
+
+        After an interruption within a message the file ends with its last whole chunk, without an index.
+        """
         if not self._stream.closed:
-            self._writer.finish()
+            if not self._is_torn:
+                self._writer.finish()
             self._stream.close()
 
     def header(self, t: int, frame: str) -> Any:
@@ -117,7 +124,9 @@ class McapFile:
 
             self.store.register(get_types_from_msg(definition(type(signal)), msgtype))
         values: dict[str, Any] = {"header": self.header(signal.t, frame)}
-        for name, kind in _field_kinds(type(signal)).items():
+        if msgtype not in self._kinds:
+            self._kinds[msgtype] = _field_kinds(type(signal))
+        for name, kind in self._kinds[msgtype].items():
             values[name] = self._value(getattr(signal, name), kind)
         return self.make(msgtype, **values)
 
@@ -147,7 +156,6 @@ def definition(signal: type[Signal]) -> str:
     return "\n".join(lines) + "\n"
 
 
-@cache
 def _field_kinds(signal: type[Signal]) -> dict[str, str]:
     hints = get_type_hints(signal)
     kinds: dict[str, str] = {}

@@ -125,15 +125,18 @@ class FieldMap:
         return np.asarray(moved @ np.array([[c, -s], [s, c]]))
 
 
-def make_map(field: Standing, ends: tuple[F64, F64], *, margin: float = 6.0, columns: int = 1400) -> FieldMap:
-    """Picture of the field around the paths of the left and right header end, (n, 2) each [m].
+def make_map(
+    field: Standing, path: F64, *, also: F64 | None = None, margin: float = 6.0, columns: int = 1400
+) -> FieldMap:
+    """Picture of the field around the path of the header's end, (n, 2) [m], from left to right.
 
+    also: further points that must be on it, such as the path of the other end, (m, 2) [m]
     margin: of field shown on every side [m]; columns: of the raster
     """
-    chord = ends[0][-1] - ends[0][0]
+    chord = path[-1] - path[0]
     turn = float(np.arctan2(chord[1], chord[0])) if np.hypot(*chord) > 1.0 else 0.0
-    frame = FieldMap(ends[0][0].copy(), turn, (0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)), None)
-    placed = frame.place(np.concatenate(ends))
+    frame = FieldMap(path[0].copy(), turn, (0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)), None)
+    placed = frame.place(path if also is None else np.concatenate([path, also]))
     low, high = placed.min(axis=0) - margin, placed.max(axis=0) + margin
     cell = max(0.05, (high[0] - low[0]) / columns)
     u, v = np.arange(low[0] + cell / 2, high[0], cell), np.arange(low[1] + cell / 2, high[1], cell)

@@ -62,10 +62,10 @@ def collect(
     machine = referee.machine
     picture, edge = None, np.zeros((0, 2))
     if len(tracks["t_s"]):
-        ends = tuple(_way(tracks, *machine.geometry.header_end(side)) for side in ("left", "right"))
-        picture = make_map(field, (ends[0], ends[1]))
-        reach = float(tracks["distance_m"][-1]) + 60.0
-        edge = _edge_about(field.nominal_edge, ends[0 if machine.edge_side == "left" else 1], reach)
+        side, other = ("left", "right") if machine.edge_side == "left" else ("right", "left")
+        path = _way(tracks, *machine.geometry.header_end(side))
+        picture = make_map(field, path, also=_way(tracks, *machine.geometry.header_end(other)))
+        edge = _edge_about(field.nominal_edge, path, float(tracks["distance_m"][-1]) + 60.0)
     return ReportData(
         summary,
         scenario,

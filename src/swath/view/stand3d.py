@@ -1,6 +1,7 @@
 """A look at the stand itself: the stems that rays really met, painted from far to near.
 
 Reads the field's pages and plant library (see field/layout.py) and undoes the tile transform; no ray is cast.
+A plant is drawn whole where it reaches over the side of its tile; rays see it continued by the next tile's.
 """
 
 from dataclasses import dataclass
@@ -110,7 +111,7 @@ def _tile(
     limit = _cut_height(pages, at, foot, size) / scale
     keep = np.minimum(a[:, 2], b[:, 2]) < limit
     a, b = _clipped(a, b, limit), _clipped(b, a, limit)
-    organ[np.isfinite(limit)] = Organ.STUBBLE
+    organ[np.isfinite(limit) & (organ == Organ.STEM)] = Organ.STUBBLE
     for p in (a, b):
         zeta = p[:, 2].copy()
         p[:, 0] += lean_x * zeta

@@ -1,0 +1,180 @@
+"""The report: one page that holds everything and loads nothing; pictures that show what they should."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
+
+from swath.sim.digest import Digest
+from swath.sim.record import Recorder
+from swath.study.referee import Referee
+from swath.study.summary import make_summary, write_summary
+from swath.view.keep import ScanKeeper, circles_of, make_map
+from swath.view.page import render
+from swath.view.plots import figure
+from swath.view.report import ReportData, write_report
+
+LIMITS = {"edge_rmse_m": {"max": 0.5}, "lateral_rms_m": {"max": 0.001}}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    ground, combine, digest = GridField(ArcEdge(40.0), gap=(14.0, 17.0)), machine(), Digest()
+    referee = Referee(ground, combine, overlap=0.0)
+    keeper = ScanKeeper(combine, referee)
+    with Recorder(folder, [combine], extra={"combine": referee.columns()}) as recorder:
+        drive([digest, referee, keeper, recorder], ground)
+    summary = make_summary(
+        {"name": "bend <1>", "summary": "A & B", "seed": 3},
+        referee.metrics(),
+        LIMITS,
+        simulated_s=12.0,
+        wall_s=6.0,
+        ray_count=1000,
+        digest=digest.hex,
+        incomplete=False,
+        cost={"combine.lidar": (4.0, 300), "combine.edge": (0.0, 0)},
+    )
+    write_summary(folder, summary)
+    tracks = recorder.tracks["combine"].arrays()
+    path = np.stack([tracks["header_end_x_m"], tracks["header_end_y_m"]], axis=1)
+    data = ReportData(
+        summary,
+        "name: bend\ntext: <b>\n",
+        combine,
+        referee.series(),
+        tracks,
+        map=make_map(ground, path),
+        scans=keeper.pick(),
+        edge=np.array([ground.nominal_edge.point_at(s) for s in range(40)]),
+        obstacles=[(5.0, 5.0, 0.1)],
+        driven=path + 0.3,
+    )
+    return write_report(folder, data), data, keeper, ground
+
+
+class Tags(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.open, self.images, self.links = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        if tag == "img":
+            self.images.append(found["src"])
+        self.links += [found[k] for k in ("href", "src") if k in found and tag != "img"]
+        assert tag != "script"
+        if tag not in ("img", "meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_loads_nothing(run):
+    text = run[0].read_text(encoding="utf-8")
+    tags = Tags()
+    tags.feed(text)
+    assert tags.open == []
+    assert tags.links == []
+    assert len(tags.images) == 4
+    assert all(i.startswith("data:image/") for i in tags.images)
+    assert not re.search(r"(href|src|url)\s*[=(]\s*[\"']?https?:", text)
+    assert sorted(p.name for p in run[0].parent.iterdir()) == [
+        "report.html",
+        "run.mcap",
+        "summary.json",
+        "tracks.parquet",
+    ]
+
+
+def test_the_page_says_what_the_summary_says(run):
+    text = run[0].read_text(encoding="utf-8")
+    summary = run[1].summary
+    assert "1 of 2 limits broken" in text
+    assert "bend &lt;1&gt;" in text
+    assert "A &amp; B" in text
+    assert "text: &lt;b&gt;" in text
+    assert summary["digest"] in text
+    assert f"{100 * summary['lateral_rms_m']:.2f}\u00a0cm" in text
+    assert "2.00\u00a0×" in text
+
+
+def test_a_summary_without_anything_makes_a_page():
+    text = render({"incomplete": True, "edge_rmse_m": None}, "", [])
+    assert "Incomplete" in text
+    assert "No limits set" in text
+    assert "–" in text
+
+
+def test_an_empty_run_makes_a_report(tmp_path):
+    combine = machine()
+    referee = Referee(GridField(ArcEdge()), combine, overlap=0.0)
+    keeper = ScanKeeper(combine, referee)
+    with Recorder(tmp_path, [combine], mcap=False) as recorder:
+        pass
+    tracks = recorder.tracks["combine"].arrays()
+    data = ReportData({}, "", combine, referee.series(), tracks, scans=keeper.pick())
+    assert write_report(tmp_path, data).stat().st_size > 1000
+
+
+def test_the_map_shows_crop_where_it_stands(run):
+    _, data, _, ground = run
+    field_map = data.map
+    ny, nx = field_map.standing.shape
+    left, right, bottom, top = field_map.extent
+    u = left + (np.arange(nx) + 0.5) * (right - left) / nx
+    v = bottom + (np.arange(ny) + 0.5) * (top - bottom) / ny
+    c, s = np.cos(field_map.turn), np.sin(field_map.turn)
+    for i, j in ((3, 5), (ny // 2, nx // 2), (ny - 9, nx - 7), (20, 300)):
+        x, y = field_map.origin + np.array([c * u[j] - s * v[i], s * u[j] + c * v[i]])
+        assert field_map.standing[i, j] == ground.standing(x, y)
+        np.testing.assert_allclose(field_map.place([x, y]), [u[j], v[i]], atol=1e-9)
+    assert 0.1 < field_map.standing.mean() < 0.5
+
+
+def test_kept_scans_are_spread_and_end_with_the_newest(run):
+    scans = run[2].pick(4)
+    distances = [s.distance for s in scans]
+    assert distances == sorted(distances)
+    assert distances[-1] == pytest.approx(24.0)
+    assert distances[0] < 6.0
+    assert len(run[2].pick(100)) > 10
+
+
+def test_kept_points_are_where_the_crop_is(run):
+    """In the machine frame: crop 0.8 m high to the right of the true edge, bare ground to its left."""
+    scan = run[2].pick(4)[-1]
+    far_right = scan.points[scan.points[:, 1] < scan.edge_true - 0.5]
+    far_left = scan.points[scan.points[:, 1] > scan.edge_true + 0.5]
+    assert np.median(far_right[:, 2]) == pytest.approx(0.8, abs=0.05)
+    assert np.median(far_left[:, 2]) == pytest.approx(0.0, abs=0.01)
+    np.testing.assert_allclose(scan.hits, scan.pose.apply(scan.points), atol=1e-5)
+
+
+def test_figures_need_no_display_and_leave_no_state():
+    import matplotlib.pyplot as plt
+
+    before = plt.get_fignums()
+    assert figure(2, 1).canvas.get_supported_filetypes()["svg"]
+    assert plt.get_fignums() == before
+
+
+def test_circles_of_solids():
+    from swath.field.layout import Solids
+
+    axes = np.eye(3)[None]
+    solids = Solids(
+        box_centre=np.array([[1.0, 2.0, 0.0]]),
+        box_axes=axes,
+        box_half=np.array([[0.5, 2.0, 9.0]]),
+        capsule_a=np.array([[3.0, 4.0, 0.0]]),
+        capsule_b=np.array([[3.0, 4.0, 2.0]]),
+        capsule_radius=np.array([0.1]),
+    )
+    assert circles_of(solids) == [(1.0, 2.0, 2.0), (3.0, 4.0, pytest.approx(0.1))]
+    assert circles_of(Solids()) == []
+    assert GEOMETRY.header_end("left")[1] == 3.5
