@@ -126,7 +126,7 @@ class FieldMap:
 
 
 def make_map(
-    field: Standing, path: F64, *, also: F64 | None = None, margin: float = 6.0, columns: int = 1400
+    field: Standing, path: F64, *, also: F64 | None = None, margin: float = 14.0, columns: int = 1400
 ) -> FieldMap:
     """Picture of the field around the path of the header's end, (n, 2) [m], from left to right.
 

@@ -64,7 +64,7 @@ def collect(
     if len(tracks["t_s"]):
         side, other = ("left", "right") if machine.edge_side == "left" else ("right", "left")
         path = _way(tracks, *machine.geometry.header_end(side))
-        picture = make_map(field, path, also=_way(tracks, *machine.geometry.header_end(other)))
+        picture = make_map(field, path, also=_way(tracks, *machine.geometry.header_end(other)), margin=6.0)
         edge = _edge_about(field.nominal_edge, path, float(tracks["distance_m"][-1]) + 60.0)
     return ReportData(
         summary,
@@ -183,7 +183,7 @@ def _stand(data: ReportData, stand: Stand) -> page.Figure:
         f"The stems about the edge ahead of the machine at {data.scans[-1].distance:.1f} m, every one as the "
         "rays met it, seen along the drive from above the cut ground, with the echoes of the last scan."
     )
-    return page.Figure("The stand", plots.as_image(fig, kind="png", dpi=190), caption)
+    return page.Figure("The stand", plots.as_image(fig, kind="webp", dpi=190), caption)
 
 
 def _drive(data: ReportData) -> page.Figure:
