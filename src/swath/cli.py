@@ -47,8 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _dispatch(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        return _say("stopped", INTERRUPTED)
+    except KeyboardInterrupt as error:
+        return _say(str(error) or "stopped", INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
@@ -70,6 +70,8 @@ def _dispatch(argv: list[str]) -> int:
     if not argv:
         print(EXAMPLES)
         return 0
+    if argv == ["help"]:
+        argv = ["--help"]
     parser = _make_parser()
     names = [c.__name__.rpartition(".")[2] for c in COMMANDS]
     if not argv[0].startswith("-") and argv[0] not in names:

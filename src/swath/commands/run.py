@@ -53,6 +53,9 @@ def run(args: argparse.Namespace) -> int:
         result = run_job(scenario, out, progress=not args.quiet)
     except InputError as error:
         raise scenario.locate(error) from error
+    except KeyboardInterrupt:
+        kept = f"; what was recorded is in {out}" if (out / "summary.json").is_file() else ""
+        raise KeyboardInterrupt(f"stopped{kept}") from None
     if args.quiet:
         print(out)
     else:

@@ -18,7 +18,7 @@ A scenario is YAML (1.2: `1e3` is a number, `yes` is text). Keys carry their uni
 Unknown keys, wrong types, numbers out of range or not finite are errors that name key, value, what was
 expected, file and line. Paths are relative to the scenario file, in `--set` to the working directory.
 
-`swath schema --out scenario.schema.json` writes the same as JSON Schema. Named in the first line of a scenario,
+`swath schema --out scenario.schema.json` writes the same as JSON Schema. Named in the first line of a file,
 it gives completion in editors with a YAML language server:
 `# yaml-language-server: $schema=scenario.schema.json`.
 

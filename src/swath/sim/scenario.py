@@ -137,4 +137,5 @@ def find_scenario(source: str | Path) -> Path:
         names = scenario_names()
         expected = f"expected a file or one of {', '.join(names)}{near_miss(source, names)}"
         raise InputError("scenario", str(source), expected) from None
-    raise InputError("scenario", str(source), "there is no such file")
+    expected = "expected a run folder, it has no scenario.yaml" if path.is_dir() else "there is no such file"
+    raise InputError("scenario", str(source), expected)
