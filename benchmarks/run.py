@@ -1,0 +1,28 @@
+"""`make bench`: every benchmark, one after the other; tables on the screen, JSON under the out folder."""
+
+import argparse
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import cutting
+import drive
+import rays
+
+BENCHMARKS = {"rays": rays.main, "cutting": cutting.main, "drive": drive.main}
+
+
+def main() -> None:
+    """Run all, or those named."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", choices=[*BENCHMARKS, []], help="which ones (default: all)")
+    parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the JSON files")
+    args = parser.parse_args()
+    for name in args.names or BENCHMARKS:
+        BENCHMARKS[name](args.out)
+    print(f"JSON files: {args.out}")
+
+
+if __name__ == "__main__":
+    main()
