@@ -89,13 +89,13 @@ def mutated(draw):
         elif action == "rename" and isinstance(parent, dict):
             parent[draw(st.sampled_from(KEYS) | st.text(min_size=1, max_size=6))] = parent.pop(key)
         elif action == "add" and isinstance(parent, dict):
-            parent[draw(st.sampled_from(KEYS))] = draw(st.sampled_from(NASTY))
+            parent[draw(st.sampled_from(KEYS))] = copy.deepcopy(draw(st.sampled_from(NASTY)))
         elif action == "wrap":
             parent[key] = [parent[key]] if draw(st.booleans()) else {"level": parent[key]}
         elif action == "number":
             parent[key] = draw(st.floats(allow_nan=False, allow_infinity=False) | st.integers())
         else:
-            parent[key] = draw(st.sampled_from(NASTY))
+            parent[key] = copy.deepcopy(draw(st.sampled_from(NASTY)))
     return dump(data)
 
 
