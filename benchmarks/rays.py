@@ -129,7 +129,7 @@ def scene_bytes(scene: Scene) -> int:
     held = [
         v for part in (scene.library, scene.pages) for v in vars(part).values() if isinstance(v, np.ndarray)
     ]
-    packed = len(scene.library.radius) * 3 * 16
+    packed = len(scene.library.radius) * 64
     return sum(v.nbytes for v in held) + packed
 
 

@@ -177,25 +177,30 @@ class RayCaster:
         return scene
 
     def _take_library(self, wp: Any, library: PlantLibrary) -> None:
-        rank = library.stem_rank[library.owner] if len(library.owner) else np.zeros(0, np.float32)
         packed = {
-            "prim0": (np.concatenate([library.a, library.radius[:, None]], axis=1), wp.vec4),
-            "prim1": (np.concatenate([library.b, rank[:, None]], axis=1), wp.vec4),
-            "prim2": (np.concatenate([library.width, np.zeros_like(rank)[:, None]], axis=1), wp.vec4),
-            "base": (library.base, wp.vec2),
-            "organ": (library.organ, wp.uint8),
+            "prims": (pack_primitives(library), wp.vec4),
             "cell_start": (library.cell_start, wp.int32),
             "cell_items": (library.cell_items, wp.int32),
             "reflectance": (library.reflectance, wp.float32),
         }
         scene = self._scene
         for name, (array, dtype) in packed.items():
-            array = np.ascontiguousarray(array)
             self._held[name] = array
             setattr(scene, name, self._share(wp, array, dtype))
         scene.tile_size = library.tile_size
         scene.side = library.tile_size / library.columns
         scene.columns, scene.bins, scene.bin_height = library.columns, library.bins, library.bin_height
+
+
+def pack_primitives(library: PlantLibrary) -> F32:
+    """Primitives as the kernel reads them, (4 m, 4), see `kernel/scene.py`."""
+    packed = np.zeros((len(library.owner), 4, 4), np.float32)
+    packed[:, 0, :3], packed[:, 0, 3] = library.a, library.radius
+    packed[:, 1, :3], packed[:, 1, 3] = library.b, library.stem_rank[library.owner]
+    packed[:, 2, :3], packed[:, 2, 3] = library.width, library.organ
+    packed[:, 3, :2] = library.base
+    result: F32 = packed.reshape(-1, 4)
+    return result
 
 
 def page_tops(pages: Pages, tile_size: float) -> F32:

@@ -85,7 +85,8 @@ def to_stand(points: Array, plane: Array, stand: Array, size: float) -> Array:
 
 def _loop(centre: Array, frame: Array, radius: Array, circle: Array, wide: float, along: float) -> Array:
     local = np.concatenate([circle * wide, np.full((len(circle), 1), along)], axis=1)
-    return centre[:, None] + radius[:, None, None] * np.einsum("mij,sj->msi", frame, local)
+    loop: Array = centre[:, None] + radius[:, None, None] * np.einsum("mij,sj->msi", frame, local)
+    return loop
 
 
 def _frames(along: Array) -> Array:

@@ -107,9 +107,9 @@ def walk_crop(
         leave = wp.min(tx, wp.min(ty, tz))
         cell = ((first + iy * columns) + ix) * bins + iz
         for i in range(scene.cell_start[cell], scene.cell_start[cell + 1]):
-            p = scene.cell_items[i]
-            p0 = scene.prim0[p]
-            p1 = scene.prim1[p]
+            p = scene.cell_items[i] * 4
+            p0 = scene.prims[p]
+            p1 = scene.prims[p + 1]
             if p1[3] < fraction:
                 a = wp.vec3(p0[0], p0[1], p0[2])
                 b = wp.vec3(p1[0], p1[1], p1[2])
@@ -121,13 +121,13 @@ def walk_crop(
                     if t < low:
                         t = capsule_from(o, d, a, b, r, low, is_open)
                 else:
-                    p2 = scene.prim2[p]
+                    p2 = scene.prims[p + 2]
                     w = wp.vec3(p2[0], p2[1], p2[2])
                     t = hit_ribbon(o, d, a, b, w)
                     if t < low:
                         t = MISS
                 if t < best:
-                    foot = scene.base[p]
+                    foot = scene.prims[p + 3]
                     bx = foot[0] + shift_x
                     by = foot[1] + shift_y
                     if mx < 0.0:
@@ -156,7 +156,7 @@ def walk_crop(
                     if t < best:
                         best = t
                         found = p
-                        organ = int(scene.organ[p])
+                        organ = int(scene.prims[p + 2][3])
                         if code != STANDING and organ == STEM:
                             organ = STUBBLE
                         if r > 0.0:

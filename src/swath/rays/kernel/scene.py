@@ -9,7 +9,8 @@ from swath.rays.kernel.shapes import MISS
 class Scene:
     """Library and pages, see `field/layout.py`.
 
-    prim0: a, radius (0 = ribbon); prim1: b, rank of the owner; prim2: width of a ribbon
+    prims: four vectors per primitive, one cache line: (a, radius; 0 = ribbon), (b, rank of the owner),
+    (width of a ribbon, organ), (foot of the owner, 0, 0)
     page_top: highest thing in a page [m]
     """
 
@@ -18,11 +19,7 @@ class Scene:
     columns: int
     bins: int
     bin_height: float
-    prim0: wp.array(dtype=wp.vec4)
-    prim1: wp.array(dtype=wp.vec4)
-    prim2: wp.array(dtype=wp.vec4)
-    base: wp.array(dtype=wp.vec2)
-    organ: wp.array(dtype=wp.uint8)
+    prims: wp.array(dtype=wp.vec4)
     cell_start: wp.array(dtype=int)
     cell_items: wp.array(dtype=int)
     reflectance: wp.array(dtype=float)
