@@ -123,7 +123,10 @@ def cell_in_tile(x: Array, tile_size: float, is_mirrored: bool) -> Ints:
 
 def check_polygon(polygon: Any, key: str = "polygon") -> Array:
     """Convex polygon (n, 2) as an array, counter-clockwise. Raises InputError on anything else."""
-    p = np.asarray(polygon, dtype=float)
+    try:
+        p = np.asarray(polygon, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(key, polygon, "expected a list of [x, y]") from error
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
         raise InputError(key, polygon, "expected at least three finite [x, y]")
     edge = np.concatenate([p[1:], p[:1]]) - p

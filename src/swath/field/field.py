@@ -22,6 +22,7 @@ from swath.field.track import EdgeShape
 
 Array = NDArray[np.float64]
 FAR = 1e6  # places beyond this are refused [m]
+EDGE_REACH = 1e4  # longest line that is searched for an edge [m]
 
 
 class Field:
@@ -143,6 +144,8 @@ class Field:
         """
         a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
         length = float(np.hypot(*(b - a)))
+        if not length <= EDGE_REACH:
+            raise InputError("edge_offset", (start, end), f"expected two points within {EDGE_REACH:g} m")
         count = int(np.ceil(length / 0.01)) + 1
         at = (np.arange(count) + 0.5) / count
         crop = self.standing(a[0] + (b[0] - a[0]) * at, a[1] + (b[1] - a[1]) * at)

@@ -74,6 +74,10 @@ class PageMaker:
 
     def codes(self, i: int, j: int) -> Codes:
         """Codes of the cut cells at the start: decided at the centre of each cell."""
+        middle = self.to_world((i + 0.5) * self.side, (j + 0.5) * self.side)
+        page = self._codes_within(*middle, self.side * np.sqrt(0.5) + 1e-6)
+        if page >= 0:
+            return int(page)
         tiles = self._tile_codes(i, j)
         if (tiles == tiles[0, 0]).all() and tiles[0, 0] >= 0:
             return int(tiles[0, 0])
@@ -96,8 +100,10 @@ class PageMaker:
         """(8, 8) codes of tiles that have a single one, -1 elsewhere."""
         centre = (np.arange(PAGE_TILES) + 0.5) * self.tile
         u, v = np.meshgrid(i * self.side + centre, j * self.side + centre)
-        x, y = self.to_world(u, v)
-        radius = self.tile * np.sqrt(0.5) + 1e-6
+        return self._codes_within(*self.to_world(u, v), self.tile * np.sqrt(0.5) + 1e-6)
+
+    def _codes_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
+        """The one code of all points within the radius of points, -1 where there may be several."""
         codes = self.edge.code_within(x, y, radius)
         codes[(codes == STANDING) & self.stand.may_be_bare(x, y, radius)] = -1
         if self.boundary is not None:

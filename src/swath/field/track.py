@@ -133,7 +133,7 @@ class EdgeShape:
 
     def _near(self, x: Array, y: Array) -> list[Piece]:
         """The pieces that can be nearest to any of the points."""
-        if len(self._sides) <= 4 or x.size == 0:
+        if (x.size < 512 and len(self._sides) <= 4) or x.size == 0:
             return self._sides
         cx, cy = 0.5 * (x.min() + x.max()), 0.5 * (y.min() + y.max())
         reach = float(np.hypot(x.max() - cx, y.max() - cy))
