@@ -1,13 +1,16 @@
 """Whatever is done to a scenario file: it is read, or refused in one line. Never anything else."""
 
 import copy
+from functools import cache
 
+import jsonschema
 from fake_levels import FAKE, GOOD
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import SwathError
 from swath.sim.scenario import Scenario, parse_scenario
+from swath.sim.schema import scenario_schema
 from swath.sim.yamlfile import dump, parse
 
 NASTY = [None, True, False, -1, 0, 1 << 40, -(1 << 62), 1e308, -1e308, 5e-324, "", "7 km/h", "nan", "x" * 500]
@@ -132,10 +135,16 @@ def read(text, sets=()):
     return scenario
 
 
+@cache
+def validator():
+    return jsonschema.Draft202012Validator(scenario_schema(FAKE))
+
+
 @settings(max_examples=400, deadline=None)
 @given(mutated())
 def test_mutated_data(text):
-    read(text)
+    if read(text) is not None:
+        assert validator().is_valid(parse(text).data)  # an editor must not mark what can be run
 
 
 @settings(max_examples=300, deadline=None)

@@ -85,8 +85,8 @@ class Document:
 
 
 def dotted(path: KeyPath) -> str:
-    """`("field", "obstacles", 0)` as `field.obstacles.0`."""
-    return ".".join(str(p) for p in path) or "file"
+    """`("field", "obstacles", 0)` as `field.obstacles.0`; the whole document as `scenario`."""
+    return ".".join(str(p) for p in path) or "scenario"
 
 
 def key_path(text: str) -> KeyPath:
