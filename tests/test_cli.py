@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -91,8 +92,16 @@ def test_alone_it_shows_five_real_command_lines(capsys):
     assert {line[1] for line in lines} <= {c.__name__.rpartition(".")[2] for c in COMMANDS}
 
 
+def test_every_command_is_in_the_documentation():
+    from swath.cli import COMMANDS
+
+    page = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
+    for command in COMMANDS:
+        assert f"`swath {command.__name__.rpartition('.')[2]}" in page
+
+
 def test_version_and_help(capsys):
-    for flag in ("--version", "--help"):
+    for flag in ("--version", "--help", "help"):
         with pytest.raises(SystemExit) as caught:
             main([flag])
         assert caught.value.code == 0
@@ -161,6 +170,17 @@ def test_interrupt_and_mistakes(job, capsys, monkeypatch):
     monkeypatch.setenv("SWATH_DEBUG", "1")
     assert main(["run", "small.yaml"]) == 70
     assert "Traceback" in capsys.readouterr().err
+
+
+def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
+    def stopped(scenario, out, progress):
+        out.mkdir(parents=True)
+        (out / "summary.json").write_text("{}")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(job, "run_job", stopped)
+    assert main(["run", "small.yaml"]) == 130
+    assert capsys.readouterr().err == "swath: stopped; what was recorded is in runs/small-3\n"
 
 
 def test_scan(job, capsys):
