@@ -14,12 +14,12 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import MachineState, SpeedCommand, SteerState
+from swath.core.signals import EngineState, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH, MS
 from swath.field.site import SiteSetup
 from swath.machine.attitude import Stance, TerrainFollower
 from swath.machine.card import dynamics_of
-from swath.machine.loops import SpeedLoop
+from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.tyre import GRAVITY, brush, creep_damping, slide_slip
 
 ROLLING_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
@@ -62,7 +62,11 @@ class Moment:
 class SingleTrack:
     """Rear-steered single-track model on terrain. Steering angle and slopes are held over a step."""
 
-    inputs = (Port("steering", SteerState), Port("speed", SpeedCommand))
+    inputs = (
+        Port("steering", SteerState),
+        Port("speed", SpeedCommand),
+        Port("drive", EngineState, optional=True),
+    )
     outputs = (Port("state", MachineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -88,7 +92,7 @@ class SingleTrack:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate over dt in equal substeps."""
         steer: float = inputs["steering"].angle
-        wanted: float = inputs["speed"].speed
+        wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
         for _ in range(count):
@@ -118,9 +122,9 @@ class SingleTrack:
 
     def _moment(self, steer: float, accel: float) -> Moment:
         front, rear = self._loads(self._stance, accel)
-        level = cos(self._stance.pitch)
-        front_pull = -front * self._stance.front_slope * level
-        rear_pull = -rear * self._stance.rear_slope * level
+        weight = self._d.mass * GRAVITY * cos(self._stance.pitch) ** 2 * cos(self._stance.roll)
+        front_pull = -weight * self._behind / self._wheelbase * self._stance.front_slope
+        rear_pull = -weight * self._ahead / self._wheelbase * self._stance.rear_slope
         return Moment(cos(steer), sin(steer), front, rear, front_pull, rear_pull)
 
     def _loads(self, stance: Stance, accel: float) -> tuple[float, float]:
