@@ -119,10 +119,12 @@ def read_log(path: Path, columns: Path | None = None, *, header_width: float | N
         values["yield"] = np.where(work, 0.0, values["yield"])
     values = {k: v[good] for k, v in values.items()}
     log = _assemble(table, found, lon_lat[good], values, good, header_width, path)
-    jump, same = _spikes(log)
-    broken |= {"jump": int(jump.sum()), "duplicated_position": int((same & ~jump).sum())}
+    jump = _jumps(log)
+    log = log.keep(~jump)
+    again = _repeats(log)
+    broken |= {"jump": int(jump.sum()), "duplicated_position": int(again.sum())}
     notes += [crs_note] if crs_note else []
-    return replace(log.keep(~jump & ~same), row_count=row_count, broken=broken, notes=(*notes, *log.notes))
+    return replace(log.keep(~again), row_count=row_count, broken=broken, notes=(*notes, *log.notes))
 
 
 def _si(table: Table, found: ColumnMap, key: str) -> Array:
@@ -267,7 +269,8 @@ def _declared_machines(
     names, machine = np.unique(texts, return_inverse=True)
     if len(names) > 50:
         return ("1",), np.zeros(len(texts), dtype=np.int64), [f"{len(names)} machine names: column not used"]
-    return tuple(str(n) for n in names), machine.astype(np.int64), []
+    shown = tuple("".join(c if c.isprintable() else "?" for c in str(n)[:60]) for n in names)
+    return shown, machine.astype(np.int64), []
 
 
 def _time(
@@ -319,8 +322,8 @@ def _speed(
     return np.clip(step / duration, 0.0, PLAUSIBLE["speed"][1])
 
 
-def _spikes(log: Log) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Records off the track of their neighbours; records on the spot of the one before. Shape (n,) each."""
+def _jumps(log: Log) -> NDArray[np.bool_]:
+    """Records off the track of their neighbours, shape (n,)."""
     p, m = log.position, log.machine
     jump = np.zeros(len(p), dtype=bool)
     limit = 12.0 + 3.0 * log.speed[1:-1]
@@ -328,5 +331,10 @@ def _spikes(log: Log) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     across = np.hypot(*(p[2:] - p[:-2]).T)
     one = (m[2:] == m[1:-1]) & (m[1:-1] == m[:-2])
     jump[1:-1] = one & (before > limit) & (after > limit) & (across < limit)
-    same = np.r_[False, (np.hypot(*np.diff(p, axis=0).T) == 0.0) & (np.diff(m) == 0)]
-    return jump, same
+    return jump
+
+
+def _repeats(log: Log) -> NDArray[np.bool_]:
+    """Records of a machine on the very spot of the one before, shape (n,)."""
+    step = np.hypot(*np.diff(log.position, axis=0).T)
+    return np.asarray(np.r_[False, (step == 0.0) & (np.diff(log.machine) == 0)])

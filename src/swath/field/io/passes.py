@@ -31,7 +31,8 @@ class Straight:
 class Track:
     """One driven pass. line: positions as logged (antenna), local east and north [m], shape (n, 2).
 
-    index: in driven order; header_width [m]; mean_speed [m/s]; start_time [s] from the machine's first record
+    index: in driven order; header_width: of the machine, all sections [m]; mean_speed [m/s]
+    start_time: from the machine's first record [s]
     azimuth: mean direction, clockwise from north [rad]; length [m]; straights: its straight windows
     """
 
@@ -58,6 +59,8 @@ def make_tracks(cleaned: Cleaned, origin: Origin) -> tuple[Track, ...]:
     order = order[np.argsort(cleaned.pass_id[order], kind="stable")]
     pieces = np.split(order, np.flatnonzero(np.diff(cleaned.pass_id[order])) + 1) if len(order) else []
     local = log.position - (origin.easting, origin.northing)
+    own = [log.width[log.machine == m] for m in range(len(log.machine_names))]
+    headers = [float(np.percentile(w, 95)) if len(w) else 0.0 for w in own]
     tracks = []
     for index, rows in enumerate(pieces):
         line = local[rows]
@@ -69,7 +72,7 @@ def make_tracks(cleaned: Cleaned, origin: Origin) -> tuple[Track, ...]:
                 line=line,
                 machine=log.machine_names[int(log.machine[rows[0]])],
                 index=index,
-                header_width=float(np.median(log.width[rows])),
+                header_width=headers[int(log.machine[rows[0]])],
                 mean_speed=length / max(float(log.time[rows[-1]] - log.time[rows[0]]), 1e-9),
                 start_time=float(log.time[rows[0]]),
                 azimuth=float((0.5 * np.pi - np.angle(step_sum)) % (2.0 * np.pi)),

@@ -1,5 +1,6 @@
 """The overview of a field folder: terrain and passes, crop, yield and what was removed."""
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,13 +32,17 @@ def draw(field: "FieldFolder", file: Path) -> None:
     widths = [map_width, map_width, 0.22, 5.4]
     grid = figure.add_gridspec(3, 4, width_ratios=widths, height_ratios=[1.0, 1.0, 1.15])
     name = field.info.get("source", {}).get("file", field.path.name)
-    figure.suptitle(f"{field.path.name}: {name}", x=0.01, ha="left", fontsize=14, color=INK, weight="bold")
+    figure.suptitle(
+        _short(f"{field.path.name}: {name}", 90), x=0.01, ha="left", fontsize=14, color=INK, weight="bold"
+    )
     _draw_terrain(figure.add_subplot(grid[:, 0]), field)
     _draw_crop(figure.add_subplot(grid[:, 1]), figure.add_subplot(grid[1, 2]), field)
     _draw_histogram(figure.add_subplot(grid[0, 3]), field)
     _draw_removed(figure.add_subplot(grid[1, 3]), field)
     _draw_facts(figure.add_subplot(grid[2, 3]), field)
-    figure.savefig(file, format="png", metadata={"Software": None})
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # in names of files and machines
+        figure.savefig(file, format="png", metadata={"Software": None})
 
 
 def _draw_terrain(axes: Any, field: "FieldFolder") -> None:
@@ -125,7 +130,7 @@ def _draw_facts(axes: Any, field: "FieldFolder") -> None:
         lines += [f"yield {crop['yield_t_ha']:.2f} t/ha, {low:.2f}-{high:.2f} (10-90 %)"]
         lines += [f"{crop['stems_per_m2']:.0f} stems/m2 on the mean"]
     if terrain:
-        lines += [f"relief {terrain['relief_m']:.1f} m", f"  {terrain['source']}"]
+        lines += [f"relief {terrain['relief_m']:.1f} m", "  " + _short(terrain["source"], 60)]
     for machine in info.get("machines", [])[:6]:
         delay = f"flow delay {machine['flow_delay_s']:+.1f} s"
         lines += [f"machine {_short(machine['name'])}: {delay}, {machine['kept']:,} used"]
@@ -207,5 +212,6 @@ def _round_step(value: float) -> float:
     )
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= 14 else "..." + name[-11:]
+def _short(name: str, length: int = 14) -> str:
+    """The end of a name, with nothing in it that starts a formula."""
+    return (name if len(name) <= length else "..." + name[3 - length :]).replace("$", r"\$")

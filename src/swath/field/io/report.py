@@ -32,15 +32,20 @@ class ImportReport:
 
     def __rich__(self) -> Any:
         """A table for the terminal."""
+        from rich.markup import escape
         from rich.table import Table
 
         table = Table(
-            title=f"field {self.out}", title_justify="left", show_header=False, box=None, padding=(0, 2)
+            title=escape(f"field {self.out}"),
+            title_justify="left",
+            show_header=False,
+            box=None,
+            padding=(0, 2),
         )
         table.add_column(style="bold")
         table.add_column(justify="right")
         table.add_column(style="dim")
-        table.add_row("rows in the log", f"{self.rows['read']:,}", self.source["profile"])
+        table.add_row("rows in the log", f"{self.rows['read']:,}", escape(self.source["profile"]))
         for name, count in self.rows["broken"].items():
             if count:
                 table.add_row("  broken", f"{count:,}", name.replace("_", " "))
@@ -52,7 +57,7 @@ class ImportReport:
         )
         for machine in self.machines:
             delay = f"flow delay {machine['flow_delay_s']:+.1f} s, {machine['flow_delay_method']}"
-            table.add_row(f"machine {machine['name']}", f"{machine['records']:,}", delay)
+            table.add_row(escape(f"machine {machine['name']}"), f"{machine['records']:,}", delay)
         field, crop, terrain = self.field, self.crop, self.terrain
         spacing = "" if field["pass_spacing_m"] is None else f", {field['pass_spacing_m']:.2f} m apart"
         table.add_row(
@@ -67,7 +72,7 @@ class ImportReport:
         table.add_row(
             "stems", f"{crop['stems_per_m2']:.0f} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"
         )
-        table.add_row("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"])
+        table.add_row("terrain", f"{terrain['relief_m']:.1f} m", escape(terrain["source"]))
         for note in self.notes:
-            table.add_row("note", "", note)
+            table.add_row("note", "", escape(note))
         return table
