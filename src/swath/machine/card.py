@@ -7,6 +7,8 @@ from swath.core.errors import InputError
 from swath.core.setup import MachineGeometry
 from swath.core.units import DEG, KMH, PERCENT
 from swath.data.cards import Card, card_names, find_card
+from swath.machine.masses import Masses, read_masses
+from swath.machine.works import Works, read_works
 
 
 @dataclass(frozen=True)
@@ -50,10 +52,16 @@ class Dynamics:
 
 @dataclass(frozen=True)
 class MachineCard(MachineGeometry):
-    """A machine's geometry with its dynamics. It fits wherever the geometry is asked for."""
+    """A machine's geometry with its dynamics. It fits wherever the geometry is asked for.
+
+    masses: of its parts, None for a card without the section `bodies`
+    works: what turns and threshes, None for a card without the section `engine`
+    """
 
     name: str
     dynamics: Dynamics
+    masses: Masses | None = None
+    works: Works | None = None
 
 
 def load_machine(name: str, *, base: Path | None = None, header_width_m: float | None = None) -> MachineCard:
@@ -70,7 +78,14 @@ def load_machine(name: str, *, base: Path | None = None, header_width_m: float |
         raise InputError(
             "mass.cg_behind_axle_m", dynamics.cg_behind, "expected less than the wheelbase", file=card.path
         )
-    machine = MachineCard(**geometry, body=_body(card), name=card.text("name"), dynamics=dynamics)
+    machine = MachineCard(
+        **geometry,
+        body=_body(card),
+        name=card.text("name"),
+        dynamics=dynamics,
+        masses=read_masses(card),
+        works=read_works(card),
+    )
     if header_width_m is None:
         return machine
     if not 0.5 <= header_width_m <= 30.0:
@@ -83,6 +98,27 @@ def dynamics_of(machine: MachineGeometry) -> Dynamics:
     if not isinstance(machine, MachineCard):
         raise InputError("machine", type(machine).__name__, "expected a machine card with masses and tyres")
     return machine.dynamics
+
+
+def masses_of(machine: MachineGeometry) -> Masses:
+    """The parts of a machine. InputError for a card without them."""
+    if not isinstance(machine, MachineCard) or machine.masses is None:
+        raise InputError("machine", machine.__class__.__name__, "expected a machine card with `bodies`")
+    return machine.masses
+
+
+def with_grain(machine: MachineCard, grain: float) -> MachineCard:
+    """The machine with grain [kg] in its tank as one rigid mass: mass, centre of gravity, yaw inertia."""
+    d, tank = machine.dynamics, masses_of(machine).tank
+    mass = d.mass + grain
+    behind = (d.mass * d.cg_behind - grain * tank.x) / mass
+    height = (d.mass * d.cg_height + grain * tank.centre(grain)) / mass
+    own = grain * (tank.length**2 + tank.width**2) / 12.0
+    apart = d.mass * grain / mass * (d.cg_behind + tank.x) ** 2
+    dynamics = replace(
+        d, mass=mass, cg_behind=behind, cg_height=height, yaw_inertia=d.yaw_inertia + own + apart
+    )
+    return replace(machine, dynamics=dynamics)
 
 
 def _geometry(card: Card) -> dict[str, float]:

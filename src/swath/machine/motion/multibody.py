@@ -1,0 +1,340 @@
+"""Motion level `multibody`: bodies, joints and four wheels on rough ground, stepped by MuJoCo.
+
+Chassis with six degrees of freedom, rear pendulum axle with two kingpins after Ackermann, spinning wheels,
+feeder and header as masses, grain that shifts the centre of gravity. Equations: docs/motion.md.
+"""
+
+from dataclasses import dataclass
+from math import atan2, ceil, hypot, tan
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.errors import MissingExtra
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.signals import MachineLoad, MachineState, SpeedCommand, SteerState
+from swath.core.units import KMH, MS
+from swath.field.site import SiteSetup
+from swath.machine.attitude import TerrainFollower
+from swath.machine.card import Axle, MachineCard, dynamics_of, masses_of
+from swath.machine.loops import SpeedLoop
+from swath.machine.multibody.model import LEAST, WHEELS, mjcf
+from swath.machine.multibody.wheels import Wheel, Wheels
+from swath.machine.soil import Brixius, Firm, Grip
+from swath.machine.tyre import GRAVITY
+
+LOOK = 0.01  # the ground under the wheels is read at least this often [s]
+PARK_SPEED = 0.05  # rim speed below which the parking brake takes hold [m/s]
+BRAKE_RATE, BRAKE_DAMPING = 2e6, 1.5e4  # of the locked wheel [N m / rad, N m s / rad]
+GRAIN_STEP = 1.0  # the model's masses follow the tank in steps of this [kg]
+SETTLE = 600  # steps in which the machine sinks into its tyres at the start
+SETTLE_STEP = 0.0025  # [s]
+
+
+@dataclass(frozen=True)
+class Params:
+    """What is left out comes from the machine's card.
+
+    stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
+    rolling_resistance: over load, on firm soil
+    soil: `firm`, or `brixius` by cone_index_kpa (ASABE D497: 450 soft, 900 tilled, 1200 firm, 1800 hard)
+    suspension: front axle on springs; header: fitted; engine: drives and brakes, without it all wheels roll
+    grain_kg: in the tank at t = 0, as long as the input `load` is not connected
+    start_speed_kmh: speed at t = 0; substep_ms: longest integration step
+    """
+
+    stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
+    friction: Annotated[float, Ge(0.05), Le(1.5)] | None = None
+    rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
+    soil: Literal["firm", "brixius"] = "firm"
+    cone_index_kpa: Annotated[float, Ge(100), Le(10000)] = 1200.0
+    suspension: bool = False
+    header: bool = True
+    engine: bool = True
+    grain_kg: Annotated[float, Ge(0), Le(50000)] = 0.0
+    start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
+    substep_ms: Annotated[float, Gt(0), Le(5)] = 2.5
+
+
+class Multibody:
+    """Rear-steered machine of rigid bodies. The steering angle is held over a step."""
+
+    inputs = (
+        Port("steering", SteerState),
+        Port("speed", SpeedCommand),
+        Port("load", MachineLoad, optional=True),
+    )
+    outputs = (Port("state", MachineState),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        mujoco = _engine()
+        machine = setup.machine
+        d, masses = dynamics_of(machine), masses_of(machine)
+        assert isinstance(machine, MachineCard)
+        self._mj, self._params, self._start = mujoco, params, setup.start
+        self._wheelbase, self._tank, self._brake = machine.wheelbase, masses.tank, masses.brake
+        self._kingpin = 0.5 * machine.rear_track - masses.kingpin
+        self._follower = TerrainFollower(setup.field, machine)
+        self._loop = SpeedLoop(d)
+        wheels = wheels_of(machine, params)
+        self.wheels = Wheels(setup.field, wheels)
+        self._radius, self._brake_torque = wheels[0].rolling_radius, 0.5 * masses.brake * d.front.radius
+        text = mjcf(machine, header=params.header, suspension=params.suspension)
+        self._model = mujoco.MjModel.from_xml_string(text)
+        self._data, self._spare = mujoco.MjData(self._model), mujoco.MjData(self._model)
+        self._find()
+
+    def _find(self) -> None:
+        """Numbers of bodies and joints in the model."""
+        m = self._model
+        self._bodies = np.array([m.body(n).id for n in WHEELS])
+        self._carriers = m.body_parentid[self._bodies]
+        self._spin = np.array([m.joint(n).dofadr[0] for n in WHEELS])
+        self._spin_q = np.array([m.joint(n).qposadr[0] for n in WHEELS[:2]])
+        driven = ("kingpin_left", "kingpin_right", "lift", "tilt")
+        self._driven = np.array([m.joint(n).dofadr[0] for n in driven])
+        self._driven_q = np.array([m.joint(n).qposadr[0] for n in driven])
+        self._chassis, self._grain_body = m.body("chassis").id, m.body("grain").id
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Stand (or roll straight) at the start pose, sunk into the tyres."""
+        mj, d, p = self._mj, self._data, self._params
+        mj.mj_resetData(self._model, d)
+        self.wheels.reset()
+        self._fill(p.grain_kg)
+        self._lift = self._tilt = self._distance = 0.0
+        self._aim, self._parked = 0.0, True
+        self._locks = [0.0, 0.0]
+        x, y = float(self._start.position[0]), float(self._start.position[1])
+        yaw = self._start.euler()[2]
+        pose = self._follower.at(x, y, yaw).pose(x, y, yaw)
+        qx, qy, qz, qw = pose.quaternion()
+        d.qpos[:3], d.qpos[3:7] = pose.position, (qw, qx, qy, qz)
+        self._settle(x, y)
+        self._roll(p.start_speed_kmh * KMH)
+        return self._output(0, 0.0)
+
+    def _settle(self, x: float, y: float) -> None:
+        """Let the machine sink until it rests; then back to x, y [m]."""
+        for _ in range(SETTLE):
+            self._substep(SETTLE_STEP, 0.0, look=True)
+            self._data.qvel *= 0.96
+        self._data.qvel[:] = 0.0
+        self._data.qpos[:2] = x, y
+
+    def _roll(self, speed: float) -> None:
+        """Move straight on at a speed [m/s]."""
+        if speed == 0.0 and self._params.engine:
+            return
+        d = self._data
+        self._parked, self._aim = False, speed
+        d.qvel[:3] = speed * self._rotation()[:, 0]
+        radii = np.array([w.rolling_radius for w in self.wheels.wheels])
+        d.qvel[self._spin] = speed / radii
+
+    def hold_header(self, lift: float, tilt: float) -> None:
+        """Set the header: feeder raised by `lift`, header turned by `tilt` (left side up) [rad]."""
+        self._lift, self._tilt = lift, tilt
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Integrate over dt in equal substeps."""
+        steer: float = inputs["steering"].angle
+        wanted: float = inputs["speed"].speed
+        load: MachineLoad | None = inputs.get("load")
+        if load is not None:
+            self._fill(max(load.tank_grain - load.unloaded_grain, 0.0))
+        count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
+        h = dt / NS / count
+        every = max(1, int(LOOK / h))
+        self._data.qpos[self._driven_q] = (*self._ackermann(steer), self._lift, self._tilt)
+        self._data.qvel[self._driven] = 0.0
+        before = self._ground_speed()
+        for i in range(count):
+            self._substep(h, wanted, look=i % every == 0)
+        self._distance += 0.5 * (before + self._ground_speed()) * dt / NS
+        return self._output(t + dt, steer)
+
+    def save(self) -> State:
+        """MuJoCo's integration state, tyre slips, drive, brake, header, grain."""
+        return {
+            "mujoco": self._state(),
+            "wheels": self.wheels.save(),
+            "grain": self._grain,
+            "aim": self._aim,
+            "parked": self._parked,
+            "locks": list(self._locks),
+            "header": (self._lift, self._tilt),
+            "distance": self._distance,
+        }
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._fill(state["grain"], force=True)
+        kind = self._mj.mjtState.mjSTATE_INTEGRATION
+        self._mj.mj_setState(self._model, self._data, state["mujoco"], kind)
+        self.wheels.load(state["wheels"])
+        self._aim, self._parked, self._locks = state["aim"], state["parked"], list(state["locks"])
+        self._lift, self._tilt = state["header"]
+        self._distance = state["distance"]
+
+    def _state(self) -> Any:
+        kind = self._mj.mjtState.mjSTATE_INTEGRATION
+        kept = np.empty(self._mj.mj_stateSize(self._model, kind))
+        self._mj.mj_getState(self._model, self._data, kept, kind)
+        return kept
+
+    def _ackermann(self, steer: float) -> tuple[float, float]:
+        """Angles of the left and the right wheel about their kingpins [rad] for a single-wheel angle."""
+        rise, arm = self._wheelbase * tan(steer), self._kingpin * tan(steer)
+        return atan2(-rise, self._wheelbase - arm), atan2(-rise, self._wheelbase + arm)
+
+    def _fill(self, grain: float, *, force: bool = False) -> None:
+        """Put so much grain [kg] into the tank."""
+        if not force and abs(grain - getattr(self, "_grain", -9.0)) < GRAIN_STEP:
+            return
+        m, body, tank = self._model, self._grain_body, self._tank
+        self._grain = grain
+        mass, height = grain + LEAST, 2.0 * (tank.centre(grain) - tank.floor)
+        l2, w2, h2 = tank.length**2, tank.width**2, height**2
+        m.body_mass[body] = mass
+        m.body_ipos[body] = (0.0, 0.0, 0.5 * height)
+        m.body_inertia[body] = np.array([w2 + h2, l2 + h2, l2 + w2]) * mass / 12.0
+        self._mj.mj_setConst(m, self._spare)
+
+    def _substep(self, h: float, wanted: float, *, look: bool) -> None:
+        mj, m, d = self._mj, self._model, self._data
+        m.opt.timestep = h
+        mj.mj_step1(m, d)
+        middles, axes = d.xpos[self._bodies], d.xmat[self._bodies][:, 1::3]
+        if look:
+            self.wheels.look(middles, axes)
+        motion = d.cvel[self._carriers]
+        turns, arms = motion[:, :3], middles - d.subtree_com[self._chassis]
+        speeds = motion[:, 3:] + _cross(turns, arms)
+        spins = d.qvel[self._spin].tolist()
+        d.xfrc_applied[self._bodies] = self.wheels.push(h, middles, axes, speeds, turns, spins)
+        d.qfrc_applied[self._spin[:2]] = self._drive(h, wanted, spins)
+        mj.mj_step2(m, d)
+
+    def _drive(self, h: float, wanted: float, spins: list[float]) -> tuple[float, float]:
+        """Set the hydrostat's wheel speed; torques of the parking brake on the driven wheels [N m]."""
+        if not self._params.engine:
+            self._model.actuator_gainprm[0, 0] = self._model.actuator_biasprm[0, 2] = 0.0
+            return 0.0, 0.0
+        self._aim, _ = self._loop.advance(self._aim, wanted, h)
+        self._data.ctrl[0] = self._aim / self._radius
+        if wanted != 0.0 or abs(self._aim) > 1e-3:
+            self._parked = False
+            return 0.0, 0.0
+        angles = self._data.qpos[self._spin_q].tolist()
+        if not self._parked and abs(spins[0] + spins[1]) * 0.5 * self._radius < PARK_SPEED:
+            self._parked, self._locks = True, angles
+        if not self._parked:
+            return 0.0, 0.0
+        return self._hold(0, angles, spins), self._hold(1, angles, spins)
+
+    def _hold(self, side: int, angles: list[float], spins: list[float]) -> float:
+        """Torque of a locked wheel [N m]; above the brake's torque it slips."""
+        most = self._brake_torque / BRAKE_RATE
+        off = min(max(angles[side] - self._locks[side], -most), most)
+        self._locks[side] = angles[side] - off
+        return -BRAKE_RATE * off - BRAKE_DAMPING * spins[side]
+
+    def _rotation(self) -> Any:
+        w, x, y, z = self._data.qpos[3:7].tolist()
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+    def _ground_speed(self) -> float:
+        return hypot(self._data.qvel[0], self._data.qvel[1])
+
+    def _output(self, t: int, steer: float) -> Outputs:
+        d, rotation = self._data, self._rotation()
+        pose = Pose(d.qpos[:3].copy(), rotation)
+        forward, left, _ = (d.qvel[:3] @ rotation).tolist()
+        turn = rotation @ d.qvel[3:6]
+        yaw_rate = _yaw_rate(rotation, turn)
+        return {"state": MachineState(t, pose, forward, left, yaw_rate, steer, self._distance)}
+
+    def energy(self) -> float:
+        """Kinetic energy, gravity and the vertical tyre springs [J]; not the slip of the tyres."""
+        mj, m, d = self._mj, self._model, self._data
+        mj.mj_fwdPosition(m, d)
+        mj.mj_energyPos(m, d)
+        mj.mj_energyVel(m, d)
+        middles, axes = d.xpos[self._bodies], d.xmat[self._bodies][:, 1::3]
+        return float(d.energy.sum()) + self.wheels.energy(middles, axes)
+
+    @property
+    def mass(self) -> float:
+        """Of the whole machine [kg]."""
+        return float(self._model.body_mass.sum())
+
+
+def wheels_of(machine: MachineCard, params: Params) -> list[Wheel]:
+    """The four wheels (front left, front right, rear left, rear right) on their soil."""
+    d, m = dynamics_of(machine), masses_of(machine)
+    share = d.cg_behind / machine.wheelbase
+    loads = (0.5 * d.mass * GRAVITY * (1.0 - share), 0.5 * d.mass * GRAVITY * share)
+    front = _wheel(machine, params, d.front, loads[0], m.front_deflection, m.front_section)
+    rear = _wheel(machine, params, d.rear, loads[1], m.rear_deflection, m.rear_section)
+    return [front, front, rear, rear]
+
+
+def _wheel(
+    machine: MachineCard, params: Params, axle: Axle, load: float, deflection: float, section: float
+) -> Wheel:
+    d, m = dynamics_of(machine), masses_of(machine)
+    grip = Grip(
+        d.stiffness if params.stiffness_per_rad is None else params.stiffness_per_rad,
+        m.stiffness_along,
+        d.friction if params.friction is None else params.friction,
+        m.friction_along,
+        d.rolling_resistance if params.rolling_resistance is None else params.rolling_resistance,
+    )
+    radius = axle.radius + deflection
+    soil: Firm | Brixius = Firm(grip, load, m.load_sensitivity)
+    if params.soil == "brixius":
+        index = params.cone_index_kpa * 1e3
+        soil = Brixius(grip, index, 2.0 * radius, axle.patch_width, section, deflection, load)
+    return Wheel(radius, axle.patch_width, axle.relaxation, load, deflection, m.tyre_damping, soil)
+
+
+def _yaw_rate(rotation: Any, turn: Any) -> float:
+    """Rate of the heading (atan2 of the x axis) for a turn rate in the world [rad/s]."""
+    x, y, z = rotation[:, 0].tolist()
+    ox, oy, oz = turn.tolist()
+    dx, dy = oy * z - oz * y, oz * x - ox * z
+    return float((x * dy - y * dx) / (x * x + y * y))
+
+
+def _cross(a: Any, b: Any) -> Any:
+    """Row-wise cross product; faster than numpy's for few rows."""
+    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+
+
+def _engine() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingExtra("multibody", "motion level multibody") from None
+    return mujoco
+
+
+LEVEL = Level(
+    Multibody,
+    Params,
+    summary="bodies, pendulum axle, four wheels with load shift on rough ground, grain in the tank (MuJoCo)",
+    cost="",
+    tolerance="",
+)

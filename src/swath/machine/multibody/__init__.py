@@ -1,0 +1,1 @@
+"""Bodies and wheels of the motion level `multibody`."""
