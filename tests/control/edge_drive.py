@@ -22,7 +22,9 @@ class EdgeSensor:
         world = Stand(lambda x, y: -sign * course.left_of(x, y), **(stand or {}))
         self.scanner = Scanner(world, self.mounting, **(scanner or {}))
         self.period = round(1e9 / hz)
-        self.level = level(EdgeParams(**(params or {})), setup_of(side, 1 / hz, self.mounting))
+        self.level = level(
+            EdgeParams(**{"lean_deg": 0.0, **(params or {})}), setup_of(side, 1 / hz, self.mounting)
+        )
         self.level.reset(Stream(1, "edge"))
         self.rng = np.random.default_rng(seed)
         self.roll_sd, self.tilt, self.roll, self.pitch = roll_sd, tilt, 0.0, 0.0

@@ -58,10 +58,16 @@ def test_low_crop_needs_the_height_step_it_was_promised():
 @pytest.mark.parametrize("spot", [0.05, 0.10])
 def test_a_nearest_echo_spot_shifts_the_edge_and_known_beam_data_shift_it_back(spot):
     plain = errors(drive(stand={"spot": spot}))[2]
-    corrected = errors(drive(stand={"spot": spot}, params={"spot_mm": 1e3 * spot, "spot_share": 1.0}))[2]
+    corrected = errors(drive(stand={"spot": spot}, params={"spot_mm": 1e3 * spot}))[2]
     assert 0.3 * spot < plain < 0.8 * spot
     assert corrected == pytest.approx(plain - 0.5 * spot, abs=0.002)
     assert abs(corrected) < 0.02
+
+
+def test_leaning_stems_hang_over_the_edge_by_half_their_lean_times_the_crop_height():
+    upright, leaning = drive(params={"lean_deg": 0.0}), drive(params={"lean_deg": 10.0})
+    shift = upright[-1, 2] - leaning[-1, 2]  # the crop is to the right: a correction towards it lowers y
+    assert shift == pytest.approx(0.5 * np.tan(10 * DEG) * leaning[-1, 6], abs=1e-3)
 
 
 @pytest.mark.parametrize("radius", [40.0, -40.0])
@@ -220,7 +226,7 @@ def test_a_saved_detector_goes_on_as_if_nothing_had_happened():
     run(sense.level, 0, 20)
     state = sense.level.save()
     straight = run(sense.level, 20, 40)
-    other = MaxLikelihood(EdgeParams(), setup_of("left", 0.04, sense.mounting))
+    other = MaxLikelihood(EdgeParams(lean_deg=0.0), setup_of("left", 0.04, sense.mounting))
     other.reset(Stream(1, "edge"))
     other.load(state)
     assert run(other, 20, 40) == straight

@@ -87,7 +87,7 @@ def test_no_scan_at_all(level):
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.6])
 def test_lost_echoes_and_dust_cost_little(level, share):
-    detector = level(EdgeParams(), setup_of("left", 0.04, MOUNT))
+    detector = level(EdgeParams(lean_deg=0.0), setup_of("left", 0.04, MOUNT))
     detector.reset(Stream(1, "edge"))
     rng = np.random.default_rng(2)
     for i in range(75):

@@ -15,7 +15,7 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.setup import ControlSetup
 from swath.core.signals import CropEdge, Odometry, Scan
-from swath.core.units import MM
+from swath.core.units import DEG, MM
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,10 @@ class EdgeParams:
     track_m: travel whose edge points are fitted together; gate_m: how far a point may lie beside the edge
     lost_s: after so long without the edge it counts as lost; acquire_s: seen for so long it counts as found;
     jump_s: seen for so long when it lies beside the one just lost
-    spot_mm: spot diameter at the crop (data sheet: at the cover plus divergence times range); spot_share: by
-    which part of the half spot the edge seems shifted toward the cut side, 0 for a median echo
+    lean_deg: mean lean of the stems off the vertical; lean_share: part of it by which the canopy seems to
+    hang over the edge, 0.5 for a median echo, 1 for the nearest; wheat that is not lodged leans 5 to 8 deg
+    spot_mm: spot diameter at the crop when the echo is the nearest of the spot (data sheet: at the cover plus
+    divergence times range), half of which the edge then seems shifted; 0 for a median echo
     reference_m: where ahead of the fixed axle the offset is reported, 0 = a little behind the footprint
     """
 
@@ -44,8 +46,9 @@ class EdgeParams:
     lost_s: Annotated[float, Gt(0), Le(0.5)] = 0.4
     acquire_s: Annotated[float, Gt(0), Le(2)] = 0.2
     jump_s: Annotated[float, Gt(0), Le(10)] = 1.5
+    lean_deg: Annotated[float, Ge(0), Le(60)] = 6.5
+    lean_share: Annotated[float, Ge(0), Le(1)] = 0.5
     spot_mm: Annotated[float, Ge(0), Le(500)] = 0.0
-    spot_share: Annotated[float, Ge(0), Le(1)] = 0.5
     reference_m: Annotated[float, Ge(0), Le(30)] = 0.0
 
 
@@ -62,7 +65,8 @@ class EdgeDetector:
         self._mounting = setup.mounting
         self._sign = crop_sign(setup.edge_side)
         self._centre = self._sign * setup.machine.header_end(setup.edge_side)[1]
-        self._shift = p.spot_share * 0.5 * p.spot_mm * MM
+        self._half_spot = 0.5 * p.spot_mm * MM
+        self._overhang = p.lean_share * float(np.tan(p.lean_deg * DEG))
         self._gates = Gates(
             min_step=p.min_step_m,
             min_gain=p.min_gain,
@@ -129,9 +133,10 @@ class EdgeDetector:
 
     def _as_edge(self, now: int, line: Line) -> CropEdge:
         sign, steep = self._sign, 1.0 + line.slope**2
+        shift = self._half_spot + self._overhang * max(self._crop, 0.0)
         return CropEdge(
             t=now,
-            offset=sign * (line.offset + self._shift * float(np.sqrt(steep))),
+            offset=sign * (line.offset + shift * float(np.sqrt(steep))),
             heading=sign * float(np.arctan(line.slope)),
             curvature=sign * float(line.bend / steep**1.5),
             reference_x=line.x0,
