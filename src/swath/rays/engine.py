@@ -167,9 +167,10 @@ class RayCaster:
         ):
             pool = getattr(pages, name)
             if self._held.get(name) is not pool or (is_stale and self.device != "cpu"):
+                is_stale = True
                 self._held[name] = pool
                 setattr(scene, name, self._share(wp, pool, dtype))
-        if is_stale or len(self._held["page_top"]) != len(pages.ground):
+        if is_stale:
             self._held["page_top"] = page_tops(pages, self._library.tile_size)
             scene.page_top = self._share(wp, self._held["page_top"], wp.float32)
         scene.table_x, scene.table_y = pages.table_x, pages.table_y

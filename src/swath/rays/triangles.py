@@ -18,7 +18,7 @@ def own_primitives(library: PlantLibrary, tile: int) -> tuple[NDArray[np.int64],
     )
     foot = np.c_[library.base[index].astype(float), np.zeros(len(index))]
     a, b = library.a[index] - foot, library.b[index] - foot
-    key = np.c_[library.owner[index], np.round(np.c_[a, b] / 1e-4)]
+    key = np.c_[library.owner[index], library.organ[index], a[:, 2], b[:, 2]]  # what copies share to the bit
     _, first = np.unique(key, axis=0, return_index=True)
     first = np.sort(first)
     move = np.c_[library.stem_xy[library.owner[index[first]]].astype(float), np.zeros(len(first))]
