@@ -159,6 +159,15 @@ class MachineLoad(Signal):
     """Where the crop is: tank_grain, lost_grain, dropped_straw, held_grain, held_straw [kg] since the start.
 
     grain_flow, straw_flow: leaving into tank and swath at this moment [kg/s]
+    tank_grain counts what came into the tank; unloaded_grain [kg] of it has left again
+    header_flow, feeder_flow, drum_flow: grain and straw at the knife, into the feeder house and into the
+    threshing drum, there with returns [kg/s]
+    rotor_flow: straw through the separation; shoe_flow: grain and chaff over the cleaning shoe [kg/s]
+    chopper_flow: straw through the chopper, 0 when it lies in a swath; return_flow: back to the drum [kg/s]
+    unload_flow: out of the tank [kg/s]
+    threshing_loss, separation_loss, cleaning_loss: grain leaving over the rear [kg/s]
+    loss_share: of the grain that was fed, for the crop that leaves now, 0..1
+    tank_level: filled share of the tank, 0..1; 0 where the level of detail has no tank
     """
 
     tank_grain: float
@@ -168,6 +177,95 @@ class MachineLoad(Signal):
     held_straw: float
     grain_flow: float
     straw_flow: float
+    unloaded_grain: float = 0.0
+    header_flow: float = 0.0
+    feeder_flow: float = 0.0
+    drum_flow: float = 0.0
+    rotor_flow: float = 0.0
+    shoe_flow: float = 0.0
+    chopper_flow: float = 0.0
+    return_flow: float = 0.0
+    unload_flow: float = 0.0
+    threshing_loss: float = 0.0
+    separation_loss: float = 0.0
+    cleaning_loss: float = 0.0
+    loss_share: float = 0.0
+    tank_level: float = 0.0
+
+
+@dataclass(frozen=True)
+class EngineState(Signal):
+    """The engine and what it drives, as its controller reports it.
+
+    speed [rad/s]; speed_ratio: over the rated speed
+    load: torque asked over the largest torque at this speed; above 1 the speed falls
+    power: given by the engine [W]; fuel [kg/s]; fuel_used [kg] since the start
+    header_power, threshing_power (drum), separation_power, cleaning_power, chopper_power, unloading_power,
+    propulsion_power, auxiliary_power: taken by each [W]
+    speed_limit: largest ground speed the drive can give now [m/s]
+    """
+
+    speed: float
+    speed_ratio: float
+    load: float
+    power: float
+    fuel: float
+    fuel_used: float
+    header_power: float
+    threshing_power: float
+    separation_power: float
+    cleaning_power: float
+    chopper_power: float
+    unloading_power: float
+    propulsion_power: float
+    auxiliary_power: float
+    speed_limit: float
+
+
+@dataclass(frozen=True)
+class FeedReading(Signal):
+    """Throughput as the layer sensor in the feeder house reads it: grain and straw [kg/s]."""
+
+    flow: float
+
+
+@dataclass(frozen=True)
+class YieldReading(Signal):
+    """Grain at the top of the elevator.
+
+    flow [kg/s]; moisture: water, share of the wet mass; tank_level: filled share of the tank, 0..1
+    """
+
+    flow: float
+    moisture: float
+    tank_level: float
+
+
+@dataclass(frozen=True)
+class LossReading(Signal):
+    """Grain over the rear as the impact sensors read it [kg/s]: separation (rotors), cleaning (shoe)."""
+
+    separation: float
+    cleaning: float
+
+
+@dataclass(frozen=True)
+class CropAhead(Signal):
+    """The standing crop ahead of the header, averaged over its width.
+
+    ahead: where in front of the fixed axle it was seen [m]
+    height: top of the canopy above the ground [m], nan = nothing seen
+    extinction: hits of a ray per metre of way through the canopy [1/m], nan = nothing seen
+    """
+
+    ahead: float
+    height: float
+    extinction: float
+
+    @property
+    def amount(self) -> float:
+        """Surface of plants over ground, up to a factor: height * extinction; nan = nothing seen."""
+        return self.height * self.extinction
 
 
 def beam_directions(azimuth: F64, elevation: F64) -> F64:

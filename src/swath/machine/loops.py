@@ -3,6 +3,7 @@
 from math import copysign, expm1, isfinite
 
 from swath.core.errors import InputError
+from swath.core.signals import EngineState
 from swath.machine.card import Dynamics
 
 
@@ -40,3 +41,8 @@ class SpeedLoop:
         target = min(max(wanted, -d.max_speed), d.max_speed)
         grows = abs(target) > abs(speed) and target * speed >= 0.0
         return approach(speed, target, dt, lag=d.speed_lag, limit=d.accel if grows else d.decel)
+
+
+def within_drive(wanted: float, drive: EngineState | None) -> float:
+    """A wanted speed [m/s], at most what the drive can give; without a powertrain unchanged."""
+    return wanted if drive is None else min(max(wanted, -drive.speed_limit), drive.speed_limit)

@@ -20,7 +20,6 @@ TOP_KEYS = ("name", "summary", "seed", "run", "field", "expect")
 FIELD_KEYS = ("folder", "terrain", "stand", "edge", "obstacles", "boundary")
 MACHINE_KEYS = ("machine", "start", "edge_side")
 CARDS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
-OFF = ("off", False)
 _MACHINE_NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")
 
 
@@ -169,7 +168,7 @@ class Reader:
         common = self.check(MachineCommon, own, (name,))
         start = self._start(data.get("start", {}), (name, "start"))
         chosen: dict[str, SlotChoice] = {}
-        off = tuple(s for s in slots if any(data.get(s) is v for v in OFF) or data.get(s) == "off")
+        off = tuple(s.name for s in self.kit.slots if _is_off(data.get(s.name, {} if s.is_on else "off")))
         for slot in slots:
             if slot not in off:
                 choice = self._slot(name, slot, data.get(slot, {}))
@@ -313,3 +312,7 @@ class Reader:
             if limit is not None:
                 limits[name] = limit
         return limits
+
+
+def _is_off(entry: Any) -> bool:
+    return entry is False or entry == "off"

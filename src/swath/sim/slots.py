@@ -16,6 +16,7 @@ class SlotKind:
 
     packages: where its levels lie; level: the default one; rate_hz: the default rate
     wires: input port -> (slot, output port) of the same machine
+    is_on: present in every machine; otherwise only where a scenario names it
     """
 
     name: str
@@ -23,6 +24,7 @@ class SlotKind:
     level: str
     rate_hz: float
     wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    is_on: bool = True
 
 
 _STATE = {"state": ("motion", "state")}
@@ -33,10 +35,36 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.machine.motion",),
         "single_track",
         200.0,
-        {"steering": ("steering", "steering"), "speed": ("speed", "command")},
+        {
+            "steering": ("steering", "steering"),
+            "speed": ("speed", "command"),
+            "drive": ("powertrain", "engine"),
+        },
     ),
     SlotKind("header", ("swath.machine.header",), "fixed_height", 50.0, _STATE),
-    SlotKind("process", ("swath.machine.process",), "constant", 10.0, {**_STATE, "flow": ("header", "flow")}),
+    SlotKind(
+        "process",
+        ("swath.machine.process",),
+        "constant",
+        10.0,
+        {**_STATE, "flow": ("header", "flow"), "engine": ("powertrain", "engine")},
+    ),
+    SlotKind(
+        "powertrain",
+        ("swath.machine.powertrain",),
+        "hydrostat",
+        20.0,
+        {**_STATE, "load": ("process", "load")},
+        is_on=False,
+    ),
+    SlotKind(
+        "crop_flow",
+        ("swath.sensing.crop_flow",),
+        "delayed",
+        10.0,
+        {"load": ("process", "load")},
+        is_on=False,
+    ),
     SlotKind("lidar", ("swath.sensing.lidar",), "plants", 25.0, _STATE),
     SlotKind(
         "odometry",
@@ -53,6 +81,14 @@ SLOTS: tuple[SlotKind, ...] = (
         {**_STATE, "scan": ("lidar", "scan"), "odometry": ("odometry", "odometry")},
     ),
     SlotKind(
+        "ahead",
+        ("swath.control.ahead",),
+        "penetration",
+        5.0,
+        {"scan": ("lidar", "scan")},
+        is_on=False,
+    ),
+    SlotKind(
         "steer",
         ("swath.control.steer",),
         "preview",
@@ -64,12 +100,19 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.control.speed",),
         "constant",
         10.0,
-        {"odometry": ("odometry", "odometry"), "load": ("process", "load"), "edge": ("edge", "edge")},
+        {
+            "odometry": ("odometry", "odometry"),
+            "load": ("process", "load"),
+            "edge": ("edge", "edge"),
+            "feed": ("crop_flow", "feed"),
+            "engine": ("powertrain", "engine"),
+            "ahead": ("ahead", "ahead"),
+        },
     ),
     SlotKind("steering", ("swath.machine.steering",), "actuator", 200.0, {"command": ("steer", "command")}),
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
-CONTROL = ("edge", "steer", "speed")  # these are told the machine's geometry, never the truth
+CONTROL = ("edge", "ahead", "steer", "speed")  # these are told the machine's geometry, never the truth
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
     "terrain": ("swath.field.terrain",),

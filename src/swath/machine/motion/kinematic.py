@@ -15,12 +15,12 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import MachineState, SpeedCommand, SteerState
+from swath.core.signals import EngineState, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH
 from swath.field.site import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.card import dynamics_of
-from swath.machine.loops import SpeedLoop
+from swath.machine.loops import SpeedLoop, within_drive
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,11 @@ class Params:
 class Kinematic:
     """Rear-steered vehicle without slip. The steering angle is held over a step."""
 
-    inputs = (Port("steering", SteerState), Port("speed", SpeedCommand))
+    inputs = (
+        Port("steering", SteerState),
+        Port("speed", SpeedCommand),
+        Port("drive", EngineState, optional=True),
+    )
     outputs = (Port("state", MachineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -53,7 +57,8 @@ class Kinematic:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Drive one arc."""
         steer: float = inputs["steering"].angle
-        self._speed, way = self._loop.advance(self._speed, inputs["speed"].speed, dt / NS)
+        wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
+        self._speed, way = self._loop.advance(self._speed, wanted, dt / NS)
         turn = way * tan(steer) / self._wheelbase
         half = 0.5 * turn
         chord = way * (sin(half) / half if abs(half) > 1e-8 else 1.0)

@@ -4,22 +4,19 @@ Grain goes to the tank, straw to a swath on the ground behind the machine. Nothi
 """
 
 from dataclasses import dataclass
-from math import atan2
-from typing import Annotated, Any, Protocol
+from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs, Port, State
-from swath.core.frames import Array
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.signals import CropFlow, MachineLoad, MachineState
 from swath.core.units import PERCENT
 from swath.field.site import SiteSetup
+from swath.machine.process._straw import StrawOutlet
 from swath.machine.sums import Total
-from swath.machine.sweep import line_ends, signed_area, swept
 
 TOTALS = ("tank", "lost", "straw")
 
@@ -36,14 +33,6 @@ class Params:
     swath_step_m: Annotated[float, Gt(0), Le(5)] = 0.25
 
 
-class StrawGround(Protocol):
-    """The part of a field that takes straw."""
-
-    def deposit_straw(self, polygon: Array, mass: float, /, *, heading: float | None = None) -> Any:
-        """Lay straw [kg] over a convex polygon (n, 2) [m], as a ridge along a heading [rad]."""
-        ...
-
-
 class ConstantProcess:
     """No delay, a constant loss."""
 
@@ -51,65 +40,59 @@ class ConstantProcess:
     outputs = (Port("load", MachineLoad),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._params = params
-        self._field: StrawGround = setup.field
-        half = 0.5 * params.swath_width_m
-        self._outlet = (setup.machine.body[0], half, -half)
+        self._loss = params.loss_percent * PERCENT
+        rear = setup.machine.body[0]
+        self._outlet = StrawOutlet(setup.field, rear, params.swath_width_m, params.swath_step_m, ridge=True)
 
     def reset(self, stream: Stream) -> Outputs:
         """Empty tank; the swath starts where the first state finds the machine."""
         self._totals = {name: Total() for name in TOTALS}
-        self._ends: Array | None = None
-        self._loose = 0.0
-        return {"load": self._load(0, 0.0, 0.0)}
+        self._outlet.reset()
+        return {"load": self._load(0, 0.0, 0.0, 0.0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Pass on what the header took in since the last step."""
-        loss = self._params.loss_percent * PERCENT
-        grain = straw = 0.0
+        grain = straw = lost = 0.0
         for flow in inputs["flow"]:
-            lost = flow.grain * loss
-            self._totals["lost"].add(lost)
-            self._totals["tank"].add(flow.grain - lost)
+            gone = flow.grain * self._loss
+            self._totals["lost"].add(gone)
+            self._totals["tank"].add(flow.grain - gone)
             self._totals["straw"].add(flow.straw)
-            grain, straw = grain + flow.grain - lost, straw + flow.straw
-        self._loose += straw
-        self._lay_swath(inputs["state"])
-        return {"load": self._load(t + dt, grain * NS / dt, straw * NS / dt)}
+            grain, straw, lost = grain + flow.grain - gone, straw + flow.straw, lost + gone
+        self._outlet.drop(straw, inputs["state"])
+        rate = NS / dt
+        return {"load": self._load(t + dt, grain * rate, straw * rate, lost * rate)}
 
     def save(self) -> State:
         """Totals and the open end of the swath."""
         totals = {name: total.save() for name, total in self._totals.items()}
-        ends = None if self._ends is None else self._ends.copy()
-        return {"totals": totals, "ends": ends, "loose": self._loose}
+        return {"totals": totals, "outlet": self._outlet.save()}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._totals = {name: Total(*state["totals"][name]) for name in TOTALS}
-        self._ends = None if state["ends"] is None else np.array(state["ends"])
-        self._loose = state["loose"]
+        self._outlet.load(state["outlet"])
 
-    def _lay_swath(self, state: MachineState) -> None:
-        ends = line_ends(state.pose, *self._outlet)
-        if self._ends is None:
-            self._ends = ends
-        if float(np.hypot(*(ends - self._ends).T).max()) < self._params.swath_step_m:
-            return
-        polygons = swept(self._ends, ends)
-        area = sum(signed_area(p) for p in polygons)
-        if area <= 0.0:
-            return
-        if self._loose > 0.0:
-            dx, dy = (ends - self._ends).sum(axis=0).tolist()
-            for polygon in polygons:
-                mass = self._loose * signed_area(polygon) / area
-                self._field.deposit_straw(polygon, mass, heading=atan2(dy, dx))
-            self._loose = 0.0
-        self._ends = ends
-
-    def _load(self, t: int, grain_flow: float, straw_flow: float) -> MachineLoad:
-        tank, lost, straw = (self._totals[name].value for name in TOTALS)
-        return MachineLoad(t, tank, lost, straw, 0.0, 0.0, grain_flow, straw_flow)
+    def _load(self, t: int, grain: float, straw: float, lost: float) -> MachineLoad:
+        tank_total, lost_total, straw_total = (self._totals[name].value for name in TOTALS)
+        feed = grain + lost + straw
+        return MachineLoad(
+            t,
+            tank_total,
+            lost_total,
+            straw_total,
+            0.0,
+            0.0,
+            grain,
+            straw,
+            header_flow=feed,
+            feeder_flow=feed,
+            drum_flow=feed,
+            rotor_flow=straw,
+            shoe_flow=grain,
+            separation_loss=lost,
+            loss_share=self._loss if feed > 0.0 else 0.0,
+        )
 
 
 LEVEL = Level(

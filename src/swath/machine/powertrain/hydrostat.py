@@ -1,0 +1,156 @@
+"""Powertrain level `hydrostat`: an engine that loses speed under load, and a drive that gives way to it.
+
+J dw/dt = T - T_load, lag dT/dt = governed torque - T; belts take torque, the hydrostat takes power. Equations
+and sources: docs/process.md.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+from typing import Annotated
+
+from annotated_types import Gt, Le
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.signals import EngineState, MachineLoad, MachineState
+from swath.core.units import MS
+from swath.field.site import SiteSetup
+from swath.machine.card import dynamics_of
+from swath.machine.powertrain._power import (
+    Powers,
+    engine_state,
+    fuel_rate,
+    full_torque,
+    governed_speed,
+    governed_torque,
+    powers,
+    propulsion_power,
+    pull,
+)
+from swath.machine.sums import Total
+from swath.machine.works import works_of
+
+STALL_SHARE = 0.3  # the engine does not fall below this share of rated speed: it would stall [-]
+HEADROOM = 0.2  # a drive that gives way starts from this much above the present speed [m/s]
+
+
+@dataclass(frozen=True)
+class Params:
+    """recover_m_s2: how fast the ground speed may rise again after an overload; substep_ms: longest
+    integration step.
+    """
+
+    recover_m_s2: Annotated[float, Gt(0), Le(5)] = 0.2
+    substep_ms: Annotated[float, Gt(0), Le(50)] = 25.0
+
+
+class HydrostatPowertrain:
+    """Engine speed and torque as states; the limit of the ground speed as a third."""
+
+    inputs = (Port("state", MachineState), Port("load", MachineLoad))
+    outputs = (Port("engine", EngineState),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self._p = params
+        self._works, self._dynamics = works_of(setup.machine), dynamics_of(setup.machine)
+        self._width = setup.machine.header_width
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Running without crop, as its governor holds it."""
+        e = self._works.engine
+        taken = powers(MachineLoad(0, *[0.0] * 7), 0.0, self._width, self._works)
+        self._torque = taken.total / e.rated_speed
+        self._speed = governed_speed(self._torque, e)
+        self._fuel, self._limit = Total(), self._dynamics.max_speed
+        self._before: float | None = None
+        return {"engine": self._sample(0, taken)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Integrate engine and limit over dt; the powers are held."""
+        state: MachineState = inputs["state"]
+        load: MachineLoad = inputs["load"]
+        h, w = dt / NS, self._works
+        accel = 0.0 if self._before is None else (state.speed - self._before) / h
+        self._before = state.speed
+        force = pull(state, accel, load.tank_grain - load.unloaded_grain, self._dynamics)
+        driving = propulsion_power(force, state.speed, w.hydrostat.efficiency)
+        taken = powers(load, driving, self._width, w)
+        count = max(1, ceil(h / (self._p.substep_ms * MS) - 1e-9))
+        for _ in range(count):
+            self._advance(taken, h / count)
+        self._limit = self._new_limit(state.speed, force, h)
+        self._fuel.add(fuel_rate(self._torque * self._speed, self._speed, w.engine) * h)
+        return {"engine": self._sample(t + dt, taken)}
+
+    def save(self) -> State:
+        """Engine speed and torque, limit, fuel, the last ground speed."""
+        return {
+            "speed": self._speed,
+            "torque": self._torque,
+            "limit": self._limit,
+            "fuel": self._fuel.save(),
+            "before": self._before,
+        }
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._speed, self._torque = state["speed"], state["torque"]
+        self._limit, self._before = state["limit"], state["before"]
+        self._fuel = Total(*state["fuel"])
+
+    def _rates(self, speed: float, torque: float, taken: Powers) -> tuple[float, float]:
+        e = self._works.engine
+        return (
+            (torque - _load_torque(speed, taken, e.rated_speed)) / e.inertia,
+            (governed_torque(speed, e) - torque) / e.torque_lag,
+        )
+
+    def _advance(self, taken: Powers, h: float) -> None:
+        """One classical Runge-Kutta step of order 4."""
+        n, m = self._speed, self._torque
+        a = self._rates(n, m, taken)
+        b = self._rates(n + 0.5 * h * a[0], m + 0.5 * h * a[1], taken)
+        c = self._rates(n + 0.5 * h * b[0], m + 0.5 * h * b[1], taken)
+        d = self._rates(n + h * c[0], m + h * c[1], taken)
+        n += h / 6.0 * (a[0] + 2.0 * (b[0] + c[0]) + d[0])
+        m += h / 6.0 * (a[1] + 2.0 * (b[1] + c[1]) + d[1])
+        self._speed = max(n, STALL_SHARE * self._works.engine.rated_speed)
+        self._torque = max(m, 0.0)
+
+    def _new_limit(self, ground: float, force: float, h: float) -> float:
+        """Largest ground speed [m/s]: pump flow, power and pull of the drive, and what the engine bears."""
+        e, d = self._works.engine, self._works.hydrostat
+        ratio = min(self._speed / e.rated_speed, 1.0)
+        limit = self._dynamics.max_speed * ratio
+        if force > 0.0:
+            limit = min(limit, d.power / force) if force <= d.pull else 0.0
+        strength = (self._speed - d.relief_end) / (d.relief_start - d.relief_end)
+        strength = min(max(strength, 0.0), 1.0)
+        held = self._limit
+        if strength < 1.0:
+            held = min(held, ground + HEADROOM)
+        held += h * (self._p.recover_m_s2 * strength - self._dynamics.decel * (1.0 - strength))
+        return max(0.0, min(limit, held))
+
+    def _sample(self, t: int, taken: Powers) -> EngineState:
+        e = self._works.engine
+        asked = _load_torque(self._speed, taken, e.rated_speed)
+        load = asked / full_torque(min(self._speed, e.rated_speed), e)
+        power = self._torque * self._speed
+        return engine_state(t, taken, self._speed, power, load, self._fuel.value, self._limit, self._works)
+
+
+def _load_torque(speed: float, taken: Powers, rated: float) -> float:
+    """Belts ask for a torque whatever their speed, the hydrostat for a power [N m]."""
+    return taken.belts / rated + taken.propulsion / speed
+
+
+LEVEL = Level(
+    HydrostatPowertrain,
+    Params,
+    summary="torque curve, governor, fuel; the drive slows down when the engine is overloaded",
+    cost="about 40 us per step",
+    tolerance="steady speeds equal to the torque balance; the powers per consumer are 30 % guesses",
+)

@@ -1,0 +1,272 @@
+"""Process level `threshing`: the way of grain and straw through the machine, and what each part loses.
+
+Header -> feeder house -> drum -> rotors -> straw outlet; what falls through -> shoe -> elevator -> tank, or
+back to the drum. Equations, sources and validation: docs/process.md.
+"""
+
+from dataclasses import dataclass
+from math import tan
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.signals import CropFlow, EngineState, MachineLoad, MachineState
+from swath.core.units import PERCENT
+from swath.field.site import SiteSetup
+from swath.machine.process._rotor import Rotor, coupled_one
+from swath.machine.process._straw import StrawOutlet
+from swath.machine.process._transport import Conveyor, Masses, Mixer, flow_delay
+from swath.machine.sums import Total
+from swath.machine.works import Cleaning, works_of
+
+TOTALS = ("tank", "lost", "straw", "unloaded")
+JOINED = 0.02  # transports join what entered within this time [s], or this share of their length
+RETURNS_MAX = 0.3  # of the shoe's grain
+
+
+@dataclass(frozen=True)
+class Params:
+    """straw: in a swath, or chopped and spread over the header's width; swath_width_m: of the swath
+    swath_step_m: way after which the straw dropped on it is laid down
+    ease: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (loss x2-4)
+    tank_start_percent: grain in the tank at the start; unload_at_percent: level at which the tank is emptied
+    while driving, none = never
+    """
+
+    straw: Literal["swath", "chop"] = "swath"
+    swath_width_m: Annotated[float, Gt(0), Le(15)] = 1.4
+    swath_step_m: Annotated[float, Gt(0), Le(5)] = 0.25
+    ease: Annotated[float, Ge(0.2), Le(3)] = 1.0
+    tank_start_percent: Annotated[float, Ge(0), Le(100)] = 0.0
+    unload_at_percent: Annotated[float, Gt(0), Le(100)] | None = None
+
+
+@dataclass
+class Flows:
+    """Masses of one step [kg]; unthreshed, separation, cleaning: grain lost by each."""
+
+    header: float = 0.0
+    feeder: float = 0.0
+    drum: float = 0.0
+    rotor: float = 0.0
+    shoe: float = 0.0
+    chopper: float = 0.0
+    returns: float = 0.0
+    unloaded: float = 0.0
+    tank: float = 0.0
+    straw: float = 0.0
+    unthreshed: float = 0.0
+    separation: float = 0.0
+    cleaning: float = 0.0
+
+
+class ThreshingProcess:
+    """Transport, threshing, separation and cleaning with delays and losses that depend on the load."""
+
+    inputs = (
+        Port("flow", CropFlow, history=True),
+        Port("state", MachineState),
+        Port("engine", EngineState, optional=True),
+    )
+    outputs = (Port("load", MachineLoad),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        p, w = params, works_of(setup.machine)
+        self._p, self._works = p, w
+        rear, is_swath = setup.machine.body[0], p.straw == "swath"
+        width = p.swath_width_m if is_swath else setup.machine.header_width
+        self._outlet = StrawOutlet(setup.field, rear, width, p.swath_step_m, ridge=is_swath)
+        self._tank_start = w.tank * p.tank_start_percent * PERCENT
+        t = w.transport
+        self._spread, self._lift = Mixer(2), Mixer(1)
+        self._header = Conveyor(1.0, 2, joined=JOINED)
+        self._feeder = Conveyor(t.feeder, 2, joined=JOINED)
+        self._shoe = Conveyor(t.shoe, 2, joined=JOINED)
+        self._elevator = Conveyor(1.0, 1, joined=JOINED / 2)
+        self._returns = Conveyor(t.returns, 2, joined=JOINED)
+        d = w.threshing
+        self._rotor = Rotor(d.rotor_threshing, d.rotor_separation, d.rotor_exponent, t.rotor)
+        self._parts: dict[str, Conveyor | Mixer | Rotor] = {
+            "spread": self._spread,
+            "header": self._header,
+            "feeder": self._feeder,
+            "rotor": self._rotor,
+            "shoe": self._shoe,
+            "returns": self._returns,
+            "elevator": self._elevator,
+            "lift": self._lift,
+        }
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Empty, but for the tank's start."""
+        for part in self._parts.values():
+            part.clear()
+        self._totals = {name: Total() for name in TOTALS}
+        self._back = [0.0, 0.0]
+        self._loss_share, self._shoe_loss, self._is_unloading = 0.0, 0.0, False
+        self._outlet.reset()
+        return {"load": self._load(0, 1.0, Flows())}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Move everything on by dt; the engine's speed of the last sample drives it."""
+        h = dt / NS
+        engine: EngineState | None = inputs.get("engine")
+        ratio = 1.0 if engine is None else engine.speed_ratio
+        flows = Flows()
+        fed = self._feed(inputs["flow"], h, ratio, flows)
+        pan = self._thresh(fed, h, ratio, flows)
+        clean = self._clean(pan, h, ratio, inputs["state"], flows)
+        self._store(clean, h, ratio, flows)
+        self._totals["tank"].add(flows.tank)
+        for loss in (flows.unthreshed, flows.separation, flows.cleaning):
+            self._totals["lost"].add(loss)
+        self._totals["straw"].add(flows.straw)
+        self._outlet.drop(flows.straw, inputs["state"])
+        return {"load": self._load(t + dt, h, flows)}
+
+    def save(self) -> State:
+        """Everything inside, totals, the open end of the swath."""
+        return {
+            "parts": {name: part.save() for name, part in self._parts.items()},
+            "totals": {name: total.save() for name, total in self._totals.items()},
+            "back": list(self._back),
+            "loss": (self._loss_share, self._shoe_loss),
+            "is_unloading": self._is_unloading,
+            "outlet": self._outlet.save(),
+        }
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        for name, part in self._parts.items():
+            part.load(state["parts"][name])
+        self._totals = {name: Total(*state["totals"][name]) for name in TOTALS}
+        self._back = list(state["back"])
+        self._loss_share, self._shoe_loss = state["loss"]
+        self._is_unloading = state["is_unloading"]
+        self._outlet.load(state["outlet"])
+
+    def _feed(self, cut: tuple[CropFlow, ...], h: float, ratio: float, flows: Flows) -> Masses:
+        """Header and feeder house: grain and straw [kg] that reach the drum."""
+        t = self._works.transport
+        masses = [sum(f.grain for f in cut), sum(f.straw for f in cut)]
+        flows.header = sum(masses)
+        spread = self._spread.advance(masses, h, t.header_spread)
+        delay = flow_delay(sum(self._header.held()) + sum(spread), t.header, t.feed, t.exponent)
+        gathered = self._header.advance(spread, h * ratio / delay)
+        flows.feeder = sum(gathered)
+        return self._feeder.advance(gathered, h * ratio)
+
+    def _thresh(self, fed: Masses, h: float, ratio: float, flows: Flows) -> Masses:
+        """Drum and rotors: grain and chaff [kg] that fall through."""
+        d, ease = self._works.threshing, self._p.ease * ratio
+        back = self._returns.advance(self._back, h * ratio)
+        grain, straw = fed[0] + back[0], fed[1] + back[1]
+        flows.drum, flows.returns = grain + straw, sum(back)
+        layer = straw / h / d.straw / max(ratio, 0.05)
+        scale = ease * max(layer, 1e-3) ** -d.drum_exponent
+        ear, free = coupled_one(grain, 0.0, d.drum_threshing * scale, d.drum_separation * scale)
+        chaff, through = straw * d.chaff, grain - ear - free
+        crop = (ear, free, straw - chaff, grain)
+        more, out = self._rotor.advance(crop, layer=layer, dt=h, ratio=ratio, ease=ease)
+        flows.rotor = straw
+        flows.unthreshed, flows.separation, flows.straw, leaving = out.tolist()
+        if leaving > 0.0:
+            self._loss_share = (flows.unthreshed + flows.separation) / leaving
+        return [through + more, chaff]
+
+    def _clean(self, pan: Masses, h: float, ratio: float, state: MachineState, flows: Flows) -> Masses:
+        """Shoe: clean grain [kg]; some goes over the rear with the chaff, some back to the drum."""
+        c = self._works.cleaning
+        grain, chaff = self._shoe.advance(pan, h * ratio)
+        flows.shoe = grain + chaff
+        load = shoe_load(flows.shoe / h, c, state)
+        self._shoe_loss = shoe_loss(load, c) if grain > 0.0 else 0.0
+        back = min(c.returns * load, RETURNS_MAX)
+        flows.cleaning = grain * self._shoe_loss
+        self._back = [(grain - flows.cleaning) * back, chaff * back]
+        flows.straw += chaff - self._back[1]
+        return [grain - flows.cleaning - self._back[0]]
+
+    def _store(self, clean: Masses, h: float, ratio: float, flows: Flows) -> None:
+        """Elevator and tank."""
+        t, w = self._works.transport, self._works
+        delay = flow_delay(self._elevator.held()[0] + clean[0], t.elevator, t.grain_feed, t.exponent)
+        (flows.tank,) = self._lift.advance(
+            self._elevator.advance(clean, h * ratio / delay), h, t.elevator_lag
+        )
+        flows.chopper = flows.straw if self._p.straw == "chop" else 0.0
+        if self._p.unload_at_percent is None:
+            return
+        content = self._content()
+        if content >= w.tank * self._p.unload_at_percent * PERCENT:
+            self._is_unloading = True
+        if self._is_unloading:
+            flows.unloaded = min(w.unloading * h * ratio, content)
+            self._is_unloading = flows.unloaded < content
+            self._totals["unloaded"].add(flows.unloaded)
+
+    def _content(self) -> float:
+        """Grain in the tank [kg]."""
+        return self._tank_start + self._totals["tank"].value - self._totals["unloaded"].value
+
+    def _held(self) -> tuple[float, float]:
+        """Grain and straw inside [kg]."""
+        both = (self._spread, self._header, self._feeder, self._shoe, self._returns)
+        held = [part.held() for part in both] + [list(self._rotor.held()), self._back]
+        grain = sum(h[0] for h in held) + self._elevator.held()[0] + self._lift.held()[0]
+        return grain, sum(h[1] for h in held)
+
+    def _load(self, t: int, h: float, f: Flows) -> MachineLoad:
+        grain, straw = self._held()
+        rotors = self._loss_share
+        is_running = f.unthreshed + f.separation + f.cleaning > 0.0
+        return MachineLoad(
+            t,
+            self._totals["tank"].value,
+            self._totals["lost"].value,
+            self._totals["straw"].value,
+            grain,
+            straw,
+            f.tank / h,
+            f.straw / h,
+            unloaded_grain=self._totals["unloaded"].value,
+            header_flow=f.header / h,
+            feeder_flow=f.feeder / h,
+            drum_flow=f.drum / h,
+            rotor_flow=f.rotor / h,
+            shoe_flow=f.shoe / h,
+            chopper_flow=f.chopper / h,
+            return_flow=f.returns / h,
+            unload_flow=f.unloaded / h,
+            threshing_loss=f.unthreshed / h,
+            separation_loss=f.separation / h,
+            cleaning_loss=f.cleaning / h,
+            loss_share=rotors + (1.0 - rotors) * self._shoe_loss if is_running else 0.0,
+            tank_level=self._content() / self._works.tank if self._works.tank > 0.0 else 0.0,
+        )
+
+
+def shoe_load(flow: float, shoe: Cleaning, state: MachineState) -> float:
+    """Load of the shoe over its nominal one: grain and chaff [kg/s], heavier on a slope."""
+    roll, pitch, _ = state.pose.euler()
+    slope = shoe.side_slope * abs(tan(roll)) + shoe.up_slope * max(0.0, -tan(pitch))
+    return flow / shoe.flow * (1.0 + slope)
+
+
+def shoe_loss(load: float, shoe: Cleaning) -> float:
+    """Share of the grain on the shoe that goes over the rear."""
+    over = min(max(0.0, load - shoe.knee) / shoe.doubling, 30.0)
+    return float(min(1.0, shoe.loss * 2.0**over))
+
+
+LEVEL = Level(
+    ThreshingProcess,
+    Params,
+    summary="feeder, drum, rotors, shoe, returns, elevator, tank: delays and losses that depend on the load",
+    cost="about 150 us per step",
+    tolerance="steady losses equal the closed forms, mass within 1e-12; the rates are fitted to one machine",
+)

@@ -1,0 +1,1 @@
+"""Levels of the sensors on the crop's way: feeder layer, yield, grain moisture, tank level, losses."""
