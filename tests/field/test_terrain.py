@@ -75,7 +75,7 @@ def test_lattice_agrees_with_height_and_pages_share_their_border_exactly():
     u, v = np.arange(65) * maker.node + 3000.0, np.arange(65) * maker.node - 500.0
     x, y = maker.to_world(*np.meshgrid(u, v))
     assert np.abs(maker.terrain.lattice(u, v, maker.yaw) - maker.terrain.height(x, y)).max() < 1e-9
-    for i, j in ((0, 0), (37, -12), (-400, 250)):
+    for i, j in ((0, 0), (37, -12), (-400, 250), *((n, 3 * n + 1) for n in range(40))):
         here, right, above = maker.ground(i, j), maker.ground(i + 1, j), maker.ground(i, j + 1)
         assert np.array_equal(here[:, -1], right[:, 0])
         assert np.array_equal(here[-1], above[0])

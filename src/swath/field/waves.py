@@ -68,20 +68,17 @@ class Waves:
     def lattice(self, u: Array, v: Array, yaw: float) -> Array:
         """Value at the crossings of u (n,) and v (m,) of a frame turned by yaw, shape (m, n).
 
-        sin(a + b) = sin a cos b + cos a sin b, summed wave by wave without reductions, so that a crossing
-        has the same bits in every lattice that holds it.
+        sin(a + b) = sin a cos b + cos a sin b. einsum adds row after row of `across`, wave by wave, so that a
+        crossing has the same bits in every lattice that holds it (a matrix product need not; tested).
         """
         c, s = np.cos(yaw), np.sin(yaw)
         ku, kv = self.kx * c + self.ky * s, -self.kx * s + self.ky * c
         a = 2 * pi * ku[:, None] * u + self.phase[:, None]
         b = 2 * pi * kv[:, None] * v
         sin_a, cos_a = self.amplitude[:, None] * np.sin(a), self.amplitude[:, None] * np.cos(a)
-        sin_b, cos_b = np.sin(b)[:, :, None], np.cos(b)[:, :, None]
-        z, part = np.zeros((len(v), len(u))), np.empty((len(v), len(u)))
-        for i in range(len(ku)):
-            z += np.multiply(cos_b[i], sin_a[i], out=part)
-            z += np.multiply(sin_b[i], cos_a[i], out=part)
-        return z
+        across = np.concatenate([sin_a, cos_a])
+        along = np.concatenate([np.cos(b), np.sin(b)]).T.copy()
+        return np.asarray(np.einsum("vk,ku->vu", along, across, optimize=False))
 
 
 def make_wave(amplitude: float, wavelength: float, direction: float, phase: float = 0.0) -> Waves:
