@@ -181,8 +181,9 @@ def _plot_lateral(ax: Any, series: Series, settling: float, band: float | None) 
     ax.plot(series.distance[thin], 100 * series.lateral[thin], color=BLUE, lw=1.3)
     _limits(ax, 100 * series.lateral[series.distance >= settling], None if band is None else 100 * band)
     ax.axvspan(0, settling, color="#F1F2F4", lw=0)
-    ax.text(settling, 0.97, "settling ", transform=ax.get_xaxis_transform(), ha="right", va="top",
-            color=GREY, fontsize=8.5)  # fmt: skip
+    shown = min(settling, float(series.distance[-1])) if len(series.distance) else settling
+    ax.text(shown, 0.97, "settling ", transform=ax.get_xaxis_transform(), ha="right", va="top",
+            color=GREY, fontsize=8.5).set_in_layout(False)  # fmt: skip
     ax.set_ylabel("header end\nlateral error [cm]")
     ax.set_title("> 0: towards the standing crop", loc="right", fontsize=8.5, color=GREY)
 

@@ -1,0 +1,102 @@
+"""A run folder from start to end: what is in it, that a limit counts, that Ctrl-C leaves something valid."""
+
+import json
+
+import pytest
+from small import TEXT, small
+
+from swath.cli import main
+from swath.job import run_job, scan_job
+from swath.sim.scenario import load_scenario
+
+CONTRACT = {
+    "edge_rmse_m",
+    "edge_bias_m",
+    "detection_availability",
+    "lateral_rms_m",
+    "lateral_p95_m",
+    "lateral_bias_m",
+    "header_use",
+    "uncut_area_m2",
+    "area_cut_m2",
+    "grain_cut_kg",
+    "mass_balance_error",
+    "distance_m",
+    "real_time_factor",
+    "ray_count",
+    "digest",
+    "incomplete",
+    "expect",
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "small"
+    return run_job(small(), out), out
+
+
+def test_folder_and_summary_keep_the_contract(finished):
+    result, out = finished
+    assert {p.name for p in out.iterdir()} == {
+        "summary.json",
+        "tracks.parquet",
+        "run.mcap",
+        "report.html",
+        "scenario.yaml",
+    }
+    summary = json.loads((out / "summary.json").read_text())
+    assert set(summary) >= CONTRACT
+    assert summary["incomplete"] is False
+    assert summary["distance_m"] >= 4.0
+    assert summary["area_cut_m2"] > 12.0
+    assert summary["mass_balance_error"] < 1e-9
+    assert summary["header_use"] > 0.95 if summary["header_use"] is not None else True
+    assert result.exit_code == 0
+
+
+def test_the_resolved_scenario_runs_to_the_same_digest(finished, tmp_path):
+    result, out = finished
+    again = run_job(load_scenario(out), tmp_path / "again", report=False)
+    assert again.summary["digest"] == result.summary["digest"]
+
+
+def test_a_broken_limit_is_exit_code_1(tmp_path, capsys):
+    file = tmp_path / "s.yaml"
+    file.write_text(TEXT + "expect:\n  area_cut_m2: {min: 1000}\n")
+    code = main(["run", str(file), "--out", str(tmp_path / "out"), "--set", "run.max_duration_s=0.2"])
+    assert code == 1
+    assert "broken" in capsys.readouterr().out
+
+
+def test_ctrl_c_leaves_a_valid_folder_marked_incomplete(tmp_path, monkeypatch):
+    from swath.study.referee import Referee
+
+    see = Referee._see_state
+
+    def stop(self, state):
+        see(self, state)
+        if state.t >= 400_000_000:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Referee, "_see_state", stop)
+    with pytest.raises(KeyboardInterrupt):
+        run_job(small(), tmp_path / "cut")
+    summary = json.loads((tmp_path / "cut" / "summary.json").read_text())
+    assert summary["incomplete"] is True
+    from mcap.reader import make_reader
+
+    with (tmp_path / "cut" / "run.mcap").open("rb") as file:
+        times = [message.log_time for _, _, message in make_reader(file).iter_messages()]
+    assert 300_000_000 < max(times) <= 400_000_000
+    from pyarrow.parquet import read_table
+
+    assert read_table(tmp_path / "cut" / "tracks.parquet").num_rows > 10
+
+
+def test_scan_writes_a_picture_and_files(tmp_path):
+    files = scan_job(small(), tmp_path / "scan", at_s=0.3)
+    assert [f.name for f in files] == ["scan.png", "scan.csv", "scan.npz"]
+    lines = (tmp_path / "scan" / "scan.csv").read_text().splitlines()
+    assert lines[0].startswith("beam,echo,time_s")
+    assert len(lines) > 60
