@@ -11,7 +11,7 @@ from swath.field.field import make_field
 from swath.field.layout import MIRROR_X, MIRROR_Y, STANDING
 from swath.field.raster import Raster
 from swath.field.stand import maps, uniform
-from swath.field.terrain import formula, plane
+from swath.field.terrain import dem, formula, plane
 
 ROUGH = formula.Params(slope_percent=2.0, roughness_class="D")
 TOOTHED = StraightEdge(x_m=3.3, heading_deg=80.0, teeth=TeethParams(amplitude_m=1.0, wavelength_m=3.0))
@@ -165,7 +165,7 @@ def test_maps_reach_the_tiles_and_tramlines_the_cells():
     field = make_field(
         plane.Plane(plane.Params(), SETUP),
         stand,
-        make_edge(StraightEdge(x_m=-500.0), SETUP),
+        make_edge(StraightEdge(x_m=-95.0, y_m=-90.0), SETUP),
         crop=CROP,
         library=library(400.0),
         stream=STREAM,
@@ -180,6 +180,19 @@ def test_maps_reach_the_tiles_and_tramlines_the_cells():
     expected = np.abs(np.abs(left - 12.0 * np.round(left / 12.0)) - 1.0) <= 0.225
     assert np.mean(bare == expected) > 0.98
     assert bare.mean() == pytest.approx(2 * 0.45 / 12.0, abs=0.04)
+
+
+def test_an_edge_beside_the_maps_is_refused():
+    density = Raster(np.full((4, 4), 300.0, np.float32), 0.0, 0.0, 10.0)
+    heights = Raster(np.zeros((4, 4), np.float32), 2000.0, 0.0, 10.0)
+    stand = maps.Maps.from_rasters(maps.Params(), SETUP, density, None)
+    flat, mapped = plane.Plane(plane.Params(), SETUP), dem.Dem.from_raster(heights)
+    options = {"crop": CROP, "library": library(300.0), "stream": STREAM}
+    make_field(flat, stand, make_edge(StraightEdge(length_m=30.0), SETUP), **options)
+    with pytest.raises(InputError, match="crop beside it"):
+        make_field(flat, stand, make_edge(StraightEdge(x_m=500.0), SETUP), **options)
+    with pytest.raises(InputError, match="map of the terrain"):
+        make_field(mapped, stand, make_edge(StraightEdge(length_m=30.0), SETUP), **options)
 
 
 def test_random_lodging_covers_its_share_with_one_azimuth_per_patch():

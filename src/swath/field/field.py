@@ -256,14 +256,11 @@ def make_field(
 ) -> Field:
     """A field from resolved levels. The library is made from the crop when none is given.
 
-    Raises InputError when the edge does not pass through the field.
+    Raises InputError when the edge does not pass through the boundary, the terrain's map, or any crop.
     """
     from swath.field.library import make_library
 
-    if boundary is not None:
-        s = np.linspace(0.0, edge.shape.length, 256)
-        if not boundary.contains(*edge.shape.point_at(s).T).any():
-            raise InputError("field.edge", None, "expected an edge inside the boundary of the field")
+    _check_edge(terrain, stand, edge.shape, boundary)
     if library is None:
         library = make_library(
             crop,
@@ -282,6 +279,20 @@ def make_field(
         straw_density=crop.yields.swath_density,
         page_limit=page_limit,
     )
+
+
+def _check_edge(terrain: Terrain, stand: Stand, edge: EdgeShape, boundary: Region | None) -> None:
+    s = np.linspace(0.0, edge.length, 256)
+    x, y = edge.point_at(s).T
+    if boundary is not None and not boundary.contains(x, y).any():
+        raise InputError("field.edge", None, "expected an edge inside the boundary of the field")
+    covers = getattr(terrain, "covers", None)
+    if covers is not None and not covers(x, y).any():
+        raise InputError("field.edge", None, "expected an edge on the map of the terrain")
+    inwards = 5.0 if edge.crop_side == "left" else -5.0
+    heading = edge.heading_at(s)
+    if not (stand.density(x - inwards * np.sin(heading), y + inwards * np.cos(heading)) > 0.0).any():
+        raise InputError("field.edge", None, "expected an edge with crop beside it on the map of the stand")
 
 
 def _check_near(x: Array, y: Array) -> None:

@@ -62,8 +62,9 @@ def cut_pages(
     base += (runs.tile_y * TILE_CELLS + runs.cell_y) * PAGE_CUT_CELLS + runs.tile_x * TILE_CELLS + runs.cell_x
     before = np.cumsum(runs.length) - runs.length
     step = np.arange(int(runs.length.sum()))
-    run = np.repeat(np.arange(len(base)), runs.length)
-    flat = step + (base - before)[run]
+    flat = np.repeat(base - before, runs.length)
+    flat += step
+    run = np.repeat(np.arange(len(base), dtype=np.int32), runs.length)
     cells = p.cut.reshape(-1)
     old = cells[flat]
     changed = np.flatnonzero(old > code)
@@ -169,7 +170,7 @@ def _taken(
     stems: StemIndex,
     runs: _Runs,
     before: Ints,
-    run: Ints,
+    run: NDArray[np.int32],
     step: Ints,
     old: NDArray[np.uint8],
     code: int,
@@ -189,7 +190,8 @@ def _taken(
     if recut.any():
         again = stems.taken(stem[recut], stand[of[recut]], old[where[recut]])
         grain, straw, left = grain - again[0].sum(), straw - again[1].sum(), left - again[2].sum()
-    area = np.count_nonzero(stood & (stand[run, 3] > 0.0)) * (stems.library.tile_size / TILE_CELLS) ** 2
+    newly = np.bincount(run if stood.all() else run[stood], minlength=len(stand))
+    area = newly[stand[:, 3] > 0.0].sum() * (stems.library.tile_size / TILE_CELLS) ** 2
     return Cut(float(grain), float(straw), int(np.count_nonzero(~recut)), float(area), float(left))
 
 
