@@ -4,6 +4,7 @@ import gzip
 import io
 import random
 import zipfile
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -297,7 +298,8 @@ def test_corrupted_bytes_never_end_in_a_traceback(small, seed, cuts, mode):
     path.write_bytes(bytes(data))
     out = small / "out"
     try:
-        import_log(path, out, columns=small / "map.yaml", progress=False)
+        with mock.patch("swath.field.io.importer.draw", lambda field, file: None):  # a second each
+            import_log(path, out, columns=small / "map.yaml", progress=False)
     except SwathError:
         pass
     else:

@@ -59,11 +59,12 @@ def shifted_flow(log: Log, delays: list[Delay]) -> Array:
 
 
 def _flow_later(log: Log, seconds: Array | float) -> Array:
-    block = np.cumsum(log.gap) - 1
+    gap = log.gap
+    block = np.cumsum(gap) - 1
     span = float(log.time.max() - log.time.min()) + 1000.0
     clock = log.time - log.time.min() + block * span
     wanted = clock + seconds
-    first = np.flatnonzero(log.gap)
+    first = np.flatnonzero(gap)
     last = np.r_[first[1:], len(log)] - 1
     known = (wanted >= clock[first[block]] - 1e-6) & (wanted <= clock[last[block]] + 1e-6)
     return np.where(known, np.interp(wanted, clock, log.flow), np.nan)

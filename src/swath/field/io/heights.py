@@ -52,9 +52,9 @@ def fit_terrain(cleaned: Cleaned, grid: Raster) -> Heights | None:
     good = np.abs(residual) <= max(OUTLIER_SIGMA * sigma, LEAST_OUTLIER)
     xy, z, group = xy[good], z[good], group[good]
     offset, before, after = _pass_offsets(xy, z, group, reach)
-    values, distance = _interpolate(xy, z - offset[group], grid)
-    far = distance > reach
-    values = carry_on(np.where(far, np.nan, values))
+    values = _interpolate(xy, z - offset[group], grid, reach)
+    far = ~np.isfinite(values)
+    values = carry_on(values)
     raster = Raster(values.astype(np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
     dropped, missing = int((~good).sum()), int((in_pass & ~usable).sum())
     return Heights(raster, offset, before, after, dropped, missing, float(far.mean()))
@@ -180,8 +180,8 @@ def _spread(steps: Array) -> float:
     return 1.4826 * float(np.median(np.abs(steps)))
 
 
-def _interpolate(xy: Array, z: Array, grid: Raster) -> tuple[Array, Array]:
-    """Heights at the cells of grid and distance to the nearest record [m]; that record outside the hull.
+def _interpolate(xy: Array, z: Array, grid: Raster, reach: float) -> Array:
+    """Heights at the cells of grid within reach of a record, nan elsewhere; the nearest one outside the hull.
 
     Records are first averaged in squares of half a cell.
     """
@@ -194,10 +194,12 @@ def _interpolate(xy: Array, z: Array, grid: Raster) -> tuple[Array, Array]:
     mean = np.stack([np.bincount(member, weights=v) / number for v in (*xy.T, z)], axis=1)
     x, y = np.meshgrid(*grid.centres())
     origin = mean[:, :2].mean(axis=0)
-    nodes = np.stack([x.ravel(), y.ravel()], axis=1)
-    distance, nearest = cKDTree(mean[:, :2]).query(nodes)
-    values = np.full(len(nodes), np.nan)
+    cells = np.stack([x.ravel(), y.ravel()], axis=1)
+    distance, nearest = cKDTree(mean[:, :2]).query(cells, distance_upper_bound=reach)
+    close = np.flatnonzero(np.isfinite(distance))
+    heights = np.full(len(close), np.nan)
     with contextlib.suppress(QhullError):  # all records on one line
-        values[:] = LinearNDInterpolator(mean[:, :2] - origin, mean[:, 2])(nodes - origin)
-    values[:] = np.where(np.isfinite(values), values, mean[nearest, 2])
-    return values.reshape(x.shape), distance.reshape(x.shape)
+        heights[:] = LinearNDInterpolator(mean[:, :2] - origin, mean[:, 2])(cells[close] - origin)
+    values = np.full(len(cells), np.nan)
+    values[close] = np.where(np.isfinite(heights), heights, mean[nearest[close], 2])
+    return values.reshape(x.shape)
