@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.rays.kernel.crop import walk_crop
+from swath.rays.kernel.crop import Tile, walk_crop
 from swath.rays.kernel.scene import (
     Hit,
     Ray,
@@ -164,17 +164,15 @@ def cross_tile(
         elif h1 > 0.0:
             tb = wp.min(tb, (top - h0) / h1)
         if ta <= tb:
-            hit = walk_crop(
-                scene,
-                ray,
-                tile,
+            found = Tile(
+                tile[0],
+                tile[1],
                 scene.tile_prototype[slot, jy, jx],
                 plane,
                 scene.tile_stand[slot, jy, jx],
                 wp.vec2(h0, h1),
-                wp.vec4(t0, t1, ta, tb),
-                hit,
             )
+            hit = walk_crop(scene, ray, found, wp.vec4(t0, t1, ta, tb), hit)
     return hit
 
 

@@ -13,76 +13,156 @@ MIRROR_Y = wp.constant(1 << 17)
 PROTOTYPE = wp.constant((1 << 16) - 1)
 
 
+@wp.struct
+class Tile:
+    """A tile and how the ray meets it.
+
+    x, y: number of the tile, seen from the ray's first tile; prototype: with mirror flags; plane, stand: as in
+    the pages; height: the ray is height[0] + t height[1] above the plane
+    """
+
+    x: int
+    y: int
+    prototype: int
+    plane: wp.vec3
+    stand: wp.vec4
+    height: wp.vec2
+
+
+@wp.struct
+class Local:
+    """The ray in prototype coordinates.
+
+    o, d: point at t = start and unit direction; stretch: length along d per t
+    mirror: -1 or 1 in x and y; shift: whole periods taken off o; squeeze: 1 / scale of the heights
+    low: where it enters the tile; is_open: it starts in the tile, so no cut face lies at low
+    """
+
+    o: wp.vec3
+    d: wp.vec3
+    start: float
+    stretch: float
+    mirror: wp.vec2
+    shift: wp.vec2
+    squeeze: float
+    low: float
+    is_open: bool
+
+
+@wp.struct
+class Touch:
+    """A primitive on the ray: distance along d, ends after cutting (of a ribbon uncut), cut code."""
+
+    t: float
+    a: wp.vec3
+    b: wp.vec3
+    code: int
+
+
 @wp.func
-def capsule_from(
-    o: wp.vec3, d: wp.vec3, a: wp.vec3, b: wp.vec3, r: float, low: float, is_open: bool
-) -> float:
-    """First hit at t >= low. A tile's side cuts through what stands on it: the cut face is hit at low."""
-    t = hit_capsule(o, d, a, b, r)
-    if t < low:
-        p = o + low * d
+def to_prototype(ray: Ray, tile: Tile, size: float, enter: float, start: float) -> Local:
+    """The affine map of `field/layout.py`, applied to the ray."""
+    r = Local()
+    r.start = start
+    r.squeeze = 1.0 / tile.stand[0]
+    zd = tile.height[1] * r.squeeze
+    z = (tile.height[0] + tile.height[1] * start) * r.squeeze
+    xd = ray.d[0] - tile.stand[1] * zd
+    yd = ray.d[1] - tile.stand[2] * zd
+    x = ray.o[0] - float(tile.x) * size + ray.d[0] * start - tile.stand[1] * z
+    y = ray.o[1] - float(tile.y) * size + ray.d[1] * start - tile.stand[2] * z
+    r.mirror = wp.vec2(1.0, 1.0)
+    if (tile.prototype & MIRROR_X) != 0:
+        r.mirror[0] = -1.0
+        x = size - x
+        xd = -xd
+    if (tile.prototype & MIRROR_Y) != 0:
+        r.mirror[1] = -1.0
+        y = size - y
+        yd = -yd
+    r.stretch = wp.sqrt(xd * xd + yd * yd + zd * zd)
+    r.d = wp.vec3(xd, yd, zd) / r.stretch
+    r.shift = wp.vec2(wp.floor(x / size) * size, wp.floor(y / size) * size)
+    r.o = wp.vec3(x - r.shift[0], y - r.shift[1], z)
+    r.low = (enter - start) * r.stretch
+    r.is_open = enter <= 0.0
+    return r
+
+
+@wp.func
+def from_low(r: Local, a: wp.vec3, b: wp.vec3, radius: float, t: float) -> float:
+    """A capsule hit at t, not before low. A tile's side cuts through what stands on it: a face at low."""
+    if t < r.low:
+        p = r.o + r.low * r.d
         q = p - axis_point(p, a, b)
-        if is_open or wp.dot(q, q) > r * r:
+        if r.is_open or wp.dot(q, q) > radius * radius:
             return MISS
-        return low
+        return r.low
     return t
 
 
 @wp.func
-def walk_crop(
-    scene: Scene,
-    ray: Ray,
-    tile: wp.vec2i,
-    prototype: int,
-    plane: wp.vec3,
-    stand: wp.vec4,
-    height: wp.vec2,
-    span: wp.vec4,
-    hit: Hit,
-) -> Hit:
-    """Nearest plant hit within the tile.
-
-    tile: number of the tile, seen from the ray's first tile; height: of the ray above the tile's plane is
-    height[0] + t height[1]; span: t of entry and exit of the tile, then of the part to search
-    """
-    size = float(scene.tile_size)
-    ta = span[2]
-    # world to prototype, at ta
-    mx = float(1.0)
-    my = float(1.0)
-    squeeze = 1.0 / stand[0]
-    zd = height[1] * squeeze
-    z = (height[0] + height[1] * ta) * squeeze
-    xd = ray.d[0] - stand[1] * zd
-    yd = ray.d[1] - stand[2] * zd
-    x = ray.o[0] - float(tile[0]) * size + ray.d[0] * ta - stand[1] * z
-    y = ray.o[1] - float(tile[1]) * size + ray.d[1] * ta - stand[2] * z
-    if (prototype & MIRROR_X) != 0:
-        mx = -1.0
+def foot_code(scene: Scene, ray: Ray, tile: Tile, r: Local, foot: wp.vec4, size: float) -> int:
+    """Cut code where the owner of a primitive stands, as seen from this copy of it."""
+    x = foot[0] + r.shift[0]
+    y = foot[1] + r.shift[1]
+    if r.mirror[0] < 0.0:
         x = size - x
-        xd = -xd
-    if (prototype & MIRROR_Y) != 0:
-        my = -1.0
+    if r.mirror[1] < 0.0:
         y = size - y
-        yd = -yd
-    stretch = wp.sqrt(xd * xd + yd * yd + zd * zd)
-    d = wp.vec3(xd / stretch, yd / stretch, zd / stretch)
-    shift_x = wp.floor(x / size) * size
-    shift_y = wp.floor(y / size) * size
-    o = wp.vec3(x - shift_x, y - shift_y, z)
-    low = (span[0] - ta) * stretch
-    is_open = span[0] <= 0.0
-    end = (span[3] - ta) * stretch
-    best = (wp.min(span[1], hit.t) - ta) * stretch
-    found = int(-1)
+    fine = 64.0 / size
+    cell_x = (ray.tile_x + tile.x) * 64 + int(wp.floor(x * fine))
+    cell_y = (ray.tile_y + tile.y) * 64 + int(wp.floor(y * fine))
+    return cut_code(scene, cell_x, cell_y)
+
+
+@wp.func
+def cut_back(r: Local, touch: Touch, radius: float) -> Touch:
+    """What the knife left of a primitive: capsules end at the cut, ribbons are not hit above it."""
+    top = 0.01 * float(touch.code) * r.squeeze
+    a = touch.a
+    b = touch.b
+    if touch.code == 0 or wp.min(a[2], b[2]) > top:
+        touch.t = MISS
+    elif radius == 0.0:
+        if r.o[2] + touch.t * r.d[2] > top:
+            touch.t = MISS
+    else:
+        if b[2] > top:
+            touch.b = a + (top - a[2]) / (b[2] - a[2]) * (b - a)
+        elif a[2] > top:
+            touch.a = b + (top - b[2]) / (a[2] - b[2]) * (a - b)
+        t = hit_capsule(r.o, r.d, touch.a, touch.b, radius)
+        touch.t = from_low(r, touch.a, touch.b, radius, t)
+    return touch
+
+
+@wp.func
+def world_cosine(ray: Ray, tile: Tile, r: Local, n: wp.vec3) -> float:
+    """|cos| between the ray and a normal n of the prototype: normals go back by the inverse transpose."""
+    x = n[0] * r.mirror[0]
+    y = n[1] * r.mirror[1]
+    lift = (n[2] - x * tile.stand[1] - y * tile.stand[2]) * r.squeeze
+    g = wp.vec3(x - lift * tile.plane[1], y - lift * tile.plane[2], lift)
+    return wp.min(1.0, wp.abs(wp.dot(g, ray.d)) / wp.max(wp.length(g), 1.0e-20))
+
+
+@wp.func
+def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hit:
+    """Nearest plant hit within the tile. span: t of entry and exit of the tile, then of the part to search."""
+    size = float(scene.tile_size)
+    r = to_prototype(ray, tile, size, span[0], span[2])
+    end = (span[3] - span[2]) * r.stretch
+    best = (wp.min(span[1], hit.t) - span[2]) * r.stretch
+    o = r.o
+    d = r.d
+    low = r.low
     organ = int(0)
     normal = wp.vec3(0.0, 0.0, 1.0)
-    # the walk
-    side = scene.side
     columns = scene.columns
     bins = scene.bins
-    ix = wp.min(int(o[0] / side), columns - 1)
-    iy = wp.min(int(o[1] / side), columns - 1)
+    ix = wp.min(int(o[0] / scene.side), columns - 1)
+    iy = wp.min(int(o[1] / scene.side), columns - 1)
     iz = wp.clamp(int(wp.floor(o[2] / scene.bin_height)), 0, bins - 1)
     sx = wp.where(d[0] > 0.0, 1, -1)
     sy = wp.where(d[1] > 0.0, 1, -1)
@@ -90,14 +170,14 @@ def walk_crop(
     ux = wp.where(d[0] > 0.0, 1, 0)
     uy = wp.where(d[1] > 0.0, 1, 0)
     uz = wp.where(d[2] > 0.0, 1, 0)
-    gx = plane_slope(d[0]) * side
-    gy = plane_slope(d[1]) * side
+    gx = plane_slope(d[0]) * scene.side
+    gy = plane_slope(d[1]) * scene.side
     gz = plane_slope(d[2]) * scene.bin_height
     cx = plane_offset(o[0], d[0])
     cy = plane_offset(o[1], d[1])
     cz = plane_offset(o[2], d[2])
-    first = (prototype & PROTOTYPE) * columns * columns
-    fraction = stand[3]
+    first = (tile.prototype & PROTOTYPE) * columns * columns
+    fraction = tile.stand[3]
     while True:
         tx = float(ix + ux) * gx + cx
         ty = float(iy + uy) * gy + cy
@@ -113,85 +193,55 @@ def walk_crop(
             if p1[3] < fraction:
                 a = wp.vec3(p0[0], p0[1], p0[2])
                 b = wp.vec3(p1[0], p1[1], p1[2])
-                r = p0[3]
-                w = wp.vec3(0.0, 0.0, 0.0)
                 t = float(MISS)
-                if r > 0.0:
-                    t = hit_capsule(o, d, a, b, r)
+                if p0[3] > 0.0:
+                    t = hit_capsule(o, d, a, b, p0[3])
                     if t < low:
-                        t = capsule_from(o, d, a, b, r, low, is_open)
+                        t = from_low(r, a, b, p0[3], t)
                 else:
                     p2 = scene.prims[p + 2]
-                    w = wp.vec3(p2[0], p2[1], p2[2])
-                    t = hit_ribbon(o, d, a, b, w)
+                    t = hit_ribbon(o, d, a, b, wp.vec3(p2[0], p2[1], p2[2]))
                     if t < low:
                         t = MISS
                 if t < best:
-                    foot = scene.prims[p + 3]
-                    bx = foot[0] + shift_x
-                    by = foot[1] + shift_y
-                    if mx < 0.0:
-                        bx = size - bx
-                    if my < 0.0:
-                        by = size - by
-                    fine = 64.0 / size
-                    code = cut_code(
-                        scene,
-                        (ray.tile_x + tile[0]) * 64 + int(wp.floor(bx * fine)),
-                        (ray.tile_y + tile[1]) * 64 + int(wp.floor(by * fine)),
-                    )
-                    if code != STANDING:
-                        top = 0.01 * float(code) * squeeze
-                        if code == 0 or wp.min(a[2], b[2]) > top:
-                            t = MISS
-                        elif r == 0.0:
-                            if o[2] + t * d[2] > top:
-                                t = MISS
-                        else:
-                            if b[2] > top:
-                                b = a + (top - a[2]) / (b[2] - a[2]) * (b - a)
-                            elif a[2] > top:
-                                a = b + (top - b[2]) / (a[2] - b[2]) * (a - b)
-                            t = capsule_from(o, d, a, b, r, low, is_open)
-                    if t < best:
-                        best = t
-                        found = p
-                        organ = int(scene.prims[p + 2][3])
-                        if code != STANDING and organ == STEM:
+                    touch = Touch(t, a, b, foot_code(scene, ray, tile, r, scene.prims[p + 3], size))
+                    if touch.code != STANDING:
+                        touch = cut_back(r, touch, p0[3])
+                    if touch.t < best:
+                        best = touch.t
+                        p2 = scene.prims[p + 2]
+                        organ = int(p2[3])
+                        if touch.code != STANDING and organ == STEM:
                             organ = STUBBLE
-                        if r > 0.0:
-                            q = o + t * d
-                            normal = q - axis_point(q, a, b)
-                        else:
-                            normal = wp.cross(b - a, w)
+                        q = o + best * d
+                        normal = q - axis_point(q, touch.a, touch.b)
+                        if p0[3] == 0.0:
+                            normal = wp.cross(b - a, wp.vec3(p2[0], p2[1], p2[2]))
         if best <= leave or leave >= end:
             break
         if tx <= ty and tx <= tz:
             ix += sx
             if ix == columns or ix < 0:
                 ix = wp.where(ix < 0, columns - 1, 0)
-                shift_x += float(sx) * size
+                r.shift[0] = r.shift[0] + float(sx) * size
                 o[0] = o[0] - float(sx) * size
+                r.o = o
                 cx = plane_offset(o[0], d[0])
         elif ty <= tz:
             iy += sy
             if iy == columns or iy < 0:
                 iy = wp.where(iy < 0, columns - 1, 0)
-                shift_y += float(sy) * size
+                r.shift[1] = r.shift[1] + float(sy) * size
                 o[1] = o[1] - float(sy) * size
+                r.o = o
                 cy = plane_offset(o[1], d[1])
         else:
             iz += sz
             if iz == bins:
                 break
-    if found >= 0:
-        # normals go back by the inverse transpose
-        lift = normal[2] - normal[0] * mx * stand[1] - normal[1] * my * stand[2]
-        zx = -plane[1] * squeeze
-        zy = -plane[2] * squeeze
-        g = wp.vec3(normal[0] * mx + lift * zx, normal[1] * my + lift * zy, lift * squeeze)
-        hit.t = ta + best / stretch
+    if organ > 0:
+        hit.t = r.start + best / r.stretch
         hit.organ = organ
-        hit.cosine = wp.min(1.0, wp.abs(wp.dot(g, ray.d)) / wp.max(wp.length(g), 1.0e-20))
+        hit.cosine = world_cosine(ray, tile, r, normal)
         hit.reflectance = scene.reflectance[organ]
     return hit
