@@ -6,7 +6,7 @@ from hand_field import HandField, make_pages, small_library
 
 from swath.core.errors import InputError
 from swath.field.layout import Organ, Solids
-from swath.rays.device import thread_count
+from swath.rays.device import start_warp, thread_count
 from swath.rays.engine import RayCaster
 
 LIBRARY = small_library(300, tiles=2)
@@ -160,12 +160,21 @@ def test_bad_rays_and_thread_counts_are_refused(monkeypatch):
         thread_count()
 
 
+def test_the_kernel_compiles_for_cuda(tmp_path):
+    wp = start_warp()
+    if not wp.is_cuda_available() and not hasattr(wp, "compile_aot_module"):
+        pytest.skip("this Warp compiles CUDA only where there is a device")
+    import swath.rays.kernel.cast as module
+
+    try:
+        wp.compile_aot_module(module, arch=80, module_dir=tmp_path, use_ptx=True)
+    except RuntimeError as error:
+        pytest.skip(f"no CUDA compiler: {error}")
+    assert "cast" in next(tmp_path.glob("*.ptx")).read_text(encoding="utf-8")
+
+
 def test_cuda_gives_the_same_ranges():
-    import warp as wp
-
-    from swath.rays.device import start_warp
-
-    start_warp()
+    wp = start_warp()
     if not wp.is_cuda_available():
         pytest.skip("no CUDA device")
     field = HandField(make_pages(LIBRARY, mixed=3, slope=(0.05, 0.02)), LIBRARY)

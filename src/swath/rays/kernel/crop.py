@@ -17,8 +17,8 @@ PROTOTYPE = wp.constant((1 << 16) - 1)
 class Tile:
     """A tile and how the ray meets it.
 
-    x, y: number of the tile, seen from the ray's first tile; prototype: with mirror flags; plane, stand: as in
-    the pages; height: the ray is height[0] + t height[1] above the plane
+    x, y: number of the tile, seen from the ray's first tile; prototype: with mirror flags; plane, stand: as
+    in the pages; height: the ray is height[0] + t height[1] above the plane
     """
 
     x: int
@@ -149,7 +149,7 @@ def world_cosine(ray: Ray, tile: Tile, r: Local, n: wp.vec3) -> float:
 
 @wp.func
 def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hit:
-    """Nearest plant hit within the tile. span: t of entry and exit of the tile, then of the part to search."""
+    """Nearest plant hit in the tile. span: t of entry and exit of the tile, then of the part to search."""
     size = float(scene.tile_size)
     r = to_prototype(ray, tile, size, span[0], span[2])
     end = (span[3] - span[2]) * r.stretch
