@@ -298,7 +298,7 @@ def test_corrupted_bytes_never_end_in_a_traceback(small, seed, cuts, mode):
     path.write_bytes(bytes(data))
     out = small / "out"
     try:
-        with mock.patch("swath.field.io.importer.draw", lambda field, file: None):  # a second each
+        with mock.patch("swath.field.io.importer.draw", return_value=None):  # a second each
             import_log(path, out, columns=small / "map.yaml", progress=False)
     except SwathError:
         pass
