@@ -15,6 +15,7 @@ from swath.core.schedule import NS
 from swath.core.signals import (
     CropEdge,
     CropFlow,
+    EngineState,
     MachineLoad,
     MachineState,
     Odometry,
@@ -86,6 +87,12 @@ COLUMNS = (
     Column("tank_grain_kg", "kg", "grain in the tank", _of(MachineLoad, "tank_grain")),
     Column("lost_grain_kg", "kg", "grain lost", _of(MachineLoad, "lost_grain")),
     Column("grain_flow_kg_s", "kg/s", "into the tank", _of(MachineLoad, "grain_flow")),
+    Column("feeder_flow_kg_s", "kg/s", "grain and straw into the feeder", _of(MachineLoad, "feeder_flow")),
+    Column("loss_share", "-", "grain lost, of the crop that leaves now", _of(MachineLoad, "loss_share")),
+    Column("tank_level", "-", "filled share of the tank", _of(MachineLoad, "tank_level")),
+    Column("engine_speed_rad_s", "rad/s", "engine speed", _of(EngineState, "speed")),
+    Column("engine_load", "-", "torque asked / largest torque", _of(EngineState, "load")),
+    Column("fuel_kg_s", "kg/s", "fuel burnt", _of(EngineState, "fuel")),
 )
 
 

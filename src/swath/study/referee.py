@@ -15,6 +15,7 @@ from swath.core.signals import F64, CropEdge, CropFlow, MachineLoad, MachineStat
 from swath.sim.messages import RecordedMachine
 from swath.sim.tracks import Column, Latest
 from swath.study.metrics import SETTLING_M, balance_error, edge_metrics, lateral_metrics
+from swath.study.works import WorksWatch
 
 SEARCH_M = 15.0  # how far to either side of the header end the initial edge is looked for
 HALF_M = 1.5  # the true edge is looked for this far to either side of the initial edge
@@ -80,6 +81,7 @@ class Referee:
         self._in_transit = {"grain": 0.0, "straw": 0.0}
         self._fill = [0.0, 0.0]
         self._load: MachineLoad | None = None
+        self._works = WorksWatch()
         self.true_offset, self.distance = float("nan"), 0.0
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
@@ -96,6 +98,7 @@ class Referee:
             elif isinstance(signal, MachineLoad):
                 self._load = signal
                 self._in_transit = {"grain": 0.0, "straw": 0.0}
+            self._works.see(signal, self.distance)
         self._judge_edges()
 
     def columns(self) -> tuple[Column, ...]:
@@ -153,6 +156,7 @@ class Referee:
             "area_cut_m2": self._flow["area"],
             "grain_cut_kg": self._flow["grain"],
             "mass_balance_error": mass_balance_error(self.field, [self]),
+            **self._works.metrics(),
             "distance_m": self.distance,
         }
 

@@ -32,7 +32,7 @@ class Params(UniformParams):
     """
 
     bands: Annotated[tuple[Band, ...], MinLen(1)] = (Band(50.0, 500.0),)
-    bands_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 90.0
+    bands_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
 
 
 class Bands(Uniform):

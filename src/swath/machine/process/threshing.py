@@ -31,7 +31,7 @@ RETURNS_MAX = 0.3  # of the shoe's grain
 @dataclass(frozen=True)
 class Params:
     """straw: in a swath, or chopped and spread over the header's width; swath_width_m: of the swath
-    swath_step_m: way after which the straw dropped on it is laid down
+    swath_step_m, spread_step_m: way after which the straw dropped on it is laid down, in a swath or spread
     ease: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (loss x2-4)
     tank_start_percent: grain in the tank at the start; unload_at_percent: level at which the tank is emptied
     while driving, none = never
@@ -40,6 +40,7 @@ class Params:
     straw: Literal["swath", "chop"] = "swath"
     swath_width_m: Annotated[float, Gt(0), Le(15)] = 1.4
     swath_step_m: Annotated[float, Gt(0), Le(5)] = 0.25
+    spread_step_m: Annotated[float, Gt(0), Le(20)] = 1.5
     ease: Annotated[float, Ge(0.2), Le(3)] = 1.0
     tank_start_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     unload_at_percent: Annotated[float, Gt(0), Le(100)] | None = None
@@ -78,8 +79,10 @@ class ThreshingProcess:
         p, w = params, works_of(setup.machine)
         self._p, self._works = p, w
         rear, is_swath = setup.machine.body[0], p.straw == "swath"
-        width = p.swath_width_m if is_swath else setup.machine.header_width
-        self._outlet = StrawOutlet(setup.field, rear, width, p.swath_step_m, ridge=is_swath)
+        width, step = p.swath_width_m, p.swath_step_m
+        if not is_swath:
+            width, step = setup.machine.header_width, p.spread_step_m
+        self._outlet = StrawOutlet(setup.field, rear, width, step, ridge=is_swath)
         self._tank_start = w.tank * p.tank_start_percent * PERCENT
         t = w.transport
         self._spread, self._lift = Mixer(2), Mixer(1)

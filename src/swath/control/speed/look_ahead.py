@@ -1,0 +1,161 @@
+"""Speed level `look_ahead`: constant throughput, from the crop that is seen ahead of the knife.
+
+Seen is an amount (height times extinction, or height alone); how many kg/m2 one of it is, is learned from the
+throughput that is measured after the crop has gone in. The speed falls in time for what comes.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from math import exp, isfinite, sqrt
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.control.speed._target import Common, has_crop, ramped, room
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.setup import ControlSetup
+from swath.core.signals import CropAhead, CropEdge, EngineState, FeedReading, Odometry, SpeedCommand
+from swath.core.units import KMH
+
+KEPT = 200  # places and past moments that are remembered
+SPACING = 0.25  # between remembered places [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params(Common):
+    """sensor_delay_s: from the knife to the throughput sensor; lead_s: how much earlier to act, for the drive
+    learn_m: way over which the factor is learned; power: throughput goes with amount^power, below 1 where
+    dense crop hides itself
+    """
+
+    sensor_delay_s: Annotated[float, Ge(0), Le(20)] = 2.8
+    lead_s: Annotated[float, Ge(0), Le(5)] = 1.2
+    learn_m: Annotated[float, Gt(0), Le(1000)] = 15.0
+    power: Annotated[float, Gt(0), Le(3)] = 1.0
+
+
+class LookAhead:
+    """Feed-forward on the crop ahead, with a factor that is learned."""
+
+    inputs = (
+        Port("odometry", Odometry),
+        Port("feed", FeedReading, optional=True),
+        Port("engine", EngineState, optional=True),
+        Port("ahead", CropAhead, optional=True),
+        Port("edge", CropEdge, optional=True),
+    )
+    outputs = (Port("command", SpeedCommand),)
+
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        self._p = params
+        self._knife = setup.machine.knife_x
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Entry speed, nothing seen, nothing learned."""
+        self._speed = self._p.entry_speed_kmh * KMH
+        self._way, self._seen_t = 0.0, -1
+        self._places: deque[tuple[float, float]] = deque(maxlen=KEPT)  # way of the knife, amount
+        self._past: deque[tuple[int, float]] = deque(maxlen=KEPT)  # time, amount cut per second
+        self._sums = (0.0, 0.0)
+        return {"command": SpeedCommand(0, self._speed)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """The next command, valid at t + dt."""
+        p, h = self._p, dt / NS
+        odometry: Odometry = inputs["odometry"]
+        self._way += odometry.speed * h
+        self._look(inputs["ahead"], inputs["edge"], odometry.speed)
+        self._learn(t + dt, odometry.speed, inputs["feed"], h)
+        wanted = self._wanted(inputs["feed"], inputs["engine"])
+        self._speed = ramped(p, self._speed, wanted, h)
+        return {"command": SpeedCommand(t + dt, self._speed)}
+
+    def save(self) -> State:
+        """Way, what was seen and cut, what was learned, the command."""
+        return {
+            "speed": self._speed,
+            "way": self._way,
+            "seen_t": self._seen_t,
+            "places": np.array(self._places, dtype=float).reshape(-1, 2),
+            "past_t": np.array([t for t, _ in self._past], dtype=np.int64),
+            "past": np.array([a for _, a in self._past], dtype=float),
+            "sums": self._sums,
+        }
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._speed, self._way, self._seen_t = state["speed"], state["way"], state["seen_t"]
+        self._places = deque(((a, b) for a, b in state["places"].tolist()), maxlen=KEPT)
+        past = zip(state["past_t"].tolist(), state["past"].tolist(), strict=True)
+        self._past = deque(past, maxlen=KEPT)
+        self._sums = state["sums"]
+
+    @property
+    def factor(self) -> float:
+        """kg/s of throughput per amount cut per second; 0 = nothing learned yet."""
+        return self._sums[1] / self._sums[0] if self._sums[0] > 0.0 else 0.0
+
+    def _look(self, ahead: CropAhead | None, edge: CropEdge | None, speed: float) -> None:
+        """Remember the amount at the place where it was seen."""
+        amount = at = float("nan")
+        if ahead is not None:
+            t, amount, at = ahead.t, ahead.amount, ahead.ahead
+        elif edge is not None:
+            t, amount, at = edge.t, edge.crop_height, edge.reference_x
+        if not isfinite(amount) or t == self._seen_t:
+            return
+        self._seen_t = t
+        place = self._way + at - self._knife
+        if self._places and place - self._places[-1][0] < SPACING:
+            return
+        self._places.append((place, max(amount, 0.0) ** self._p.power))
+
+    def _learn(self, t: int, speed: float, feed: FeedReading | None, h: float) -> None:
+        """Compare what is measured now with what was cut when that crop came in."""
+        amount = self._amount_at(self._way)
+        self._past.append((t, amount * speed if isfinite(amount) else float("nan")))
+        if feed is None or not has_crop(self._p, feed):
+            return
+        then = t - round(self._p.sensor_delay_s * NS)
+        cut = next((a for at, a in reversed(self._past) if at <= then), float("nan"))
+        if isfinite(cut) and cut > 0.0:
+            kept = exp(-speed * h / self._p.learn_m)
+            self._sums = self._sums[0] * kept + cut * cut, self._sums[1] * kept + cut * feed.flow
+
+    def _amount_at(self, way: float) -> float:
+        """Amount at a way of the knife, the nearest place before it; nan = not seen."""
+        return next((a for place, a in reversed(self._places) if place <= way), float("nan"))
+
+    def _wanted(self, feed: FeedReading | None, engine: EngineState | None) -> float:
+        """Speed [m/s] that keeps the throughput now and at every place ahead, slowing down in time."""
+        p, entry = self._p, self._p.entry_speed_kmh * KMH
+        factor = self.factor
+        if factor <= 0.0:
+            free = room(p, feed, engine)
+            return entry if free is None or not has_crop(p, feed) else self._speed
+        begin = self._way + self._speed * p.lead_s
+        fall = p.slow_kmh_s * KMH
+        now = self._amount_at(begin)
+        places = [(0.0, now)] + [(s - begin, a) for s, a in self._places if s > begin]
+        speeds = [
+            sqrt((p.throughput_kg_s / (factor * a)) ** 2 + 2.0 * fall * way)
+            for way, a in places
+            if isfinite(a) and a > 0.0
+        ]
+        wanted = min(speeds, default=entry)
+        if engine is not None and engine.load > 1e-2 * p.engine_load_percent:
+            wanted = min(wanted, self._speed * p.engine_load_percent * 1e-2 / engine.load)
+        return wanted
+
+
+LEVEL = Level(
+    LookAhead,
+    Params,
+    summary="constant throughput from the crop seen ahead, its mass per sight learned from the feeder",
+    cost="60 us per step",
+    tolerance="in time for what comes, as good as the sight; the factor lags by `learn_m`",
+)
