@@ -1,5 +1,8 @@
 """Terrain levels: values, spectra, exact borders, maps."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from made_field import SETUP, made_field
@@ -158,3 +161,24 @@ def test_dem_file_that_is_missing_or_no_geotiff_is_refused(tmp_path):
 def test_parameters_out_of_range_are_refused(kind, data):
     with pytest.raises(ValidationError):
         TypeAdapter(kind).validate_python(data)
+
+
+DEM = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data")) / (
+    "wheat_combine_logs_msu/si/farmerI_henrys_terrain_4m_utm12n.tif"
+)
+
+
+@pytest.mark.skipif(not DEM.is_file(), reason="needs the Montana terrain map: SWATH_DATA")
+def test_a_measured_terrain_is_met_at_its_cell_centres():
+    raster = Raster.from_geotiff(DEM)
+    ny, nx = raster.values.shape
+    x0, y0 = raster.x0 + 0.5 * nx * raster.cell, raster.y0 + 0.5 * ny * raster.cell
+    terrain = dem.Dem(dem.Params(file=str(DEM)), FieldSetup(origin=(x0, y0)))
+    assert terrain.datum == pytest.approx(np.nanmean(raster.values), abs=0.01)
+    column, row = np.meshgrid(*raster.centres())
+    known = np.isfinite(raster.values)
+    found = terrain.height(column[known] - x0, row[known] - y0) + terrain.datum
+    assert np.abs(found - raster.values[known]).max() < 1e-3
+    assert np.isfinite(terrain.height(column - x0, row - y0)).all()
+    assert terrain.covers(0.0, 0.0)
+    assert not terrain.covers(1e5, 0.0)

@@ -85,6 +85,9 @@ class EdgeShape:
         self.length: float = self.pieces[-1].s + self.pieces[-1].length
         self._starts = np.array([p.s for p in self.pieces])
         self._sides = _extended(self.pieces, self.length)
+        self._ends = self._sides[0], self._sides[-1]
+        self._middles = np.array([[float(v) for v in p.at(0.5 * p.length)[:2]] for p in self.pieces])
+        self._halves = np.array([0.5 * p.length for p in self.pieces])
 
     def signed_distance(self, x: Any, y: Any) -> Array:
         """Distance to the edge [m], > 0 on the crop side, in the shape of x and y broadcast."""
@@ -132,13 +135,19 @@ class EdgeShape:
         return x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading
 
     def _near(self, x: Array, y: Array) -> list[Piece]:
-        """The pieces that can be nearest to any of the points."""
+        """The pieces that can be nearest to any of the points: a piece is at least as near to the points'
+        middle as its own middle is, and at most half its length nearer.
+        """
         if (x.size < 512 and len(self._sides) <= 4) or x.size == 0:
             return self._sides
         cx, cy = 0.5 * (x.min() + x.max()), 0.5 * (y.min() + y.max())
         reach = float(np.hypot(x.max() - cx, y.max() - cy))
-        far = np.array([abs(float(p.project(np.array(cx), np.array(cy))[1])) for p in self._sides])
-        return [self._sides[i] for i in np.flatnonzero(far <= far.min() + 2.0 * reach + 1e-9)]
+        middle = np.hypot(self._middles[:, 0] - cx, self._middles[:, 1] - cy)
+        ends = [abs(float(p.project(cx, cy)[1])) for p in self._ends]
+        limit = min(*ends, float(middle.min())) + 2.0 * reach + 1e-9
+        near = [self.pieces[i] for i in np.flatnonzero(middle - self._halves <= limit)]
+        lead, tail = (side if end <= limit else None for side, end in zip(self._ends, ends, strict=True))
+        return [p for p in (lead, *near, tail) if p is not None]
 
 
 def straight(x: float, y: float, heading: float, length: float) -> list[Piece]:
