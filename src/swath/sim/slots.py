@@ -39,6 +39,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "steering": ("steering", "steering"),
             "speed": ("speed", "command"),
             "drive": ("powertrain", "engine"),
+            "load": ("process", "load"),
         },
     ),
     SlotKind("header", ("swath.machine.header",), "fixed_height", 50.0, _STATE),

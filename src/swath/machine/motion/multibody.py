@@ -17,20 +17,19 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import MachineLoad, MachineState, SpeedCommand, SteerState
+from swath.core.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH, MS
 from swath.field.site import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.card import Axle, MachineCard, dynamics_of, masses_of
-from swath.machine.loops import SpeedLoop
+from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
 from swath.machine.tyre import GRAVITY
 
 LOOK = 0.01  # the ground under the wheels is read at least this often [s]
-PARK_SPEED = 0.05  # rim speed below which the parking brake takes hold [m/s]
-BRAKE_RATE, BRAKE_DAMPING = 2e6, 1.5e4  # of the locked wheel [N m / rad, N m s / rad]
+DRIVE_FREQUENCY, DRIVE_DAMPING = 70.0, 0.4  # of a driven or locked wheel on oil and shafts [rad/s, ratio]
 GRAIN_STEP = 1.0  # the model's masses follow the tank in steps of this [kg]
 SETTLE = 600  # steps in which the machine sinks into its tyres at the start
 SETTLE_STEP = 0.0025  # [s]
@@ -67,6 +66,7 @@ class Multibody:
     inputs = (
         Port("steering", SteerState),
         Port("speed", SpeedCommand),
+        Port("drive", EngineState, optional=True),
         Port("load", MachineLoad, optional=True),
     )
     outputs = (Port("state", MachineState),)
@@ -77,13 +77,14 @@ class Multibody:
         d, masses = dynamics_of(machine), masses_of(machine)
         assert isinstance(machine, MachineCard)
         self._mj, self._params, self._start = mujoco, params, setup.start
-        self._wheelbase, self._tank, self._brake = machine.wheelbase, masses.tank, masses.brake
+        self._wheelbase, self._tank = machine.wheelbase, masses.tank
         self._kingpin = 0.5 * machine.rear_track - masses.kingpin
         self._follower = TerrainFollower(setup.field, machine)
         self._loop = SpeedLoop(d)
         wheels = wheels_of(machine, params)
         self.wheels = Wheels(setup.field, wheels)
-        self._radius, self._brake_torque = wheels[0].rolling_radius, 0.5 * masses.brake * d.front.radius
+        self._radius = wheels[0].rolling_radius
+        self._thrust, self._brake = (0.5 * f * d.front.radius for f in (masses.thrust, masses.brake))
         text = mjcf(machine, header=params.header, suspension=params.suspension)
         self._model = mujoco.MjModel.from_xml_string(text)
         self._data, self._spare = mujoco.MjData(self._model), mujoco.MjData(self._model)
@@ -100,6 +101,9 @@ class Multibody:
         self._driven = np.array([m.joint(n).dofadr[0] for n in driven])
         self._driven_q = np.array([m.joint(n).qposadr[0] for n in driven])
         self._chassis, self._grain_body = m.body("chassis").id, m.body("grain").id
+        inertia = float(m.body_inertia[self._bodies[0]][1])
+        self._drive_rate = inertia * DRIVE_FREQUENCY**2
+        self._drive_damping = 2.0 * DRIVE_DAMPING * inertia * DRIVE_FREQUENCY
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, sunk into the tyres."""
@@ -109,7 +113,7 @@ class Multibody:
         self._fill(p.grain_kg)
         self._lift = self._tilt = self._distance = 0.0
         self._aim, self._parked = 0.0, True
-        self._locks = [0.0, 0.0]
+        self._angles = [0.0, 0.0]
         x, y = float(self._start.position[0]), float(self._start.position[1])
         yaw = self._start.euler()[2]
         pose = self._follower.at(x, y, yaw).pose(x, y, yaw)
@@ -132,7 +136,7 @@ class Multibody:
         if speed == 0.0 and self._params.engine:
             return
         d = self._data
-        self._parked, self._aim = False, speed
+        self._aim = speed
         d.qvel[:3] = speed * self._rotation()[:, 0]
         radii = np.array([w.rolling_radius for w in self.wheels.wheels])
         d.qvel[self._spin] = speed / radii
@@ -144,7 +148,7 @@ class Multibody:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate over dt in equal substeps."""
         steer: float = inputs["steering"].angle
-        wanted: float = inputs["speed"].speed
+        wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
         load: MachineLoad | None = inputs.get("load")
         if load is not None:
             self._fill(max(load.tank_grain - load.unloaded_grain, 0.0))
@@ -167,7 +171,7 @@ class Multibody:
             "grain": self._grain,
             "aim": self._aim,
             "parked": self._parked,
-            "locks": list(self._locks),
+            "angles": list(self._angles),
             "header": (self._lift, self._tilt),
             "distance": self._distance,
         }
@@ -178,7 +182,7 @@ class Multibody:
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         self._mj.mj_setState(self._model, self._data, state["mujoco"], kind)
         self.wheels.load(state["wheels"])
-        self._aim, self._parked, self._locks = state["aim"], state["parked"], list(state["locks"])
+        self._aim, self._parked, self._angles = state["aim"], state["parked"], list(state["angles"])
         self._lift, self._tilt = state["header"]
         self._distance = state["distance"]
 
@@ -222,28 +226,35 @@ class Multibody:
         mj.mj_step2(m, d)
 
     def _drive(self, h: float, wanted: float, spins: list[float]) -> tuple[float, float]:
-        """Set the hydrostat's wheel speed; torques of the parking brake on the driven wheels [N m]."""
-        if not self._params.engine:
-            self._model.actuator_gainprm[0, 0] = self._model.actuator_biasprm[0, 2] = 0.0
-            return 0.0, 0.0
-        self._aim, _ = self._loop.advance(self._aim, wanted, h)
-        self._data.ctrl[0] = self._aim / self._radius
-        if wanted != 0.0 or abs(self._aim) > 1e-3:
-            self._parked = False
-            return 0.0, 0.0
-        angles = self._data.qpos[self._spin_q].tolist()
-        if not self._parked and abs(spins[0] + spins[1]) * 0.5 * self._radius < PARK_SPEED:
-            self._parked, self._locks = True, angles
-        if not self._parked:
-            return 0.0, 0.0
-        return self._hold(0, angles, spins), self._hold(1, angles, spins)
+        """Torques on the driven wheels [N m]: hydrostat behind a differential, or the parking brake.
 
-    def _hold(self, side: int, angles: list[float], spins: list[float]) -> float:
-        """Torque of a locked wheel [N m]; above the brake's torque it slips."""
-        most = self._brake_torque / BRAKE_RATE
-        off = min(max(angles[side] - self._locks[side], -most), most)
-        self._locks[side] = angles[side] - off
-        return -BRAKE_RATE * off - BRAKE_DAMPING * spins[side]
+        A hydrostat sets the angle that the wheels turn through; oil and shafts give like a spring.
+        """
+        if not self._params.engine:
+            return 0.0, 0.0
+        self._aim, way = self._loop.advance(self._aim, wanted, h)
+        left, right = self._data.qpos[self._spin_q].tolist()
+        if wanted != 0.0 or abs(self._aim) > 1e-3:
+            if self._parked:
+                self._parked, self._angles = False, [0.5 * (left + right)] * 2
+            middle, spin = 0.5 * (left + right), 0.5 * (spins[0] + spins[1])
+            slide = self._aim / self._radius - spin
+            off, torque = self._spring(self._angles[0] - middle, slide, self._thrust)
+            self._angles[0] = middle + off + way / self._radius
+            return torque, torque
+        if not self._parked:
+            held = self._angles[0] - 0.5 * (left + right)
+            self._parked, self._angles = True, [left + held, right + held]
+        off_left, torque_left = self._spring(self._angles[0] - left, -spins[0], self._brake)
+        off_right, torque_right = self._spring(self._angles[1] - right, -spins[1], self._brake)
+        self._angles = [left + off_left, right + off_right]
+        return torque_left, torque_right
+
+    def _spring(self, off: float, slide: float, most: float) -> tuple[float, float]:
+        """Angle and torque of one wheel's drive; beyond the torque `most` [N m] it slips."""
+        off = min(max(off, -most / self._drive_rate), most / self._drive_rate)
+        torque = self._drive_rate * off + self._drive_damping * slide
+        return off, min(max(torque, -most), most)
 
     def _rotation(self) -> Any:
         w, x, y, z = self._data.qpos[3:7].tolist()

@@ -14,8 +14,7 @@ from swath.machine.card import MachineCard, masses_of
 from swath.machine.masses import Masses
 from swath.machine.tyre import GRAVITY
 
-DRIVEN = 1e9  # armature of a joint whose angle is set [kg m2]
-HYDROSTAT = 4e6  # stiffness of the speed control [N m s / rad]; the integrator takes it implicitly
+DRIVEN = 1e12  # armature of a joint whose angle is set [kg m2]
 LEAST = 1e-3  # mass of an empty tank [kg]
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 Vec = tuple[float, float, float]
@@ -121,18 +120,13 @@ def mjcf(machine: MachineCard, *, header: bool = True, suspension: bool = False)
         + front
         + _body("rear_axle", parts["rear_axle"], (0, 0, 0), stop, knuckles, at=pivot)
     )
-    torque = m.thrust * machine.dynamics.front.radius
     return (
         '<mujoco model="machine"><compiler angle="radian" autolimits="false"/>'
         f'<option integrator="implicitfast" gravity="0 0 {-GRAVITY!r}" jacobian="dense">'
         '<flag contact="disable"/></option>'
         f'<default><default class="driven"><joint armature="{DRIVEN!r}"/></default></default><worldbody>'
         + _body("chassis", parts["chassis"], (0, 0, 0), '<freejoint name="free"/>', inside, at=(0, 0, 0))
-        + '</worldbody><tendon><fixed name="drive"><joint joint="front_left" coef="0.5"/>'
-        '<joint joint="front_right" coef="0.5"/></fixed></tendon><actuator>'
-        f'<velocity tendon="drive" kv="{HYDROSTAT!r}" forcelimited="true" '
-        f'forcerange="{-torque!r} {torque!r}"/>'
-        "</actuator></mujoco>"
+        + "</worldbody></mujoco>"
     )
 
 

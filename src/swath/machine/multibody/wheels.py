@@ -2,7 +2,8 @@
 
 Contact: a bed of vertical springs under the round tread (Winkler), as long as the tyre can reach and as wide
 as its patch, on the ground's heights. Its force is the gradient of the energy in the springs, so rough ground
-takes no energy out and puts none in; a gap shorter than the tyre is bridged. A damper acts along the normal.
+takes no energy out and puts none in; a gap shorter than the tyre is bridged. A damper acts along the normal
+and grows with the length of the patch, the cube root of the load.
 
 Along and across the contact plane: the slips that the tread feels lag over the relaxation length (tyre.py);
 the brush acts against both together. With n stiffness and mu friction over load, for each direction:
@@ -17,7 +18,7 @@ middle. The rolling radius is the free one less a third of the deflection (memor
 """
 
 from dataclasses import dataclass
-from math import expm1, hypot, sqrt
+from math import cbrt, expm1, hypot, sqrt
 from typing import Any
 
 import numpy as np
@@ -158,7 +159,7 @@ class Wheels:
         vx, vy, vz = vx + oy * rz - oz * ry, vy + oz * rx - ox * rz, vz + ox * ry - oy * rx
         norm, run = sqrt(1.0 + gx * gx + gy * gy), sqrt(1.0 + gx * gx)
         spring = total * norm
-        damper = self._dampers[i] * min(spring / w.load, 1.0) * (gx * vx + gy * vy - vz) / norm
+        damper = self._dampers[i] * cbrt(spring / w.load) * (gx * vx + gy * vy - vz) / norm
         load = max(spring + damper, 0.0)
         self.loads[i] = load
         ex, ez = 1.0 / run, gx / run
