@@ -1,6 +1,7 @@
-"""Draws docs/figures/rays.png: one ray through one tile, with the plants and cells that the kernel really has."""
+"""Draws docs/figures/rays.png: one ray, with the plants and cells that the kernel really has."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,14 +10,16 @@ from matplotlib.patches import Circle, Rectangle
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import Organ
+from swath.field.layout import Organ, PlantLibrary
 from swath.field.library import make_library
 
 INK, GRID, STRAW, EAR, LEAF, RAY = "#33373d", "#d9dbde", "#b08d3f", "#d2691e", "#7d9352", "#c0223b"
 COLOURS = {Organ.STEM: STRAW, Organ.EAR: EAR, Organ.LEAF: LEAF}
 
 
-def walk(origin, direction, side, columns, bins, bin_height):
+def walk(
+    origin: np.ndarray, direction: np.ndarray, side: float, columns: int, bins: int, bin_height: float
+) -> list[tuple[int, int, float]]:
     """Cells (ix, iz) along a ray in the x-z plane."""
     t, cells = 0.0, []
     while True:
@@ -29,7 +32,7 @@ def walk(origin, direction, side, columns, bins, bin_height):
         cells.append((ix, iz, t))
 
 
-def side_view(ax, library):
+def side_view(ax: Any, library: PlantLibrary) -> None:
     """One row of columns: what is listed there, what a ray visits."""
     side, columns = library.tile_size / library.columns, library.columns
     bins, step, iy = library.bins, library.bin_height, 11
@@ -85,7 +88,7 @@ def side_view(ax, library):
     )
 
 
-def nearest(library, index, o, d):
+def nearest(library: PlantLibrary, index: np.ndarray, o: np.ndarray, d: np.ndarray) -> float:
     """Distance to the first capsule hit, by sampling the ray (enough for a picture)."""
     t = np.linspace(0, 2.5, 50_001)
     p = o + t[:, None] * d
@@ -101,7 +104,7 @@ def nearest(library, index, o, d):
     return best
 
 
-def tile_view(ax):
+def tile_view(ax: Any) -> None:
     """Tiles from above: prototypes, mirrored, and where a ray is looked at closely."""
     rng = np.random.default_rng(3)
     width, height = 8, 5
@@ -122,6 +125,7 @@ def tile_view(ax):
         (1.7, 1.47),
         (0.15, 3.55),
         fontsize=8.5,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 2.0},
         color=INK,
         arrowprops={"arrowstyle": "-", "color": INK, "lw": 0.7},
     )
@@ -130,6 +134,7 @@ def tile_view(ax):
         inside + 0.35 * (end - inside),
         (4.7, 0.45),
         fontsize=8.5,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 2.0},
         color=INK,
         arrowprops={"arrowstyle": "-", "color": INK, "lw": 0.7},
     )

@@ -31,9 +31,13 @@ def capsule_triangles(
     """Capsules as prisms with `rings` per rounded end (0 = flat fans), (m * k, 3, 3) [m].
 
     match_width: widen the prism so that its mean silhouette width is the capsule's (Cauchy: perimeter / pi).
+    A flat end lies pi / 4 of the radius beyond a or b, so that the silhouette's area stays too.
     Works for ends a, b (m, 3) in a frame where the capsule is round.
     """
     frame = _frames(b - a)
+    if not rings:
+        end = 0.25 * np.pi * radius[:, None] * frame[..., 2]
+        a, b = a - end, b + end
     grow = np.pi / (sides * np.sin(np.pi / sides)) if match_width else 1.0
     turn = 2.0 * np.pi * np.arange(sides) / sides
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * grow
