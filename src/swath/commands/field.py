@@ -17,6 +17,10 @@ def add(parsers: Any) -> None:
         "--boundary", type=Path, metavar="F", help="GeoJSON or zipped shapefile of the field"
     )
     imports.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
+    imports.add_argument(
+        "--grain-g-per-stem", type=float, metavar="G", help="grain on a stem [g], for stems from the yield"
+    )
+    imports.add_argument("--crop-height-m", type=float, metavar="H", help="height of the crop [m]")
     imports.set_defaults(run=run_import)
     shows = verbs.add_parser("show", help="draw a field folder as a picture")
     shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
@@ -27,10 +31,21 @@ def run_import(args: argparse.Namespace) -> int:
     """Make the folder and say what came out."""
     from rich.console import Console
 
-    from swath.field.io.importer import import_log
+    from swath.core.errors import InputError
+    from swath.field.io.importer import Settings, import_log
+    from swath.sim.pass_scenario import write_pass_scenario
 
-    report = import_log(args.log, args.out, dem=args.dem, boundary=args.boundary, columns=args.columns)
-    Console().print(report)
+    given = {"grain_g_per_stem": args.grain_g_per_stem, "crop_height_m": args.crop_height_m}
+    settings = Settings(**{key: value for key, value in given.items() if value is not None})
+    files = {"dem": args.dem, "boundary": args.boundary, "columns": args.columns}
+    report = import_log(args.log, args.out, **files, settings=settings)
+    console = Console()
+    console.print(report)
+    try:
+        write_pass_scenario(args.out)
+        console.print(f"drive along one of its passes: swath run {args.out}", highlight=False)
+    except InputError as error:
+        console.print(f"no scenario written: {error}", highlight=False)
     return 0
 
 

@@ -50,12 +50,17 @@ class Teeth:
 
 @dataclass(frozen=True)
 class BrokenEdge:
-    """The edge as it stands in the field at the start. stubble: code of the cut side [cm]."""
+    """The edge as it stands in the field at the start.
+
+    stubble: code of the cut side [cm]; begin: where along the edge the crop begins [m], before it lies the
+    headland, cut as the cut side is
+    """
 
     shape: EdgeShape
     stubble: int
     gaps: tuple[Gap, ...] = ()
     teeth: Teeth | None = None
+    begin: float = -np.inf
 
     def code(self, x: Array, y: Array) -> NDArray[np.int16]:
         """Code of world points: STANDING, or the height of what was left there [cm]."""
@@ -65,6 +70,7 @@ class BrokenEdge:
         codes = np.where(inside >= bite, STANDING, self.stubble).astype(np.int16)
         for gap in self.gaps:
             codes[(inside >= 0.0) & (inside < gap.depth) & (s >= gap.start) & (s < gap.end)] = gap.code
+        codes[s < self.begin] = self.stubble
         return codes
 
     def code_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
@@ -73,6 +79,16 @@ class BrokenEdge:
         deep = max([0.0, *(g.depth for g in self.gaps)])
         deep = max(deep, self.teeth.amplitude if self.teeth is not None else 0.0)
         codes = np.full(distance.shape, -1, np.int16)
-        codes[distance > radius + deep] = STANDING
+        codes[(distance > radius + deep) & ~self._may_be_headland(x, y, radius)] = STANDING
         codes[distance < -radius] = self.stubble
         return codes
+
+    def _may_be_headland(self, x: Array, y: Array, radius: float) -> NDArray[np.bool_]:
+        """False where the headland is farther away than the radius [m]."""
+        if not np.isfinite(self.begin):
+            return np.zeros(np.shape(x), dtype=bool)
+        s, _ = self.shape.project(x, y)
+        heading = float(self.shape.heading_at(self.begin))
+        px, py = self.shape.point_at(self.begin)
+        beyond = (x - px) * np.cos(heading) + (y - py) * np.sin(heading)
+        return np.asarray((s < self.begin) | (np.abs(beyond) <= radius))

@@ -49,9 +49,12 @@ class TeethParams:
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeCommon:
-    """crop_side: of the edge as it is driven; stubble_height_m: on its other side."""
+    """crop_side: of the edge as it is driven; stubble_height_m: on its other side, and on the headland;
+    crop_begins_m: where along the edge the crop begins, before it lies the headland; none = everywhere.
+    """
 
     crop_side: Literal["left", "right"] = "right"
+    crop_begins_m: Metres | None = 0.0
     stubble_height_m: Height = 0.15
     gaps: tuple[GapParams, ...] = ()
     teeth: TeethParams | None = None
@@ -129,7 +132,8 @@ def make_edge(params: Any, setup: FieldSetup) -> BrokenEdge:
         t = params.teeth
         teeth = Teeth(t.amplitude_m, t.wavelength_m, t.kind, stream.child("teeth").integer())
     shape = EdgeShape(_pieces(params, setup), params.crop_side)
-    return BrokenEdge(shape, _code(params.stubble_height_m), gaps, teeth)
+    begin = -np.inf if params.crop_begins_m is None else params.crop_begins_m
+    return BrokenEdge(shape, _code(params.stubble_height_m), gaps, teeth, begin)
 
 
 def _code(height: float) -> int:

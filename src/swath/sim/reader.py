@@ -18,7 +18,7 @@ from swath.sim.yamlfile import Document, KeyPath
 
 TOP_KEYS = ("name", "summary", "seed", "run", "field", "expect")
 FIELD_KEYS = ("folder", "terrain", "stand", "edge", "obstacles", "boundary")
-MACHINE_KEYS = ("machine", "start", "edge_side")
+MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side")
 CARDS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
 _MACHINE_NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")
 

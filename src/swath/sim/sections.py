@@ -87,6 +87,9 @@ class MachineCommon(BaseModel):
     machine: Annotated[str, Field(description="name in data/machines, or your own YAML file")] = (
         "lexion-700-class"
     )
+    header_width_m: Annotated[
+        float | None, Field(ge=0.5, le=30, description="of another header on the same machine [m]")
+    ] = None
     edge_side: Annotated[
         Literal["left", "right"], Field(description="the end of the header that follows the edge")
     ] = "left"

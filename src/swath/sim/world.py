@@ -120,7 +120,7 @@ class Site:
 
 
 def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[Node]]:
-    card = load_machine(section.card.as_posix())
+    card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
     _check_side(section, site.field)
     start = _start(section, site.field, card)
     site.bodies.add(section.name, machine_body(card), start)
