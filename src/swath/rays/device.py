@@ -22,7 +22,7 @@ def start_warp() -> Any:
         wp.config.log_level = wp.LOG_ERROR
     else:
         wp.config.quiet = True
-    if "WARP_CACHE_PATH" not in os.environ and not _is_writable(Path.home() / ".cache"):
+    if "WARP_CACHE_PATH" not in os.environ and not _is_writable(_user_cache()):
         folder = (
             Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
         )
@@ -61,6 +61,13 @@ def _quiet_stderr() -> Iterator[None]:
 
 
 def _is_writable(folder: Path) -> bool:
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    return os.access(folder, os.W_OK | os.X_OK)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _user_cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~"), ".cache"))
