@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from swath.control.edge._profile import Reach, make_profile
-from swath.core.registry import Registry
+from swath.core.component import Outputs
 from swath.sim.loop import drive
 from swath.sim.scenario import load_scenario
 from swath.sim.world import assemble
@@ -18,7 +18,7 @@ from swath.sim.world import assemble
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests" / "control"))
 
-from closed_loop import Course, Loop
+from closed_loop import Course, Loop  # noqa: E402
 
 CROP, STUBBLE, EDGE, TRUTH = "#2a7f3e", "#b07d2b", "#c2185b", "#333333"
 
@@ -26,9 +26,9 @@ CROP, STUBBLE, EDGE, TRUTH = "#2a7f3e", "#b07d2b", "#c2185b", "#333333"
 def profile_figure() -> None:
     """A scan of the scenario `straight` after 20 m, with what the detector makes of it."""
     world = assemble(load_scenario("straight"))
-    seen = {}
+    seen: Outputs = {}
 
-    def look(slot, t, outputs):
+    def look(slot: str, t: int, outputs: Outputs) -> None:
         seen.update(outputs)
 
     drive(world, [look], until_s=10.0)
