@@ -1,8 +1,8 @@
 """Level `penetration`: how tall and how dense the crop ahead stands, from how far a laser gets into it.
 
-Where stems stand at random, the way of a beam from the top of the canopy to its first hit is exponential; some
-beams reach the ground without one. The most likely extinction then is hits / sum of all ways (exponential sample
-with censoring). It grows in proportion to stems per m2; the factor is the speed law's to learn.
+Where stems stand at random, the way of a beam through the canopy to its first hit is exponential; some beams reach
+the ground without one. The most likely extinction then is hits / sum of all ways (exponential sample with
+censoring). The top of a canopy is ragged, so ways count from a plane within it: an exponential has no memory.
 """
 
 from dataclasses import dataclass
@@ -21,11 +21,14 @@ from swath.core.signals import F64, CropAhead, Scan
 
 @dataclass(frozen=True)
 class Params:
-    """top_percentile: of the echoes' heights, taken as the top of the canopy; ground_m: echoes below it have
-    passed through the crop; margin_m: left out at both ends of the header; least_echoes: fewer say nothing
+    """top_percentile: of the echoes' heights, taken as the top of the canopy; plane_percentile: of the heights
+    of those in the crop, the plane from which ways count
+    ground_m: echoes below it have passed through the crop; margin_m: left out at both ends of the header;
+    least_echoes: fewer say nothing
     """
 
     top_percentile: Annotated[float, Gt(50), Le(100)] = 95.0
+    plane_percentile: Annotated[float, Gt(5), Le(95)] = 30.0
     ground_m: Annotated[float, Ge(0), Le(1)] = 0.1
     margin_m: Annotated[float, Ge(0), Le(3)] = 0.5
     least_echoes: Annotated[int, Ge(5), Le(10_000)] = 30
@@ -71,20 +74,19 @@ class Penetration:
         """Nothing to restore."""
 
     def _sample(self, t: int, points: F64, top: float) -> CropAhead:
-        origin = self._mounting.position
-        drop = origin[2] - points[:, 2]
-        crop = (drop > 1e-3) & (origin[2] > top)
-        if top <= self._p.ground_m or np.count_nonzero(crop) < self._p.least_echoes:
+        origin, ground = self._mounting.position, self._p.ground_m
+        if not ground < top < origin[2]:
             return _nothing(t)
-        points, drop = points[crop], drop[crop]
-        share = np.clip((top - points[:, 2]) / drop, 0.0, 1.0)  # of the beam that lies in the canopy
-        way = share * np.linalg.norm(points - origin, axis=1)
-        hits = np.count_nonzero(points[:, 2] > self._p.ground_m)
-        total = float(way.sum())
-        if hits == 0 or total <= 0.0:
+        in_crop = points[points[:, 2] > ground]
+        plane = float(np.percentile(in_crop[:, 2], self._p.plane_percentile))
+        deeper = points[points[:, 2] < plane]
+        hits = np.count_nonzero(deeper[:, 2] > ground)
+        if hits < self._p.least_echoes // 2:
             return _nothing(t)
-        entry = points[:, 0] - share * (points[:, 0] - origin[0])
-        return CropAhead(t, float(np.median(entry)), top, hits / total)
+        share = (plane - deeper[:, 2]) / (origin[2] - deeper[:, 2])  # of the beam that lies below the plane
+        way = share * np.linalg.norm(deeper - origin, axis=1)
+        entry = deeper[:, 0] - share * (deeper[:, 0] - origin[0])
+        return CropAhead(t, float(np.median(entry)), top, hits / float(way.sum()))
 
 
 def _nothing(t: int) -> CropAhead:

@@ -4,6 +4,7 @@ It sees a change only after the crop has been cut and has come to the sensor in 
 """
 
 from dataclasses import dataclass
+from math import expm1
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -18,16 +19,22 @@ from swath.core.signals import EngineState, FeedReading, SpeedCommand
 from swath.core.units import KMH
 
 
+APART = 0.05  # command and wish may differ by this share before the integration waits
+
+
 @dataclass(frozen=True, kw_only=True)
 class Params(Common):
-    """gain: of the free share on the speed; reset_s: time of the integration."""
+    """gain: of the free share on the speed; reset_s: time of the integration; smooth_s: time constant of a low
+    pass on the free share, so that the noise of sensors does not shake the drive
+    """
 
-    gain: Annotated[float, Ge(0), Le(5)] = 0.4
+    gain: Annotated[float, Ge(0), Le(5)] = 0.5
     reset_s: Annotated[float, Gt(0), Le(100)] = 6.0
+    smooth_s: Annotated[float, Ge(0), Le(20)] = 0.5
 
 
 class FeedRate:
-    """PI in its velocity form: the command itself is the integral, so ramps and bounds cannot wind it up."""
+    """PI on the share of the throughput that is free; the integral waits while a ramp or bound holds."""
 
     inputs = (Port("feed", FeedReading, optional=True), Port("engine", EngineState, optional=True))
     outputs = (Port("command", SpeedCommand),)
@@ -37,8 +44,8 @@ class FeedRate:
 
     def reset(self, stream: Stream) -> Outputs:
         """Entry speed."""
-        self._speed = self._p.entry_speed_kmh * KMH
-        self._before: float | None = None
+        self._speed = self._base = self._p.entry_speed_kmh * KMH
+        self._free = 0.0
         return {"command": SpeedCommand(0, self._speed)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -46,21 +53,24 @@ class FeedRate:
         p, h = self._p, dt / NS
         free = room(p, inputs["feed"], inputs["engine"])
         if free is None or not has_crop(p, inputs["feed"]):
-            wanted, self._before = p.entry_speed_kmh * KMH, None
+            self._base, self._free = p.entry_speed_kmh * KMH, 0.0
         else:
-            before = free if self._before is None else self._before
-            wanted = self._speed * (1.0 + p.gain * (free - before) + h / p.reset_s * free)
-            self._before = free
+            new = 1.0 if p.smooth_s <= 0.0 else -expm1(-h / p.smooth_s)
+            self._free += new * (free - self._free)
+        wanted = self._base * (1.0 + p.gain * self._free)
         self._speed = ramped(p, self._speed, wanted, h)
+        apart = wanted - self._speed
+        if abs(apart) <= APART * self._speed or apart * self._free < 0.0:
+            self._base *= 1.0 + h / p.reset_s * self._free
         return {"command": SpeedCommand(t + dt, self._speed)}
 
     def save(self) -> State:
-        """The command and the last error."""
-        return {"speed": self._speed, "before": self._before}
+        """Command, integral and smoothed free share."""
+        return {"speed": self._speed, "base": self._base, "free": self._free}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._speed, self._before = state["speed"], state["before"]
+        self._speed, self._base, self._free = state["speed"], state["base"], state["free"]
 
 
 LEVEL = Level(

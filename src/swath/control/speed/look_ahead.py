@@ -28,12 +28,13 @@ SPACING = 0.25  # between remembered places [m]
 @dataclass(frozen=True, kw_only=True)
 class Params(Common):
     """sensor_delay_s: from the knife to the throughput sensor; lead_s: how much earlier to act, for the drive
-    learn_m: way over which the factor is learned; power: throughput goes with amount^power, below 1 where
+    smooth_m: way over which what is seen is averaged; learn_m: way over which the factor is learned; power: throughput goes with amount^power, below 1 where
     dense crop hides itself
     """
 
     sensor_delay_s: Annotated[float, Ge(0), Le(20)] = 2.8
     lead_s: Annotated[float, Ge(0), Le(5)] = 1.2
+    smooth_m: Annotated[float, Ge(0), Le(50)] = 2.5
     learn_m: Annotated[float, Gt(0), Le(1000)] = 15.0
     power: Annotated[float, Gt(0), Le(3)] = 1.0
 
@@ -58,7 +59,8 @@ class LookAhead:
         """Entry speed, nothing seen, nothing learned."""
         self._speed = self._p.entry_speed_kmh * KMH
         self._way, self._seen_t = 0.0, -1
-        self._places: deque[tuple[float, float]] = deque(maxlen=KEPT)  # way of the knife, amount
+        self._raw: deque[tuple[float, float]] = deque(maxlen=KEPT)  # way of the knife, amount there
+        self._places: deque[tuple[float, float]] = deque(maxlen=KEPT)  # the same, smoothed
         self._past: deque[tuple[int, float]] = deque(maxlen=KEPT)  # time, amount cut per second
         self._sums = (0.0, 0.0)
         return {"command": SpeedCommand(0, self._speed)}
@@ -80,6 +82,7 @@ class LookAhead:
             "speed": self._speed,
             "way": self._way,
             "seen_t": self._seen_t,
+            "raw": np.array(self._raw, dtype=float).reshape(-1, 2),
             "places": np.array(self._places, dtype=float).reshape(-1, 2),
             "past_t": np.array([t for t, _ in self._past], dtype=np.int64),
             "past": np.array([a for _, a in self._past], dtype=float),
@@ -89,6 +92,7 @@ class LookAhead:
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._speed, self._way, self._seen_t = state["speed"], state["way"], state["seen_t"]
+        self._raw = deque(((a, b) for a, b in state["raw"].tolist()), maxlen=KEPT)
         self._places = deque(((a, b) for a, b in state["places"].tolist()), maxlen=KEPT)
         past = zip(state["past_t"].tolist(), state["past"].tolist(), strict=True)
         self._past = deque(past, maxlen=KEPT)
@@ -110,9 +114,11 @@ class LookAhead:
             return
         self._seen_t = t
         place = self._way + at - self._knife
-        if self._places and place - self._places[-1][0] < SPACING:
+        if self._raw and place - self._raw[-1][0] < SPACING:
             return
-        self._places.append((place, max(amount, 0.0) ** self._p.power))
+        self._raw.append((place, max(amount, 0.0) ** self._p.power))
+        near = [a for s, a in self._raw if s > place - self._p.smooth_m]
+        self._places.append((place - 0.5 * self._p.smooth_m, sum(near) / len(near)))
 
     def _learn(self, t: int, speed: float, feed: FeedReading | None, h: float) -> None:
         """Compare what is measured now with what was cut when that crop came in."""

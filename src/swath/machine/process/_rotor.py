@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from swath.core.component import State
 
 Array = NDArray[np.float64]
-PLACE, EAR, FREE, STRAW, FED, LAYER = range(6)  # columns of the parcels
+LEAD, WIDTH, EAR, FREE, STRAW, FED, LAYER = range(7)  # columns of the parcels; lead and width of the length
 
 
 def coupled(ear: Any, free: Any, threshing: Any, separation: Any) -> tuple[Any, Any]:
@@ -44,6 +44,8 @@ def coupled_one(ear: float, free: float, threshing: float, separation: float) ->
 class Rotor:
     """Parcels of crop on their way through the rotors; each parcel of one step is exact on its own.
 
+    A parcel has a lead and a width; it is threshed until its lead comes to the end, then leaves bit by bit.
+
     threshing, separation: rates over the whole length at the nominal layer; exponent: both go with
     layer^-exponent; passage: time through it at nominal speed [s]
     """
@@ -54,7 +56,7 @@ class Rotor:
 
     def clear(self) -> None:
         """Empty it."""
-        self._parcels = np.zeros((0, 6))
+        self._parcels = np.zeros((0, 7))
 
     def advance(
         self, crop: tuple[float, float, float, float], *, layer: float, dt: float, ratio: float, ease: float
@@ -65,22 +67,26 @@ class Rotor:
         layer: thickness of what enters, 1 = nominal; ratio: rotor speed over nominal; ease: factor on both
         rates. Returns the grain separated [kg] and what leaves [kg], shape (4,) as `crop`
         """
-        parcels = self._parcels
+        parcels, way = self._parcels, dt * ratio / self._passage
         if any(crop):
-            parcels = np.concatenate([parcels, np.array([[0.0, *crop, max(layer, 1e-3)]])])
-        if len(parcels) == 0 or ratio <= 0.0:
-            self._parcels = parcels
+            parcels = np.concatenate([parcels, np.array([[0.0, way, *crop, max(layer, 1e-3)]])])
+        if len(parcels) == 0:
             return 0.0, np.zeros(4)
-        way = np.minimum(dt * ratio / self._passage, 1.0 - parcels[:, PLACE])
-        scale = way * ease * parcels[:, LAYER] ** -self._exponent
+        new = parcels.copy()
+        done = np.minimum(way, 1.0 - parcels[:, LEAD]) * ease * parcels[:, LAYER] ** -self._exponent
         before = parcels[:, EAR] + parcels[:, FREE]
-        u, f = coupled(parcels[:, EAR], parcels[:, FREE], self._rates[0] * scale, self._rates[1] * scale)
-        moved = parcels.copy()
-        moved[:, PLACE] += way
-        moved[:, EAR], moved[:, FREE] = u, f
-        gone = moved[:, PLACE] >= 1.0 - 1e-9
-        self._parcels = moved[~gone]
-        return float((before - u - f).sum()), moved[gone][:, EAR:LAYER].sum(axis=0)
+        u, f = coupled(parcels[:, EAR], parcels[:, FREE], self._rates[0] * done, self._rates[1] * done)
+        new[:, EAR], new[:, FREE] = u, f
+        over = np.maximum(parcels[:, LEAD] + way - 1.0, 0.0)
+        share = np.where(
+            over >= new[:, WIDTH] - 1e-12, np.where(over > 0.0, 1.0, 0.0), over / (new[:, WIDTH] + 1e-300)
+        )
+        new[:, LEAD] = np.minimum(parcels[:, LEAD] + way, 1.0)
+        new[:, WIDTH] -= over
+        leaving = new[:, EAR:LAYER] * share[:, None]
+        new[:, EAR:LAYER] -= leaving
+        self._parcels = new[share < 1.0]
+        return float((before - u - f).sum()), leaving.sum(axis=0)
 
     def held(self) -> tuple[float, float]:
         """Grain and straw in it [kg]."""
