@@ -1,0 +1,45 @@
+"""The circle closed on real stems: the bundled scenarios, shortened, keep the limits they are made for."""
+
+import pytest
+
+from swath.sim.loop import drive
+from swath.sim.scenario import load_scenario
+from swath.sim.world import assemble
+from swath.study.referee import Referee
+
+
+def judged(name, *sets):
+    world = assemble(load_scenario(name, sets=list(sets)))
+    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
+    drive(world, [referee])
+    return referee.metrics()
+
+
+def test_straight_edge_at_7_kmh():
+    m = judged("straight", "run.distance_m=45")
+    assert m["edge_rmse_m"] <= 0.05
+    assert m["lateral_rms_m"] <= 0.05
+    assert m["detection_availability"] > 0.95
+    assert m["mass_balance_error"] < 1e-9
+    assert m["uncut_area_m2"] < 0.05
+
+
+def test_bend_of_40_m_radius():
+    m = judged("bend", "run.distance_m=50", "field.edge.run_in_m=10")
+    assert m["lateral_p95_m"] <= 0.20
+    assert m["edge_rmse_m"] <= 0.05
+    assert m["mass_balance_error"] < 1e-9
+
+
+@pytest.mark.parametrize("level", ["kinematic", "single_track"])
+def test_right_header_end_and_every_motion_level(level):
+    m = judged(
+        "straight",
+        "run.distance_m=30",
+        "combine.edge_side=right",
+        "field.edge.crop_side=left",
+        f"combine.motion.level={level}",
+        "combine.lidar.sub_rays=7",
+    )
+    assert m["edge_rmse_m"] <= 0.06
+    assert m["lateral_rms_m"] <= 0.08
