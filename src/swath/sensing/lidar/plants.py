@@ -10,18 +10,16 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import InputError
-from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import F64, MachineState, Scan, ScanTruth, beam_directions
-from swath.core.units import DEG
+from swath.core.signals import F64, MachineState
 from swath.field.site import SiteSetup
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import echo_index, spot_pattern, sub_rays
-from swath.sensing.card import load_lidar
-from swath.sensing.mount import Mount, poses_at
+from swath.sensing.mount import Mount
+from swath.sensing.scanner import Scanner
 
 
 @dataclass(frozen=True)
@@ -55,41 +53,23 @@ class PlantsLidar:
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.params = params
         self.setup = setup
-        self.card = load_lidar(params.sensor, setup.base)
-        self.mounting = params.mount.pose(setup.machine, setup.edge_side)
+        self.scanner = Scanner(params, setup)
+        self.card, self.mounting = self.scanner.card, self.scanner.mounting
+        self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
         self.ray_count = 0
-        first, last = _sector(params, self.card.fov)
-        step = self.card.step if params.step_deg is None else params.step_deg * DEG
-        azimuth = self.card.azimuths(first, last, step)
-        lines = self.card.line_elevation
-        self.azimuth = np.repeat(azimuth, len(lines))
-        self.elevation = np.tile(lines, len(azimuth))
         if len(self.azimuth) * params.sub_rays > 4_000_000:
             raise InputError("sub_rays", params.sub_rays, "expected at most 4 million rays per scan")
-        self.beam_t = (self.azimuth - azimuth[-1]) / (2 * np.pi) * setup.period
         self.pattern = spot_pattern(params.sub_rays, self.card.beam.profile)
-        self.axes = _beam_axes(self.azimuth, self.elevation)
         self.caster = RayCaster(setup.field)
         self._last: MachineState | None = None
-        shape = (len(self.azimuth),)
-        self.inputs = (Port("state", MachineState, history=True),)
-        self.outputs = (Port("scan", Scan, unit="m", shape=shape), Port("truth", ScanTruth))
-        if self.mounting.position[2] <= 0:
-            raise InputError("mount.z_m", params.mount.z_m, "expected a sensor above the ground")
+        self.inputs, self.outputs = self.scanner.inputs, self.scanner.outputs
 
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan; draws the constant range bias of this instance, uniform in the data sheet's band."""
         self._stream = stream
         self._last = None
         self.ray_count = 0
-        band = self.card.systematic if self.params.noise == "data_sheet" else 0.0
-        self._bias = float(stream.at(0).uniform(-band, band))
-        nothing = np.full((len(self.azimuth), 1), np.nan, np.float32)
-        empty = np.full((len(self.azimuth), 1, 3), np.nan)
-        return {
-            "scan": Scan(0, self.beam_t, self.azimuth, self.elevation, nothing, nothing),
-            "truth": ScanTruth(0, empty, empty[:, 0]),
-        }
+        return self.scanner.reset(stream)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The sweep that ends at t + dt, every beam from where the sensor was at its own time."""
@@ -98,8 +78,7 @@ class PlantsLidar:
         if states:
             self._last = states[-1]
         end = t + dt
-        position, rotation = poses_at(known, end + self.beam_t * 1e9)
-        return self.scan_from(end, *mounted(position, rotation, self.mounting))
+        return self.scan_from(end, *self.scanner.sweep(known, end))
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
@@ -110,11 +89,11 @@ class PlantsLidar:
         pattern = self.pattern[None]
         if self.params.spot == "random":
             pattern = _turned(self.pattern, rng.uniform(0, 2 * np.pi, beams))
-        starts, directions = sub_rays(origins, rotations @ self.axes, self.card.beam, pattern)
+        starts, directions = sub_rays(origins, rotations @ self.scanner.axes, self.card.beam, pattern)
         hits = self.caster.cast(
             starts.reshape(-1, 3),
             directions.reshape(-1, 3),
-            range_max=min(self.params.reach_m, self.card.range_max),
+            range_max=self.scanner.reach,
             solids=self.setup.solids(),
         )
         self.ray_count += beams * subs
@@ -125,23 +104,12 @@ class PlantsLidar:
         true_range = np.where(chosen >= 0, distance[row, chosen], np.nan)
         energy = np.where(np.isnan(distance), 0.0, (hits.reflectance * hits.cosine).reshape(beams, subs))
         intensity = energy.mean(axis=1)
-        with np.errstate(invalid="ignore"):
-            is_seen = intensity / 0.1 * (self.card.range_10 / true_range) ** 2 >= 1.0
-        measured = np.where(is_seen, self._measure(true_range, rng), np.nan)
+        is_seen = self.scanner.is_seen(true_range, intensity)
+        measured = np.where(is_seen, self.scanner.measure(true_range, rng), np.nan)
         points = starts[row, chosen] + true_range[:, None] * directions[row, chosen]
         points[~is_seen] = np.nan
         echo = np.where(np.isnan(measured), np.nan, intensity)
-        return {
-            "scan": Scan(
-                t,
-                self.beam_t,
-                self.azimuth,
-                self.elevation,
-                measured[:, None].astype(np.float32),
-                echo[:, None].astype(np.float32),
-            ),
-            "truth": ScanTruth(t, points[:, None, :], origins),
-        }
+        return self.scanner.outputs_of(t, measured, echo, points, origins)
 
     def save(self) -> State:
         """The last pose and the ray counter; constants follow from the stream."""
@@ -151,36 +119,6 @@ class PlantsLidar:
         """Back to a saved moment."""
         self._last = state["last"]
         self.ray_count = state["ray_count"]
-
-    def _measure(self, true_range: F64, rng: np.random.Generator) -> F64:
-        if self.params.noise == "none":
-            return true_range
-        sigma = self.card.noise_sigma(np.nan_to_num(true_range))
-        noisy = true_range + self._bias + sigma * rng.standard_normal(len(true_range))
-        step = self.card.resolution
-        return np.round(noisy / step) * step if step > 0 else noisy
-
-
-def mounted(position: F64, rotation: F64, mounting: Pose) -> tuple[F64, F64]:
-    """Sensor origins (n, 3) and rotations (n, 3, 3) in the world from machine poses and the mounting."""
-    return position + rotation @ mounting.position, rotation @ mounting.rotation
-
-
-def _sector(params: Params, fov: tuple[float, float]) -> tuple[float, float]:
-    if params.sector_deg is None:
-        return fov
-    first, last = (a * DEG for a in params.sector_deg)
-    if not fov[0] - 1e-9 <= first < last <= fov[1] + 1e-9:
-        wide = f"[{fov[0] / DEG:g}, {fov[1] / DEG:g}]"
-        raise InputError("sector_deg", list(params.sector_deg), f"expected [first, last] within {wide}")
-    return first, last
-
-
-def _beam_axes(azimuth: F64, elevation: F64) -> F64:
-    """Beam frames in the sensor frame, shape (n, 3, 3): columns beam direction, across (left), along (up)."""
-    forward = beam_directions(azimuth, elevation)
-    across = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=1)
-    return np.stack([forward, across, np.cross(forward, across)], axis=2)
 
 
 def _turned(pattern: F64, angle: F64) -> F64:

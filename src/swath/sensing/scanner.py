@@ -1,0 +1,143 @@
+"""A scanner on its machine: what every LiDAR level shares, whatever it looks at.
+
+Beams of a sweep, where each starts, ports, and what the electronics add to a distance. A level decides only
+which distance a beam has.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from swath.core.component import Outputs, Port
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.signals import F64, MachineState, Scan, ScanTruth, beam_directions
+from swath.core.units import DEG
+from swath.field.site import SiteSetup
+from swath.sensing.card import load_lidar
+from swath.sensing.mount import Mount, poses_at
+
+WHITE_SHARE = 0.1  # diffuse reflectance that the data sheet's reach refers to
+
+
+class ScannerParams(Protocol):
+    """The parameters that all LiDAR levels have; their meaning as in `lidar/plants.py`."""
+
+    @property
+    def sensor(self) -> str:
+        """Card of the scanner."""
+
+    @property
+    def mount(self) -> Mount:
+        """Where it sits."""
+
+    @property
+    def sector_deg(self) -> tuple[float, float] | None:
+        """First and last azimuth."""
+
+    @property
+    def step_deg(self) -> float | None:
+        """Angle between beams."""
+
+    @property
+    def reach_m(self) -> float:
+        """Rays are not followed further."""
+
+    @property
+    def noise(self) -> str:
+        """`data_sheet` or `none`."""
+
+
+class Scanner:
+    """card: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,)
+
+    axes: beam frames in the sensor frame, (beam_count, 3, 3), columns beam direction, across (left), along
+    line_count: beams that share an azimuth; reach: no echo comes from further away [m]
+    """
+
+    def __init__(self, params: ScannerParams, setup: SiteSetup) -> None:
+        self.params, self.setup = params, setup
+        self.card = load_lidar(params.sensor, setup.base)
+        self.mounting = params.mount.pose(setup.machine, setup.edge_side)
+        if self.mounting.position[2] <= 0:
+            raise InputError("mount.z_m", params.mount.z_m, "expected a sensor above the ground")
+        first, last = _sector(params.sector_deg, self.card.fov)
+        self.step = self.card.step if params.step_deg is None else params.step_deg * DEG
+        azimuth = self.card.azimuths(first, last, self.step)
+        lines = self.card.line_elevation
+        self.line_count = len(lines)
+        self.azimuth = np.repeat(azimuth, len(lines))
+        self.elevation = np.tile(lines, len(azimuth))
+        self.beam_t = (self.azimuth - azimuth[-1]) / (2 * np.pi) * setup.period
+        self.axes = _beam_axes(self.azimuth, self.elevation)
+        self.reach = min(params.reach_m, self.card.range_max)
+        self.inputs = (Port("state", MachineState, history=True),)
+        self.outputs = (
+            Port("scan", Scan, unit="m", shape=(len(self.azimuth),)),
+            Port("truth", ScanTruth),
+        )
+        self._bias = 0.0
+
+    def reset(self, stream: Stream) -> Outputs:
+        """An empty scan; draws the constant range bias of this instance, uniform in the data sheet's band."""
+        band = self.card.systematic if self.params.noise == "data_sheet" else 0.0
+        self._bias = float(stream.at(0).uniform(-band, band))
+        nothing = np.full(len(self.azimuth), np.nan)
+        points = np.full((len(self.azimuth), 3), np.nan)
+        return self.outputs_of(0, nothing, nothing, points, points.copy())
+
+    def sweep(self, states: tuple[MachineState, ...], end: int) -> tuple[F64, F64]:
+        """Sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world, each beam at its own
+        time of the sweep that ends at `end` [ns]."""
+        position, rotation = poses_at(states, end + self.beam_t * 1e9)
+        return mounted(position, rotation, self.mounting)
+
+    def is_seen(self, true_range: F64, intensity: F64) -> np.ndarray:
+        """Does enough light come back? Reach goes with the root of the intensity."""
+        with np.errstate(invalid="ignore"):
+            seen = intensity / WHITE_SHARE * (self.card.range_10 / true_range) ** 2 >= 1.0
+        return np.asarray(seen)
+
+    def measure(self, true_range: F64, rng: np.random.Generator) -> F64:
+        """True ranges [m] as reported: constant bias, noise, resolution."""
+        if self.params.noise == "none":
+            return true_range
+        sigma = self.card.noise_sigma(np.nan_to_num(true_range))
+        noisy = true_range + self._bias + sigma * rng.standard_normal(len(true_range))
+        step = self.card.resolution
+        return np.round(noisy / step) * step if step > 0 else noisy
+
+    def outputs_of(self, t: int, ranges: F64, intensity: F64, points: F64, origins: F64) -> Outputs:
+        """The two outputs of a scan with one echo per beam; nan = no echo."""
+        scan = Scan(
+            t,
+            self.beam_t,
+            self.azimuth,
+            self.elevation,
+            ranges[:, None].astype(np.float32),
+            intensity[:, None].astype(np.float32),
+        )
+        return {"scan": scan, "truth": ScanTruth(t, points[:, None, :], origins)}
+
+
+def mounted(position: F64, rotation: F64, mounting: Pose) -> tuple[F64, F64]:
+    """Sensor origins (n, 3) and rotations (n, 3, 3) in the world from machine poses and the mounting."""
+    return position + rotation @ mounting.position, rotation @ mounting.rotation
+
+
+def _sector(sector_deg: tuple[float, float] | None, fov: tuple[float, float]) -> tuple[float, float]:
+    if sector_deg is None:
+        return fov
+    first, last = (a * DEG for a in sector_deg)
+    if not fov[0] - 1e-9 <= first < last <= fov[1] + 1e-9:
+        wide = f"[{fov[0] / DEG:g}, {fov[1] / DEG:g}]"
+        raise InputError("sector_deg", list(sector_deg), f"expected [first, last] within {wide}")
+    return first, last
+
+
+def _beam_axes(azimuth: F64, elevation: F64) -> F64:
+    """Beam frames in the sensor frame, shape (n, 3, 3): columns beam direction, across (left), along (up)."""
+    forward = beam_directions(azimuth, elevation)
+    across = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=1)
+    return np.stack([forward, across, np.cross(forward, across)], axis=2)
