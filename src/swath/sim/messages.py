@@ -120,7 +120,7 @@ class Messenger:
         if not is_plane or scan.ranges.shape[1] > 1:
             points, beams = _flatten(scan.points())
             echo, beam = beams["echo"], beams["beam"]
-            cloud = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2]}
+            cloud: dict[str, NDArray[Any]] = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2]}
             cloud |= {"intensity": scan.intensity[beam, echo], "time": scan.beam_t[beam], **beams}
             self.file.write(f"{topic}_points", t, self._cloud(scan.t, frame, cloud))
 
