@@ -8,9 +8,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import cutting
 import drive
+import machine
 import rays
 
-BENCHMARKS = {"rays": rays.main, "cutting": cutting.main, "drive": drive.main}
+BENCHMARKS = {"rays": rays.main, "cutting": cutting.main, "drive": drive.main, "machine": machine.main}
 
 
 def main() -> None:

@@ -56,8 +56,9 @@ def test_single_track_turns_like_the_multibody(degrees, speed, grain):
         turn(m, speed, math.radians(degrees)) for m in levels(speed, grain)
     )
     print(
-        f"{degrees:.0f} deg, {speed} m/s, {grain:.0f} kg: single track {single_gain / gain - 1:+.2%} yaw gain, "
-        f"{single_aside / aside - 1:+.2%} aside; kinematic {plain_gain / gain - 1:+.2%}, "
+        f"{degrees:.0f} deg, {speed} m/s, {grain:.0f} kg: "
+        f"single track {single_gain / gain - 1:+.2%} yaw gain, {single_aside / aside - 1:+.2%} aside; "
+        f"kinematic {plain_gain / gain - 1:+.2%}, "
         f"{plain_aside / aside - 1:+.2%}"
     )
     assert single_gain == pytest.approx(gain, rel=0.015)

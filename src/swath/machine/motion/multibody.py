@@ -28,7 +28,7 @@ from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
 from swath.machine.tyre import GRAVITY
 
-LOOK = 0.01  # the ground under the wheels is read at least this often [s]
+LOOK = 0.01  # the ground under the wheels is read this often [s]
 DRIVE_FREQUENCY, DRIVE_DAMPING = 70.0, 0.4  # of a driven or locked wheel on oil and shafts [rad/s, ratio]
 GRAIN_STEP = 1.0  # the model's masses follow the tank in steps of this [kg]
 SETTLE = 600  # steps in which the machine sinks into its tyres at the start
@@ -112,7 +112,7 @@ class Multibody:
         self.wheels.reset()
         self._fill(p.grain_kg)
         self._lift = self._tilt = self._distance = 0.0
-        self._aim, self._parked = 0.0, True
+        self._aim, self._parked, self._unseen = 0.0, True, LOOK
         self._angles = [0.0, 0.0]
         x, y = float(self._start.position[0]), float(self._start.position[1])
         yaw = self._start.euler()[2]
@@ -126,10 +126,11 @@ class Multibody:
     def _settle(self, x: float, y: float) -> None:
         """Let the machine sink until it rests; then back to x, y [m]."""
         for _ in range(SETTLE):
-            self._substep(SETTLE_STEP, 0.0, look=True)
+            self._substep(SETTLE_STEP, 0.0)
             self._data.qvel *= 0.96
         self._data.qvel[:] = 0.0
         self._data.qpos[:2] = x, y
+        self._unseen = LOOK
 
     def _roll(self, speed: float) -> None:
         """Move straight on at a speed [m/s]."""
@@ -154,12 +155,11 @@ class Multibody:
             self._fill(max(load.tank_grain - load.unloaded_grain, 0.0))
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
-        every = max(1, int(LOOK / h))
         self._data.qpos[self._driven_q] = (*self._ackermann(steer), self._lift, self._tilt)
         self._data.qvel[self._driven] = 0.0
         before = self._ground_speed()
-        for i in range(count):
-            self._substep(h, wanted, look=i % every == 0)
+        for _ in range(count):
+            self._substep(h, wanted)
         self._distance += 0.5 * (before + self._ground_speed()) * dt / NS
         return self._output(t + dt, steer)
 
@@ -174,6 +174,7 @@ class Multibody:
             "angles": list(self._angles),
             "header": (self._lift, self._tilt),
             "distance": self._distance,
+            "unseen": self._unseen,
         }
 
     def load(self, state: State) -> None:
@@ -184,7 +185,7 @@ class Multibody:
         self.wheels.load(state["wheels"])
         self._aim, self._parked, self._angles = state["aim"], state["parked"], list(state["angles"])
         self._lift, self._tilt = state["header"]
-        self._distance = state["distance"]
+        self._distance, self._unseen = state["distance"], state["unseen"]
 
     def _state(self) -> Any:
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
@@ -210,13 +211,15 @@ class Multibody:
         m.body_inertia[body] = np.array([w2 + h2, l2 + h2, l2 + w2]) * mass / 12.0
         self._mj.mj_setConst(m, self._spare)
 
-    def _substep(self, h: float, wanted: float, *, look: bool) -> None:
+    def _substep(self, h: float, wanted: float) -> None:
         mj, m, d = self._mj, self._model, self._data
         m.opt.timestep = h
         mj.mj_step1(m, d)
         middles, axes = d.xpos[self._bodies], d.xmat[self._bodies][:, 1::3]
-        if look:
+        if self._unseen >= LOOK - 1e-9:
+            self._unseen = 0.0
             self.wheels.look(middles, axes)
+        self._unseen += h
         motion = d.cvel[self._carriers]
         turns, arms = motion[:, :3], middles - d.subtree_com[self._chassis]
         speeds = motion[:, 3:] + _cross(turns, arms)
@@ -346,6 +349,6 @@ LEVEL = Level(
     Multibody,
     Params,
     summary="bodies, pendulum axle, four wheels with load shift on rough ground, grain in the tank (MuJoCo)",
-    cost="",
-    tolerance="",
+    cost="about 170 us per 5 ms step, 25 times real time at 200 Hz",
+    tolerance="loads, roll-out, crab within 0.1 to 3 % of hand calculation; no real machine measured",
 )

@@ -32,6 +32,8 @@ REACH = 0.65  # the bed reaches this far ahead and behind, over the free radius
 POINTS = 11  # springs along; two across
 FADE_SPEED = 0.1  # rolling resistance grows to its full value up to this rim speed [m/s]
 SINK = 1.0 / 3.0  # rolling radius: free radius less this share of the deflection
+LISTS = ("_along", "_side", "loads", "air_times")
+GROUND = ("_height", "_seen", "_rise_x", "_rise_y", "_basis")
 Array = NDArray[np.float64]
 
 
@@ -108,7 +110,8 @@ class Wheels:
         rise[:, :, -1:] = (lanes[:, :, -1:] - lanes[:, :, -2:-1]) / self._step
         along = rise.reshape(height.shape)
         left = np.tile((lanes[:, 1] - lanes[:, 0]) / self._gap, 2)
-        self._height, self._seen = height, middles[:, :2].copy()
+        self._height: Array = height
+        self._seen: Array = middles[:, :2].copy()
         self._rise_x, self._rise_y = along * cy + left * cx, left * cy - along * cx
         self._basis = np.stack([np.ones_like(height), self._s, self._q, self._j, along, left], axis=-1)
 
@@ -216,13 +219,15 @@ class Wheels:
 
     def save(self) -> dict[str, Any]:
         """Slips, loads, times in the air, and the ground that was last read."""
-        kept = {k: list(getattr(self, k)) for k in ("_along", "_side", "loads", "air_times")}
-        return {k.strip("_"): v for k, v in kept.items()}
+        kept = {k.strip("_"): list(getattr(self, k)) for k in LISTS}
+        return {**kept, "ground": [getattr(self, k).copy() for k in GROUND]}
 
     def load(self, state: dict[str, Any]) -> None:
-        """Back to saved slips."""
-        self._along, self._side = list(state["along"]), list(state["side"])
-        self.loads, self.air_times = list(state["loads"]), list(state["air_times"])
+        """Back to a saved moment."""
+        for key in LISTS:
+            setattr(self, key, list(state[key.strip("_")]))
+        for key, values in zip(GROUND, state["ground"], strict=True):
+            setattr(self, key, values.copy())
 
 
 def _lagged(slip: float, slide: float, pace: float, h: float, lag: float) -> float:
