@@ -13,7 +13,7 @@ from swath.sim.world import assemble
 
 SECOND = """
 other:
-  start: {x_m: 0.0, y_m: 24.0, heading_deg: 90}
+  start: {x_m: 6.0, y_m: 24.0, heading_deg: 90}
   motion: {level: kinematic, start_speed_kmh: 3.6}
   lidar: off
   edge: truth
@@ -33,7 +33,7 @@ def test_both_drive_in_one_plan(world):
     assert "combine.lidar" in names
     assert "other.motion" in names
     assert "other.lidar" not in names
-    moved = world.graph.latest("other.motion", "state").pose.position - [0.0, 24.0, 0.0]
+    moved = world.graph.latest("other.motion", "state").pose.position - [6.0, 24.0, 0.0]
     assert 1.5 < moved[1] < 2.5
 
 
