@@ -1,8 +1,9 @@
 """Level `penetration`: how tall and how dense the crop ahead stands, from how far a laser gets into it.
 
-Where stems stand at random, the way of a beam through the canopy to its first hit is exponential; some beams reach
-the ground without one. The most likely extinction then is hits / sum of all ways (exponential sample with
-censoring). The top of a canopy is ragged, so ways count from a plane within it: an exponential has no memory.
+Where stems stand at random, the way of a beam through the canopy to its first hit is exponential; some beams
+reach the ground without one. The most likely extinction then is hits / sum of all ways (exponential sample
+with censoring). The top of a canopy is ragged, so ways count from a plane within it: an exponential has no
+memory.
 """
 
 from dataclasses import dataclass
@@ -21,8 +22,8 @@ from swath.core.signals import F64, CropAhead, Scan
 
 @dataclass(frozen=True)
 class Params:
-    """top_percentile: of the echoes' heights, taken as the top of the canopy; plane_percentile: of the heights
-    of those in the crop, the plane from which ways count
+    """top_percentile: of the echoes' heights, taken as the top of the canopy; plane_percentile: of the
+    heights of those in the crop: the plane from which ways count
     ground_m: echoes below it have passed through the crop; margin_m: left out at both ends of the header;
     least_echoes: fewer say nothing
     """

@@ -28,8 +28,8 @@ SPACING = 0.25  # between remembered places [m]
 @dataclass(frozen=True, kw_only=True)
 class Params(Common):
     """sensor_delay_s: from the knife to the throughput sensor; lead_s: how much earlier to act, for the drive
-    smooth_m: way over which what is seen is averaged; learn_m: way over which the factor is learned; power: throughput goes with amount^power, below 1 where
-    dense crop hides itself
+    smooth_m: way over which what is seen is averaged; learn_m: way over which the factor is learned
+    power: throughput goes with amount^power, above 1 where dense crop hides itself
     """
 
     sensor_delay_s: Annotated[float, Ge(0), Le(20)] = 2.8
@@ -70,7 +70,7 @@ class LookAhead:
         p, h = self._p, dt / NS
         odometry: Odometry = inputs["odometry"]
         self._way += odometry.speed * h
-        self._look(inputs["ahead"], inputs["edge"], odometry.speed)
+        self._look(t + dt, inputs["ahead"], inputs["edge"], odometry.speed)
         self._learn(t + dt, odometry.speed, inputs["feed"], h)
         wanted = self._wanted(inputs["feed"], inputs["engine"])
         self._speed = ramped(p, self._speed, wanted, h)
@@ -103,8 +103,8 @@ class LookAhead:
         """kg/s of throughput per amount cut per second; 0 = nothing learned yet."""
         return self._sums[1] / self._sums[0] if self._sums[0] > 0.0 else 0.0
 
-    def _look(self, ahead: CropAhead | None, edge: CropEdge | None, speed: float) -> None:
-        """Remember the amount at the place where it was seen."""
+    def _look(self, now: int, ahead: CropAhead | None, edge: CropEdge | None, speed: float) -> None:
+        """Remember the amount at the place where it was seen, `now` minus its time ago."""
         amount = at = float("nan")
         if ahead is not None:
             t, amount, at = ahead.t, ahead.amount, ahead.ahead
@@ -113,11 +113,11 @@ class LookAhead:
         if not isfinite(amount) or t == self._seen_t:
             return
         self._seen_t = t
-        place = self._way + at - self._knife
+        place = self._way - speed * (now - t) / NS + at - self._knife
         if self._raw and place - self._raw[-1][0] < SPACING:
             return
         self._raw.append((place, max(amount, 0.0) ** self._p.power))
-        near = [a for s, a in self._raw if s > place - self._p.smooth_m]
+        near = [a for s, a in self._raw if s >= place - self._p.smooth_m]
         self._places.append((place - 0.5 * self._p.smooth_m, sum(near) / len(near)))
 
     def _learn(self, t: int, speed: float, feed: FeedReading | None, h: float) -> None:

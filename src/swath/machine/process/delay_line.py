@@ -137,5 +137,5 @@ LEVEL = Level(
     Params,
     summary="dead time and first order for grain and straw, a constant share of the grain is lost",
     cost="about 30 us per step",
-    tolerance="delays exact to rounding; they and the loss do not depend on the load",
+    tolerance="mean delays exact, spread by less than a step; they and the loss do not depend on the load",
 )
