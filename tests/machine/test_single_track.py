@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from machine_fakes import STREAM, drive, site, slope
 
-from swath.core.signals import SpeedCommand, SteerState
+from swath.core.signals import MachineLoad, SpeedCommand, SteerState
 from swath.machine import tyre
-from swath.machine.card import load_machine
+from swath.machine.card import load_machine, with_grain
 from swath.machine.motion import kinematic
 from swath.machine.motion.single_track import Params, SingleTrack
 
@@ -26,8 +26,10 @@ def make(ground=None, machine=CARD, **params):
     return motion
 
 
-def run(motion, seconds, *, steer=0.0, speed=2.0, dt=0.005):
-    return drive(motion, seconds, dt=dt, steering=SteerState(0, steer, 0.0), speed=SpeedCommand(0, speed))
+def run(motion, seconds, *, steer=0.0, speed=2.0, dt=0.005, **more):
+    return drive(
+        motion, seconds, dt=dt, steering=SteerState(0, steer, 0.0), speed=SpeedCommand(0, speed), **more
+    )
 
 
 @pytest.mark.parametrize("rolling", [0.0, 0.06, 0.12])
@@ -181,10 +183,24 @@ def test_left_and_right_mirror():
     np.testing.assert_allclose(left.pose.position * [1, -1, 1], right.pose.position, atol=1e-9)
 
 
+def test_grain_in_the_tank_makes_the_loaded_machine():
+    """Filled while it drives, it ends in the turn of a machine that weighs so much from the start."""
+    filled, loaded = make(start_speed_kmh=7.2), make(machine=with_grain(CARD, 8000.0), start_speed_kmh=7.2)
+    before = run(filled, 12.0, steer=0.3)[-1]
+    for i in range(81):
+        load = MachineLoad(0, 100.0 * i, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        after = run(filled, 0.05, steer=0.3, load=load)[-1]
+        assert after.lateral_speed == pytest.approx(before.lateral_speed, abs=0.02)
+    a, b = (run(m, 10.0, steer=0.3)[-1] for m in (filled, loaded))
+    assert a.yaw_rate == pytest.approx(b.yaw_rate, rel=1e-6)
+    assert a.lateral_speed == pytest.approx(b.lateral_speed, rel=1e-6)
+    assert filled._d.mass == pytest.approx(D.mass + 8000.0)
+
+
 def test_saved_state_goes_on_byte_for_byte():
     ground = slope(0.03, 0.05)
     one, two = make(ground, start_speed_kmh=4.0), make(ground, start_speed_kmh=4.0)
-    run(one, 3.0, steer=0.2)
+    run(one, 3.0, steer=0.2, load=MachineLoad(0, 3000.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     kept = one.save()
     first = run(one, 2.0, steer=-0.1)
     two.load(kept)

@@ -14,15 +14,16 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import EngineState, MachineState, SpeedCommand, SteerState
+from swath.core.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH, MS
 from swath.field.site import SiteSetup
 from swath.machine.attitude import Stance, TerrainFollower
-from swath.machine.card import dynamics_of
+from swath.machine.card import Dynamics, MachineCard, dynamics_of, with_grain
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.tyre import GRAVITY, brush, creep_damping, slide_slip
 
 ROLLING_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
+GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 LEAST_LOAD = 0.02  # an axle keeps this share of the weight: the model does not tip over
 KEYS = ("x", "y", "yaw", "side", "turn", "front_slip", "rear_slip", "distance")
 Vector = tuple[float, ...]
@@ -66,14 +67,16 @@ class SingleTrack:
         Port("steering", SteerState),
         Port("speed", SpeedCommand),
         Port("drive", EngineState, optional=True),
+        Port("load", MachineLoad, optional=True),
     )
     outputs = (Port("state", MachineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        d = self._d = dynamics_of(setup.machine)
+        d = dynamics_of(setup.machine)
         self._params, self._start = params, setup.start
         self._wheelbase, self._track = setup.machine.wheelbase, setup.machine.front_track
-        self._ahead, self._behind = d.cg_behind, self._wheelbase - d.cg_behind
+        self._machine, self._grain = setup.machine, 0.0
+        self._weigh(d)
         self._stiffness = _either(params.stiffness_per_rad, d.stiffness)
         self._friction = _either(params.friction, d.friction)
         self._rolling = _either(params.rolling_resistance, d.rolling_resistance)
@@ -83,6 +86,7 @@ class SingleTrack:
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, tyres without slip."""
+        self._fill(0.0)
         x, y = float(self._start.position[0]), float(self._start.position[1])
         self._q: Vector = (x, y, self._start.euler()[2], 0.0, 0.0, 0.0, 0.0, 0.0)
         self._speed = self._params.start_speed_kmh * KMH
@@ -91,6 +95,7 @@ class SingleTrack:
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate over dt in equal substeps."""
+        self._carry(inputs.get("load"))
         steer: float = inputs["steering"].angle
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
@@ -105,14 +110,38 @@ class SingleTrack:
         return self._output(t + dt, steer)
 
     def save(self) -> State:
-        """Place, heading, lateral speed of the centre of gravity, yaw rate, tyre slips, distance, speed."""
-        return {**dict(zip(KEYS, self._q, strict=True)), "speed": self._speed}
+        """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, distance, speed, grain."""
+        return {**dict(zip(KEYS, self._q, strict=True)), "speed": self._speed, "grain": self._grain}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._q = tuple(state[k] for k in KEYS)
         self._speed = state["speed"]
+        self._fill(state["grain"])
         self._stance = self._follower.at(*self._q[:3])
+
+    def _weigh(self, d: Dynamics) -> None:
+        """Take over mass, inertia and centre of gravity."""
+        self._d, self._ahead, self._behind = d, d.cg_behind, self._wheelbase - d.cg_behind
+
+    def _carry(self, load: MachineLoad | None) -> None:
+        """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
+        if load is None:
+            return
+        grain = max(load.tank_grain - load.unloaded_grain, 0.0)
+        if abs(grain - self._grain) >= GRAIN_STEP:
+            before = self._ahead
+            self._fill(grain)
+            q = list(self._q)
+            q[3] += (before - self._ahead) * q[4]
+            self._q = tuple(q)
+
+    def _fill(self, grain: float) -> None:
+        """Grain [kg] in the tank, for a card that has one."""
+        machine = self._machine
+        if grain != self._grain and isinstance(machine, MachineCard) and machine.masses is not None:
+            self._weigh(dynamics_of(with_grain(machine, grain) if grain > 0.0 else machine))
+        self._grain = grain
 
     def _output(self, t: int, steer: float) -> Outputs:
         x, y, yaw, side, turn, _, _, distance = self._q
