@@ -20,7 +20,7 @@ def test_density_and_height_jump_along_the_direction():
     assert stand.density(np.zeros((3, 1)), np.zeros(4)).shape == (3, 4)
 
 
-@pytest.mark.parametrize(("azimuth", "x", "y"), [(90.0, 120.0, 0.0), (180.0, 0.0, -120.0), (45.0, 90.0, 90.0)])
+@pytest.mark.parametrize(("azimuth", "x", "y"), [(90.0, 120.0, 0), (180.0, 0, -120.0), (45.0, 90.0, 90.0)])
 def test_the_direction_is_an_azimuth_from_north(azimuth, x, y):
     stand = bands(bands_azimuth_deg=azimuth)
     assert stand.density(x, y) == 600.0

@@ -1,5 +1,7 @@
 """What a line sweeps over between two moments, as convex polygons without gaps."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from swath.core.frames import Array, Pose
@@ -29,8 +31,10 @@ def swept(before: Array, after: Array) -> list[Array]:
 
 def signed_area(polygon: Array) -> float:
     """Area [m2] of a polygon (n, 2), > 0 when anticlockwise."""
-    x, y = polygon[:, 0] - polygon[0, 0], polygon[:, 1] - polygon[0, 1]
-    return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    (x0, y0), *rest = polygon.tolist()
+    around = [(x - x0, y - y0) for x, y in rest]
+    twice: float = sum(a[0] * b[1] - a[1] * b[0] for a, b in pairwise(around))
+    return 0.5 * twice
 
 
 def _cross(a: Array, b: Array) -> float:

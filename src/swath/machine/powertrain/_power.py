@@ -1,7 +1,6 @@
 """Who takes how much power, and what the engine can give and burns."""
 
-from dataclasses import astuple, dataclass
-from math import sin
+from dataclasses import dataclass
 
 from swath.core.signals import EngineState, MachineLoad, MachineState
 from swath.machine.card import Dynamics
@@ -27,12 +26,13 @@ class Powers:
     @property
     def belts(self) -> float:
         """All but propulsion [W]."""
-        return self.total - self.propulsion
+        crop = self.header + self.threshing + self.separation + self.cleaning + self.chopper
+        return crop + self.unloading + self.auxiliary
 
     @property
     def total(self) -> float:
         """Everything [W]."""
-        return float(sum(astuple(self)))
+        return self.belts + self.propulsion
 
 
 def powers(load: MachineLoad, propulsion: float, width: float, works: Works) -> Powers:
@@ -54,9 +54,9 @@ def powers(load: MachineLoad, propulsion: float, width: float, works: Works) -> 
 def pull(state: MachineState, accel: float, grain: float, dynamics: Dynamics) -> float:
     """Force at the wheels [N]: rolling resistance, grade, acceleration [m/s2]; grain in the tank [kg]."""
     mass = dynamics.mass + grain
-    _, pitch, _ = state.pose.euler()
+    rise = float(state.pose.rotation[2, 0])  # of the forward axis, -sin(pitch)
     rolling = dynamics.rolling_resistance * min(max(state.speed / FIRM_SPEED, -1.0), 1.0)
-    return mass * (GRAVITY * (rolling - sin(pitch)) + accel)
+    return mass * (GRAVITY * (rolling + rise) + accel)
 
 
 def propulsion_power(force: float, speed: float, efficiency: float) -> float:

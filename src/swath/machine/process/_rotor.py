@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from swath.core.component import State
 
 Array = NDArray[np.float64]
-LEAD, WIDTH, EAR, FREE, STRAW, FED, LAYER = range(7)  # columns of the parcels; lead and width of the length
+LEAD, WIDTH, EAR, FREE, STRAW, FED, SCALE = range(
+    7
+)  # rows: lead and width of the length, kg, factor on rates
 
 
 def coupled(ear: Any, free: Any, threshing: Any, separation: Any) -> tuple[Any, Any]:
@@ -45,52 +47,51 @@ class Rotor:
     """Parcels of crop on their way through the rotors; each parcel of one step is exact on its own.
 
     A parcel has a lead and a width; it is threshed until its lead comes to the end, then leaves bit by bit.
-
     threshing, separation: rates over the whole length at the nominal layer; exponent: both go with
     layer^-exponent; passage: time through it at nominal speed [s]
     """
 
     def __init__(self, threshing: float, separation: float, exponent: float, passage: float) -> None:
+        if abs(separation - threshing) < 1e-6 * threshing:
+            separation = threshing * (1.0 + 1e-6)  # two rates that are never equal need no limit
         self._rates, self._exponent, self._passage = (threshing, separation), exponent, passage
         self.clear()
 
     def clear(self) -> None:
         """Empty it."""
-        self._parcels = np.zeros((0, 7))
+        self._parcels = np.zeros((7, 0))
 
     def advance(
         self, crop: tuple[float, float, float, float], *, layer: float, dt: float, ratio: float, ease: float
-    ) -> tuple[float, Array]:
+    ) -> tuple[float, list[float]]:
         """Take in a step's crop [kg] and move everything on by dt [s].
 
         crop: grain in the ear, free grain, straw, and the grain it had before the drum [kg]
         layer: thickness of what enters, 1 = nominal; ratio: rotor speed over nominal; ease: factor on both
-        rates. Returns the grain separated [kg] and what leaves [kg], shape (4,) as `crop`
+        rates. Returns the grain separated [kg] and what leaves [kg], four as `crop`
         """
-        parcels, way = self._parcels, dt * ratio / self._passage
+        way = dt * ratio / self._passage
         if any(crop):
-            parcels = np.concatenate([parcels, np.array([[0.0, way, *crop, max(layer, 1e-3)]])])
-        if len(parcels) == 0:
-            return 0.0, np.zeros(4)
-        new = parcels.copy()
-        done = np.minimum(way, 1.0 - parcels[:, LEAD]) * ease * parcels[:, LAYER] ** -self._exponent
-        before = parcels[:, EAR] + parcels[:, FREE]
-        u, f = coupled(parcels[:, EAR], parcels[:, FREE], self._rates[0] * done, self._rates[1] * done)
-        new[:, EAR], new[:, FREE] = u, f
-        over = np.maximum(parcels[:, LEAD] + way - 1.0, 0.0)
-        share = np.where(
-            over >= new[:, WIDTH] - 1e-12, np.where(over > 0.0, 1.0, 0.0), over / (new[:, WIDTH] + 1e-300)
-        )
-        new[:, LEAD] = np.minimum(parcels[:, LEAD] + way, 1.0)
-        new[:, WIDTH] -= over
-        leaving = new[:, EAR:LAYER] * share[:, None]
-        new[:, EAR:LAYER] -= leaving
-        self._parcels = new[share < 1.0]
-        return float((before - u - f).sum()), leaving.sum(axis=0)
+            scale = max(layer, 1e-3) ** -self._exponent
+            new = np.array([[0.0], [way], *([m] for m in crop), [scale]])
+            self._parcels = np.concatenate([self._parcels, new], axis=1)
+        p = self._parcels
+        if p.shape[1] == 0:
+            return 0.0, [0.0] * 4
+        lead = p[LEAD] + way
+        done = (np.minimum(lead, 1.0) - p[LEAD]) * p[SCALE]
+        threshing, separation = self._rates
+        still, kept = np.exp(done * (-ease * threshing)), np.exp(done * (-ease * separation))
+        ear = p[EAR] * still
+        free = p[FREE] * kept + p[EAR] * (still - kept) * (threshing / (separation - threshing))
+        separated = float((p[EAR] + p[FREE] - ear - free).sum())
+        self._parcels = new = p.copy()
+        new[LEAD], new[EAR], new[FREE] = lead, ear, free
+        return separated, self._leave()
 
     def held(self) -> tuple[float, float]:
         """Grain and straw in it [kg]."""
-        total = self._parcels.sum(axis=0)
+        total = self._parcels.sum(axis=1)
         return float(total[EAR] + total[FREE]), float(total[STRAW])
 
     def save(self) -> State:
@@ -100,3 +101,23 @@ class Rotor:
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._parcels = np.array(state["parcels"])
+
+    def _leave(self) -> list[float]:
+        """Take out what is beyond the end; the first parcels lead."""
+        p, out, whole = self._parcels, np.zeros(4), 0
+        for i in range(p.shape[1]):
+            over = float(p[LEAD, i]) - 1.0
+            if over <= 0.0:
+                break
+            if over >= float(p[WIDTH, i]) - 1e-12:
+                out += p[EAR:SCALE, i]
+                whole += 1
+                continue
+            gone = p[EAR:SCALE, i] * (over / float(p[WIDTH, i]))
+            p[EAR:SCALE, i] -= gone
+            p[WIDTH, i] -= over
+            p[LEAD, i] = 1.0
+            out += gone
+        self._parcels = p[:, whole:]
+        result: list[float] = out.tolist()
+        return result
