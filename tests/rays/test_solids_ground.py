@@ -148,12 +148,28 @@ def test_changes_of_the_field_are_seen():
     np.testing.assert_allclose(caster.cast(o, d, range_max=5).distance, 1.5, atol=1e-6)
 
 
+def test_garbage_in_the_pages_ends_no_process():
+    """Numbers that no field writes: the kernel may miss; it neither hangs nor reads outside its arrays."""
+    rng = np.random.default_rng(5)
+    o = np.c_[rng.uniform(1, 7, (300, 2)), rng.uniform(0.1, 3, 300)]
+    d = rng.normal(size=(300, 3))
+    d /= np.linalg.norm(d, axis=1)[:, None]
+    for name in ("ground", "tile_plane", "tile_stand", "tile_top", "tile_bump"):
+        for value in (np.nan, 1e30, -1e30, 0.0):
+            pages = make_pages(LIBRARY, pages=1, mixed=2)
+            getattr(pages, name)[:] = value
+            hits = RayCaster(HandField(pages, LIBRARY), threads=1).cast(o, d, range_max=20)
+            assert (hits.organ <= max(Organ)).all()
+
+
 def test_bad_rays_and_thread_counts_are_refused(monkeypatch):
     caster = RayCaster(bare(pages=1), threads=1)
     with pytest.raises(ValueError, match="finite"):
         caster.cast([[0, 0, np.nan]], [[0, 0, -1]], range_max=5)
     with pytest.raises(ValueError, match="same shape"):
         caster.cast([[0, 0, 1]], [[0, 0, -1]] * 2, range_max=5)
+    with pytest.raises(ValueError, match="unit"):
+        caster.cast([[0, 0, 1]], [[0, 0, 0]], range_max=5)
     assert len(caster.cast(np.zeros((0, 3)), np.zeros((0, 3)), range_max=5).distance) == 0
     monkeypatch.setenv("SWATH_THREADS", "none")
     with pytest.raises(InputError, match="SWATH_THREADS = none: expected a whole number"):

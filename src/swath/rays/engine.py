@@ -71,7 +71,8 @@ class RayCaster:
         """Nearest hit of each ray within range_max [m].
 
         origins [m], directions (unit): (n, 3), world frame. A ray that starts inside an organ or a solid does
-        not see it; a ray that leaves the known pages sees only solids. Raises ValueError on non-finite rays.
+        not see it; a ray that leaves the known pages sees only solids. Raises ValueError on rays that are
+        not finite or not of unit length.
         """
         o = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
         d = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
@@ -79,6 +80,8 @@ class RayCaster:
             raise ValueError(f"origins {o.shape} and directions {d.shape}: expected the same shape")
         if not (np.isfinite(o).all() and np.isfinite(d).all() and np.isfinite(range_max)):
             raise ValueError("expected finite origins, directions and range_max")
+        if len(d) and np.abs(np.einsum("ij,ij->i", d, d) - 1.0).max() > 1e-3:
+            raise ValueError("expected unit directions")
         n = len(o)
         hits = Hits(
             np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)

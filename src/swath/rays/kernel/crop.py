@@ -11,6 +11,7 @@ STUBBLE = wp.constant(6)
 MIRROR_X = wp.constant(1 << 16)
 MIRROR_Y = wp.constant(1 << 17)
 PROTOTYPE = wp.constant((1 << 16) - 1)
+STEP_LIMIT = wp.constant(8192)  # cells; a stand bent to 80 degrees needs some hundred in a tile
 
 
 @wp.struct
@@ -161,8 +162,8 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
     normal = wp.vec3(0.0, 0.0, 1.0)
     columns = scene.columns
     bins = scene.bins
-    ix = wp.min(int(o[0] / scene.side), columns - 1)
-    iy = wp.min(int(o[1] / scene.side), columns - 1)
+    ix = wp.clamp(int(o[0] / scene.side), 0, columns - 1)
+    iy = wp.clamp(int(o[1] / scene.side), 0, columns - 1)
     iz = wp.clamp(int(wp.floor(o[2] / scene.bin_height)), 0, bins - 1)
     sx = wp.where(d[0] > 0.0, 1, -1)
     sy = wp.where(d[1] > 0.0, 1, -1)
@@ -178,7 +179,7 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
     cz = plane_offset(o[2], d[2])
     first = (tile.prototype & PROTOTYPE) * columns * columns
     fraction = tile.stand[3]
-    while True:
+    for _step in range(STEP_LIMIT):
         tx = float(ix + ux) * gx + cx
         ty = float(iy + uy) * gy + cy
         tz = float(iz + uz) * gz + cz
@@ -237,7 +238,7 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
                 cy = plane_offset(o[1], d[1])
         else:
             iz += sz
-            if iz == bins:
+            if iz == bins or iz < 0:
                 break
     if organ > 0:
         hit.t = r.start + best / r.stretch
