@@ -1,24 +1,97 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.data.cards import card_names
-from swath.sensing.beam import Beam, echo_index, spot_pattern, sub_rays
+from swath.data.cards import card_names, find_card
+from swath.sensing.beam import (
+    FWHM_TO_E2,
+    Beam,
+    full_angle,
+    random_pattern,
+    spot_pattern,
+    sub_rays,
+    turned_pattern,
+)
 from swath.sensing.card import load_lidar
 
+NESTED = [1, 7, 19, 37, 61]
+E2 = np.exp(-2.0)
 
-@pytest.mark.parametrize("count", [1, 7, 19, 37, 61, 5, 12])
+
+def energy_inside(radius, profile):
+    """Share of a spot's energy within a radius, by the profiles' own formulas."""
+    return radius**2 if profile == "uniform" else (1 - np.exp(-2 * radius**2)) / (1 - E2)
+
+
+@pytest.mark.parametrize("count", [*NESTED, 5, 12])
 @pytest.mark.parametrize("profile", ["uniform", "gaussian"])
 def test_pattern_is_centred_inside_the_spot_and_holds_the_profile(count, profile):
     pattern = spot_pattern(count, profile)
-    assert pattern.shape == (count, 2)
-    radius = np.hypot(*pattern.T)
-    assert radius.max() < 1.0
-    if count >= 19:
-        assert np.abs(pattern.mean(axis=0)).max() < 0.04
+    assert pattern.position.shape == (count, 2)
+    assert pattern.weight.sum() == pytest.approx(1.0, abs=1e-12)
+    assert pattern.weight.min() > 0.0
+    assert pattern.outermost < 1.0
+    radius = np.hypot(*pattern.position.T)
+    if count in NESTED:
+        assert np.abs(pattern.weight @ pattern.position).max() < 1e-12
+    if count in NESTED[1:]:
         # second moment of the disc: 1/2 uniform; gaussian exp(-2 r^2) cut at r = 1: 1/2 - 1/(e^2 - 1)
         expected = 0.5 if profile == "uniform" else 0.5 - 1.0 / (np.e**2 - 1)
-        assert np.mean(radius**2) == pytest.approx(expected, abs=0.03)
+        # no polynomial of the energy for the gaussian: a little low, its rim is thin
+        tolerance = 1e-12 if profile == "uniform" else 0.036 if count < 37 else 0.015
+        assert pattern.weight @ radius**2 == pytest.approx(expected, abs=tolerance)
+        share = energy_inside(radius, profile)
+        assert pattern.weight @ share == pytest.approx(0.5, abs=1e-12)
+        if count != 19:
+            assert pattern.weight @ share**2 == pytest.approx(1 / 3, abs=1e-12)
+
+
+@pytest.mark.parametrize("profile", ["uniform", "gaussian"])
+def test_patterns_are_nested_and_round(profile):
+    for small, large in pairwise(NESTED):
+        few, many = spot_pattern(small, profile), spot_pattern(large, profile)
+        apart = np.linalg.norm(few.position[:, None] - many.position[None], axis=2)
+        assert apart.min(axis=1).max() < 1e-12
+        x, y = many.position.T
+        assert many.weight @ (x * y) == pytest.approx(0.0, abs=1e-12)
+        assert many.weight @ (x**2 - y**2) == pytest.approx(0.0, abs=1e-12)
+        assert (
+            np.linalg.norm(many.position[:, None] - many.position[None], axis=2)[
+                ~np.eye(large, dtype=bool)
+            ].min()
+            > 0.02
+        )  # no two sub-rays on one place
+
+
+def test_weights_follow_the_energy_of_rings():
+    # what lies within 3/4 of a uniform spot's radius: 9/16 of its energy
+    for count, tolerance in ((19, 0.2), (37, 0.15), (61, 0.1)):
+        pattern = spot_pattern(count, "uniform")
+        inside = pattern.weight[np.hypot(*pattern.position.T) < 0.75].sum()
+        assert inside == pytest.approx(9 / 16, abs=tolerance)
+
+
+def test_outermost_sub_ray_lies_where_the_docs_say():
+    outermost = [spot_pattern(n, "uniform").outermost for n in NESTED]
+    assert outermost == pytest.approx([0.0, np.sqrt(2 / 3), np.sqrt(2 / 3), np.sqrt(0.85), np.sqrt(0.85)])
+
+
+@pytest.mark.parametrize("profile", ["uniform", "gaussian"])
+def test_random_and_turned_patterns_keep_the_energy(profile):
+    rng = np.random.default_rng(3)
+    drawn = random_pattern(rng, 2000, 19, profile)
+    radius = np.hypot(drawn.position[..., 0], drawn.position[..., 1])
+    assert radius.max() <= 1.0
+    share = energy_inside(radius, profile).ravel()
+    assert np.histogram(share, 4, (0, 1))[0] / share.size == pytest.approx([0.25] * 4, abs=0.01)
+    fixed = spot_pattern(19, profile)
+    turned = turned_pattern(rng, 5, fixed)
+    assert turned.position.shape == (5, 19, 2)
+    assert np.allclose(np.hypot(*np.moveaxis(turned.position, 2, 0)), np.hypot(*fixed.position.T))
 
 
 def test_spot_grows_from_the_exit_with_the_full_divergence():
@@ -31,21 +104,21 @@ def test_spot_grows_from_the_exit_with_the_full_divergence():
     assert np.allclose(np.linalg.norm(at_10[0, :, 1:], axis=1), 0.030, atol=1e-6)
 
 
-def test_echo_rules_on_known_distances():
-    d = np.array([[5.0, 3.0, np.nan, 4.0, 6.0], [np.nan] * 5])
-    assert echo_index(d, "nearest", 0.0).tolist() == [1, -1]
-    assert echo_index(d, "percentile", 0.0).tolist() == [1, -1]
-    assert echo_index(d, "percentile", 50.0).tolist() == [3, -1]
-    assert echo_index(d, "percentile", 75.0).tolist() == [0, -1]
-    assert echo_index(d, "percentile", 100.0).tolist() == [4, -1]
+def test_conventions_mean_what_they_say():
+    assert full_angle(3.0, "half_angle", "1/e2", "gaussian") == 6.0
+    assert full_angle(3.0, "full_angle", "edge", "gaussian") == 3.0
+    assert full_angle(3.0, "full_angle", "FWHM", "uniform") == 3.0
+    # half the peak of exp(-2 (r/w)^2) is where the FWHM ends
+    w = 0.5 * full_angle(1.0, "full_angle", "FWHM", "gaussian")
+    assert np.exp(-2.0 * (0.5 / w) ** 2) == pytest.approx(0.5)
 
 
-def test_percentile_echo_is_monotone_in_the_percentile():
-    d = np.random.default_rng(1).uniform(2, 9, (40, 19))
-    d[d > 8] = np.nan
-    row = np.arange(40)
-    ranges = [d[row, echo_index(d, "percentile", p)] for p in range(0, 101, 5)]
-    assert np.all(np.diff(np.array(ranges), axis=0) >= 0)
+@given(st.integers(2, 217), st.sampled_from(["uniform", "gaussian"]))
+def test_any_count_of_sub_rays_works(count, profile):
+    pattern = spot_pattern(count, profile)
+    assert pattern.position.shape == (count, 2)
+    assert pattern.weight.sum() == pytest.approx(1.0)
+    assert 0.0 < pattern.outermost < 1.0
 
 
 @pytest.mark.parametrize(
@@ -56,6 +129,7 @@ def test_percentile_echo_is_monotone_in_the_percentile():
         ("sick-lms511-sr", (108, 108)),
         ("sick-tim561", (122, 76)),
         ("velodyne-vlp16", (37, 22)),
+        ("sick-lms291", (108, 108)),
     ],
 )
 def test_bundled_scanners_have_their_published_spots(name, spot_mm_at_8_m):
@@ -63,20 +137,33 @@ def test_bundled_scanners_have_their_published_spots(name, spot_mm_at_8_m):
     assert np.allclose(card.beam.diameter(8.0) * 1e3, spot_mm_at_8_m, atol=1.0)
 
 
+def test_ouster_spot_is_converted_from_its_half_width():
+    # data sheet: 10 mm + 0.13 deg, both at half maximum
+    spot = load_lidar("ouster-os1-64").beam.diameter(10.0) / FWHM_TO_E2
+    assert np.allclose(spot, 0.010 + 10 * np.radians(0.13), atol=2e-4)
+
+
 def test_every_bundled_scanner_loads_with_a_source_for_each_number():
     names = card_names("sensors")
-    assert len(names) >= 5
+    assert len(names) >= 10
     for name in names:
-        assert load_lidar(name).noise[:, 1].max() < 0.1
+        card = load_lidar(name)
+        assert card.noise[:, 1].max() < 0.11
+        assert card.echo_count >= 1
+        assert 1e-9 < card.pulse < 20e-9
 
 
 def test_faulty_card_names_key_and_file(tmp_path):
-    from swath.data.cards import find_card
-
     text = find_card("sensors", "sick-lms111").read_text()
     bad = tmp_path / "mine.yaml"
     bad.write_text(text.replace("[15.0, 15.0]", "[15.0]"))
     with pytest.raises(InputError, match=r"beam.divergence_mrad = \[15.0\].*mine.yaml"):
+        load_lidar("mine.yaml", tmp_path)
+    bad.write_text(text.replace("  convention: full_angle\n", ""))
+    with pytest.raises(InputError, match=r"beam.convention.*missing.*mine.yaml"):
+        load_lidar("mine.yaml", tmp_path)
+    bad.write_text(text.replace("contour: edge", "contour: 1/e"))
+    with pytest.raises(InputError, match=r"beam.contour = '?1/e'?: expected 1/e2, FWHM, edge"):
         load_lidar("mine.yaml", tmp_path)
     bad.write_text(text.replace("tag: S", "tag: sure"))
     with pytest.raises(InputError, match="tag and a source"):

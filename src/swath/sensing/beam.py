@@ -1,9 +1,11 @@
-"""The beam: where the sub-rays of a spot lie, and which distance the sensor reports for them.
+"""The beam: how wide a spot is, and where the sub-rays lie that stand for it.
 
-One place for every level that has rays. Conventions: a spot is elliptic; its diameter at range r is
-exit + divergence * r with the FULL divergence angle to the edge that the data sheet names (`edge`, or the
-1/e2 contour). `uniform` fills the spot evenly; `gaussian` has the 1/e2 contour at the spot's edge and is cut
-off there. All sub-rays carry the same energy: a gaussian spot has them closer together in the middle.
+One convention inside: a spot is elliptic; its diameter at range r is exit + divergence * r with the FULL
+angle, to the 1/e2 contour of a gaussian spot or to the edge of a uniform one. Sensor files name what their
+data sheet means and are converted by `full_angle`. A gaussian spot is cut off at its 1/e2 contour.
+
+Places in a spot are told by the share e of the energy that lies further in: e = r2 for a uniform spot. In e
+every spot is even, so one table of rings serves all profiles.
 """
 
 from dataclasses import dataclass
@@ -15,7 +17,29 @@ from swath.core.errors import InputError
 from swath.core.signals import F64
 
 Profile = Literal["uniform", "gaussian"]
-EchoRule = Literal["nearest", "percentile"]
+Convention = Literal["full_angle", "half_angle"]
+Contour = Literal["1/e2", "FWHM", "edge"]
+
+FWHM_TO_E2 = float(np.sqrt(2.0 / np.log(2.0)))  # of a gaussian: exp(-2 (r/w)^2) = 1/2 at r = w sqrt(ln 2 / 2)
+
+# Nested rings, as (sub-rays, share of energy further in, angle of the first in steps of the ring). The six of
+# the 7-pattern are every second one of the twelve. 1/4 + 6/8 is the disc rule exact to degree 5 (Abramowitz &
+# Stegun 25.4.61); the larger ones hold the mean of e exactly, 37 and 61 also the mean of e2, with the weights
+# nearest to equal ones that do so.
+_SIX, _INNER, _TWELVE = (6, 2 / 3, 0.0), (6, 1 / 4, 0.5), (12, 2 / 3, 0.0)
+_OUTER, _DENSE = (18, 0.85, 0.5), (24, 0.2, 0.5)
+_RINGS: dict[int, tuple[tuple[tuple[int, float, float], float], ...]] = {
+    # count: ((ring, energy share of the whole ring), ...); the middle has the rest
+    7: ((_SIX, 3 / 4),),
+    19: ((_INNER, 6 / 19), (_TWELVE, 12 / 19)),
+    37: ((_INNER, 0.36548628531527916), (_TWELVE, 0.3014486498403395), (_OUTER, 0.24430901424818138)),
+    61: (
+        (_INNER, 0.10032933805947113),
+        (_TWELVE, 0.2338779764598509),
+        (_OUTER, 0.2883568859488642),
+        (_DENSE, 0.36947830727681863),
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -29,40 +53,84 @@ class Beam:
     def diameter(self, distance: F64 | float) -> F64:
         """Spot diameters (across, along) [m] at a distance [m], shape (..., 2)."""
         d = np.asarray(distance, dtype=float)[..., None]
-        return np.asarray(self.exit_diameter) + np.asarray(self.divergence) * d
+        spot: F64 = np.asarray(self.exit_diameter) + np.asarray(self.divergence) * d
+        return spot
 
 
-def spot_pattern(count: int, profile: Profile = "uniform") -> F64:
-    """Sub-ray positions on the unit disc, shape (count, 2), equal energy each, deterministic.
+@dataclass(frozen=True)
+class Pattern:
+    """Sub-rays of a spot.
 
-    One in the middle and rings of 6, 12, 18 ... around it (1, 7, 19, 37, 61); any other count spreads over
-    a golden-angle spiral. The radius of a sub-ray splits the energy of its ring in half, so the outermost
-    lies inside the spot's edge (at 0.87 of the radius for 19 uniform sub-rays).
+    position: on the unit disc, shape (..., count, 2); weight: share of the beam's energy, shape (count,)
+    """
+
+    position: F64
+    weight: F64
+
+    @property
+    def outermost(self) -> float:
+        """Where the outermost sub-ray lies, in radii of the spot."""
+        return float(np.hypot(self.position[..., 0], self.position[..., 1]).max())
+
+
+def full_angle(value: float, convention: Convention, contour: Contour, profile: Profile) -> float:
+    """A divergence or a diameter of a data sheet in the convention used here.
+
+    half_angle: doubled (for a diameter: the sheet gives radii). FWHM of a gaussian: times 1.699. An `edge`
+    that a sheet does not explain is taken as the 1/e2 contour. A uniform spot has one edge by any contour;
+    taken at 1/e2 it has the second moment of the gaussian.
+    """
+    value = 2.0 * value if convention == "half_angle" else value
+    return value * FWHM_TO_E2 if contour == "FWHM" and profile == "gaussian" else value
+
+
+def spot_pattern(count: int, profile: Profile = "uniform") -> Pattern:
+    """Fixed pattern of `count` sub-rays.
+
+    1, 7, 19, 37, 61: the middle and rings, each pattern a part of the next, weights as needed. Any other
+    count: a golden-angle spiral with equal weights. The outermost sub-ray stands for the energy around it and
+    so lies inside the edge: at `Pattern.outermost`, 0.82 (7, 19) or 0.92 (37, 61) of a uniform spot's radius.
     """
     if count < 1:
         raise InputError("sub_rays", count, "expected >= 1")
-    rings = round((np.sqrt(12 * count - 3) - 3) / 6)
-    if 1 + 3 * rings * (rings + 1) == count:
-        energy, angle = [0.0], [0.0]
-        inner = 1.0
-        for ring in range(1, rings + 1):
-            n = 6 * ring
-            energy += [(inner + 0.5 * n) / count] * n
-            angle += [2 * np.pi * (k + 0.5 * (ring % 2)) / n for k in range(n)]
-            inner += n
-    else:
+    if count == 1:
+        return Pattern(np.zeros((1, 2)), np.ones(1))
+    if count not in _RINGS:
         index = np.arange(count)
-        energy = list((index + 0.5) / count)
-        angle = list(index * np.pi * (3 - np.sqrt(5)))
-    radius = _radius_of_energy(np.asarray(energy), profile)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        energy, angle = (index + 0.5) / count, index * np.pi * (3 - np.sqrt(5))
+        return Pattern(_places(energy, angle, profile), np.full(count, 1.0 / count))
+    e, a, w = [0.0], [0.0], [1.0 - sum(weight for _, weight in _RINGS[count])]
+    for (n, share, first), weight in _RINGS[count]:
+        e += [share] * n
+        a += [2 * np.pi * (k + first) / n for k in range(n)]
+        w += [weight / n] * n
+    return Pattern(_places(np.asarray(e), np.asarray(a), profile), np.asarray(w))
+
+
+def random_pattern(rng: np.random.Generator, beams: int, count: int, profile: Profile) -> Pattern:
+    """Independent sub-rays for every beam, drawn from the spot's energy, position (beams, count, 2)."""
+    energy, angle = rng.uniform(0.0, 1.0, (beams, count)), rng.uniform(0.0, 2 * np.pi, (beams, count))
+    return Pattern(_places(energy, angle, profile), np.full(count, 1.0 / count))
+
+
+def turned_pattern(rng: np.random.Generator, beams: int, pattern: Pattern) -> Pattern:
+    """The pattern turned by a random angle for every beam, position (beams, count, 2)."""
+    angle = rng.uniform(0, 2 * np.pi, beams)
+    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    x, y = pattern.position[:, 0], pattern.position[:, 1]
+    return Pattern(np.stack([c * x - s * y, s * x + c * y], axis=2), pattern.weight)
+
+
+def _places(energy: F64, angle: F64, profile: Profile) -> F64:
+    radius = _radius_of_energy(energy, profile)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
 
 def _radius_of_energy(share: F64, profile: Profile) -> F64:
     """Radius inside which a share of the spot's energy lies; gaussian I ~ exp(-2 r^2) cut at r = 1."""
     if profile == "uniform":
-        return np.sqrt(share)
-    return np.sqrt(-0.5 * np.log1p(-share * (1.0 - np.exp(-2.0))))
+        return np.asarray(np.sqrt(share))
+    return np.asarray(np.sqrt(-0.5 * np.log1p(-share * (1.0 - np.exp(-2.0)))))
 
 
 def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F64]:
@@ -79,20 +147,3 @@ def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F6
     start = origins[:, None, :] + u * half_exit[0] * across + v * half_exit[1] * along
     direction = axes[:, None, :, 0] + u * half_angle[0] * across + v * half_angle[1] * along
     return start, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-
-
-def echo_index(distance: F64, rule: EchoRule, percentile: float) -> F64:
-    """Which sub-ray's distance is reported, shape (beam_count,), -1 = no sub-ray hit anything.
-
-    distance [m]: (beam_count, sub_count), nan = no hit. nearest: the smallest; percentile p: of the n
-    sub-rays that hit something the ceil(p n / 100)-th nearest (at least the first).
-    """
-    order = np.argsort(distance, axis=1, kind="stable")  # nan sorts last
-    hit_count = np.count_nonzero(~np.isnan(distance), axis=1)
-    if rule == "nearest":
-        rank = np.zeros_like(hit_count)
-    else:
-        rank = np.maximum(np.ceil(hit_count * (percentile / 100.0) - 1e-9).astype(int), 1) - 1
-    rank = np.minimum(rank, np.maximum(hit_count - 1, 0))
-    index = np.take_along_axis(order, rank[:, None], axis=1)[:, 0]
-    return np.where(hit_count > 0, index, -1)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 
@@ -9,18 +10,21 @@ from swath.core.errors import InputError
 from swath.core.signals import F64
 from swath.core.units import DEG, MM, MRAD
 from swath.data.cards import Card, find_card
-from swath.sensing.beam import Beam, Profile
+from swath.sensing.beam import Beam, Contour, Convention, Profile, full_angle
 
 
 @dataclass(frozen=True)
 class LidarCard:
     """What the maker says about a scanner.
 
-    beam: spot; line_elevation [rad], shape (line_count,), 0 for a 2-D scanner
+    beam: spot, by the convention of sensing/beam.py; line_elevation [rad], (line_count,), 0 for a 2-D scanner
     fov: (first, last) azimuth [rad]; step: azimuth between beams [rad]; rate_hz: default scan rate
     range_min, range_max [m]; range_10: reach on a 10 % diffuse target [m]
     noise: rows (range [m], one-sigma [m]); systematic: half width of the constant error band [m]
     resolution: step of the reported range [m]; wavelength [m]
+    echo_count: most echoes per beam; pulse: length [s]; angle_noise: one sigma in the scan plane [rad]
+    signal_noise: rows (signal to noise ratio, one-sigma [m]), rising ratio, none for most
+    signal_at_reach: signal to noise ratio of the weakest echo that is still detected
     """
 
     name: str
@@ -36,35 +40,45 @@ class LidarCard:
     systematic: float
     resolution: float
     wavelength: float
+    echo_count: int
+    pulse: float
+    angle_noise: float
+    signal_noise: F64
+    signal_at_reach: float
 
-    def noise_sigma(self, distance: F64) -> F64:
-        """One-sigma range noise [m] at distances [m]: linear between the data sheet's points."""
-        return np.asarray(np.interp(distance, self.noise[:, 0], self.noise[:, 1]), dtype=np.float64)
+    def noise_sigma(self, distance: F64, signal: F64 | None = None) -> F64:
+        """One-sigma range noise [m] at distances [m]: linear between the data sheet's points.
+
+        signal: received energy over the least detectable. Where the sheet gives noise by signal to noise
+        ratio, the larger of both holds (straight lines in logarithms, held outside).
+        """
+        sigma = np.asarray(np.interp(distance, self.noise[:, 0], self.noise[:, 1]), dtype=np.float64)
+        if signal is None or len(self.signal_noise) == 0:
+            return sigma
+        ratio = np.log(np.maximum(signal, 1e-9) * self.signal_at_reach)
+        rows = np.log(self.signal_noise)
+        by_signal = np.exp(np.interp(ratio, rows[:, 0], rows[:, 1]))
+        return np.asarray(np.maximum(sigma, by_signal), dtype=np.float64)
 
     def azimuths(self, first: float, last: float, step: float) -> F64:
         """Beam azimuths [rad] from first to last inclusive, centred in the sector when step does not fit."""
         count = int(np.floor((last - first) / step + 1e-6)) + 1
         span = (count - 1) * step
-        return 0.5 * (first + last) - 0.5 * span + step * np.arange(count)
+        return np.asarray(0.5 * (first + last) - 0.5 * span + step * np.arange(count), dtype=np.float64)
 
 
 def load_lidar(name: str, base: Path | None = None) -> LidarCard:
     """A bundled scanner by name, or the user's own YAML file. InputError names key and file."""
     path = find_card("sensors", name, base)
     card = Card(path)
-    profile = card.text("beam.profile")
-    if profile not in ("uniform", "gaussian"):
-        raise InputError("beam.profile", profile, "expected uniform or gaussian", file=path)
-    kind: Profile = "gaussian" if profile == "gaussian" else "uniform"
-    exit_mm = _pair(card, "beam.exit_mm")
-    divergence = _pair(card, "beam.divergence_mrad")
-    noise = np.asarray(card.numbers("range.noise_mm"), dtype=float)
-    if noise.ndim != 2 or noise.shape[1] != 2 or np.any(np.diff(noise[:, 0]) <= 0) or np.any(noise < 0):
-        raise InputError("range.noise_mm", noise.tolist(), "expected [[range_m, sigma_mm], ...]", file=path)
+    noise = _rows(card, "range.noise_mm", "[[range_m, sigma_mm], ...]")
+    by_signal = np.zeros((0, 2))
+    if card.has("range.noise_by_signal"):
+        by_signal = _rows(card, "range.noise_by_signal", "[[signal_to_noise, sigma_mm], ...]", low=1e-3)
     fov = card.numbers("scan.field_of_view_deg")
     return LidarCard(
         name=card.text("name"),
-        beam=Beam((exit_mm[0] * MM, exit_mm[1] * MM), (divergence[0] * MRAD, divergence[1] * MRAD), kind),
+        beam=_beam(card),
         line_elevation=np.asarray(card.numbers("scan.line_elevation_deg"), dtype=float) * DEG,
         fov=(float(fov[0]) * DEG, float(fov[1]) * DEG),
         step=card.number("scan.step_deg", low=1e-3, high=10) * DEG,
@@ -76,7 +90,47 @@ def load_lidar(name: str, base: Path | None = None) -> LidarCard:
         systematic=card.number("range.systematic_mm", low=0, high=1000) * MM,
         resolution=card.number("range.resolution_mm", low=0, high=100) * MM,
         wavelength=card.number("wavelength_nm", low=300, high=2000) * 1e-9,
+        echo_count=int(_optional(card, "echo.count", 1.0, low=1, high=16)),
+        pulse=_optional(card, "echo.pulse_ns", 5.0, low=0.01, high=1000) * 1e-9,
+        angle_noise=_optional(card, "scan.angle_noise_deg", 0.0, low=0, high=5) * DEG,
+        signal_noise=by_signal * np.array([1.0, MM]),
+        signal_at_reach=_optional(card, "range.signal_at_reach", 1.0, low=1e-3, high=1e6),
     )
+
+
+def _beam(card: Card) -> Beam:
+    profile: Profile = _choice(card, "beam.profile", get_args(Profile))
+    convention: Convention = _choice(card, "beam.convention", get_args(Convention))
+    contour: Contour = _choice(card, "beam.contour", get_args(Contour))
+
+    def pair(key: str, unit: float) -> tuple[float, float]:
+        across, along = (full_angle(v, convention, contour, profile) * unit for v in _pair(card, key))
+        return across, along
+
+    return Beam(pair("beam.exit_mm", MM), pair("beam.divergence_mrad", MRAD), profile)
+
+
+def _choice(card: Card, key: str, allowed: tuple[str, ...]) -> Any:
+    value = card.text(key)
+    if value not in allowed:
+        raise InputError(key, value, f"expected {', '.join(allowed)}", file=card.path)
+    return value
+
+
+def _optional(card: Card, key: str, default: float, *, low: float, high: float) -> float:
+    return card.number(key, low=low, high=high) if card.has(key) else default
+
+
+def _rows(card: Card, key: str, form: str, *, low: float = 0.0) -> F64:
+    """Rows of two numbers, the first rising, the second >= low."""
+    try:
+        rows = np.asarray(card.numbers(key), dtype=float)
+    except (TypeError, ValueError):
+        rows = np.zeros(0)
+    good = rows.ndim == 2 and rows.shape[1] == 2 and bool(np.isfinite(rows).all())
+    if not good or np.any(np.diff(rows[:, 0]) <= 0) or np.any(rows < low):
+        raise InputError(key, card.value(key), f"expected {form}, the first rising", file=card.path)
+    return rows
 
 
 def _pair(card: Card, key: str) -> tuple[float, float]:

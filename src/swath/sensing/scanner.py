@@ -17,6 +17,7 @@ from swath.core.units import DEG
 from swath.field.site import SiteSetup
 from swath.sensing.card import load_lidar
 from swath.sensing.mount import Mount, poses_at
+from swath.sensing.noise import Noise
 
 WHITE_SHARE = 0.1  # diffuse reflectance that the data sheet's reach refers to
 
@@ -54,10 +55,21 @@ class Scanner:
 
     axes: beam frames in the sensor frame, (beam_count, 3, 3), columns beam direction, across (left), along
     line_count: beams that share an azimuth; reach: no echo comes from further away [m]
+    echo_count: echoes per beam of a scan; angle_noise: one sigma of the beams' direction [rad], None = the
+    card's; drop_out: chance that a beam is lost
     """
 
-    def __init__(self, params: ScannerParams, setup: SiteSetup) -> None:
+    def __init__(
+        self,
+        params: ScannerParams,
+        setup: SiteSetup,
+        *,
+        echo_count: int = 1,
+        angle_noise: float | None = None,
+        drop_out: float = 0.0,
+    ) -> None:
         self.params, self.setup = params, setup
+        self.echo_count = echo_count
         self.card = load_lidar(params.sensor, setup.base)
         self.mounting = params.mount.pose(setup.machine, setup.edge_side)
         if self.mounting.position[2] <= 0:
@@ -77,15 +89,21 @@ class Scanner:
             Port("scan", Scan, unit="m", shape=(len(self.azimuth),)),
             Port("truth", ScanTruth),
         )
-        self._bias = 0.0
+        self._noise = Noise(
+            self.card, is_on=params.noise == "data_sheet", angle=angle_noise, drop_out=drop_out
+        )
 
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan; draws the constant range bias of this instance, uniform in the data sheet's band."""
-        band = self.card.systematic if self.params.noise == "data_sheet" else 0.0
-        self._bias = float(stream.at(0).uniform(-band, band))
-        nothing = np.full(len(self.azimuth), np.nan)
-        points = np.full((len(self.azimuth), 3), np.nan)
-        return self.outputs_of(0, nothing, nothing, points, points.copy())
+        self._noise.reset(stream)
+        nothing = np.full((len(self.azimuth), self.echo_count), np.nan)
+        points = np.full((len(self.azimuth), self.echo_count, 3), np.nan)
+        return self.outputs_of(0, nothing, nothing, points, np.full((len(self.azimuth), 3), np.nan))
+
+    def axes_at(self, t: int) -> F64:
+        """Beam frames of the sweep that ends at t [ns]: where the beams really point."""
+        swing = self._noise.swing(t, len(self.azimuth))
+        return self.axes if swing is None else _beam_axes(self.azimuth + swing, self.elevation)
 
     def sweep(self, states: tuple[MachineState, ...], end: int) -> tuple[F64, F64]:
         """Sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world, each beam at its own
@@ -99,26 +117,36 @@ class Scanner:
             seen = intensity / WHITE_SHARE * (self.card.range_10 / true_range) ** 2 >= 1.0
         return np.asarray(seen)
 
-    def measure(self, true_range: F64, rng: np.random.Generator) -> F64:
-        """True ranges [m] as reported: constant bias, noise, resolution."""
-        if self.params.noise == "none":
-            return true_range
-        sigma = self.card.noise_sigma(np.nan_to_num(true_range))
-        noisy = true_range + self._bias + sigma * rng.standard_normal(len(true_range))
-        step = self.card.resolution
-        return np.round(noisy / step) * step if step > 0 else noisy
+    def measure(self, true_range: F64, rng: np.random.Generator, signal: F64 | None = None) -> F64:
+        """True ranges [m] as reported: constant bias, noise, resolution; any shape, nan stays nan.
+
+        signal: received energy over the least detectable, for sensors whose noise grows as it falls
+        """
+        return self._noise.measure(true_range, rng, signal)
 
     def outputs_of(self, t: int, ranges: F64, intensity: F64, points: F64, origins: F64) -> Outputs:
-        """The two outputs of a scan with one echo per beam; nan = no echo."""
+        """The two outputs of a scan, less the beams that drop out; nan = no echo.
+
+        ranges, intensity: (beam_count,) or (beam_count, echo_count); points: world, with 3 more; origins:
+        (beam_count, 3)
+        """
+        if ranges.ndim == 1:
+            ranges, intensity, points = ranges[:, None], intensity[:, None], points[:, None, :]
+        lost = self._noise.dropped(t, len(self.azimuth))
+        if lost.any():
+            ranges, intensity, points = (
+                np.where(lost.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
+                for a in (ranges, intensity, points)
+            )
         scan = Scan(
             t,
             self.beam_t,
             self.azimuth,
             self.elevation,
-            ranges[:, None].astype(np.float32),
-            intensity[:, None].astype(np.float32),
+            ranges.astype(np.float32),
+            intensity.astype(np.float32),
         )
-        return {"scan": scan, "truth": ScanTruth(t, points[:, None, :], origins)}
+        return {"scan": scan, "truth": ScanTruth(t, points, origins)}
 
 
 def mounted(position: F64, rotation: F64, mounting: Pose) -> tuple[F64, F64]:

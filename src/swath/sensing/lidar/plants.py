@@ -1,7 +1,7 @@
 """LiDAR level `plants`: bundles of rays against every stem, ear and leaf.
 
-A beam is a bundle of sub-rays over its spot; each finds the first surface it hits; the echo rule picks one
-distance of the bundle. Phenomenological, as in the paper's third approach: no pulse shape, no waveform.
+A beam is a bundle of sub-rays over its spot; each finds the first surface it hits; the echo rule makes echoes
+of the bundle. Phenomenological, as in the paper's third approach: no pulse shape, no waveform.
 """
 
 from dataclasses import dataclass, field
@@ -15,11 +15,15 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.signals import F64, MachineState
+from swath.core.units import DEG
 from swath.field.site import SiteSetup
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import echo_index, spot_pattern, sub_rays
+from swath.sensing.beam import Pattern, random_pattern, spot_pattern, sub_rays, turned_pattern
+from swath.sensing.card import load_lidar
+from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, least_energy, merging_gap, receive
 from swath.sensing.mount import Mount
 from swath.sensing.scanner import Scanner
+from swath.sensing.weather import Weather, disturb
 
 
 @dataclass(frozen=True)
@@ -28,11 +32,17 @@ class Params:
 
     sector_deg: first and last azimuth used; none = the sensor's whole field of view
     step_deg: angle between beams; none = the data sheet's
-    sub_rays: rays per beam over the spot (1, 7, 19, 37, 61 form rings); spot: `fixed` pattern, or turned
-    by a random angle for every beam
-    echo: `nearest` sub-ray, or the given `percentile` of the sub-rays that hit something
+    sub_rays: rays per beam over the spot (1, 7, 19, 37, 61 form nested rings); spot: `fixed` pattern,
+    `turned` by a random angle for every beam, or `random` places for every beam
+    echo: `nearest` hit, the `percentile` or `mean` of the hits, or their `leading_edge`, all as one echo; or
+    `first`, `last`, `strongest` or `all` of the echoes into which the pulse separates the hits
+    within: where in such an echo its range lies; percentile: of the beam's energy that hits something
+    threshold_percent: of an echo's received energy, where `leading_edge` triggers
+    echoes: most per beam with `all`; none = the sensor's
     reach_m: rays are not followed further than this
     noise: range noise and constant bias as in the data sheet, or none
+    angle_noise_deg: one sigma of the beams' direction; none = the data sheet's; drop_out_percent: beams lost
+    weather: dust, chaff and rain in the air
     """
 
     sensor: str = "sick-lms511-hr"
@@ -40,11 +50,17 @@ class Params:
     sector_deg: tuple[float, float] | None = None
     step_deg: Annotated[float, Gt(0), Le(10)] | None = None
     sub_rays: Annotated[int, Ge(1), Le(217)] = 19
-    spot: Literal["fixed", "random"] = "fixed"
-    echo: Literal["nearest", "percentile"] = "percentile"
+    spot: Literal["fixed", "turned", "random"] = "fixed"
+    echo: EchoRule = "percentile"
+    within: Within = "percentile"
     percentile: Annotated[float, Ge(0), Le(100)] = 50.0
+    threshold_percent: Annotated[float, Ge(0), Le(100)] = 10.0
+    echoes: Annotated[int, Ge(1), Le(16)] | None = None
     reach_m: Annotated[float, Gt(0), Le(200)] = 40.0
     noise: Literal["data_sheet", "none"] = "data_sheet"
+    angle_noise_deg: Annotated[float, Ge(0), Le(5)] | None = None
+    drop_out_percent: Annotated[float, Ge(0), Le(100)] = 0.0
+    weather: Weather = field(default_factory=Weather)
 
 
 class PlantsLidar:
@@ -53,7 +69,23 @@ class PlantsLidar:
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.params = params
         self.setup = setup
-        self.scanner = Scanner(params, setup)
+        card = load_lidar(params.sensor, setup.base)
+        self.receiver = Receiver(
+            rule=params.echo,
+            within=params.within,
+            percentile=params.percentile,
+            threshold=0.01 * params.threshold_percent,
+            gap=merging_gap(card.pulse),
+            count=params.echoes or card.echo_count,
+            least_energy=least_energy(card.range_10),
+        )
+        self.scanner = Scanner(
+            params,
+            setup,
+            echo_count=self.receiver.echo_count,
+            angle_noise=None if params.angle_noise_deg is None else params.angle_noise_deg * DEG,
+            drop_out=0.01 * params.drop_out_percent,
+        )
         self.card, self.mounting = self.scanner.card, self.scanner.mounting
         self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
         self.ray_count = 0
@@ -82,14 +114,13 @@ class PlantsLidar:
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        beams, subs = len(origins), len(self.pattern)
+        beams, subs = len(origins), self.params.sub_rays
         rng = self._stream.at(t)
         middle = origins[beams // 2]
         self.setup.field.ensure(middle[0], middle[1], self.params.reach_m)
-        pattern = self.pattern[None]
-        if self.params.spot == "random":
-            pattern = _turned(self.pattern, rng.uniform(0, 2 * np.pi, beams))
-        starts, directions = sub_rays(origins, rotations @ self.scanner.axes, self.card.beam, pattern)
+        pattern = self._pattern(rng, beams)
+        axes = rotations @ self.scanner.axes_at(t)
+        starts, directions = sub_rays(origins, axes, self.card.beam, pattern.position)
         hits = self.caster.cast(
             starts.reshape(-1, 3),
             directions.reshape(-1, 3),
@@ -99,17 +130,14 @@ class PlantsLidar:
         self.ray_count += beams * subs
         distance = hits.distance.reshape(beams, subs).astype(np.float64)
         distance[distance < self.card.range_min] = np.nan
-        chosen = echo_index(distance, self.params.echo, self.params.percentile)
-        row = np.arange(beams)
-        true_range = np.where(chosen >= 0, distance[row, chosen], np.nan)
-        energy = np.where(np.isnan(distance), 0.0, (hits.reflectance * hits.cosine).reshape(beams, subs))
-        intensity = energy.mean(axis=1)
-        is_seen = self.scanner.is_seen(true_range, intensity)
-        measured = np.where(is_seen, self.scanner.measure(true_range, rng), np.nan)
-        points = starts[row, chosen] + true_range[:, None] * directions[row, chosen]
-        points[~is_seen] = np.nan
-        echo = np.where(np.isnan(measured), np.nan, intensity)
-        return self.scanner.outputs_of(t, measured, echo, points, origins)
+        albedo = (hits.reflectance * hits.cosine).reshape(beams, subs).astype(np.float64)
+        if not self.params.weather.is_clear:
+            air = self._stream.child("weather").at(t)
+            distance, albedo = disturb(self.params.weather, distance, albedo, self.card.range_min, air)
+        echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
+        measured = self.scanner.measure(echoes.distance, rng, echoes.signal)
+        points = echoes.places(starts + distance[:, :, None] * directions)
+        return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
 
     def save(self) -> State:
         """The last pose and the ray counter; constants follow from the stream."""
@@ -120,12 +148,13 @@ class PlantsLidar:
         self._last = state["last"]
         self.ray_count = state["ray_count"]
 
-
-def _turned(pattern: F64, angle: F64) -> F64:
-    """The pattern (n, 2) turned by an angle [rad] per beam, shape (beam_count, n, 2)."""
-    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    x, y = pattern[:, 0], pattern[:, 1]
-    return np.stack([c * x - s * y, s * x + c * y], axis=2)
+    def _pattern(self, rng: np.random.Generator, beams: int) -> Pattern:
+        """Sub-rays of one sweep, position (beams or 1, count, 2)."""
+        if self.params.spot == "turned":
+            return turned_pattern(rng, beams, self.pattern)
+        if self.params.spot == "random":
+            return random_pattern(rng, beams, self.params.sub_rays, self.card.beam.profile)
+        return Pattern(self.pattern.position[None], self.pattern.weight)
 
 
 LEVEL = Level(

@@ -1,0 +1,53 @@
+"""Noise of a scanner as its data sheet gives it: range, constant bias, angle; and drop-outs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.random import Stream
+from swath.core.signals import F64
+from swath.sensing.card import LidarCard
+
+
+class Noise:
+    """What one instance of a scanner adds.
+
+    is_on: False = no range noise, bias, resolution and angle noise of the card
+    angle: one sigma of the direction in the scan plane [rad], None = the card's
+    drop_out: chance that a beam is lost
+    """
+
+    def __init__(self, card: LidarCard, *, is_on: bool, angle: float | None, drop_out: float) -> None:
+        self.card, self.is_on, self.drop_out = card, is_on, drop_out
+        self.angle = angle if angle is not None else card.angle_noise if is_on else 0.0
+        self.bias = 0.0
+        self._stream = Stream(0, "noise")
+
+    def reset(self, stream: Stream) -> None:
+        """Draws the constant range bias [m] of this instance, uniform in the data sheet's band."""
+        band = self.card.systematic if self.is_on else 0.0
+        self.bias = float(stream.at(0).uniform(-band, band))
+        self._stream = stream
+
+    def measure(self, distance: F64, rng: np.random.Generator, signal: F64 | None = None) -> F64:
+        """Reported ranges [m] of true ones, any shape, nan stays nan.
+
+        signal: received energy over the least detectable, same shape
+        """
+        if not self.is_on:
+            return distance
+        sigma = self.card.noise_sigma(np.nan_to_num(distance), signal)
+        noisy = distance + self.bias + sigma * rng.standard_normal(distance.shape)
+        step = self.card.resolution
+        return np.round(noisy / step) * step if step > 0 else noisy
+
+    def swing(self, t: int, count: int) -> F64 | None:
+        """Azimuth errors of the beams in the sweep that ends at t [rad], (count,), None = no angle noise."""
+        if self.angle == 0.0:
+            return None
+        return self.angle * self._stream.child("angle").at(t).standard_normal(count)
+
+    def dropped(self, t: int, count: int) -> NDArray[np.bool_]:
+        """Which beams of the sweep that ends at t are lost, (count,)."""
+        if self.drop_out == 0.0:
+            return np.zeros(count, dtype=bool)
+        return np.asarray(self._stream.child("drop_out").at(t).uniform(size=count) < self.drop_out)
