@@ -224,7 +224,10 @@ def test_brakes_to_a_stop_and_holds_on_a_slope():
     run(motion, 12.0, speed=0.0)
     first, *_, last = run(motion, 5.0, speed=0.0)
     assert np.linalg.norm(last.pose.position - first.pose.position) < 1e-3
-    assert run(motion, 6.0, speed=2.0)[-1].speed == pytest.approx(2.0, abs=0.1)
+    start = last.pose.position[0]
+    states = run(motion, 6.0, speed=2.0)
+    assert states[-1].speed == pytest.approx(2.0, abs=0.1)
+    assert min(s.pose.position[0] for s in states) > start - 1e-3  # it does not roll back
 
 
 def test_the_engine_limits_the_speed():
@@ -278,6 +281,16 @@ def test_saved_state_goes_on_byte_for_byte(params, speed):
         assert a.distance == b.distance
     for a, b in zip(one.wheels.save()["ground"], two.wheels.save()["ground"], strict=True):
         assert a.tobytes() == b.tobytes()
+
+
+def test_a_second_reset_starts_anew():
+    motion = make(slope(0.02, 0.05), start_speed_kmh=3.0)
+    fresh = motion.save()
+    run(motion, 1.0, steer=0.2, load=MachineLoad(0, 5000.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    motion.hold_header(0.1, 0.1)
+    motion.reset(STREAM)
+    assert motion.mass == pytest.approx(D.mass, rel=1e-6)
+    assert motion.save()["mujoco"].tobytes() == fresh["mujoco"].tobytes()
 
 
 def test_the_step_size_hardly_enters():

@@ -110,7 +110,7 @@ class Multibody:
         mj, d, p = self._mj, self._data, self._params
         mj.mj_resetData(self._model, d)
         self.wheels.reset()
-        self._fill(p.grain_kg)
+        self._fill(p.grain_kg, force=True)
         self._lift = self._tilt = self._distance = 0.0
         self._aim, self._parked, self._unseen = 0.0, True, LOOK
         self._angles = [0.0, 0.0]
@@ -239,7 +239,7 @@ class Multibody:
         left, right = self._data.qpos[self._spin_q].tolist()
         if wanted != 0.0 or abs(self._aim) > 1e-3:
             if self._parked:
-                self._parked, self._angles = False, [0.5 * (left + right)] * 2
+                self._parked, self._angles = False, [0.5 * sum(self._angles)] * 2
             middle, spin = 0.5 * (left + right), 0.5 * (spins[0] + spins[1])
             slide = self._aim / self._radius - spin
             off, torque = self._spring(self._angles[0] - middle, slide, self._thrust)
