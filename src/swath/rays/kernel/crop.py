@@ -11,7 +11,7 @@ STUBBLE = wp.constant(6)
 MIRROR_X = wp.constant(1 << 16)
 MIRROR_Y = wp.constant(1 << 17)
 PROTOTYPE = wp.constant((1 << 16) - 1)
-STEP_LIMIT = wp.constant(8192)  # cells; a stand bent to 80 degrees needs some hundred in a tile
+LENGTH_MAX = wp.constant(200.0)  # of a way through one tile, in tiles; a stand bent to 80 degrees needs ten
 
 
 @wp.struct
@@ -154,6 +154,8 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
     size = float(scene.tile_size)
     r = to_prototype(ray, tile, size, span[0], span[2])
     end = (span[3] - span[2]) * r.stretch
+    if not (end < LENGTH_MAX * size):
+        return hit
     best = (wp.min(span[1], hit.t) - span[2]) * r.stretch
     o = r.o
     d = r.d
@@ -179,7 +181,7 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
     cz = plane_offset(o[2], d[2])
     first = (tile.prototype & PROTOTYPE) * columns * columns
     fraction = tile.stand[3]
-    for _step in range(STEP_LIMIT):
+    while True:
         tx = float(ix + ux) * gx + cx
         ty = float(iy + uy) * gy + cy
         tz = float(iz + uz) * gz + cz
