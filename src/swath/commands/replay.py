@@ -1,0 +1,121 @@
+"""`swath replay`: measured scans become what the LiDAR level `replay` looks at."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its verb."""
+    parser = parsers.add_parser("replay", help="make measured scans into a field of heights to drive past")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    made = verbs.add_parser("build", help="heights in a grid from recorded scans", description=_DESCRIPTION)
+    made.add_argument("source", type=Path, metavar="SOURCE", help="run folder, .mcap, rosbag, .npz or .csv")
+    made.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="the file to make")
+    made.add_argument("--scans", metavar="TOPIC", help="topic of the scans")
+    made.add_argument("--poses", metavar="TOPIC|CSV", help="topic of the poses, or a table of them")
+    made.add_argument(
+        "--mount",
+        metavar="X,Y,Z,ROLL,PITCH,YAW",
+        help="where the scanner sits [m, deg], seen from the poses (default: from /tf_static, or 0)",
+    )
+    made.add_argument(
+        "--ground",
+        choices=("pose", "echoes"),
+        default="pose",
+        help="the ground is where the machine stood, or that corrected by the lowest echoes",
+    )
+    for key, unit, text in (
+        ("cell", "M", "side of a cell [m] (default 0.1)"),
+        ("along", "M", "heights within this length along the way share a distribution [m] (default 0.9)"),
+        ("across", "M", "and within this width across it [m] (default 0.1)"),
+        ("reach", "M", "leave out what is further from the way [m] (default 30)"),
+        ("range-min", "M", "smaller ranges are no echo [m] (default 0.05)"),
+        ("range-max", "M", "larger ranges are no echo [m] (default 200)"),
+    ):
+        made.add_argument(f"--{key}-m", type=float, metavar=unit, help=text)
+    made.add_argument("--per-cell", type=int, metavar="N", help="heights kept of a cell (default 32)")
+    made.add_argument("--picture", type=Path, metavar="PNG", help="the picture (default: beside the file)")
+    made.set_defaults(run=run_build)
+
+
+def run_build(args: argparse.Namespace) -> int:
+    """Make the file and its picture, say what is in it."""
+    from swath.core.errors import InputError
+    from swath.study.replay.build import Settings, build_replay, open_source
+    from swath.study.replay.picture import draw_replay
+    from swath.study.replay.source import Wanted
+
+    if args.out.suffix != ".npz":
+        raise InputError("--out", str(args.out), "expected a name that ends in .npz")
+    keys = ("cell_m", "along_m", "across_m", "reach_m", "per_cell", "ground")
+    settings = Settings(**{k: v for k in keys if (v := getattr(args, k)) is not None})
+    ranges = {k: v for k in ("range_min", "range_max") if (v := getattr(args, f"{k}_m")) is not None}
+    table = Path(args.poses) if args.poses and args.poses.endswith(".csv") else None
+    wanted = Wanted(scans=args.scans, poses=None if table else args.poses, mount=_mount(args.mount), **ranges)
+    source = open_source(args.source, wanted, table)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    with _bar(source.name) as progress:
+        grid = build_replay(source, settings, progress)
+    grid.save(args.out)
+    picture = args.picture or args.out.with_suffix(".png")
+    draw_replay(grid, picture, source.track.position[:, :2])
+    _report(grid)
+    print(f"heights  {args.out}")
+    print(f"picture  {picture}")
+    print(f"drive past them: --set 'combine.lidar={{level: replay, file: {args.out.resolve()}}}'")
+    return 0
+
+
+def _mount(text: str | None) -> Any:
+    import numpy as np
+
+    from swath.core.errors import InputError
+    from swath.core.frames import Pose
+    from swath.core.units import DEG
+
+    if text is None:
+        return None
+    try:
+        numbers = [float(n) for n in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 6 or not np.isfinite(numbers).all():
+        raise InputError("--mount", text, "expected six numbers x,y,z,roll,pitch,yaw [m, deg]")
+    return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
+
+
+def _report(grid: Any) -> None:
+    from swath.commands.output import number, table
+
+    about = dict(grid.about)
+    notes = about.pop("notes", {})
+    about.pop("settings", None)
+    rows = [(key.replace("_", " "), number(value)) for key, value in about.items()]
+    table("", ("what", "value"), rows)
+    for what, count in notes.items():
+        print(f"warning: {what}" + (f" ({count})" if count > 1 else ""))
+
+
+def _bar(name: str) -> Any:
+    """A rich bar on stderr; nothing where there is no terminal."""
+    from contextlib import contextmanager
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    @contextmanager
+    def shown() -> Any:
+        console = Console(stderr=True)
+        if not console.is_terminal:
+            yield None
+            return
+        with Progress(console=console, transient=True) as bar:
+            task = bar.add_task(name, total=1.0)
+            yield lambda share: bar.update(task, completed=share)
+
+    return shown()
+
+
+_DESCRIPTION = """Measured scans and the poses of the machine become plant heights above ground in a grid that
+keeps their distribution in every cell. The LiDAR level `replay` looks at it: docs/replay.md."""

@@ -1,0 +1,183 @@
+"""Measured plant heights in a position grid: what a replay looks at, and its file.
+
+Local frame: the world turned by `yaw` about z and moved to `origin`, x along the way that was driven while
+measuring. Square cells, TILE x TILE of them to a tile; only tiles with echoes are held. A cell keeps the
+distribution of the heights that were measured in and around it as LEVELS quantiles, the k-th at the share
+(k + 0.5) / LEVELS, so a canopy with gaps stays a canopy with gaps.
+"""
+
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+
+Array = NDArray[np.float64]
+FORMAT = "swath replay 1"
+LEVELS = 32
+TILE = 32  # cells along a tile
+NODE_CELLS = 8  # cells between two nodes of the ground lattice
+NODES = TILE // NODE_CELLS
+NONE = -32768  # first quantile of a cell that was never measured
+LIMIT_M = 32.0  # heights beyond are not plants [m]
+
+
+@dataclass(frozen=True)
+class HeightGrid:
+    """The grid. m = held tiles; tiles (ty, tx) cover the bounding box.
+
+    origin: (3,) world place of the local frame's corner [m]; yaw [rad]; cell: side of a cell [m]
+    table: (ty, tx) row of the pools, -1 = nothing measured there
+    quantiles: (m, TILE, TILE, LEVELS) int16 heights above ground [mm], rising; NONE = never measured
+    count: (m, TILE, TILE) echoes in the cell itself (neighbours lend to cells with 0 of them)
+    intensity: (m, TILE, TILE) mean of the echoes, nan = none
+    ground: (ty * NODES + 1, tx * NODES + 1) height of the ground [m] above origin[2], bilinear
+    about: where it comes from and what was counted, plain JSON values
+    """
+
+    origin: Array
+    yaw: float
+    cell: float
+    table: NDArray[np.int32]
+    quantiles: NDArray[np.int16]
+    count: NDArray[np.uint16]
+    intensity: NDArray[np.float32]
+    ground: NDArray[np.float32]
+    about: Mapping[str, Any]
+
+    @property
+    def is_measured(self) -> NDArray[np.bool_]:
+        """(m, TILE, TILE): cells that have heights."""
+        return np.asarray(self.quantiles[..., 0] != NONE)
+
+    @property
+    def node(self) -> float:
+        """Spacing of the ground lattice [m]."""
+        return self.cell * NODE_CELLS
+
+    def to_local(self, x: Any, y: Any) -> tuple[Array, Array]:
+        """World points in the local frame [m]."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        x, y = np.asarray(x, dtype=float) - self.origin[0], np.asarray(y, dtype=float) - self.origin[1]
+        return c * x + s * y, c * y - s * x
+
+    def to_world(self, u: Any, v: Any) -> tuple[Array, Array]:
+        """Local points in the world [m]."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
+        return self.origin[0] + c * u - s * v, self.origin[1] + s * u + c * v
+
+    def ground_height(self, x: Any, y: Any) -> Array:
+        """Height of the measured ground in the world [m]; beyond the box that of its border."""
+        u, v = self.to_local(x, y)
+        return np.asarray(self.origin[2] + lattice_height(self.ground, self.node, u, v))
+
+    def cells_at(self, x: Any, y: Any) -> NDArray[np.int64]:
+        """Index of the cell of world points into the flattened pools, -1 = not held."""
+        u, v = self.to_local(x, y)
+        i, j = np.floor(u / self.cell).astype(np.int64), np.floor(v / self.cell).astype(np.int64)
+        ny, nx = self.table.shape
+        known = (i >= 0) & (j >= 0) & (i < nx * TILE) & (j < ny * TILE)
+        i, j = np.where(known, i, 0), np.where(known, j, 0)
+        row = self.table[j // TILE, i // TILE]
+        cell = (row.astype(np.int64) * TILE + j % TILE) * TILE + i % TILE
+        return np.asarray(np.where(known & (row >= 0), cell, -1))
+
+    def cell_centres(self) -> tuple[Array, Array]:
+        """World x and y of the middles of all cells of held tiles, (m, TILE, TILE) each."""
+        tile = np.zeros((len(self.quantiles), 2))
+        ty, tx = np.nonzero(self.table >= 0)
+        tile[self.table[ty, tx]] = np.stack([tx, ty], axis=1)
+        step = np.arange(TILE) + 0.5
+        u = (tile[:, None, None, 0] * TILE + step[None, None, :]) * self.cell
+        v = (tile[:, None, None, 1] * TILE + step[None, :, None]) * self.cell
+        return self.to_world(*np.broadcast_arrays(u, v))
+
+    def save(self, path: Path) -> None:
+        """Write the file in one go; the same grid gives the same bytes."""
+        about = np.frombuffer(json.dumps(dict(self.about), sort_keys=True).encode(), np.uint8)
+        part = path.with_name(path.name + ".part")
+        with part.open("wb") as file:
+            np.savez_compressed(
+                file,
+                format=np.array(FORMAT),
+                origin_m=self.origin,
+                yaw_rad=np.array(self.yaw),
+                cell_m=np.array(self.cell),
+                table=self.table,
+                height_quantiles_mm=self.quantiles,
+                count=self.count,
+                intensity=self.intensity,
+                ground_m=self.ground,
+                about=about,
+            )
+        part.replace(path)
+
+
+def lattice_height(ground: NDArray[Any], node: float, u: Any, v: Any) -> Array:
+    """Bilinear height [m] at local points; beyond the lattice that of its border."""
+    ny, nx = ground.shape
+    fu = np.clip(np.asarray(u, dtype=float) / node, 0.0, nx - 1)
+    fv = np.clip(np.asarray(v, dtype=float) / node, 0.0, ny - 1)
+    i, j = np.minimum(fu.astype(int), nx - 2), np.minimum(fv.astype(int), ny - 2)
+    fu, fv = fu - i, fv - j
+    low = ground[j, i] * (1 - fu) + ground[j, i + 1] * fu
+    high = ground[j + 1, i] * (1 - fu) + ground[j + 1, i + 1] * fu
+    return np.asarray(low * (1 - fv) + high * fv, dtype=np.float64)
+
+
+def load_height_grid(path: Path) -> HeightGrid:
+    """Read a file that `HeightGrid.save` wrote. InputError says what is wrong with another one."""
+
+    def wrong(expected: str) -> InputError:
+        return InputError("replay file", str(path), f"expected {expected}")
+
+    if not path.is_file():
+        raise wrong("a file made by `swath replay build`")
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            if "format" not in data or str(data["format"]) != FORMAT:
+                raise wrong(f"a file made by `swath replay build` ({FORMAT})")
+            grid = HeightGrid(
+                origin=np.asarray(data["origin_m"], np.float64),
+                yaw=float(data["yaw_rad"]),
+                cell=float(data["cell_m"]),
+                table=np.asarray(data["table"], np.int32),
+                quantiles=np.ascontiguousarray(data["height_quantiles_mm"], np.int16),
+                count=np.asarray(data["count"], np.uint16),
+                intensity=np.asarray(data["intensity"], np.float32),
+                ground=np.ascontiguousarray(data["ground_m"], np.float32),
+                about=json.loads(bytes(data["about"]).decode()),
+            )
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zipfile.zlib.error) as e:  # type: ignore[attr-defined]
+        raise wrong(f"a file made by `swath replay build`, this one cannot be read ({e})") from e
+    if (fault := _fault(grid)) is not None:
+        raise wrong(fault)
+    return grid
+
+
+def _fault(g: HeightGrid) -> str | None:
+    """What does not fit together, None when all does."""
+    m = len(g.quantiles)
+    if g.table.ndim != 2 or g.table.size == 0 or g.origin.shape != (3,):
+        return "a table of tiles and an origin"
+    ty, tx = g.table.shape
+    if g.quantiles.shape != (m, TILE, TILE, LEVELS) or m == 0:
+        return f"quantiles of shape (m, {TILE}, {TILE}, {LEVELS})"
+    if g.count.shape != (m, TILE, TILE) or g.intensity.shape != (m, TILE, TILE):
+        return "counts and intensities in the shape of the cells"
+    if sorted(g.table[g.table >= 0].tolist()) != list(range(m)):
+        return "a table that names every tile once"
+    if g.ground.shape != (ty * NODES + 1, tx * NODES + 1) or not np.isfinite(g.ground).all():
+        return "a finite ground on every node"
+    if not (np.isfinite(g.origin).all() and np.isfinite(g.yaw) and 0.005 <= g.cell <= 10.0):
+        return "a finite origin and heading and cells of 0.005 to 10 m"
+    return None

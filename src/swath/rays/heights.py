@@ -1,0 +1,155 @@
+"""Rays against a grid of measured heights."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.layout import Solids
+from swath.rays.device import start_warp
+from swath.rays.geometry import pack_solids
+from swath.rays.height_grid import LEVELS, NODE_CELLS, NODES, NONE, TILE, HeightGrid, lattice_height
+
+NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
+UNTOUCHED = 255  # in `HeightCaster.cut`
+
+
+@dataclass(frozen=True)
+class HeightHits:
+    """Nearest hits of n rays, all (n,).
+
+    distance [m], nan = nothing; of UNMEASURED where the ground was reached; what: one of the four above
+    cell: index into the flattened pools of the grid, -1 = none; cosine, reflectance: of a solid
+    """
+
+    distance: NDArray[np.float32]
+    what: NDArray[np.int32]
+    cell: NDArray[np.int32]
+    cosine: NDArray[np.float32]
+    reflectance: NDArray[np.float32]
+
+
+class HeightCaster:
+    """Marches rays through a grid, every ray alone.
+
+    All cells along a ray show the same quantile: the ray meets the surface that so large a share of the
+    measured heights lies under. In an even stand the heights it reports are distributed as the measured
+    ones; an own draw in each cell would let the highest of them win.
+
+    cut: (m, TILE, TILE) uint8, UNTOUCHED or the stubble height [cm]; change it in place
+    """
+
+    def __init__(self, grid: HeightGrid) -> None:
+        self.grid = grid
+        self.cut = np.full(grid.count.shape, UNTOUCHED, np.uint8)
+        self._scene: Any = None
+        self._size = -1
+
+    def cast(
+        self,
+        origins: Any,
+        directions: Any,
+        *,
+        range_max: float,
+        seed: int = 0,
+        level: int = -1,
+        grain: float = 0.05,
+        solids: Solids | None = None,
+    ) -> HeightHits:
+        """Nearest hit of each ray.
+
+        origins [m], directions (unit): (n, 3), world. level: quantile 0 .. LEVELS - 1 for all rays, or -1:
+        drawn by a hash of the seed and the cell of side `grain` [m] in which the ray would end on the ground.
+        """
+        wp = start_warp()
+        from swath.rays.kernel.heights import cast_heights
+
+        if self._scene is None:
+            self._scene = self._make_scene(wp)
+        if len(origins) != self._size:
+            self._reserve(wp, len(origins))
+        self._origins[:] = origins
+        self._directions[:] = directions
+        if not (np.isfinite(self._origins).all() and np.isfinite(self._directions).all()):
+            raise ValueError("expected finite origins and directions")
+        self._draw.seed, self._draw.level, self._draw.grain = seed & 0xFFFFFFFF, level, grain
+        things = _things(wp, solids)
+        inputs = [self._scene, things, self._draw, range_max, *self._shared]
+        wp.launch(cast_heights, dim=self._size, inputs=inputs, device="cpu")
+        distance, what, cell, cosine, reflectance = (a.copy() for a in self._out)
+        return HeightHits(distance, what, cell, cosine, reflectance)
+
+    def _reserve(self, wp: Any, n: int) -> None:
+        from swath.rays.kernel.heights import Draw
+
+        self._size = n
+        self._draw = Draw()
+        self._origins, self._directions = np.zeros((n, 3)), np.zeros((n, 3))
+        kinds = (np.float32, np.int32, np.int32, np.float32, np.float32)
+        self._out: tuple[Any, ...] = tuple(np.zeros(n, k) for k in kinds)
+        pairs: list[tuple[Any, Any]] = [(self._origins, wp.vec3d), (self._directions, wp.vec3d)]
+        pairs += [(a, wp.float32 if a.dtype == np.float32 else wp.int32) for a in self._out]
+        self._shared = [wp.array(a, dtype=t, device="cpu", copy=False) for a, t in pairs]
+
+    def _make_scene(self, wp: Any) -> Any:
+        from swath.rays.kernel.heights import Heights
+
+        g = self.grid
+        self._tops = tile_tops(g)
+        scene = Heights()
+        scene.origin = wp.vec3d(*g.origin)
+        scene.turn = wp.vec2d(np.cos(g.yaw), np.sin(g.yaw))
+        scene.cell, scene.tile, scene.levels, scene.none = g.cell, TILE, LEVELS, NONE
+        scene.node_cells = NODE_CELLS
+        for name, array, dtype in (
+            ("table", g.table, wp.int32),
+            ("tile_top", self._tops, wp.float32),
+            ("quantiles", g.quantiles, wp.int16),
+            ("cut", self.cut, wp.uint8),
+            ("ground", g.ground, wp.float32),
+        ):
+            setattr(scene, name, wp.array(array, dtype=dtype, device="cpu", copy=False))
+        return scene
+
+
+def tile_tops(grid: HeightGrid) -> NDArray[np.float32]:
+    """Highest surface in each tile above origin[2] [m], shape of the table; the ground where unmeasured."""
+    ny, nx = grid.table.shape
+    blocks = np.lib.stride_tricks.sliding_window_view(grid.ground, (NODES + 1, NODES + 1))[::NODES, ::NODES]
+    top = blocks.max(axis=(2, 3)).astype(np.float64)
+    highest = np.maximum(grid.quantiles[..., -1].max(axis=(1, 2)) * 1e-3, 0.0)
+    ty, tx = np.nonzero(grid.table >= 0)
+    top[ty, tx] += highest[grid.table[ty, tx]]
+    assert top.shape == (ny, nx)
+    return np.asarray(top + 1e-3, dtype=np.float32)
+
+
+def surface(grid: HeightGrid, x: Any, y: Any, level: int) -> NDArray[np.float64]:
+    """Height of the surface of one quantile in the world [m], nan where nothing was measured."""
+    u, v = grid.to_local(x, y)
+    cell = grid.cells_at(x, y)
+    q = grid.quantiles.reshape(-1, LEVELS)[cell]
+    height = np.where((cell >= 0) & (q[..., 0] != NONE), q[..., level] * 1e-3, np.nan)
+    return np.asarray(grid.origin[2] + lattice_height(grid.ground, grid.node, u, v) + height)
+
+
+def _things(wp: Any, solids: Solids | None) -> Any:
+    from swath.rays.kernel.scene import Things
+
+    things = Things()
+    things.count = 0
+    if solids is None or not (
+        len(solids.box_half) or len(solids.capsule_radius) or len(solids.ellipsoid_half)
+    ):
+        return things
+    packed = pack_solids(solids)
+    things.count = len(packed.kind)
+    if things.count:
+        things.kind = wp.array(packed.kind, dtype=wp.int32, device="cpu", copy=False)
+        things.centre = wp.array(packed.centre, dtype=wp.vec3d, device="cpu", copy=False)
+        things.axes = wp.array(packed.axes, dtype=wp.mat33, device="cpu", copy=False)
+        things.half = wp.array(packed.half, dtype=wp.vec3, device="cpu", copy=False)
+        things.bound = wp.array(packed.bound, dtype=wp.float32, device="cpu", copy=False)
+        things.reflectance = wp.array(packed.reflectance, dtype=wp.float32, device="cpu", copy=False)
+    return things

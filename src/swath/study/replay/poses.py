@@ -1,0 +1,93 @@
+"""Where a measuring sensor was: a table of poses over time."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose, wrap_angle
+
+Array = NDArray[np.float64]
+SLACK_S = 0.1  # a beam may be this much before the first or after the last pose [s]
+
+
+@dataclass(frozen=True)
+class PoseTrack:
+    """Poses of a machine, sorted by time. time [s], (m,); position (m, 3) [m]; angle (m, 3): roll, pitch, yaw
+    [rad], without jumps. dropped_count: rows that were not finite or had a time twice
+    """
+
+    time: Array
+    position: Array
+    angle: Array
+    dropped_count: int = 0
+
+    def at(self, time: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Positions (n, 3), rotations (n, 3, 3) at times, linear in between, and where the track knows."""
+        known = (time >= self.time[0] - SLACK_S) & (time <= self.time[-1] + SLACK_S)
+        place = np.stack([np.interp(time, self.time, self.position[:, k]) for k in range(3)], axis=1)
+        roll, pitch, yaw = (np.interp(time, self.time, self.angle[:, k]) for k in range(3))
+        return place, rotations(roll, pitch, yaw), known
+
+    @property
+    def heading(self) -> float:
+        """The direction that most of the way was driven in, taken as an axis without a sense [rad]."""
+        step = np.diff(self.position[:, :2], axis=0)
+        length = np.hypot(*step.T)
+        if length.sum() < 0.05:
+            return float(self.angle[0, 2])
+        doubled = 2.0 * np.arctan2(step[:, 1], step[:, 0])
+        return 0.5 * float(np.arctan2((length * np.sin(doubled)).sum(), (length * np.cos(doubled)).sum()))
+
+    @property
+    def length(self) -> float:
+        """Way that was driven [m]."""
+        return float(np.hypot(*np.diff(self.position[:, :2], axis=0).T).sum())
+
+
+def make_track(time: Any, position: Any, angle: Any) -> PoseTrack:
+    """A track from rows in any order. InputError when fewer than two of them are usable."""
+    time = np.asarray(time, dtype=float).reshape(-1)
+    position = np.asarray(position, dtype=float).reshape(-1, 3)
+    angle = np.asarray(angle, dtype=float).reshape(-1, 3)
+    good = np.isfinite(time) & np.isfinite(position).all(axis=1) & np.isfinite(angle).all(axis=1)
+    good &= (np.abs(position) < 1e7).all(axis=1)
+    index = np.flatnonzero(good)
+    index = index[np.unique(time[index], return_index=True)[1]]
+    if len(index) < 2:
+        raise InputError("poses", len(index), "expected at least two finite poses at different times")
+    turn = angle[index]
+    turn = turn[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(turn, axis=0))]), axis=0)
+    return PoseTrack(time[index], position[index], turn, len(time) - len(index))
+
+
+def euler_of(quaternion: Any) -> Array:
+    """(roll, pitch, yaw) [rad], (n, 3), of quaternions (x, y, z, w), (n, 4); not unit ones are scaled."""
+    q = np.asarray(quaternion, dtype=float).reshape(-1, 4)
+    norm = np.linalg.norm(q, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x, y, z, w = (q / norm).T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return np.stack([roll, pitch, yaw], axis=1)
+
+
+def pose_of(translation: Any, quaternion: Any) -> Pose:
+    """A pose from a translation (3,) [m] and a quaternion (x, y, z, w)."""
+    roll, pitch, yaw = euler_of(quaternion)[0]
+    return Pose.from_euler(translation, roll, pitch, yaw)
+
+
+def rotations(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """Rotations (n, 3, 3) from angles [rad]."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
