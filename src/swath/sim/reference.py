@@ -89,7 +89,11 @@ def _machine(kit: Kit) -> str:
     parts = [_section("## A machine", MachineCommon, "The key is its name; there may be several.\n")]
     parts.append(_section("### start, on the edge", StartAlongEdge))
     parts.append(_section("### start, anywhere", StartPose))
-    slots = "".join(f"| `{s.name}` | `{s.level}` | {s.rate_hz:g} | {_wires(s.wires)} |\n" for s in kit.slots)
+    slots = "".join(
+        f"| `{s.name}` | `{s.level}`{'' if s.is_on else ', off unless named'} "
+        f"| {s.rate_hz:g} | {_wires(s.wires)} |\n"
+        for s in kit.slots
+    )
     parts.append(
         "### Slots\nIn the order in which they run within a tick. `off` leaves one out.\n\n"
         f"| slot | default level | rate [Hz] | inputs come from |\n|---|---|---|---|\n{slots}"
