@@ -54,9 +54,13 @@ class Job:
         }
         return SimpleNamespace(summary=summary, exit_code=self.exit_code)
 
-    def scan_job(self, scenario, out, at_s):
+    def scan_job(self, scenario, out, at_s, formats):
         self.calls.append((scenario, out, at_s))
+        self.formats = formats
         return [out / "scan.png", out / "scan.csv"]
+
+    def converge_job(self, scenario, out, at_s):
+        return [{"seed": 3, "sub_rays": 19, "mean_m": 0.7512}], "nineteen will do"
 
 
 @pytest.fixture
@@ -187,6 +191,12 @@ def test_scan(job, capsys):
     assert main(["scan", "small.yaml", "--at", "4.5"]) == 0
     assert (str(job.calls[0][1]), job.calls[0][2]) == ("runs/small-3-scan", 4.5)
     assert capsys.readouterr().out.split() == ["runs/small-3-scan/scan.png", "runs/small-3-scan/scan.csv"]
+    assert job.formats is None
+    assert main(["scan", "small.yaml", "--format", "ply, las", "--converge"]) == 0
+    assert job.formats == ["ply", "las"]
+    said = capsys.readouterr().out
+    assert "0.7512" in said
+    assert said.splitlines()[-1] == "nineteen will do"
 
 
 def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):

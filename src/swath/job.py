@@ -1,9 +1,10 @@
 """Jobs: what the command line does with a scenario, from reading to the finished folder."""
 
+import dataclasses
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +13,16 @@ from typing import Any
 from swath import __version__
 from swath.core.errors import InputError
 from swath.core.graph import Observer
+from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.signals import F64, Scan, ScanTruth
+from swath.core.signals import F64, MachineState, Scan, ScanTruth
 from swath.sim.digest import Digest
 from swath.sim.loop import Progress, drive
 from swath.sim.record import Recorder
 from swath.sim.runfolder import clear_run_folder
 from swath.sim.scenario import Scenario
 from swath.sim.world import World, assemble
+from swath.study.converge import Settling
 from swath.study.metrics import is_broken
 from swath.study.referee import Referee
 from swath.study.summary import make_summary, write_summary
@@ -118,18 +121,19 @@ class Watch:
         write_report(self.out, data)
 
 
-def scan_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> list[Path]:
-    """One scan of a scenario's first machine after `at_s` of driving: scan.png, scan.csv, scan.npz."""
-    from swath.view.scan import write_scan
+def scan_job(
+    scenario: Scenario, out: Path, *, at_s: float = 0.0, formats: Sequence[str] | None = None
+) -> list[Path]:
+    """One scan of a scenario's first machine after `at_s` of driving, as files `scan.*` in the folder `out`.
 
-    if "lidar" not in next(iter(scenario.machines.values())).slots:
-        raise InputError("lidar", "off", "expected a scenario whose first machine has a lidar")
-    world = assemble(scenario)
+    formats: of view/scan.py, None = picture, csv, npz and ply
+    """
+    from swath.view.scan import USUAL_FORMATS, check_formats, write_scan
+
+    formats = USUAL_FORMATS if formats is None else formats
+    check_formats(formats)
+    world, keeper = _drive_to_scan(scenario, at_s)
     leader = world.leader
-    referee = Referee(world.field, leader.recorded(), overlap=leader.overlap)
-    keeper = ScanKeeper(leader.recorded(), referee)
-    period_s = 1.0 / scenario.machines[leader.name].slots["lidar"].common.rate_hz
-    drive(world, [referee, keeper], until_s=max(at_s, 2.0 * period_s))
     scan = world.graph.latest(f"{leader.name}.lidar", "scan")
     truth = world.graph.latest(f"{leader.name}.lidar", "truth")
     assert isinstance(scan, Scan)
@@ -145,11 +149,68 @@ def scan_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> list[Path]:
             machine=leader.recorded(),
             stand=world.field,
             edge=_edge_line(world),
+            formats=formats,
         )
         out.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(f, out / f.name)) for f in files]
     finally:
         shutil.rmtree(parts, ignore_errors=True)
+
+
+def converge_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> tuple[list[dict[str, Any]], str]:
+    """How the heights of a scan settle with the number of sub-rays, here and with the next seed.
+
+    Writes scan.converge.png and scan.converge.csv into `out`; returns the rows of the table and a sentence.
+    """
+    from swath.study.converge import judge, table
+    from swath.view.converge import sentence, write_converge
+
+    runs = [_settling(dataclasses.replace(scenario, seed=scenario.seed + k), at_s) for k in range(2)]
+    verdict = judge(*runs)
+    out.mkdir(parents=True, exist_ok=True)
+    write_converge(out, runs, verdict)
+    return table(runs), sentence(verdict, runs)
+
+
+def _settling(scenario: Scenario, at_s: float) -> Settling:
+    """The scans of one seed: the field as it is after `at_s`, with ever more sub-rays, without noise."""
+    from swath.sensing.lidar.plants import PlantsLidar
+    from swath.study.converge import settle
+
+    world, _ = _drive_to_scan(scenario, at_s)
+    leader = world.leader
+    lidar = leader.parts["lidar"]
+    if not isinstance(lidar, PlantsLidar):
+        raise InputError(f"{leader.name}.lidar.level", type(lidar).__name__, "expected plants for --converge")
+    stream = Stream(scenario.seed, f"{leader.name}.lidar.converge")
+
+    def look(count: int, sweep: int, origins: F64, rotations: F64) -> F64:
+        if count not in copies:
+            quiet = dataclasses.replace(lidar.params, sub_rays=count, noise="none")
+            copies[count] = PlantsLidar(quiet, lidar.setup)
+            copies[count].reset(stream)
+        truth = copies[count].scan_from(sweep, origins, rotations)["truth"]
+        assert isinstance(truth, ScanTruth)
+        return truth.points
+
+    copies: dict[int, PlantsLidar] = {}
+    state = world.graph.latest(f"{leader.name}.motion", "state")
+    assert isinstance(state, MachineState)
+    pose = state.pose @ lidar.mounting
+    return settle(look, world.field, pose, seed=scenario.seed, beams=len(lidar.azimuth))
+
+
+def _drive_to_scan(scenario: Scenario, at_s: float) -> tuple[World, ScanKeeper]:
+    """The world of a scenario once its first machine has driven `at_s` and scanned."""
+    if "lidar" not in next(iter(scenario.machines.values())).slots:
+        raise InputError("lidar", "off", "expected a scenario whose first machine has a lidar")
+    world = assemble(scenario)
+    leader = world.leader
+    referee = Referee(world.field, leader.recorded(), overlap=leader.overlap)
+    keeper = ScanKeeper(leader.recorded(), referee)
+    period_s = 1.0 / scenario.machines[leader.name].slots["lidar"].common.rate_hz
+    drive(world, [referee, keeper], until_s=max(at_s, 2.0 * period_s))
+    return world, keeper
 
 
 def _edge_line(world: World) -> F64:

@@ -2,11 +2,12 @@
 
 import json
 
+import numpy as np
 import pytest
 from small import TEXT, small
 
 from swath.cli import main
-from swath.job import run_job, scan_job
+from swath.job import converge_job, run_job, scan_job
 from swath.sim.scenario import load_scenario
 
 CONTRACT = {
@@ -94,9 +95,39 @@ def test_ctrl_c_leaves_a_valid_folder_marked_incomplete(tmp_path, monkeypatch):
     assert read_table(tmp_path / "cut" / "tracks.parquet").num_rows > 10
 
 
+def test_several_echoes_reach_the_files_of_a_scan(tmp_path):
+    sets = [
+        f"combine.lidar.{s}" for s in ("echo=all", "within=nearest", "sub_rays=19", "sensor=sick-lms511-sr")
+    ]
+    scan_job(small(*sets), tmp_path / "scan", formats=["csv", "npz", "ply"])
+    assert sorted(f.name for f in (tmp_path / "scan").iterdir()) == ["scan.csv", "scan.npz", "scan.ply"]
+    data = np.load(tmp_path / "scan" / "scan.npz")
+    ranges, intensity = data["ranges_m"], data["intensity"]
+    assert ranges.shape == intensity.shape == (81, 5)
+    both = np.isfinite(ranges[:, 1])
+    assert 1 <= both.sum() < 81
+    assert (ranges[both, 1] - ranges[both, 0]).min() > 0.6  # half the pulse less noise
+    assert np.isfinite(data["points_true_m"][both, 1]).all()
+    with (tmp_path / "scan" / "scan.csv").open() as file:
+        numbers = [int(line.split(",")[1]) for line in file.readlines()[1:]]
+    assert numbers.count(1) == both.sum()
+
+
+def test_heights_settle_with_the_number_of_sub_rays(tmp_path):
+    rows, sentence = converge_job(small(), tmp_path / "scan")
+    assert [(r["seed"], r["sub_rays"]) for r in rows] == [(s, n) for s in (3, 4) for n in (1, 7, 19, 37, 61)]
+    assert {f.name for f in (tmp_path / "scan").iterdir()} == {"scan.converge.png", "scan.converge.csv"}
+    for seed in (3, 4):
+        own = [r for r in rows if r["seed"] == seed]
+        change = [r["change_rms_m"] for r in own]
+        assert change[0] > change[1] > change[2] > change[-1] == 0.0
+        assert abs(own[2]["mean_m"] - own[-1]["mean_m"]) < 0.01
+    assert "sub-rays" in sentence
+
+
 def test_scan_writes_a_picture_and_files(tmp_path):
     files = scan_job(small(), tmp_path / "scan", at_s=0.3)
-    assert [f.name for f in files] == ["scan.png", "scan.csv", "scan.npz"]
+    assert [f.name for f in files] == ["scan.png", "scan.csv", "scan.npz", "scan.ply"]
     lines = (tmp_path / "scan" / "scan.csv").read_text().splitlines()
     assert lines[0].startswith("beam,echo,time_s")
     assert len(lines) > 60

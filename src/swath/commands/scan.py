@@ -12,6 +12,16 @@ def add(parsers: Any) -> None:
     parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
     add_scenario_options(parser)
     parser.add_argument("--at", metavar="S", help="after S seconds of driving (default: where it starts)")
+    parser.add_argument(
+        "--format",
+        metavar="LIST",
+        help="what to write, of png,csv,npz,ply,las,laz (default: the first four)",
+    )
+    parser.add_argument(
+        "--converge",
+        action="store_true",
+        help="how the heights settle with the number of sub-rays, against another seed",
+    )
     parser.set_defaults(run=run)
 
 
@@ -23,15 +33,26 @@ def run(args: argparse.Namespace) -> int:
     at = _seconds(args.at)
     scenario = load(args)
     out = choose_scan_folder(scenario.name, scenario.seed, args.out)
-    from swath.job import scan_job
+    from swath import job
 
+    formats = None if args.format is None else [name.strip() for name in args.format.split(",")]
     try:
-        files = scan_job(scenario, out, at_s=at)
+        files = job.scan_job(scenario, out, at_s=at, formats=formats)
+        for file in files:
+            print(file)
+        if args.converge:
+            _print_settling(*job.converge_job(scenario, out, at_s=at))
     except InputError as error:
         raise scenario.locate(error) from error
-    for file in files:
-        print(file)
     return 0
+
+
+def _print_settling(rows: list[dict[str, Any]], sentence: str) -> None:
+    from swath.commands.output import number, table
+
+    columns = list(rows[0])
+    table("", columns, [[number(row[c]) for c in columns] for row in rows])
+    print(sentence)
 
 
 def _seconds(text: str | None) -> float:

@@ -40,6 +40,7 @@ UNITS = {
     "km": "km",
     "cm": "cm",
     "mm": "mm",
+    "mm_h": "mm/h",
     "nm": "nm",
     "um": "um",
     "m": "m",

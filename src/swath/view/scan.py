@@ -1,19 +1,24 @@
-"""One scan as files: scan.png (picture), scan.csv (a line per echo), scan.npz (arrays)."""
+"""One scan as files: scan.png (picture), scan.csv (a line per echo), scan.npz (arrays), point clouds."""
 
 import csv
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.setup import MachineGeometry
 from swath.core.signals import F64, Scan, ScanTruth
 from swath.sim.messages import RecordedMachine
 from swath.view import plots
+from swath.view.cloud import make_cloud, need_las, write_las, write_ply
 from swath.view.keep import KeptScan
 from swath.view.stand3d import Stand, stand_figure
 
+FORMATS = ("png", "csv", "npz", "ply", "las", "laz")
+USUAL_FORMATS = FORMATS[:4]
 COLUMNS = (
     "beam",
     "echo",
@@ -31,6 +36,15 @@ COLUMNS = (
 )
 
 
+def check_formats(formats: Sequence[str]) -> None:
+    """InputError for a name that is none of FORMATS, MissingExtra for one that needs more."""
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError("--format", name, f"expected some of {', '.join(FORMATS)}")
+    if {"las", "laz"} & set(formats):
+        need_las()
+
+
 def write_scan(
     folder: Path,
     scan: Scan,
@@ -41,14 +55,23 @@ def write_scan(
     machine: RecordedMachine,
     stand: Stand,
     edge: F64,
+    formats: Sequence[str] = USUAL_FORMATS,
 ) -> list[Path]:
-    """Write the three files; returns their paths. mounting: pose_machine_sensor; edge: as for the report."""
+    """Write a file per format of FORMATS; returns their paths.
+
+    mounting: pose_machine_sensor; edge: as for the report. MissingExtra where a format needs more.
+    """
     points = mounting.apply(scan.points())
-    return [
-        _picture(folder / "scan.png", scan, points, kept, machine, stand_figure(stand, kept, machine, edge)),
-        _table(folder / "scan.csv", scan, points, truth),
-        _arrays(folder / "scan.npz", scan, points, truth, kept),
-    ]
+    cloud = make_cloud(scan, truth, kept.pose @ mounting)
+    write: dict[str, Callable[[Path], Path]] = {
+        "png": lambda p: _picture(p, scan, points, kept, machine, stand_figure(stand, kept, machine, edge)),
+        "csv": lambda p: _table(p, scan, points, truth),
+        "npz": lambda p: _arrays(p, scan, points, truth, kept),
+        "ply": lambda p: write_ply(p, cloud),
+        "las": lambda p: write_las(p, cloud),
+        "laz": lambda p: write_las(p, cloud),
+    }
+    return [write[name](folder / f"scan.{name}") for name in FORMATS if name in formats]
 
 
 def _picture(
