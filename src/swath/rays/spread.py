@@ -1,0 +1,108 @@
+"""How a beam's measured height spreads over a canopy: the fitted table of the LiDAR level `empirical`.
+
+Cells of a grid over stem density, crop height, depression of the beam and spot diameter. Each holds the
+distribution of the measured height: quantiles of the returns from crop, relative to the crop's height, and
+the share of beams that see the ground. Between the nodes of the grid, quantiles and log(-log(ground share))
+go linearly in log density, height, log tan depression and log spot: for a thin ray -log(ground share) is
+n A cot(depression), a straight line in these (closed form of first returns).
+"""
+
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+
+F64 = NDArray[np.float64]
+SHARE_MIN = 1e-5  # ground shares are kept within [SHARE_MIN, 1 - SHARE_MIN]
+NODES = 41  # quantiles per cell
+AXES = ("stem density", "crop height", "depression", "spot diameter")
+
+
+def quantile_nodes(count: int = NODES) -> F64:
+    """Shares from the highest return (0) to the lowest (1), close together at both ends."""
+    return 0.5 * (1.0 - np.cos(np.pi * np.arange(count) / (count - 1)))
+
+
+@dataclass(frozen=True)
+class SpreadTable:
+    """Nodes of the grid, rising: density [1/m2] (i,), height [m] (j,), depression [rad] (k,), spot [m] (l,).
+
+    quantile: (i, j, k, l, node_count) height over crop height at `quantile_nodes`, falling; nan nowhere
+    ground_share: (i, j, k, l); ground_lift: (i, j, k, l) mean measured height of ground returns [m]: crop in
+    the spot hides its far part; silhouette: (m,) silhouette per stem above equal steps `fine` of the relative
+    height [m2]: how crop adds up along a beam; lean: (n, 2) sideways place of tips per height
+    cosine: mean |cos| of incidence on crop, sets the intensity
+    correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
+    about: source, range of validity, fit quality, as in the YAML beside the npz
+    """
+
+    density: F64
+    height: F64
+    depression: F64
+    spot: F64
+    quantile: F64
+    ground_share: F64
+    ground_lift: F64
+    silhouette: F64
+    fine: float
+    lean: F64
+    cosine: float
+    correlation: tuple[float, float]
+    about: dict[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = tuple(len(a) for a in self.axes)
+        for name, axis in zip(AXES, self.axes, strict=True):
+            if axis.ndim != 1 or len(axis) == 0 or np.any(np.diff(axis) <= 0) or not np.all(axis > 0):
+                raise InputError(name, axis.tolist(), "expected rising positive nodes")
+        if (
+            self.quantile.shape[:-1] != shape
+            or self.ground_share.shape != shape
+            or self.ground_lift.shape != shape
+        ):
+            raise InputError("quantile", self.quantile.shape, f"expected cells of shape {shape}")
+        if not (np.isfinite(self.quantile).all() and np.isfinite(self.ground_share).all()):
+            raise InputError("quantile", None, "expected finite cells")
+
+    @property
+    def axes(self) -> tuple[F64, F64, F64, F64]:
+        """The four axes in the order of the array."""
+        return self.density, self.height, self.depression, self.spot
+
+    def scaled_axes(self) -> tuple[F64, F64, F64, F64]:
+        """Axes in the coordinates in which the table is linear."""
+        return np.log(self.density), self.height, np.log(np.tan(self.depression)), np.log(self.spot)
+
+    def cell(self, density: float, height: float, depression: float, spot: float) -> tuple[F64, float, float]:
+        """Quantiles (node_count,), ground share and lift [m] at one place; clamped outside the range."""
+        value = (np.log(density), height, np.log(np.tan(depression)), np.log(spot))
+        base, share = [], []
+        for v, axis in zip(value, self.scaled_axes(), strict=True):
+            k = int(np.clip(np.searchsorted(axis, v, side="right") - 1, 0, max(len(axis) - 2, 0)))
+            step = axis[k + 1] - axis[k] if len(axis) > 1 else 1.0
+            base.append(k)
+            share.append(float(np.clip((v - axis[k]) / step, 0.0, 1.0)) if len(axis) > 1 else 0.0)
+        loglog, lift, quantile = 0.0, 0.0, np.zeros(self.quantile.shape[-1])
+        for corner in product((0, 1), repeat=4):
+            weight = float(np.prod([s if up else 1.0 - s for s, up in zip(share, corner, strict=True)]))
+            if weight > 0.0:
+                at = tuple(k + up for k, up in zip(base, corner, strict=True))
+                loglog += weight * float(double_log(self.ground_share[at]))
+                lift += weight * float(self.ground_lift[at])
+                quantile += weight * self.quantile[at]
+        return quantile, float(np.exp(-np.exp(loglog))), lift
+
+    def heights(self, share: F64, density: float, height: float, depression: float, spot: float) -> F64:
+        """Measured heights [m] of beams with drawn shares in [0, 1): small ones high up, the rest ground."""
+        quantile, ground, lift = self.cell(density, height, depression, spot)
+        inside = np.clip(np.asarray(share) / (1.0 - ground), 0.0, 1.0)
+        found = np.interp(inside, quantile_nodes(len(quantile)), quantile) * height
+        return np.where(np.asarray(share) < 1.0 - ground, found, lift)
+
+
+def double_log(ground_share: F64 | float) -> F64:
+    """log(-log(g)) of ground shares, which are kept off 0 and 1."""
+    return np.log(-np.log(np.clip(ground_share, SHARE_MIN, 1.0 - SHARE_MIN)))

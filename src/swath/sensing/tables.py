@@ -1,0 +1,95 @@
+"""Spread tables on disk: `<name>.npz` with the numbers, `<name>.yaml` with source, range and fit quality."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.units import DEG
+from swath.rays.spread import SpreadTable
+
+ARRAYS = (
+    *("density", "height", "depression", "spot"),
+    *("quantile", "ground_share", "ground_lift", "silhouette", "lean"),
+)
+
+
+def table_names() -> list[str]:
+    """Names of the bundled tables."""
+    return sorted(p.stem for p in _folder().glob("*.npz"))
+
+
+def load_table(name: str, base: Path | None = None) -> SpreadTable:
+    """A bundled table by name, or the user's own npz (relative to `base`). InputError names what is wrong."""
+    if name.endswith(".npz"):
+        path = Path(name) if Path(name).is_absolute() else (base or Path.cwd()) / name
+    else:
+        path = _folder() / f"{name}.npz"
+    if not path.is_file():
+        have = ", ".join(table_names()) or "none"
+        expected = f"expected a .npz file or one of {have}; `swath calibrate lidar` makes one"
+        raise InputError("table", name, expected)
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            values: dict[str, Any] = {k: np.asarray(data[k], dtype=np.float64) for k in ARRAYS}
+            values |= {k: float(data[k]) for k in ("fine", "cosine")}
+            values["correlation"] = float(data["correlation"][0]), float(data["correlation"][1])
+        return SpreadTable(**values, about=_about(path))
+    except (OSError, KeyError, ValueError, IndexError) as error:
+        raise InputError("table", str(path), f"expected a spread table: {error}", file=path) from error
+
+
+def save_table(table: SpreadTable, path: Path) -> list[Path]:
+    """Write `path` (.npz) and its YAML. The same table gives the same bytes."""
+    import yaml
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    arrays = {k: np.asarray(getattr(table, k), dtype=np.float32) for k in ARRAYS}
+    extra = {"fine": np.float64(table.fine), "cosine": np.float64(table.cosine)}
+    _write_npz(path, {**arrays, **extra, "correlation": np.array(table.correlation)})
+    about = {**table.about, "range": valid_range(table)}
+    text = yaml.safe_dump(about, sort_keys=False, allow_unicode=True, width=100)
+    card = path.with_suffix(".yaml")
+    card.write_text(text, encoding="utf-8")
+    return [path, card]
+
+
+def valid_range(table: SpreadTable) -> dict[str, list[float]]:
+    """First and last node of each axis in the units of files."""
+    units = {"density_per_m2": 1.0, "height_m": 1.0, "depression_deg": DEG, "spot_mm": 1e-3}
+    return {
+        key: [round(float(axis[0] / unit), 3), round(float(axis[-1] / unit), 3)]
+        for (key, unit), axis in zip(units.items(), table.axes, strict=True)
+    }
+
+
+def _write_npz(path: Path, arrays: dict[str, Any]) -> None:
+    """As np.savez_compressed, with a fixed time stamp in the archive."""
+    import io
+    import zipfile
+
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            buffer = io.BytesIO()
+            np.lib.format.write_array(buffer, np.asarray(array), allow_pickle=False)
+            info = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            info.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(info, buffer.getvalue())
+
+
+def _about(path: Path) -> dict[str, object]:
+    import yaml
+
+    card = path.with_suffix(".yaml")
+    if not card.is_file():
+        return {}
+    about = yaml.safe_load(card.read_text(encoding="utf-8"))
+    if not isinstance(about, dict):
+        raise InputError("table", str(card), "expected a mapping of keys", file=card)
+    return about
+
+
+def _folder() -> Path:
+    return Path(str(files("swath.data") / "lidar_tables"))

@@ -1,0 +1,183 @@
+"""Beams of the LiDAR level `plants` into uniform stands: the design that a spread table is fitted to.
+
+Spots are as wide at the canopy as the design says, with parallel sub-rays; the ground is level. A scan line
+is a row of beams with gaps from 1 to 16 cm, at a random place and azimuth.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.random import Stream
+from swath.field.crop import Crop
+from swath.field.edge import StraightEdge, make_edge
+from swath.field.field import Field, make_field
+from swath.field.layout import Organ, PlantLibrary
+from swath.field.library import make_library
+from swath.field.plants import make_plants
+from swath.field.setup import FieldSetup
+from swath.field.stand import uniform
+from swath.field.terrain import plane
+from swath.rays.engine import RayCaster
+from swath.sensing.beam import Beam, Profile, spot_pattern, sub_rays
+from swath.sensing.echo import Bundle, Receiver, receive
+
+F64 = NDArray[np.float64]
+LINE = 24  # beams of a scan line
+GAPS = np.array([0.01, 0.02, 0.04, 0.08, 0.16])  # between neighbouring beams [m]
+HALF_AREA = 24.0  # beams enter the crop within this of the middle of the stand [m]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a cell of the design lies: stems/m2, crop height [m], depression [rad], spot diameter [m]."""
+
+    density: float
+    height: float
+    depression: float
+    spot: float
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Beams of one place, in scan lines of equal length (line_count, beams).
+
+    height: measured along the middle of the beam, above the ground [m]; is_ground: the echo came from it
+    gap: to the beam before [m]; albedo: reflectance * |cos| that came back, of all sub-rays
+    """
+
+    height: F64
+    is_ground: NDArray[np.bool_]
+    gap: F64
+    albedo: F64
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`."""
+
+    sub_rays: int = 37
+    profile: Profile = "gaussian"
+    echo: Any = "percentile"
+    percentile: float = 50.0
+
+
+class StandRays:
+    """Uniform stands of one crop, drilled as its card says, made of the same plants thinned.
+
+    density_max: of the densest stand asked for [1/m2]; tile_count: independent pieces of 1 m2
+    """
+
+    def __init__(self, crop: Crop, density_max: float, stream: Stream, *, tile_count: int = 48) -> None:
+        self.crop, self.stream = crop, stream
+        self.library = make_library(
+            crop,
+            density_max=density_max,
+            row_spacing=crop.stand.row_spacing,
+            seed=stream.child("library"),
+            tile_count=tile_count,
+        )
+        self._field: tuple[tuple[float, float], Field, RayCaster] | None = None
+
+    def caster(self, density: float, height: float) -> RayCaster:
+        """Rays into a stand of this density and height; the last one asked for is kept."""
+        if self._field is None or self._field[0] != (density, height):
+            field = _stand(self.crop, self.library, density, height, self.stream)
+            self._field = (density, height), field, RayCaster(field)
+        return self._field[2]
+
+    def look(self, place: Place, lines: int, reading: Reading, stream: Stream) -> Returns:
+        """Beams into the stand of a place."""
+        rng = stream.at()
+        caster = self.caster(place.density, place.height)
+        top = self.library.height_max * place.height / self.crop.stand.height + 0.05
+        azimuth = np.repeat(rng.uniform(-np.pi, np.pi, lines), LINE)
+        gap = rng.choice(GAPS, (lines, LINE))
+        aside = np.cumsum(gap, axis=1).ravel()
+        start = np.repeat(rng.uniform(-HALF_AREA, HALF_AREA, (lines, 2)), LINE, axis=0)
+        axes = _frames(azimuth, place.depression)
+        width = 0.5 * place.spot * np.cos(place.depression)
+        origin = np.c_[start, np.full(lines * LINE, top + width)] + aside[:, None] * axes[:, :, 1]
+        beam = Beam((place.spot, place.spot), (0.0, 0.0), reading.profile)
+        pattern = spot_pattern(reading.sub_rays, reading.profile)
+        origins, directions = sub_rays(origin, axes, beam, pattern.position[None])
+        hits = caster.cast(origins.reshape(-1, 3), directions.reshape(-1, 3), range_max=100.0)
+        shape = origins.shape[:2]
+        albedo = (hits.reflectance * hits.cosine).reshape(shape).astype(np.float64)
+        bundle = Bundle(hits.distance.reshape(shape).astype(np.float64), pattern.weight, albedo)
+        echo = receive(bundle, Receiver(rule=reading.echo, percentile=reading.percentile))
+        z = origin[:, 2] + echo.distance[:, 0] * axes[:, 2, 0]
+        share = np.where(hits.organ.reshape(shape) == Organ.GROUND, echo.share[:, 0], 0.0).sum(axis=1)
+        line = (lines, LINE)
+        return Returns(z.reshape(line), (share > 0.5).reshape(line), gap, echo.intensity[:, 0].reshape(line))
+
+    def silhouette(self, stream: Stream, *, relative_max: float, fine: float, rays: int = 40_000) -> F64:
+        """Silhouette per stem above equal steps of the relative height [m2], by thin rays.
+
+        -log(share of rays that get below z) = n A(z) cot(depression); the mean over stands and angles of
+        those heights that at least 5 % of the rays reach. Falls strictly, so that it can be turned around.
+        """
+        edges = fine * np.arange(round(relative_max / fine) + 1)
+        total, weight = np.zeros(len(edges)), np.zeros(len(edges))
+        full = self.crop.stand.height
+        for k, (density, degrees) in enumerate([(100.0, 45.0), (100.0, 60.0), (200.0, 60.0), (350.0, 70.0)]):
+            density = min(density, self.library.density_max)
+            place = Place(density, full, np.radians(degrees), 1e-4)
+            seen = self.look(place, rays // LINE // 4, Reading(sub_rays=1), stream.child(f"thin{k}"))
+            relative = np.where(seen.is_ground, -1.0, seen.height / full).ravel()
+            share = np.searchsorted(np.sort(relative), edges, side="left") / len(relative)
+            ok = share > 0.05
+            area = -np.log(np.maximum(share, 1e-9)) * np.tan(place.depression) / density
+            total += np.where(ok, area, 0.0)
+            weight += ok
+        area = np.where(weight > 0, total / np.maximum(weight, 1), 0.0)
+        known = np.flatnonzero(weight > 0)
+        area[: known[0]] = area[known[0]]
+        return np.maximum.accumulate(area[::-1])[::-1] + 1e-7 * (edges[-1] - edges) / fine
+
+    def tips(self, stream: Stream, count: int = 64) -> F64:
+        """Sideways places of tips per height of the plant, (count, 2)."""
+        plants = make_plants(self.crop, count, stream.at())
+        found = np.zeros((count, 3))
+        for organ in (Organ.STEM, Organ.EAR):  # later pieces of a stem lie higher
+            mine = plants.organ == organ
+            found[plants.owner[mine]] = plants.b[mine]
+        return found[:, :2] / plants.height[:, None]
+
+
+def _stand(crop: Crop, library: PlantLibrary, density: float, height: float, stream: Stream) -> Field:
+    ground = plane.Plane(plane.Params(), FieldSetup())
+    params = uniform.Params(
+        crop=crop.name,
+        stems_per_m2=library.density_max,
+        row_spacing_m=library.row_spacing,
+        height_factor=height / crop.stand.height,
+    )
+    stand = _Thinned(params, density)
+    edge = make_edge(StraightEdge(x_m=-200.0, y_m=-200.0, length_m=400.0, crop_begins_m=None), FieldSetup())
+    field = make_field(ground, stand, edge, crop=crop, library=library, stream=stream)
+    field.ensure(0.0, 0.0, 2.0 * HALF_AREA + 40.0)
+    return field
+
+
+class _Thinned(uniform.Uniform):
+    """A uniform stand with fewer stems than its library holds."""
+
+    def __init__(self, params: uniform.Params, density: float) -> None:
+        super().__init__(params, FieldSetup())
+        self._share = density / params.stems_per_m2
+
+    def density(self, x: Any, y: Any) -> F64:
+        """Stems per m2."""
+        return np.asarray(self._share * super().density(x, y), dtype=np.float64)
+
+
+def _frames(azimuth: F64, depression: float) -> F64:
+    """Beam frames in the world, (n, 3, 3): columns forward (downward by the depression), across, along."""
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    cd, sd = np.cos(depression), np.sin(depression)
+    forward = np.stack([cd * c, cd * s, np.full_like(c, -sd)], axis=1)
+    across = np.stack([-s, c, np.zeros_like(c)], axis=1)
+    return np.stack([forward, across, np.cross(forward, across)], axis=2)
