@@ -2,6 +2,7 @@
 
 import os
 import signal
+import struct
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -252,7 +253,7 @@ def read_until_torn(path):
         try:
             for record in StreamReader(stream).records:
                 count += isinstance(record, Message)
-        except EndOfFile:
+        except (EndOfFile, struct.error):  # torn between records, or within one's length
             pass
     return count
 
