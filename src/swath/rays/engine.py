@@ -18,9 +18,17 @@ CHUNK_MIN = 1024  # fewer rays than this are not worth another thread
 class Castable(Protocol):
     """What rays need of a field; `stand_yaw` [rad] turns the stand frame into the world."""
 
-    pages: Pages
-    library: PlantLibrary
-    stand_yaw: float
+    @property
+    def pages(self) -> Pages:
+        """Page memory; its arrays are replaced when they grow."""
+
+    @property
+    def library(self) -> PlantLibrary:
+        """Plant prototypes."""
+
+    @property
+    def stand_yaw(self) -> float:
+        """Turns the stand frame into the world [rad]."""
 
 
 @dataclass(frozen=True)

@@ -105,4 +105,4 @@ class SpreadTable:
 
 def double_log(ground_share: F64 | float) -> F64:
     """log(-log(g)) of ground shares, which are kept off 0 and 1."""
-    return np.log(-np.log(np.clip(ground_share, SHARE_MIN, 1.0 - SHARE_MIN)))
+    return np.asarray(np.log(-np.log(np.clip(ground_share, SHARE_MIN, 1.0 - SHARE_MIN))))

@@ -33,7 +33,7 @@ class Design:
     height: tuple[float, ...] = (0.6, 1.0, 1.4)
     depression_deg: tuple[float, ...] = (3.0, 6.0, 9.0, 14.0, 21.0, 31.0, 44.0, 60.0, 80.0)
     spot_mm: tuple[float, ...] = (10.0, 30.0, 60.0, 110.0, 200.0)
-    lines: int = 60
+    lines: int = 80
     held_out: int = 48
 
     @property
@@ -75,7 +75,7 @@ def fit_plants(
             progress(k + 1, total)
     table = SpreadTable(
         *axes,
-        **_cells(places, seen, tuple(len(a) for a in axes)),
+        **table_cells(places, seen, tuple(len(a) for a in axes)),
         silhouette=stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE),
         fine=FINE,
         lean=stands.tips(stream.child("tips")),
@@ -113,7 +113,7 @@ def quality(judged: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
     return found
 
 
-def _cells(places: Sequence[Place], seen: Sequence[Returns], shape: tuple[int, ...]) -> dict[str, Any]:
+def table_cells(places: Sequence[Place], seen: Sequence[Returns], shape: tuple[int, ...]) -> dict[str, Any]:
     """quantile, ground_share and ground_lift of a full grid."""
     nodes = quantile_nodes()
     quantile, ground, lift = [], [], []

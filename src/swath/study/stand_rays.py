@@ -135,7 +135,8 @@ class StandRays:
         area = np.where(weight > 0, total / np.maximum(weight, 1), 0.0)
         known = np.flatnonzero(weight > 0)
         area[: known[0]] = area[known[0]]
-        return np.maximum.accumulate(area[::-1])[::-1] + 1e-7 * (edges[-1] - edges) / fine
+        falling = np.maximum.accumulate(area[::-1])[::-1]
+        return np.asarray(falling + 1e-7 * (edges[-1] - edges) / fine)
 
     def tips(self, stream: Stream, count: int = 64) -> F64:
         """Sideways places of tips per height of the plant, (count, 2)."""
