@@ -99,6 +99,8 @@ class Watch:
             incomplete=incomplete,
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
+        if notes := [note for machine in world.machines.values() for note in machine.notes]:
+            summary["notes"] = notes
         write_summary(self.out, summary)
         if report:
             self._report(summary)

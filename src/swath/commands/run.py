@@ -79,6 +79,8 @@ def report(summary: dict[str, Any], out: Path) -> None:
     table("", ("metric", "value", "limit", "verdict"), rows)
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
+    for note in summary.get("notes", []):
+        print(f"note    {note}")
     print(f"digest  {summary.get('digest', '-')}")
     print(f"report  {out / 'report.html'}")
 

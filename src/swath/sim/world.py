@@ -48,6 +48,11 @@ class Machine:
         """Rays cast by all sensors so far."""
         return sum(int(getattr(part, "ray_count", 0)) for part in self.parts.values())
 
+    @property
+    def notes(self) -> list[str]:
+        """What the parts want the user to know about the run, each once."""
+        return [f"{self.name}: {n}" for part in self.parts.values() for n in getattr(part, "notes", ())]
+
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
         return RecordedMachine(self.name, self.card, self.edge_side, self.mountings)

@@ -107,7 +107,7 @@ def fit_samples(
     silhouette) and how far it leans over an edge are the crop card's; correlation and intensity are typical.
     """
     stream = Stream(seed, "measured")
-    axes: Any = [_nodes(samples.place[:, k], most) for k, most in enumerate(NODES_MOST)]
+    axes = [_nodes(samples.place[:, k], most) for k, most in enumerate(NODES_MOST)]
     index = np.stack([_nearest(samples.place[:, k], axis) for k, axis in enumerate(axes)], axis=1)
     shape = tuple(len(a) for a in axes)
     cell = np.ravel_multi_index(tuple(index.T), shape)
@@ -122,7 +122,10 @@ def fit_samples(
     filled = _filled(places, seen)
     stands = StandRays(crop, float(min(max(axes[0][-1], 350.0), 1500.0)), stream, tile_count=16)
     table = SpreadTable(
-        *axes,
+        density=axes[0],
+        height=axes[1],
+        depression=axes[2],
+        spot=axes[3],
         **table_cells(places, filled, shape),
         silhouette=stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE),
         fine=FINE,
