@@ -144,6 +144,8 @@ class CropFlow(Signal):
 
     grain, straw: masses in that step [kg]; area [m2]; stem_count; header_fill: cut width / header width
     dt: length of the step [s]
+    lost_grain: cut but shed on the ground by the header; left_grain: on stems whose ear was below the knife;
+    neither is part of `grain` [kg]
     """
 
     grain: float
@@ -152,6 +154,29 @@ class CropFlow(Signal):
     stem_count: int
     header_fill: float
     dt: float
+    lost_grain: float = 0.0
+    left_grain: float = 0.0
+
+
+@dataclass(frozen=True)
+class HeaderState(Signal):
+    """The header over the ground.
+
+    heights: true ones of the knife above the ground at even steps from its left to its right end [m], (n,);
+    below 0 it digs in
+    readings: of the feelers from left to right [m], (feeler_count,), nan before the first
+    wanted: cutting height; band: tolerated to both sides of it [m]
+    lift: of the feeder, > 0 raised; tilt: of the header against the machine, > 0 left side up [rad]
+    contact: share of the knife in the ground, 0..1
+    """
+
+    heights: F64
+    readings: F64
+    wanted: float
+    band: float
+    lift: float
+    tilt: float
+    contact: float
 
 
 @dataclass(frozen=True)
@@ -159,7 +184,8 @@ class MachineLoad(Signal):
     """Where the crop is: tank_grain, lost_grain, dropped_straw, held_grain, held_straw [kg] since the start.
 
     grain_flow, straw_flow: leaving into tank and swath at this moment [kg/s]
-    tank_grain counts what came into the tank; unloaded_grain [kg] of it has left again
+    tank_grain counts what came into the tank; unloaded_grain [kg] has left it again, tank_start [kg] was in it
+    before
     header_flow, feeder_flow, drum_flow: grain and straw at the knife, into the feeder house and into the
     threshing drum, there with returns [kg/s]
     rotor_flow: straw through the separation; shoe_flow: grain and chaff over the cleaning shoe [kg/s]
@@ -178,6 +204,7 @@ class MachineLoad(Signal):
     grain_flow: float
     straw_flow: float
     unloaded_grain: float = 0.0
+    tank_start: float = 0.0
     header_flow: float = 0.0
     feeder_flow: float = 0.0
     drum_flow: float = 0.0
@@ -191,6 +218,11 @@ class MachineLoad(Signal):
     cleaning_loss: float = 0.0
     loss_share: float = 0.0
     tank_level: float = 0.0
+
+    @property
+    def tank_content(self) -> float:
+        """Grain in the tank now [kg]."""
+        return self.tank_start + self.tank_grain - self.unloaded_grain
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ class Multibody:
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
         load: MachineLoad | None = inputs.get("load")
         if load is not None:
-            self._fill(max(load.tank_grain - load.unloaded_grain, 0.0))
+            self._fill(max(load.tank_content, 0.0))
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
         self._data.qpos[self._driven_q] = (*self._ackermann(steer), self._lift, self._tilt)

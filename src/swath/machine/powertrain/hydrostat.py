@@ -74,7 +74,7 @@ class HydrostatPowertrain:
         h, w = dt / NS, self._works
         accel = 0.0 if self._before is None else (state.speed - self._before) / h
         self._before = state.speed
-        force = pull(state, accel, load.tank_grain - load.unloaded_grain, self._dynamics)
+        force = pull(state, accel, load.tank_content, self._dynamics)
         driving = propulsion_power(force, state.speed, w.hydrostat.efficiency)
         taken = powers(load, driving, self._width, w)
         belts = taken.belts / w.engine.rated_speed

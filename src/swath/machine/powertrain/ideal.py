@@ -49,7 +49,7 @@ class IdealPowertrain:
         load: MachineLoad = inputs["load"]
         accel = 0.0 if self._before is None else (state.speed - self._before) * NS / dt
         self._before = state.speed
-        force = pull(state, accel, load.tank_grain - load.unloaded_grain, self._dynamics)
+        force = pull(state, accel, load.tank_content, self._dynamics)
         driving = propulsion_power(force, state.speed, self._works.hydrostat.efficiency)
         taken = powers(load, driving, self._width, self._works)
         self._fuel.add(fuel_rate(taken.total, self._works.engine.rated_speed, self._works.engine) * dt / NS)

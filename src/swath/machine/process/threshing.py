@@ -237,6 +237,7 @@ class ThreshingProcess:
             f.tank / h,
             f.straw / h,
             unloaded_grain=self._totals["unloaded"].value,
+            tank_start=self._tank_start,
             header_flow=f.header / h,
             feeder_flow=f.feeder / h,
             drum_flow=f.drum / h,

@@ -1,0 +1,55 @@
+"""Speed by throughput on real stems: the bundled scenarios, shortened to the jump of the stand."""
+
+import pytest
+
+from swath.sim.loop import drive
+from swath.sim.scenario import load_scenario
+from swath.sim.world import assemble
+from swath.study.referee import Referee
+
+JUMP = ("combine.start.along_edge_m=45", "run.distance_m=105")
+
+
+def judged(name, *sets):
+    world = assemble(load_scenario(name, sets=list(sets)))
+    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
+    drive(world, [referee])
+    return referee.metrics()
+
+
+def test_the_record_run():
+    m = judged("record-run", "run.distance_m=70")
+    assert 77.0 < m["mean_throughput_t_h"] < 94.0
+    assert m["peak_engine_load"] < 1.0
+    assert m["mean_loss_percent"] < 1.5
+    assert m["mass_balance_error"] < 1e-9
+
+
+def test_a_third_more_speed_is_seen_in_every_number():
+    m = judged("record-run", "run.distance_m=120", "combine.speed.speed_kmh=9.55")
+    assert m["peak_engine_load"] > 1.0
+    assert m["lowest_engine_rpm"] < 1750.0
+    assert m["peak_loss_percent"] > 3.0
+    assert m["mass_balance_error"] < 1e-9
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return judged("feed-rate", *JUMP)
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return judged("look-ahead", *JUMP)
+
+
+def test_looking_ahead_spares_the_engine_and_the_grain(measured, seen):
+    assert measured["peak_engine_load"] > 1.0 > seen["peak_engine_load"]
+    assert seen["peak_loss_percent"] < 0.5 * measured["peak_loss_percent"]
+    assert seen["lowest_engine_rpm"] > measured["lowest_engine_rpm"] + 50.0
+    assert seen["mean_throughput_t_h"] > 0.85 * measured["mean_throughput_t_h"]
+
+
+def test_crop_is_conserved_with_both(measured, seen):
+    assert measured["mass_balance_error"] < 1e-9
+    assert seen["mass_balance_error"] < 1e-9
