@@ -204,13 +204,19 @@ def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
     importer = SimpleNamespace(
         import_log=lambda log, out, **more: asked.append((log.name, out.name, more)) or "3 records",
         show=lambda folder: folder / "overview.png",
+        Settings=lambda **given: given,
     )
+    passes = SimpleNamespace(write_pass_scenario=lambda folder: folder / "scenario.yaml")
     monkeypatch.setitem(sys.modules, "swath.field.io.importer", importer)
-    assert main(["field", "import", "log.csv", "--out", "field", "--dem", "d.tif"]) == 0
+    monkeypatch.setitem(sys.modules, "swath.sim.pass_scenario", passes)
+    flags = ["--dem", "d.tif", "--grain-g-per-stem", "1.1"]
+    assert main(["field", "import", "log.csv", "--out", "field", *flags]) == 0
     assert asked[0][:2] == ("log.csv", "field")
     assert str(asked[0][2]["dem"]) == "d.tif"
+    assert asked[0][2]["settings"] == {"grain_g_per_stem": 1.1}
     assert main(["field", "show", "field"]) == 0
-    assert capsys.readouterr().out.splitlines() == ["3 records", "field/overview.png"]
+    said = capsys.readouterr().out.splitlines()
+    assert said == ["3 records", "drive along one of its passes: swath run field", "field/overview.png"]
 
 
 def test_scenarios(capsys):

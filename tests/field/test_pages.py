@@ -61,7 +61,7 @@ def test_a_page_is_the_same_whatever_was_visited_before():
 
 
 def test_uniform_pages_need_no_cells():
-    field = made_field(edge=StraightEdge(x_m=1.0, stubble_height_m=0.2))
+    field = made_field(edge=StraightEdge(x_m=1.0, stubble_height_m=0.2, crop_begins_m=None))
     field.ensure(0.0, 0.0, 60.0)
     codes = {key: field.store.codes_of(key) for key in field.store.keys}
     mixed = [key for key, code in codes.items() if not isinstance(code, int)]

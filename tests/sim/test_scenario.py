@@ -137,7 +137,7 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
         (
             "mount: {z_m",
             "sensor: sick\n    mount: {z_m",
-            "lidar.sensor = sick: expected a file or one of sick-",
+            "lidar.sensor = sick: expected a file or one of ",
         ),
         ("level: uniform", "crop: rye", "field.stand.crop = rye: expected a file or one of wheat (text:8)"),
         ("{max: 0.05}", "{}", "expected min, max or both (text:24)"),

@@ -49,7 +49,8 @@ def test_every_level_can_be_chosen_by_name_or_says_what_it_needs():
                 parse_scenario(base, sets=[f"{where}={level}"])
             except InputError as error:
                 refused.append((level, error.expected))
-    assert refused == [("dem", "expected a value, the key is missing")]
+    missing = "expected a value, the key is missing"
+    assert refused == [("dem", missing), ("replay", missing)]
 
 
 def test_limits_can_be_set_on_exactly_the_metrics_that_are_measured():
