@@ -26,6 +26,16 @@ GROUPS: dict[str, dict[str, tuple[str, str, float, int]]] = {
         "grain_cut_kg": ("grain cut", "kg", 1.0, 1),
         "mass_balance_error": ("mass balance error", "", 1.0, -1),
     },
+    "Crop and engine": {
+        "mean_throughput_t_h": ("throughput of grain", "t/h", 1.0, 1),
+        "feed_cv_percent": ("scatter of the feed", "%", 1.0, 1),
+        "mean_loss_percent": ("grain lost, mean", "%", 1.0, 2),
+        "peak_loss_percent": ("grain lost, peak", "%", 1.0, 2),
+        "mean_engine_load": ("engine load, mean", "%", 100.0, 0),
+        "peak_engine_load": ("engine load, peak", "%", 100.0, 0),
+        "lowest_engine_rpm": ("lowest engine speed", "1/min", 1.0, 0),
+        "fuel_l_t": ("diesel", "l/t", 1.0, 2),
+    },
     "Run": {
         "distance_m": ("distance", "m", 1.0, 1),
         "simulated_s": ("simulated time", "s", 1.0, 1),

@@ -243,6 +243,29 @@ def drive_figure(tracks: dict[str, Any]) -> Any:
     return fig
 
 
+def works_figure(tracks: dict[str, Any]) -> Any:
+    """Feed, losses, engine load and speed over the travelled distance, from the columns of the tracks."""
+    fig = figure(11.0, 5.4)
+    axes = fig.subplots(4, 1, sharex=True)
+    at = tracks["distance_m"]
+    shown = (
+        (tracks["feeder_flow_kg_s"], GREEN, "into the feeder\n[kg/s]"),
+        (100 * tracks["loss_share"], ORANGE, "grain lost\n[%]"),
+        (100 * tracks["engine_load"], BLUE, "engine load\n[%]"),
+        (30 / np.pi * tracks["engine_speed_rad_s"], PURPLE, "engine speed\n[1/min]"),
+    )
+    for ax, (values, colour, label) in zip(axes, shown, strict=True):
+        ax.plot(at, values, color=colour, lw=1.2)
+        ax.set_ylabel(label)
+    for ax in axes[:3]:
+        ax.set_ylim(bottom=0)
+    axes[2].axhline(100, color=INK, lw=0.8, ls=(0, (4, 3)))
+    axes[3].set_xlabel("travelled distance [m]")
+    axes[3].set_xlim(0, max(float(np.nanmax(at)) if len(at) else 1.0, 1.0))
+    fig.align_ylabels(axes)
+    return fig
+
+
 def _over_a_metre(at: F64, values: F64) -> F64:
     """Mean over the last metre: what the header takes in one step scatters with the cut cells."""
     known = np.nan_to_num(values)

@@ -118,6 +118,8 @@ def _figures(data: ReportData) -> list[page.Figure]:
             made.append(_stand(data, data.stand))
     if len(data.tracks.get("t_s", ())) > 1:
         made.append(_drive(data))
+        if np.isfinite(np.asarray(data.tracks.get("engine_load", np.nan))).any():
+            made.append(_works(data))
     return made
 
 
@@ -189,3 +191,12 @@ def _stand(data: ReportData, stand: Stand) -> page.Figure:
 def _drive(data: ReportData) -> page.Figure:
     fig = plots.drive_figure(dict(data.tracks))
     return page.Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
+
+
+def _works(data: ReportData) -> page.Figure:
+    fig = plots.works_figure(dict(data.tracks))
+    caption = (
+        "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; the "
+        "engine: above 100 % it loses speed."
+    )
+    return page.Figure("Crop and engine", plots.as_image(fig), caption)
