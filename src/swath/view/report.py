@@ -196,7 +196,7 @@ def _drive(data: ReportData) -> page.Figure:
 def _works(data: ReportData) -> page.Figure:
     fig = plots.works_figure(dict(data.tracks))
     caption = (
-        "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; the "
-        "engine: above 100 % it loses speed."
+        "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; "
+        "the engine: above 100 % it loses speed."
     )
     return page.Figure("Crop and engine", plots.as_image(fig), caption)
