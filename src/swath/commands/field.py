@@ -10,7 +10,12 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("field", help="make a field from a yield log, look at one")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     imports = verbs.add_parser("import", help="make a field folder from a combine's yield log")
-    imports.add_argument("log", type=Path, metavar="LOG", help="CSV, or a zipped point shapefile")
+    imports.add_argument(
+        "log",
+        type=Path,
+        metavar="LOG",
+        help="CSV, a zipped point shapefile, or ISOXML: TASKDATA folder or zip, one TLG file",
+    )
     imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
     imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")
     imports.add_argument(

@@ -67,8 +67,9 @@ def import_log(
 ) -> ImportReport:
     """Make a field folder from a yield log.
 
-    log: CSV, CSV.gz or zipped point shapefile; dem: GeoTIFF of heights [m]; boundary: GeoJSON or zipped
-    shapefile; columns: YAML map of columns. Nothing is written unless all went well. Raises SwathError.
+    log: CSV, CSV.gz, zipped point shapefile, ISOXML folder or zip; dem: GeoTIFF of heights [m]
+    boundary: GeoJSON or zipped shapefile; columns: YAML map of columns. Nothing is written unless all went
+    well. Raises SwathError.
     """
     settings = settings or Settings()
     settings.check()
@@ -223,12 +224,20 @@ def _report(
         "cells": int(np.isfinite(maps.grain.values).sum()),
     }
     rows = {"read": log.row_count, "broken": log.broken, "records": len(log)}
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = _digest(path)
     source = {"file": path.name, "sha256": digest, "profile": log.column_map.profile, "columns": columns}
     return ImportReport(
         out, source, rows, _machines(cleaned, tracks), cleaned.counts, int(cleaned.kept.sum()), field, crop,
         terrain, notes,
     )  # fmt: skip
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of the log, of a folder of all its files in the order of their names."""
+    made = hashlib.sha256()
+    for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
+        made.update(part.read_bytes())
+    return made.hexdigest()
 
 
 def _machines(cleaned: Cleaned, tracks: tuple[Track, ...]) -> list[dict[str, Any]]:

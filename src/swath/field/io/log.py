@@ -19,6 +19,7 @@ from swath.field.io.table import Table, read_table
 
 Array = NDArray[np.float64]
 FEWEST_RECORDS = 30  # below, there is no pass to speak of
+MOST_NOTES = 20  # of what could not be read
 FARTHEST_M = 20e3  # from the median position: no field is that large
 PLAUSIBLE: dict[str, tuple[float, float]] = {
     "speed": (0.0, 15.0), "header_width": (0.0, 20.0), "grain_flow": (0.0, 60.0), "yield": (0.0, 5.0),
@@ -88,7 +89,7 @@ class Log:
 
 
 def read_log(path: Path, columns: Path | None = None, *, header_width: float | None = None) -> Log:
-    """Read a yield log: CSV, CSV.gz or a zipped point shapefile.
+    """Read a yield log: CSV, CSV.gz, a zipped point shapefile, or ISOXML time logs.
 
     columns: map file (see swath.field.io.columns). header_width [m]: where the log holds none.
     Raises InputError when the file is no log or less than 30 rows of it can be used.
@@ -96,6 +97,7 @@ def read_log(path: Path, columns: Path | None = None, *, header_width: float | N
     table = read_table(path)
     found = find_columns(list(table.columns), path, columns, table.points is not None)
     notes = [f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed]
+    notes += table.notes[:MOST_NOTES]
     row_count = len(table.row_number) + sum(table.broken.values())
     if len(table.row_number) < FEWEST_RECORDS:
         raise InputError(

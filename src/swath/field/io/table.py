@@ -1,4 +1,4 @@
-"""A file of records as columns of text or numbers: CSV (plain or gzip) or a zipped point shapefile."""
+"""A file of records as columns of text or numbers: CSV (plain or gzip), zipped point shapefile, ISOXML."""
 
 import csv
 import gzip
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.field.io.isoxml import is_taskdata, read_taskdata
 
 Array = NDArray[np.float64]
 LARGEST_BYTES = 1 << 30  # of an unpacked log; a season of one combine is about 1e8
@@ -31,7 +32,7 @@ class Table:
 
     row_number: line of the text file, or record number of the shapefile, counted from 1
     points: (x, y) of each record, shape (n, 2), when the file has geometry; crs: of the points (WKT), or ''
-    broken: reason -> rows left out while reading
+    broken: reason -> rows left out while reading; notes: what could not be read, file and byte
     """
 
     columns: dict[str, Any]
@@ -39,6 +40,7 @@ class Table:
     points: Array | None
     crs: str
     broken: dict[str, int]
+    notes: tuple[str, ...] = ()
 
     def numbers(self, name: str) -> Array:
         """A column as numbers, nan where the text is none."""
@@ -54,6 +56,8 @@ class Table:
 
 def read_table(path: Path) -> Table:
     """Read a log file. Raises InputError for what is none: missing, empty, binary, an image, a web page."""
+    if is_taskdata(path):
+        return _read_isoxml(path)
     try:
         head = _head(path)
         if head.startswith(b"PK\x03\x04"):
@@ -66,6 +70,13 @@ def read_table(path: Path) -> Table:
     if len(text) > LARGEST_BYTES:
         raise InputError("log", len(text), f"expected at most {LARGEST_BYTES} bytes unpacked", file=path)
     return _read_csv(text, path)
+
+
+def _read_isoxml(path: Path) -> Table:
+    """Time logs of ISO 11783-10 task data; of a single TLG file that log alone."""
+    data = read_taskdata(path)
+    places = sum(log.gaps for log in data.logs)
+    return Table(data.columns(), np.arange(1, len(data) + 1), None, "", {"unreadable": places}, data.problems)
 
 
 def _head(path: Path) -> bytes:
