@@ -48,6 +48,8 @@ def test_pattern_is_centred_inside_the_spot_and_holds_the_profile(count, profile
         assert pattern.weight @ share == pytest.approx(0.5, abs=1e-12)
         if count != 19:
             assert pattern.weight @ share**2 == pytest.approx(1 / 3, abs=1e-12)
+        if count == 61:
+            assert pattern.weight @ share**3 == pytest.approx(1 / 4, abs=1e-12)
 
 
 @pytest.mark.parametrize("profile", ["uniform", "gaussian"])
@@ -77,7 +79,23 @@ def test_weights_follow_the_energy_of_rings():
 
 def test_outermost_sub_ray_lies_where_the_docs_say():
     outermost = [spot_pattern(n, "uniform").outermost for n in NESTED]
-    assert outermost == pytest.approx([0.0, np.sqrt(2 / 3), np.sqrt(2 / 3), np.sqrt(0.85), np.sqrt(0.85)])
+    assert outermost == pytest.approx(np.sqrt([0.0, 2 / 3, 2 / 3, 5 / 6, 0.94]))
+
+
+def test_more_sub_rays_see_more_of_the_energy_behind_an_edge():
+    """Energy of a uniform spot on one side of a straight edge, anywhere across it: root mean square error."""
+    rng = np.random.default_rng(2)
+    turn, at = rng.uniform(0, 2 * np.pi, 1000), rng.uniform(-1, 1, 1000)
+    exact = 0.5 + (at * np.sqrt(1 - at**2) + np.arcsin(at)) / np.pi
+    errors = []
+    for count in NESTED:
+        pattern = spot_pattern(count, "uniform")
+        beside = (
+            np.cos(turn)[:, None] * pattern.position[:, 0] + np.sin(turn)[:, None] * pattern.position[:, 1]
+        )
+        errors.append(np.sqrt(np.mean(((beside < at[:, None]) @ pattern.weight - exact) ** 2)))
+    assert np.all(np.array(errors) < [0.3, 0.075, 0.035, 0.022, 0.017])
+    assert np.all(np.diff(errors) < 0)
 
 
 @pytest.mark.parametrize("profile", ["uniform", "gaussian"])

@@ -70,7 +70,8 @@ def test_nearest_reaches_half_a_spot_over_the_edge_and_the_median_none():
     pattern = lidar.pattern.outermost
     half_spot = np.degrees(0.5 * lidar.card.beam.diameter(NEAR)[0] * pattern / NEAR)
     assert (counts["nearest"] - counts["median"]) * 0.05 == pytest.approx(half_spot, abs=0.06)
-    assert (counts["median"] - counts["farthest"]) * 0.05 == pytest.approx(half_spot, abs=0.06)
+    # on the far wall the outermost sub-ray alone is too weak to be seen: a little less
+    assert 0.8 * half_spot < (counts["median"] - counts["farthest"]) * 0.05 < half_spot + 0.06
 
 
 def test_mean_gives_ranges_between_the_walls_where_the_spot_meets_both():

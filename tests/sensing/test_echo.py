@@ -86,6 +86,16 @@ def test_weak_echoes_are_lost_at_the_reach_of_the_data_sheet():
     assert found.distance[0, 0] == 30.0
 
 
+def test_hits_in_pulses_too_weak_to_see_do_not_count():
+    # most of the beam meets something far too dark; what a little of it meets nearby is seen
+    weak = {"weight": [0.2, 0.8], "albedo": [[0.3, 0.001]], "least_energy": least_energy(40.0)}
+    for rule in ("nearest", "percentile", "mean", "leading_edge"):
+        assert ranges([[2.0, 30.0]], rule=rule, **weak).distance[0, 0] == 2.0
+    # less than a pulse apart they arrive as one
+    close = weak | {"least_energy": least_energy(200.0), "gap": 0.75}
+    assert ranges([[29.5, 30.0]], rule="percentile", **close).distance[0, 0] == 30.0
+
+
 def test_leading_edge_triggers_where_the_energy_reaches_the_threshold():
     d, w = [[4.0, 5.0, 6.0]], np.array([0.02, 0.48, 0.5])
     energy = w / np.array(d[0]) ** 2

@@ -23,21 +23,35 @@ Contour = Literal["1/e2", "FWHM", "edge"]
 FWHM_TO_E2 = float(np.sqrt(2.0 / np.log(2.0)))  # of a gaussian: exp(-2 (r/w)^2) = 1/2 at r = w sqrt(ln 2 / 2)
 
 # Nested rings, as (sub-rays, share of energy further in, angle of the first in steps of the ring). The six of
-# the 7-pattern are every second one of the twelve. 1/4 + 6/8 is the disc rule exact to degree 5 (Abramowitz &
-# Stegun 25.4.61); the larger ones hold the mean of e exactly, 37 and 61 also the mean of e2, with the weights
-# nearest to equal ones that do so.
-_SIX, _INNER, _TWELVE = (6, 2 / 3, 0.0), (6, 1 / 4, 0.5), (12, 2 / 3, 0.0)
-_OUTER, _DENSE = (18, 0.85, 0.5), (24, 0.2, 0.5)
-_RINGS: dict[int, tuple[tuple[tuple[int, float, float], float], ...]] = {
+# the 7-pattern are every second one of the twelve; 1/4 + 6/8 is the disc rule exact to degree 5 (Abramowitz &
+# Stegun 25.4.61). 19 sub-rays hold the mean of e exactly with equal weights; 37 also that of e2, 61 that of
+# e3, with the weights nearest to equal ones that do so. The places of 37 and 61 were chosen for the least
+# error of the energy in half planes and strips across the spot.
+_Ring = tuple[int, float, float]
+_SIX: _Ring = (6, 2 / 3, 0.0)
+_A: _Ring = (6, 1 / 4, 0.5)
+_B: _Ring = (12, 2 / 3, 0.0)
+_C: _Ring = (6, 1 / 8, 0.0)
+_D: _Ring = (12, 5 / 6, 0.5)
+_E: _Ring = (12, 0.42, 0.5)
+_F: _Ring = (12, 0.94, 0.0)
+_RINGS: dict[int, tuple[tuple[_Ring, float], ...]] = {
     # count: ((ring, energy share of the whole ring), ...); the middle has the rest
     7: ((_SIX, 3 / 4),),
-    19: ((_INNER, 6 / 19), (_TWELVE, 12 / 19)),
-    37: ((_INNER, 0.36548628531527916), (_TWELVE, 0.3014486498403395), (_OUTER, 0.24430901424818138)),
+    19: ((_A, 6 / 19), (_B, 12 / 19)),
+    37: (
+        (_A, 0.20179359462232965),
+        (_B, 0.3319084956776457),
+        (_C, 0.19229792800695944),
+        (_D, 0.24509043587014062),
+    ),
     61: (
-        (_INNER, 0.10032933805947113),
-        (_TWELVE, 0.2338779764598509),
-        (_OUTER, 0.2883568859488642),
-        (_DENSE, 0.36947830727681863),
+        (_A, 0.1294337447357508),
+        (_B, 0.19726406893121823),
+        (_C, 0.1615755341442278),
+        (_D, 0.15563575780932248),
+        (_E, 0.2202319211103984),
+        (_F, 0.099724862822431),
     ),
 }
 
@@ -89,7 +103,7 @@ def spot_pattern(count: int, profile: Profile = "uniform") -> Pattern:
 
     1, 7, 19, 37, 61: the middle and rings, each pattern a part of the next, weights as needed. Any other
     count: a golden-angle spiral with equal weights. The outermost sub-ray stands for the energy around it and
-    so lies inside the edge: at `Pattern.outermost`, 0.82 (7, 19) or 0.92 (37, 61) of a uniform spot's radius.
+    so lies inside the edge, at `Pattern.outermost`: 0.82 (7, 19), 0.91 (37), 0.97 (61) of a uniform radius.
     """
     if count < 1:
         raise InputError("sub_rays", count, "expected >= 1")

@@ -7,7 +7,8 @@ says where in such an echo its range lies. Phenomenological: energies per sub-ra
 
 Energies: `percentile` counts the beam's own energy (the weights of the pattern, the paper's rule); `mean`,
 `leading_edge` and `strongest` the received energy weight * reflectance * cos(incidence) * transmission / r2.
-An echo below the least detectable energy (a 10 % target that fills the spot at the reach given) is lost.
+Pulses below the least detectable energy (a 10 % target that fills the spot at the reach given) are not seen,
+by the rules for one echo neither.
 """
 
 from dataclasses import dataclass
@@ -108,13 +109,13 @@ def receive(bundle: Bundle, receiver: Receiver) -> Echoes:
     albedo = np.where(is_hit, np.take_along_axis(bundle.albedo, order, axis=1), 0.0)
     distance = np.where(is_hit, distance, 0.0)
     hits = _Sorted(distance, is_hit, weight, weight * albedo)
+    group = _groups(distance, is_hit, receiver.gap)
+    most = int(group.max()) + 1 if group.size else 0
     within = _ONE_ECHO.get(receiver.rule)
-    if within is not None:
-        groups = [_echo(hits, is_hit, within, receiver)]
-    else:
-        group = _groups(distance, is_hit, receiver.gap)
-        most = int(group.max()) + 1 if group.size else 0
+    if within is None:
         groups = [_echo(hits, group == g, receiver.within, receiver) for g in range(most)]
+    else:
+        groups = [_echo(hits, _detectable(hits, group, most, receiver.least_energy), within, receiver)]
     picked = _pick(groups, receiver, bundle.distance.shape)
     share = np.zeros_like(picked.share)
     np.put_along_axis(share, np.broadcast_to(order[:, None], share.shape), picked.share, axis=2)
@@ -130,6 +131,11 @@ class _Sorted:
     weight: F64
     albedo: F64  # times weight
 
+    @property
+    def energy(self) -> F64:
+        """Received, albedo / r2 [1/m2]."""
+        return np.asarray(self.albedo / np.maximum(self.distance, 1e-3) ** 2)
+
 
 def _groups(distance: F64, is_hit: NDArray[np.bool_], gap: float) -> NDArray[np.int64]:
     """Number of the echo that each sorted hit belongs to, -1 = no hit."""
@@ -140,11 +146,19 @@ def _groups(distance: F64, is_hit: NDArray[np.bool_], gap: float) -> NDArray[np.
     return np.where(is_hit, np.cumsum(is_new, axis=1), -1)
 
 
+def _detectable(hits: _Sorted, group: NDArray[np.int64], most: int, least_energy: float) -> NDArray[np.bool_]:
+    """Hits that arrive in a pulse strong enough to be seen by itself, (n, s)."""
+    energy, seen = hits.energy, np.zeros(group.shape, dtype=bool)
+    for g in range(most):
+        member = group == g
+        seen |= member & (np.where(member, energy, 0.0).sum(axis=1) >= least_energy)[:, None]
+    return seen
+
+
 def _echo(hits: _Sorted, member: NDArray[np.bool_], within: Within, receiver: Receiver) -> Echoes:
     """One echo per beam made of its members, (n, 1): lost when it is too weak."""
     weight, albedo = np.where(member, hits.weight, 0.0), np.where(member, hits.albedo, 0.0)
-    near = np.maximum(hits.distance, 1e-3)
-    energy = albedo / near**2
+    energy = np.where(member, hits.energy, 0.0)
     total = energy.sum(axis=1)
     if within == "mean":
         share = energy / np.where(total > 0.0, total, 1.0)[:, None]
