@@ -26,9 +26,10 @@ def add(parsers: Any) -> None:
         help="the ground is where the machine stood, or that corrected by the lowest echoes",
     )
     for key, unit, text in (
-        ("cell", "M", "side of a cell [m] (default 0.1)"),
-        ("along", "M", "heights within this length along the way share a distribution [m] (default 0.9)"),
-        ("across", "M", "and within this width across it [m] (default 0.1)"),
+        ("cell", "M", "side of a cell [m] (default 0.05)"),
+        ("along", "M", "heights within this length along the way share a distribution [m] (default 0.5)"),
+        ("across", "M", "and within this width across it [m] (default 0.05)"),
+        ("fill", "M", "a cell this near to an echo counts as measured [m] (default 0.1)"),
         ("reach", "M", "leave out what is further from the way [m] (default 30)"),
         ("range-min", "M", "smaller ranges are no echo [m] (default 0.05)"),
         ("range-max", "M", "larger ranges are no echo [m] (default 200)"),
@@ -48,7 +49,7 @@ def run_build(args: argparse.Namespace) -> int:
 
     if args.out.suffix != ".npz":
         raise InputError("--out", str(args.out), "expected a name that ends in .npz")
-    keys = ("cell_m", "along_m", "across_m", "reach_m", "per_cell", "ground")
+    keys = ("cell_m", "along_m", "across_m", "fill_m", "reach_m", "per_cell", "ground")
     settings = Settings(**{k: v for k in keys if (v := getattr(args, k)) is not None})
     ranges = {k: v for k in ("range_min", "range_max") if (v := getattr(args, f"{k}_m")) is not None}
     table = Path(args.poses) if args.poses and args.poses.endswith(".csv") else None
@@ -108,7 +109,7 @@ def _bar(name: str) -> Any:
     def shown() -> Any:
         console = Console(stderr=True)
         if not console.is_terminal:
-            yield None
+            yield lambda share: None
             return
         with Progress(console=console, transient=True) as bar:
             task = bar.add_task(name, total=1.0)

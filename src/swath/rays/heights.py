@@ -31,11 +31,10 @@ class HeightHits:
 
 
 class HeightCaster:
-    """Marches rays through a grid, every ray alone.
+    """Marches rays through a grid, every ray alone, with one random number each (`kernel/heights.py`).
 
-    All cells along a ray show the same quantile: the ray meets the surface that so large a share of the
-    measured heights lies under. In an even stand the heights it reports are distributed as the measured
-    ones; an own draw in each cell would let the highest of them win.
+    In an even stand the heights it reports are distributed as the measured ones. An own draw in every cell
+    would let the highest of them win.
 
     cut: (m, TILE, TILE) uint8, UNTOUCHED or the stubble height [cm]; change it in place
     """
@@ -53,14 +52,15 @@ class HeightCaster:
         *,
         range_max: float,
         seed: int = 0,
-        level: int = -1,
+        share: float = -1.0,
         grain: float = 0.05,
         solids: Solids | None = None,
     ) -> HeightHits:
         """Nearest hit of each ray.
 
-        origins [m], directions (unit): (n, 3), world. level: quantile 0 .. LEVELS - 1 for all rays, or -1:
-        drawn by a hash of the seed and the cell of side `grain` [m] in which the ray would end on the ground.
+        origins [m], directions (unit): (n, 3), world. share: stop every ray where this share of
+        the measured heights is still below it, or < 0: drawn by a hash of the seed and the cell of side
+        `grain` [m] in which the ray would end on the ground.
         """
         wp = start_warp()
         from swath.rays.kernel.heights import cast_heights
@@ -73,7 +73,7 @@ class HeightCaster:
         self._directions[:] = directions
         if not (np.isfinite(self._origins).all() and np.isfinite(self._directions).all()):
             raise ValueError("expected finite origins and directions")
-        self._draw.seed, self._draw.level, self._draw.grain = seed & 0xFFFFFFFF, level, grain
+        self._draw.seed, self._draw.share, self._draw.grain = seed & 0xFFFFFFFF, share, grain
         things = _things(wp, solids)
         inputs = [self._scene, things, self._draw, range_max, *self._shared]
         wp.launch(cast_heights, dim=self._size, inputs=inputs, device="cpu")

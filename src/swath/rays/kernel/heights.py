@@ -1,4 +1,10 @@
-"""One ray through a grid of measured heights: solids, then tiles, then cells, the first surface above it."""
+"""One ray through a grid of measured heights: solids, then tiles, then cells.
+
+In a cell F(z) is the share of the heights measured there that lie below z. A ray that sinks from a to b in it
+goes on with probability F(b) / F(a): it is above a already. It is stopped where the product along its way
+falls below its own number u in [0, 1). In an even stand the product is F(z): it meets measured heights as
+often as they were measured.
+"""
 
 import warp as wp
 
@@ -10,6 +16,7 @@ MEASURED = wp.constant(1)
 UNMEASURED = wp.constant(2)
 SOLID = wp.constant(3)
 FAR = wp.constant(1.0e9)
+FLATTEST = wp.constant(0.18)  # as in study/replay/passing.py
 MIX_A = wp.constant(wp.uint32(0x7FEB352D))
 MIX_B = wp.constant(wp.uint32(0x846CA68B))
 
@@ -37,13 +44,13 @@ class Heights:
 
 @wp.struct
 class Draw:
-    """How a height is drawn. seed: of this scan; level: the quantile of all beams, -1 = drawn per foot cell
+    """How a height is drawn. seed: of this scan; share: u of all beams, < 0 = drawn per foot cell
 
     grain: side of the cells in which beams that end there draw the same [m]
     """
 
     seed: wp.uint32
-    level: int
+    share: float
     grain: float
 
 
@@ -95,20 +102,60 @@ def exit_of(o: float, d: float, index: int, side: float) -> float:
 
 
 @wp.func
-def draw_level(g: Heights, draw: Draw, o: wp.vec3, d: wp.vec3, range_max: float) -> int:
-    if draw.level >= 0:
-        return draw.level
+def draw_share(g: Heights, draw: Draw, o: wp.vec3, d: wp.vec3, range_max: float) -> float:
+    if draw.share >= 0.0:
+        return draw.share
     t = range_max
     if d[2] < -1.0e-6:
         t = wp.clamp((ground_at(g, o[0], o[1]) - o[2]) / d[2], 0.0, range_max)
     i = int(wp.floor((o[0] + d[0] * t) / draw.grain))
     j = int(wp.floor((o[1] + d[1] * t) / draw.grain))
     h = mix(mix(draw.seed ^ mix(wp.uint32(i))) ^ wp.uint32(j))
-    return int(h >> wp.uint32(16)) * g.levels / 65536
+    return (float(h >> wp.uint32(8)) + 0.5) / 16777216.0
 
 
 @wp.func
-def walk(g: Heights, o: wp.vec3, d: wp.vec3, level: int, t_max: float) -> wp.vec3:
+def share_below(g: Heights, slot: int, row: int, column: int, z: float) -> float:
+    """Share of the heights of a cell that lie below z, linear between its quantiles."""
+    mm = 1000.0 * z
+    last = g.levels - 1
+    share = float(0.0)
+    if mm > float(g.quantiles[slot, row, column, last]):
+        share = 1.0
+    elif mm > float(g.quantiles[slot, row, column, 0]):
+        k = int(0)  # largest level below z
+        n = int(last)
+        while n - k > 1:
+            m = (n + k) / 2
+            if float(g.quantiles[slot, row, column, m]) < mm:
+                k = m
+            else:
+                n = m
+        lower = float(g.quantiles[slot, row, column, k])
+        upper = float(g.quantiles[slot, row, column, n])
+        share = (float(k) + 0.5 + (mm - lower) / wp.max(upper - lower, 1.0)) / float(g.levels)
+    stubble = int(g.cut[slot, row, column])
+    if stubble < 255:
+        share = wp.max(share, wp.clamp(100.0 * z / wp.max(float(stubble), 0.01), 0.0, 1.0))
+    return share
+
+
+@wp.func
+def height_at(g: Heights, slot: int, row: int, column: int, share: float) -> float:
+    """Height of a cell that a share of the measured ones lie below [m]."""
+    f = wp.clamp(share * float(g.levels) - 0.5, 0.0, float(g.levels - 1))
+    k = wp.min(int(f), g.levels - 2)
+    lower = float(g.quantiles[slot, row, column, k])
+    upper = float(g.quantiles[slot, row, column, k + 1])
+    z = 0.001 * (lower + (upper - lower) * (f - float(k)))
+    stubble = int(g.cut[slot, row, column])
+    if stubble < 255:
+        z = wp.min(z, 0.01 * float(stubble) * share)
+    return z
+
+
+@wp.func
+def walk(g: Heights, o: wp.vec3, d: wp.vec3, u: float, t_max: float) -> wp.vec3:
     """(t, what, index of the cell). The cell is -1 where there is none."""
     side = g.cell * float(g.tile)
     width = side * float(g.table.shape[1])
@@ -117,6 +164,8 @@ def walk(g: Heights, o: wp.vec3, d: wp.vec3, level: int, t_max: float) -> wp.vec
     sy = slab(o[1], d[1], 0.0, length)
     t = wp.max(wp.max(sx[0], sy[0]), 0.0)
     t_out = wp.min(sx[1], sy[1])
+    flattest = FLATTEST * wp.sqrt(d[0] * d[0] + d[1] * d[1])
+    survived = float(1.0)
     if t >= t_out:  # passes beside the box
         t = 0.0
         t_out = 0.0
@@ -130,46 +179,53 @@ def walk(g: Heights, o: wp.vec3, d: wp.vec3, level: int, t_max: float) -> wp.vec
         ex = exit_of(o[0], d[0], i, side)
         ey = exit_of(o[1], d[1], j, side)
         leave = wp.max(wp.min(wp.min(ex, ey), end), t)
-        low = o[2] + wp.min(d[2] * t, d[2] * leave)
-        if low <= g.tile_top[j, i]:
+        if o[2] + wp.min(d[2] * t, d[2] * leave) <= g.tile_top[j, i]:
             slot = g.table[j, i]
-            u = wp.clamp(int(wp.floor((o[0] + d[0] * t) / g.cell)), i * g.tile, (i + 1) * g.tile - 1)
-            v = wp.clamp(int(wp.floor((o[1] + d[1] * t) / g.cell)), j * g.tile, (j + 1) * g.tile - 1)
+            p = wp.clamp(int(wp.floor((o[0] + d[0] * t) / g.cell)), i * g.tile, (i + 1) * g.tile - 1)
+            q = wp.clamp(int(wp.floor((o[1] + d[1] * t) / g.cell)), j * g.tile, (j + 1) * g.tile - 1)
             inside = bool(True)
             while inside:
-                cx = exit_of(o[0], d[0], u, g.cell)
-                cy = exit_of(o[1], d[1], v, g.cell)
+                cx = exit_of(o[0], d[0], p, g.cell)
+                cy = exit_of(o[1], d[1], q, g.cell)
                 after = wp.max(wp.min(wp.min(cx, cy), leave), t)
                 b = o[2] + d[2] * after - ground_at(g, o[0] + d[0] * after, o[1] + d[1] * after)
-                h = float(0.0)
-                what = int(UNMEASURED)
-                cell = int(-1)
+                column = p - i * g.tile
+                row = q - j * g.tile
+                is_measured = bool(False)
                 if slot >= 0:
-                    p = u - i * g.tile
-                    q = v - j * g.tile
-                    first = int(g.quantiles[slot, q, p, 0])
-                    if first != g.none:
-                        what = MEASURED
-                        h = 0.001 * float(g.quantiles[slot, q, p, level])
-                        cell = (slot * g.tile + q) * g.tile + p
-                        stubble = int(g.cut[slot, q, p])
-                        if stubble < 255:
-                            h = wp.min(h, 0.01 * float(stubble) * (float(level) + 0.5) / float(g.levels))
-                if what == MEASURED and a <= h:
-                    return wp.vec3(t, float(what), float(cell))
-                if b <= h:
-                    t = t + (after - t) * wp.clamp((a - h) / wp.max(a - b, 1.0e-9), 0.0, 1.0)
-                    return wp.vec3(t, float(what), float(cell))
+                    is_measured = int(g.quantiles[slot, row, column, 0]) != g.none
+                if is_measured:
+                    low = wp.min(wp.min(a, b), a - flattest * (after - t))
+                    high = wp.max(a, b)
+                    below = share_below(g, slot, row, column, low)
+                    if below < 1.0:
+                        above = share_below(g, slot, row, column, high)
+                        left = float(0.0)
+                        if above > 0.0:
+                            left = survived * below / above
+                        if left <= u:
+                            part = float(0.0)
+                            if above > 0.0 and high > low:
+                                z = height_at(g, slot, row, column, u * above / survived)
+                                part = wp.clamp((high - z) / (high - low), 0.0, 1.0)
+                                if b > a:
+                                    part = 1.0 - part
+                            cell = (slot * g.tile + row) * g.tile + column
+                            return wp.vec3(t + (after - t) * part, float(MEASURED), float(cell))
+                        survived = left
+                elif b <= 0.0:
+                    t = t + (after - t) * wp.clamp(a / wp.max(a - b, 1.0e-9), 0.0, 1.0)
+                    return wp.vec3(t, float(UNMEASURED), -1.0)
                 a = b
                 t = after
                 if after >= leave:
                     inside = False
                 elif cx <= cy:
-                    u = u + wp.where(d[0] > 0.0, 1, -1)
-                    inside = u >= i * g.tile and u < (i + 1) * g.tile
+                    p = p + wp.where(d[0] > 0.0, 1, -1)
+                    inside = p >= i * g.tile and p < (i + 1) * g.tile
                 else:
-                    v = v + wp.where(d[1] > 0.0, 1, -1)
-                    inside = v >= j * g.tile and v < (j + 1) * g.tile
+                    q = q + wp.where(d[1] > 0.0, 1, -1)
+                    inside = q >= j * g.tile and q < (j + 1) * g.tile
         t = leave
         a = o[2] + d[2] * t - ground_at(g, o[0] + d[0] * t, o[1] + d[1] * t)
         if ex <= ey:
@@ -214,8 +270,7 @@ def cast_heights(
     s = g.turn[1]
     local = wp.vec3(float(c * away[0] + s * away[1]), float(c * away[1] - s * away[0]), float(away[2]))
     along = wp.vec3(float(c * v[0] + s * v[1]), float(c * v[1] - s * v[0]), float(v[2]))
-    level = draw_level(g, draw, local, along, range_max)
-    found = walk(g, local, along, level, hit.t)
+    found = walk(g, local, along, draw_share(g, draw, local, along, range_max), hit.t)
     kind = int(found[1])
     cell[k] = int(found[2])
     cosine[k] = hit.cosine

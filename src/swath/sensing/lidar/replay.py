@@ -20,7 +20,7 @@ from swath.core.units import DEG
 from swath.field.field import Field
 from swath.field.hashing import hash_cells
 from swath.field.site import SiteSetup
-from swath.rays.height_grid import LEVELS, HeightGrid, load_height_grid
+from swath.rays.height_grid import HeightGrid, load_height_grid
 from swath.rays.heights import MEASURED, SOLID, UNMEASURED, HeightCaster
 from swath.sensing.mount import Mount
 from swath.sensing.replay_cut import CutWatch
@@ -78,9 +78,7 @@ class ReplayLidar:
         self.watch = CutWatch(setup.field, self.caster)
         self._intensity = np.nan_to_num(self.grid.intensity, nan=DULL).ravel()
         self._forward = np.ascontiguousarray(self.scanner.axes[:, :, 0])
-        self._level = -1
-        if params.draw == "percentile":
-            self._level = min(int(params.percentile / 100.0 * LEVELS), LEVELS - 1)
+        self._share = params.percentile / 100.0 if params.draw == "percentile" else -1.0
         self._last: MachineState | None = None
         self.ray_count = self.beam_count = self.unmeasured_count = 0
 
@@ -113,7 +111,7 @@ class ReplayLidar:
                 directions,
                 range_max=self.scanner.reach,
                 seed=seed,
-                level=self._level,
+                share=self._share,
                 grain=self.params.grain_m,
                 solids=solids,
             )

@@ -9,33 +9,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.rays.height_grid import LIMIT_M, NODE_CELLS, NODES, NONE, TILE, HeightGrid, lattice_height
+from swath.rays.height_grid import LIMIT_M, NODE_CELLS, NONE, TILE, HeightGrid, lattice_height
 from swath.study.replay import ground
 from swath.study.replay.bag import open_bag
 from swath.study.replay.gather import BLOCK, Gatherer, Samples, pool
-from swath.study.replay.source import Source, Wanted
+from swath.study.replay.passing import Passing
+from swath.study.replay.place import Frame, batches, placed
+from swath.study.replay.source import Echoes, Source, Wanted
 from swath.study.replay.tables import open_csv, open_npz
 
 Array = NDArray[np.float64]
 LOWEST_M = -1.0  # an echo further below the ground is none
-TILES_MAX = 1 << 22
+TIMES_MAX = 1 << 25  # numbers that are held of how often beams passed
+COUNTED = (
+    "scans",
+    "echoes",
+    "beams_without_echo",
+    "echoes_without_pose",
+    "echoes_too_far",
+    "echoes_below_ground",
+    "echoes_too_high",
+)
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Settings:
     """cell_m: side of a cell; along_m, across_m: heights within this window share a distribution
+    fill_m: a cell counts as measured when there is an echo this near
 
     per_cell: heights that are kept of one cell; reach_m: echoes further from the way are left out
     ground: where the wheels stood (`pose`), or that corrected by the lowest `echoes`; seed: of the choice
+    passing: correct for the beams that went through a cell without an echo
     """
 
-    cell_m: float = 0.1
-    along_m: float = 0.9
-    across_m: float = 0.1
+    cell_m: float = 0.05
+    along_m: float = 0.5
+    across_m: float = 0.05
+    fill_m: float = 0.1
     per_cell: int = 32
     reach_m: float = 30.0
     ground: Literal["pose", "echoes"] = "pose"
+    passing: bool = True
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -44,6 +59,7 @@ class Settings:
             "cell_m": (0.01, 5.0),
             "along_m": (0.0, 20.0),
             "across_m": (0.0, 20.0),
+            "fill_m": (0.0, 5.0),
             "reach_m": (1.0, 200.0),
         }
         for key, (low, high) in limits.items():
@@ -66,20 +82,21 @@ def open_source(path: Path, wanted: Wanted, poses: Path | None = None) -> Source
 
 
 def build_replay(
-    source: Source, settings: Settings = Settings(), progress: Progress | None = None
+    source: Source, settings: Settings = Settings(), progress: Progress = lambda share: None
 ) -> HeightGrid:
-    """The grid of a source. progress is called with the share that is done, 0 to 1.
+    """The grid of a source. progress is called with the share that is done of a pass, 0 to 1.
 
     Raises InputError when nothing usable was measured.
     """
-    frame = _Frame(source, settings)
+    frame = Frame(source.track, settings.cell_m, settings.reach_m)
     base = ground.ground_of_poses(source.track, *frame.nodes())
-    z0 = float(np.floor(base.min()))
-    lattice = base - z0
-    samples, counts = _gather(source, settings, frame, lattice, z0, progress)
+    frame.z0 = float(np.floor(base.min()))
+    lattice = base - frame.z0
+    samples, counts = _gather(source, settings, frame, lattice, progress)
     if settings.ground == "echoes":
         lattice, samples = _corrected(lattice, samples)
-    table, (quantiles, count, intensity) = _cells(samples, settings, frame)
+    pools = _cells(source, samples, settings, frame, lattice, progress)
+    quantiles = np.stack(pools.quantiles)
     about = {
         "source": source.name,
         "driven_m": round(source.track.length, 3),
@@ -88,90 +105,49 @@ def build_replay(
         "settings": {k: getattr(settings, k) for k in settings.__dataclass_fields__},
     }
     return HeightGrid(
-        origin=np.array([*frame.origin, z0]),
+        origin=np.array([*frame.origin, frame.z0]),
         yaw=frame.yaw,
         cell=settings.cell_m,
-        table=table,
+        table=pools.table,
         quantiles=quantiles,
-        count=count,
-        intensity=intensity,
+        count=np.stack(pools.count),
+        intensity=np.stack(pools.intensity),
         ground=lattice.astype(np.float32),
         about=about,
     )
 
 
-class _Frame:
-    """Local frame of the grid: x along the way, corner below everything within reach. tiles: (ty, tx)"""
-
-    def __init__(self, source: Source, settings: Settings) -> None:
-        self.yaw, self.cell = source.track.heading, settings.cell_m
-        self._c, self._s = np.cos(self.yaw), np.sin(self.yaw)
-        path = source.track.position[:, :2] @ np.array([[self._c, -self._s], [self._s, self._c]])
-        side = TILE * self.cell
-        low = path.min(axis=0) - settings.reach_m
-        self.tiles = tuple(int(n) for n in np.ceil((np.ptp(path, axis=0) + 2 * settings.reach_m) / side))[
-            ::-1
-        ]
-        if self.tiles[0] * self.tiles[1] > TILES_MAX:
-            raise InputError("poses", None, "expected a way within one region, or larger cells (--cell-m)")
-        self.origin = np.array([self._c * low[0] - self._s * low[1], self._s * low[0] + self._c * low[1]])
-        self.width, self.length = self.tiles[1] * TILE, self.tiles[0] * TILE
-
-    def to_local(self, x: Array, y: Array) -> tuple[Array, Array]:
-        x, y = x - self.origin[0], y - self.origin[1]
-        return self._c * x + self._s * y, self._c * y - self._s * x
-
-    def nodes(self) -> tuple[Array, Array]:
-        """World x, y of the lattice nodes."""
-        node = self.cell * NODE_CELLS
-        u, v = np.meshgrid(
-            np.arange(self.tiles[1] * NODES + 1) * node, np.arange(self.tiles[0] * NODES + 1) * node
-        )
-        return self.origin[0] + self._c * u - self._s * v, self.origin[1] + self._s * u + self._c * v
-
-
 def _gather(
-    source: Source, settings: Settings, frame: _Frame, lattice: Array, z0: float, progress: Progress | None
+    source: Source, settings: Settings, frame: Frame, lattice: Array, progress: Progress
 ) -> tuple[Samples, dict[str, Any]]:
+    """The heights in the cells, and what was counted."""
     gatherer = Gatherer(frame.width, settings.per_cell, settings.seed)
-    begin, span = source.track.time[0], max(np.ptp(source.track.time), 1e-9)
-    sweeps = silent = unplaced = 0
-    left = {"far": 0, "below": 0, "high": 0}
-    for echoes in source.sweeps():
-        sweeps += echoes.scan_count
-        silent += echoes.silent_count
-        place, rotation, known = source.track.at(echoes.time)
-        points = echoes.points
-        if not source.frame_is_world:
-            points = place + np.einsum("nij,nj->ni", rotation, source.mounting.apply(points))
-        else:
-            known = np.ones(len(points), bool)
-        unplaced += int(np.count_nonzero(~known))
-        u, v = frame.to_local(points[:, 0], points[:, 1])
-        height = points[:, 2] - z0 - lattice_height(lattice, frame.cell * NODE_CELLS, u, v)
-        column, row = np.floor(u / frame.cell).astype(np.int64), np.floor(v / frame.cell).astype(np.int64)
-        inside = (column >= 0) & (row >= 0) & (column < frame.width) & (row < frame.length)
-        good = known & inside & (height >= LOWEST_M) & (height <= LIMIT_M)
-        left["far"] += int(np.count_nonzero(known & ~inside))
-        left["below"] += int(np.count_nonzero(known & inside & (height < LOWEST_M)))
-        left["high"] += int(np.count_nonzero(known & inside & (height > LIMIT_M)))
-        gatherer.add(column[good], row[good], height[good] * 1e3, echoes.intensity[good])
-        if progress is not None and len(echoes.time):
-            progress(float(np.clip((echoes.time[-1] - begin) / span, 0.0, 1.0)))
+    counts = dict.fromkeys(COUNTED, 0)
+    for echoes in batches(source):
+        here = placed(source, echoes, frame, lattice)
+        cell = np.floor(here.points[:, :2] / frame.cell).astype(np.int64)
+        inside = ((cell >= 0) & (cell < (frame.width, frame.length))).all(axis=1)
+        is_low, is_high = here.height < LOWEST_M, here.height > LIMIT_M
+        good = inside & ~is_low & ~is_high
+        counts["scans"] += echoes.scan_count
+        counts["beams_without_echo"] += echoes.silent_count
+        counts["echoes_without_pose"] += here.unknown_count
+        counts["echoes_too_far"] += int(np.count_nonzero(~inside))
+        counts["echoes_below_ground"] += int(np.count_nonzero(inside & is_low))
+        counts["echoes_too_high"] += int(np.count_nonzero(inside & is_high))
+        gatherer.add(cell[good, 0], cell[good, 1], here.height[good] * 1e3, here.intensity[good])
+        _tell(progress, echoes, source)
+    counts["echoes"] = gatherer.echo_count
     if gatherer.echo_count == 0:
-        what = f"{sweeps} scans, {silent} beams without echo, {unplaced} echoes outside the poses' times"
-        raise InputError("source", source.name, f"expected echoes near the way; found {what}")
-    counts = {
-        "scans": sweeps,
-        "echoes": gatherer.echo_count,
-        "beams_without_echo": silent,
-        "echoes_without_pose": unplaced,
-        "echoes_too_far": left["far"],
-        "echoes_below_ground": left["below"],
-        "echoes_too_high": left["high"],
-        "notes": dict(source.notes),
-    }
-    return gatherer.finish(), counts
+        what = ", ".join(f"{k.replace('_', ' ')} {n}" for k, n in counts.items() if n)
+        raise InputError("source", source.name, f"expected echoes near the way; found {what or 'no scan'}")
+    return gatherer.finish(), {**counts, "notes": dict(source.notes)}
+
+
+def _tell(progress: Progress, echoes: Echoes, source: Source) -> None:
+    if len(echoes.time):
+        begin, span = source.track.time[0], max(float(np.ptp(source.track.time)), 1e-9)
+        progress(float(np.clip((np.nanmax(echoes.time) - begin) / span, 0.0, 1.0)))
 
 
 def _corrected(lattice: Array, samples: Samples) -> tuple[Array, Samples]:
@@ -188,35 +164,60 @@ def _corrected(lattice: Array, samples: Samples) -> tuple[Array, Samples]:
     return lattice + shift, changed
 
 
-def _cells(samples: Samples, settings: Settings, frame: _Frame) -> tuple[NDArray[np.int32], tuple[Any, ...]]:
-    """The table of tiles and their pools: quantiles, counts, intensities."""
-    along = round(0.5 * (settings.along_m / settings.cell_m - 1.0) - 1e-9) if settings.along_m > 0 else 0
-    across = round(0.5 * (settings.across_m / settings.cell_m - 1.0) - 1e-9) if settings.across_m > 0 else 0
-    along, across = max(along, 0), max(across, 0)
-    table = np.full(frame.tiles, -1, np.int32)
-    quantiles: list[NDArray[np.int16]] = []
-    counts: list[NDArray[np.uint16]] = []
-    bright: list[NDArray[np.float32]] = []
-    for ty in range(frame.tiles[0]):
-        low, high = np.searchsorted(
-            samples.cells, [(ty * TILE - 1) * samples.width, ((ty + 1) * TILE + 1) * samples.width]
-        )
-        if low == high:
+class _Pools:
+    """Tiles as they are finished."""
+
+    def __init__(self, tiles: tuple[int, int]) -> None:
+        self.table = np.full(tiles, -1, np.int32)
+        self.quantiles: list[NDArray[np.int16]] = []
+        self.count: list[NDArray[np.uint16]] = []
+        self.intensity: list[NDArray[np.float32]] = []
+
+    def add(self, samples: Samples, row: int, column: int, heights: NDArray[np.int16]) -> None:
+        """The tiles of a block whose first is (row, column)."""
+        count, light = _own(samples, column * TILE, row * TILE)
+        for k in range(min(BLOCK // TILE, self.table.shape[1] - column)):
+            part = np.s_[:, k * TILE : (k + 1) * TILE]
+            if (heights[part][..., 0] != NONE).any():
+                self.table[row, column + k] = len(self.quantiles)
+                self.quantiles.append(heights[part])
+                self.count.append(count[part])
+                self.intensity.append(light[part])
+
+
+def _cells(
+    source: Source, samples: Samples, settings: Settings, frame: Frame, lattice: Array, progress: Progress
+) -> _Pools:
+    """Distributions of all cells, some columns at a time; each time the source is read again."""
+    along, across = (_half(m, settings.cell_m) for m in (settings.along_m, settings.across_m))
+    fill = max(int(np.ceil(settings.fill_m / settings.cell_m - 1e-9)), 1)
+    pools = _Pools(frame.tiles)
+    rows, columns = np.divmod(samples.cells, samples.width)
+    low, high = int(rows.min()) - fill, int(rows.max()) + fill + 1
+    top = float(samples.height.max()) * 1e-3
+    layers = Passing(0, 0, 0, 0, top).times.shape[2]
+    wide = max(TIMES_MAX // ((high - low) * layers * BLOCK), 1) * BLOCK
+    for first in range(0, frame.width, wide):
+        if not ((columns >= first - fill) & (columns < first + wide + fill)).any():
             continue
-        columns = samples.cells[low:high] % samples.width
-        for first in range(0, frame.width, BLOCK):
-            if not ((columns >= first - 1) & (columns <= first + BLOCK)).any():
-                continue
-            block = pool(samples, first, ty * TILE, along=along, across=across)
-            count, light = _own(samples, first, ty * TILE)
-            for k in range(min(BLOCK, frame.width - first) // TILE):
-                part = np.s_[:, k * TILE : (k + 1) * TILE]
-                if (block[part][..., 0] != NONE).any():
-                    table[ty, first // TILE + k] = len(quantiles)
-                    quantiles.append(block[part])
-                    counts.append(count[part])
-                    bright.append(light[part])
-    return table, (np.stack(quantiles), np.stack(counts), np.stack(bright))
+        passing = None
+        if settings.passing and not source.frame_is_world:
+            margin = max(along, fill)
+            passing = Passing(first - margin, wide + 2 * margin, low, high - low, top)
+            for echoes in batches(source):
+                passing.add(placed(source, echoes, frame, lattice), frame, lattice)
+                _tell(progress, echoes, source)
+        for row in range(max(low // TILE, 0), min((high - 1) // TILE + 1, frame.tiles[0])):
+            for column in range(first, min(first + wide, frame.width), BLOCK):
+                window = {"along": along, "across": across, "fill": fill}
+                heights = pool(samples, column, row * TILE, passing=passing, **window)
+                pools.add(samples, row, column // TILE, heights)
+    return pools
+
+
+def _half(length: float, cell: float) -> int:
+    """Cells on each side of the middle one in a window of a length."""
+    return max(round(0.5 * (length / cell - 1.0) - 1e-9), 0)
 
 
 def _own(samples: Samples, column: int, row: int) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:

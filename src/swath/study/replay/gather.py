@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.field.hashing import hash_cells
 from swath.rays.height_grid import LEVELS, NONE, TILE
+from swath.study.replay.passing import Passing, stop_weights
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 BUFFER = 1 << 20  # echoes that wait to be merged
 CELLS_MAX = 20_000_000
+FEWEST_BELOW = 0.25  # times that beams went below the lowest echo of a cell, for it to be open there
 BLOCK = 8 * TILE  # columns that are pooled at once
 
 
@@ -29,6 +31,12 @@ class Samples:
     cells: Ints
     counts: Ints
     intensity: Array
+
+    @property
+    def number(self) -> Array:
+        """Echoes that each kept height stands for, (n,)."""
+        kept = np.searchsorted(self.key, self.cells, side="right") - np.searchsorted(self.key, self.cells)
+        return np.repeat(self.counts / np.maximum(kept, 1), kept)
 
 
 class Gatherer:
@@ -101,54 +109,97 @@ class Gatherer:
 
 
 def pool(
-    samples: Samples, column: int, row: int, *, along: int, across: int
-) -> NDArray[np.int16]:  # (TILE, BLOCK, LEVELS)
-    """Quantiles [mm] of a block of cells whose first is (column, row), NONE = never measured.
+    samples: Samples,
+    column: int,
+    row: int,
+    *,
+    along: int,
+    across: int,
+    fill: int = 1,
+    passing: Passing | None = None,
+) -> NDArray[np.int16]:
+    """Quantiles [mm] of a block of cells whose first is (column, row), (TILE, BLOCK, LEVELS), NONE = never
+    measured.
 
-    A cell with an echo in itself or in one of its eight neighbours is measured. Its distribution is that of
-    the echoes within `along` columns and `across` rows of it; one row more where that holds none.
+    A cell with an echo within `fill` rows and columns of it is measured. Its distribution is that of the
+    echoes within `along` columns and `across` rows, `fill` of both where these hold none; with `passing`
+    corrected for the beams that passed.
     """
-    reach = max(across, 1)
-    low, high = np.searchsorted(
-        samples.key, [(row - reach) * samples.width, (row + TILE + reach) * samples.width]
-    )
+    reach = max(across, fill)
+    limits = [(row - reach) * samples.width, (row + TILE + reach) * samples.width]
+    low, high = np.searchsorted(samples.key, limits)
     r, c = np.divmod(samples.key[low:high], samples.width)
-    near = (c >= column - along - 1) & (c < column + BLOCK + along + 1)
+    wide = max(along, fill)
+    near = (c >= column - wide) & (c < column + BLOCK + wide)
     r, c, h = r[near] - row, c[near] - column, samples.height[low:high][near].astype(np.int64)
+    number = samples.number[low:high][near]
+    block = _Block(column, row, r, c, h, number, passing)
     found = np.full((TILE * BLOCK, LEVELS), NONE, np.int16)
-    _fill(found, r, c, h, along, across, _touched(r, c))
-    empty = _touched(r, c) & (found[:, 0] == NONE)
+    touched = _touched(r, c, fill)
+    _fill(found, block, along, across, touched)
+    empty = touched & (found[:, 0] == NONE)
     if empty.any():
-        _fill(found, r, c, h, max(along, 1), across + 1, empty)
+        _fill(found, block, wide, reach, empty)
     return found.reshape(TILE, BLOCK, LEVELS)
 
 
-def _touched(r: Ints, c: Ints) -> NDArray[np.bool_]:
-    """Cells of the block with an echo in them or beside them."""
-    has = np.zeros((TILE + 4, BLOCK + 4), bool)
-    close = (r >= -1) & (r <= TILE) & (c >= -1) & (c <= BLOCK)
-    for dr in (-1, 0, 1):
-        for dc in (-1, 0, 1):
-            has[r[close] + dr + 2, c[close] + dc + 2] = True
-    return has[2:-2, 2:-2].ravel()
+@dataclass(frozen=True)
+class _Block:
+    """Samples in and around a block: row, column in it, height [mm], number of echoes it stands for."""
+
+    column: int
+    row: int
+    r: Ints
+    c: Ints
+    h: Ints
+    number: Array
+    passing: Passing | None
 
 
-def _fill(
-    found: NDArray[np.int16], r: Ints, c: Ints, h: Ints, along: int, across: int, which: NDArray[np.bool_]
-) -> None:
-    packed = []
+def _touched(r: Ints, c: Ints, fill: int) -> NDArray[np.bool_]:
+    """Cells of the block with an echo within `fill` rows and columns."""
+    has = np.zeros((TILE + 4 * fill, BLOCK + 4 * fill), bool)
+    close = (r >= -fill) & (r < TILE + fill) & (c >= -fill) & (c < BLOCK + fill)
+    for dr in range(-fill, fill + 1):
+        for dc in range(-fill, fill + 1):
+            has[r[close] + dr + 2 * fill, c[close] + dc + 2 * fill] = True
+    return has[2 * fill : -2 * fill, 2 * fill : -2 * fill].ravel()
+
+
+def _fill(found: NDArray[np.int16], b: _Block, along: int, across: int, which: NDArray[np.bool_]) -> None:
+    packed, numbers = [], []
     for dr in range(-across, across + 1):
         for dc in range(-along, along + 1):
-            row, column = r + dr, c + dc
-            inside = (row >= 0) & (row < TILE) & (column >= 0) & (column < BLOCK)
+            row, column = b.r + dr, b.c + dc
+            inside = np.flatnonzero((row >= 0) & (row < TILE) & (column >= 0) & (column < BLOCK))
             cell = row[inside] * BLOCK + column[inside]
             wanted = which[cell]
-            packed.append((cell[wanted] << 16) | (h[inside][wanted] + 32768))
-    both = np.sort(np.concatenate(packed))
+            packed.append((cell[wanted] << 16) | (b.h[inside][wanted] + 32768))
+            numbers.append(b.number[inside][wanted])
+    both = np.concatenate(packed)
     if len(both) == 0:
         return
-    cell, height = both >> 16, (both & 0xFFFF) - 32768
+    order = np.argsort(both, kind="stable")
+    cell, height = both[order] >> 16, (both[order] & 0xFFFF) - 32768
+    weight = np.concatenate(numbers)[order]
     first = np.flatnonzero(np.diff(cell, prepend=-1))
     count = np.diff(first, append=len(cell))
-    share = (np.arange(LEVELS) + 0.5) / LEVELS
-    found[cell[first]] = height[first[:, None] + (count[:, None] * share).astype(np.int64)]
+    passed = np.zeros(len(first))
+    if b.passing is not None:
+        layer = np.maximum(np.floor(height * 1e-3 / b.passing.layer).astype(np.int64), 0)
+        times = b.passing.pooled(b.row, b.column, (TILE, BLOCK), along, across)
+        layer = np.minimum(layer, times.shape[2] - 1)
+        times = times.reshape(TILE * BLOCK, -1)
+        weight, passed = stop_weights(cell, layer, weight, times[cell, layer])
+        lower = np.cumsum(times, axis=1)[cell[first], layer[first]] - times[cell[first], layer[first]]
+        passed[lower < FEWEST_BELOW] = 0.0
+    run = np.cumsum(weight)
+    before = np.concatenate([[0.0], run])[first]
+    scale = (1.0 - passed) / (run[first + count - 1] - before)
+    share = np.repeat(passed, count) + (run - np.repeat(before, count)) * np.repeat(scale, count)
+    number = np.arange(len(first))
+    wanted = number[:, None] + (np.arange(LEVELS) + 0.5) / LEVELS
+    index = np.searchsorted(share + np.repeat(number, count), wanted.ravel()).reshape(wanted.shape)
+    index = np.clip(index, first[:, None], (first + count - 1)[:, None])
+    is_passed = wanted - number[:, None] < passed[:, None]  # these go on below what was measured here
+    found[cell[first]] = np.where(is_passed, np.minimum(height[first], 0)[:, None], height[index])

@@ -1,0 +1,108 @@
+"""Beams that passed a cell without an echo: what the heights measured in it alone do not say.
+
+Where crop stands beside cut ground, or is thin, most beams pass over the few plants of a cell and are counted
+further on. The share of beams that a surface stops is therefore estimated as with lifetimes that come under
+observation late: per layer of height the number of echoes over the number of times that beams went through
+the layer (Nelson-Aalen: Aalen 1978, doi:10.1214/aos/1176344247), summed from the top downwards.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.rays.height_grid import lattice_height
+from swath.study.replay.place import Frame, Placed
+
+Array = NDArray[np.float64]
+LAYER_M = 0.05
+LAYERS_MAX = 128
+FLATTEST = 0.18  # tan of 10 deg: flatter beams count as if they fell this steeply
+
+
+class Passing:
+    """Times that beams went through the layers of a range of columns.
+
+    first, count: columns; row, row_count: rows; top: highest height there [m]; layer [m]; times: (row_count,
+    count, layers), 1 = one beam through the whole of it
+    """
+
+    def __init__(self, first: int, count: int, row: int, row_count: int, top: float) -> None:
+        self.first, self.row = first, row
+        self.layer = max(LAYER_M, top / LAYERS_MAX)
+        layers = int(np.floor(max(top, 0.0) / self.layer)) + 1
+        self.times = np.zeros((row_count, count, layers), np.float32)
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return int(self.times.shape[1])
+
+    def add(self, echoes: Placed, frame: Frame, lattice: Array) -> None:
+        """Follow beams from their echoes back towards the sensor, until they are above everything."""
+        if echoes.sensor is None or len(echoes.points) == 0:
+            return
+        back = echoes.sensor - echoes.points
+        far = np.linalg.norm(back, axis=1)
+        first, after = self.first * frame.cell, (self.first + self.columns) * frame.cell
+        low = np.minimum(echoes.points[:, 0], echoes.sensor[:, 0])
+        high = np.maximum(echoes.points[:, 0], echoes.sensor[:, 0])
+        here = np.flatnonzero((far > 1e-6) & (high >= first) & (low < after))
+        way = back[here] / far[here, None]
+        flat = np.hypot(way[:, 0], way[:, 1])
+        steep = np.abs(way[:, 2])
+        step = 0.5 * np.minimum(frame.cell / np.maximum(flat, 0.05), self.layer / np.maximum(steep, 0.05))
+        weight = np.maximum(steep, FLATTEST * flat) * step / self.layer
+        at = echoes.points[here] + 0.5 * step[:, None] * way
+        left = far[here] - 0.5 * step
+        rows, columns, layers = self.times.shape
+        flat_times = self.times.reshape(-1)
+        top = layers * self.layer
+        while len(at):
+            height = at[:, 2] - lattice_height(lattice, frame.node, at[:, 0], at[:, 1])
+            c = np.floor(at[:, 0] / frame.cell).astype(np.int64) - self.first
+            r = np.floor(at[:, 1] / frame.cell).astype(np.int64) - self.row
+            k = np.maximum(np.floor(height / self.layer).astype(np.int64), 0)
+            inside = (c >= 0) & (c < columns) & (r >= 0) & (r < rows) & (k < layers)
+            index = (r[inside] * columns + c[inside]) * layers + k[inside]
+            np.add.at(flat_times, index, weight[inside].astype(np.float32))
+            on = (left > step) & ((height < top) | (way[:, 2] < 0.0))
+            at, way, step, weight, left = at[on], way[on], step[on], weight[on], left[on]
+            at = at + step[:, None] * way
+            left = left - step
+
+    def pooled(self, row: int, column: int, shape: tuple[int, int], along: int, across: int) -> Array:
+        """Times around each cell of a block, summed over the window, (rows, columns, layers)."""
+        r0, c0 = row - self.row - across, column - self.first - along
+        rows, columns = shape[0] + 2 * across, shape[1] + 2 * along
+        part = np.zeros((rows + 1, columns + 1, self.times.shape[2]))
+        r1, c1 = min(r0 + rows, self.times.shape[0]), min(c0 + columns, self.times.shape[1])
+        if r1 > max(r0, 0) and c1 > max(c0, 0):
+            held = self.times[max(r0, 0) : r1, max(c0, 0) : c1]
+            part[1 + max(-r0, 0) : 1 + r1 - r0, 1 + max(-c0, 0) : 1 + c1 - c0] = held
+        total = part.cumsum(axis=0).cumsum(axis=1)
+        h, w = 2 * across + 1, 2 * along + 1
+        return np.asarray(total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w])
+
+
+def stop_weights(cell: NDArray[Any], layer: NDArray[Any], number: Array, times: Array) -> tuple[Array, Array]:
+    """Share of the beams that each measured height stands for, (n,), and of every cell that of the beams
+    that none of them stopped.
+
+    cell: of each sample, rising; layer: of its height, rising within a cell; number: echoes it stands for
+    times: beams through its layer in its cell, all (n,)
+    """
+    key = np.flatnonzero((np.diff(cell, prepend=-1) != 0) | (np.diff(layer, prepend=-1) != 0))
+    group = np.zeros(len(cell), np.int64)
+    group[key] = 1
+    group = np.cumsum(group) - 1
+    echoes = np.bincount(group, number)
+    hazard = echoes / np.maximum(times[key], 0.5 * echoes)
+    of = cell[key]
+    last = np.flatnonzero(np.diff(of, append=-1))  # highest layer of each cell
+    run = np.cumsum(hazard)
+    above = np.repeat(run[last], np.diff(last, prepend=-1)) - run  # hazard of the layers above
+    mass = np.exp(-above) * -np.expm1(-hazard)
+    lowest = np.concatenate([[0], last[:-1] + 1])
+    share: Array = mass[group] * number / echoes[group]
+    return share, np.exp(-above[lowest] - hazard[lowest])
