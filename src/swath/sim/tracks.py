@@ -16,6 +16,7 @@ from swath.core.signals import (
     CropEdge,
     CropFlow,
     EngineState,
+    HeaderState,
     MachineLoad,
     MachineState,
     Odometry,
@@ -56,6 +57,11 @@ def _pose(index: int) -> Callable[[Latest], float]:
     return value
 
 
+def _knife_height(latest: Latest) -> float:
+    sample: HeaderState | None = latest.get(HeaderState)
+    return NAN if sample is None else float(sample.heights.mean())
+
+
 def _seconds(kind: type[Signal]) -> Callable[[Latest], float]:
     return lambda latest: latest[kind].t / NS if kind in latest else NAN
 
@@ -84,6 +90,9 @@ COLUMNS = (
     Column("edge_reference_m", "m", "where ahead of the axle it holds", _of(CropEdge, "reference_x")),
     Column("edge_confidence", "-", "0 = no edge", _of(CropEdge, "confidence")),
     Column("header_fill", "-", "cut width / header width", _of(CropFlow, "header_fill")),
+    Column("knife_height_m", "m", "mean height of the knife above the ground", _knife_height),
+    Column("header_lift_rad", "rad", "> 0 raised", _of(HeaderState, "lift")),
+    Column("header_tilt_rad", "rad", "against the machine, > 0 left side up", _of(HeaderState, "tilt")),
     Column("tank_grain_kg", "kg", "grain in the tank", _of(MachineLoad, "tank_grain")),
     Column("lost_grain_kg", "kg", "grain lost", _of(MachineLoad, "lost_grain")),
     Column("grain_flow_kg_s", "kg/s", "into the tank", _of(MachineLoad, "grain_flow")),

@@ -14,6 +14,7 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.signals import F64, CropEdge, CropFlow, MachineLoad, MachineState, Signal
 from swath.sim.messages import RecordedMachine
 from swath.sim.tracks import Column, Latest
+from swath.study.header import HeaderWatch
 from swath.study.metrics import SETTLING_M, balance_error, edge_metrics, lateral_metrics
 from swath.study.works import WorksWatch
 
@@ -81,7 +82,7 @@ class Referee:
         self._in_transit = {"grain": 0.0, "straw": 0.0}
         self._fill = [0.0, 0.0]
         self._load: MachineLoad | None = None
-        self._works = WorksWatch()
+        self._works, self._header = WorksWatch(), HeaderWatch()
         self.true_offset, self.distance = float("nan"), 0.0
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
@@ -99,6 +100,7 @@ class Referee:
                 self._load = signal
                 self._in_transit = {"grain": 0.0, "straw": 0.0}
             self._works.see(signal, self.distance)
+            self._header.see(signal, self.distance)
         self._judge_edges()
 
     def columns(self) -> tuple[Column, ...]:
@@ -157,6 +159,7 @@ class Referee:
             "grain_cut_kg": self._flow["grain"],
             "mass_balance_error": mass_balance_error(self.field, [self]),
             **self._works.metrics(),
+            **self._header.metrics(),
             "distance_m": self.distance,
         }
 
@@ -183,7 +186,8 @@ class Referee:
 
     def accounted(self) -> tuple[float, float]:
         """Grain and straw [kg] cut by this machine that its parts and the ground behind it hold."""
-        grain, straw = self._in_transit["grain"], self._in_transit["straw"]
+        grain = self._in_transit["grain"] + self._header.lost_grain
+        straw = self._in_transit["straw"]
         if (load := self._load) is not None:
             grain += load.tank_grain + load.lost_grain + load.held_grain
             straw += load.dropped_straw + load.held_straw

@@ -1,0 +1,39 @@
+import numpy as np
+import pytest
+
+from swath.core.signals import CropFlow, HeaderState
+from swath.study.header import HeaderWatch
+from swath.study.metrics import METRICS, SETTLING_M
+
+
+def height(*errors):
+    heights = 0.15 + np.array(errors)
+    return HeaderState(0, heights, np.full(2, 0.15), 0.15, 0.05, 0.0, 0.0, 0.0)
+
+
+def test_heights_count_after_settling_and_by_place():
+    """One sample in four has one end of three 0.14 m too high: its mean is 4.7 cm off, within the band."""
+    watch = HeaderWatch()
+    watch.see(height(9.0, 9.0, 9.0), SETTLING_M - 0.1)
+    for i in range(400):
+        watch.see(height(0.0, 0.0, 0.14) if i % 4 == 0 else height(0.0, 0.0, 0.01), SETTLING_M + i)
+    watch.see(CropFlow(0, 997.0, 1.0, 1.0, 1, 1.0, 0.1, lost_grain=2.0, left_grain=1.0), 20.0)
+    m = watch.metrics()
+    assert m["header_in_band"] == 1.0
+    assert m["header_knife_in_band"] == pytest.approx(11 / 12)
+    assert m["header_height_p95_error_m"] == pytest.approx(0.14)
+    assert m["header_loss_percent"] == pytest.approx(0.3)
+    assert set(m) <= set(METRICS)
+
+
+def test_a_mean_outside_of_the_band_is_out_on_either_side():
+    watch = HeaderWatch()
+    for error in (0.06, -0.06, 0.04, -0.04):
+        watch.see(height(error, error), SETTLING_M)
+    assert watch.metrics()["header_in_band"] == 0.5
+
+
+def test_a_header_that_tells_no_height_has_no_such_metrics():
+    watch = HeaderWatch()
+    watch.see(CropFlow(0, 1.0, 1.0, 1.0, 1, 1.0, 0.1), 20.0)
+    assert watch.metrics() == {}
