@@ -139,7 +139,7 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
             "sensor: sick\n    mount: {z_m",
             "lidar.sensor = sick: expected a file or one of ",
         ),
-        ("level: uniform", "crop: rye", "field.stand.crop = rye: expected a file or one of wheat (text:8)"),
+        ("level: uniform", "crop: oats", "field.stand.crop = oats: expected a file or one of barley, maize, "),
         ("{max: 0.05}", "{}", "expected min, max or both (text:24)"),
         (
             "lateral_rms_m",

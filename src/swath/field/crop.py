@@ -3,29 +3,43 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, get_args
 
 from swath.core.errors import InputError
-from swath.core.units import CM, DEG, GRAM, MM, PERCENT
+from swath.core.units import DEG
 from swath.data.cards import Card, find_card
+from swath.field.facts import LENGTH, RATIO, number, section
+from swath.field.organs import (
+    AWN,
+    BRANCH,
+    COB,
+    NECK,
+    POD,
+    TASSEL,
+    AwnFacts,
+    BranchFacts,
+    CobFacts,
+    NeckFacts,
+    PodFacts,
+    TasselFacts,
+)
 
-UNITS = {
-    "1": 1.0,
-    "1/m2": 1.0,
-    "kg/m3": 1.0,
-    "m": 1.0,
-    "cm": CM,
-    "mm": MM,
-    "deg": DEG,
-    "%": PERCENT,
-    "g": GRAM,
+Habit = Literal["cereal", "branched", "maize", "weed", "stubble"]
+REFLECTIVE = {
+    "cereal": ("ear", "leaf"),
+    "branched": ("branch", "pod"),
+    "maize": ("leaf", "branch", "cob"),
+    "weed": (),
+    "stubble": (),
 }
-LENGTH, RATIO = ("m", "cm", "mm"), ("1", "%")
+SEEDS = {"cereal": "grains_per_ear", "branched": "seeds_per_pod", "maize": "grains_per_cob"}
 
 
 @dataclass(frozen=True)
 class StandFacts:
     """density [1/m2], row_spacing [m], stems_per_plant, tiller_spread [m] (sd of a stem's foot about its
-    plant), height [m] (mean, ground to the tip of the ear), height_cv, stubble_height [m]."""
+    plant), height [m] (mean, ground to the highest point but awns), height_cv, stubble_height [m]
+    sowing_jitter: how far a plant is from its even place in the row, 0 = even, 1 = up to the next one's."""
 
     density: float
     row_spacing: float
@@ -34,6 +48,7 @@ class StandFacts:
     height: float
     height_cv: float
     stubble_height: float
+    sowing_jitter: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -89,7 +104,8 @@ class LeafFacts:
 
 @dataclass(frozen=True)
 class YieldFacts:
-    """grain_mass: of a mean ear [kg]; straw_to_grain: straw above ground per grain mass
+    """grain_mass: of a mean stem (its ear, pods or cob) [kg]; straw_to_grain: straw above ground per grain
+    mass; bare_mass: of a mean stem without any grain [kg]
 
     straw_exponent p: share of straw below relative height s is 1 - (1 - s)^p
     grain_density, swath_density: bulk [kg/m3]; grain_moisture: fraction
@@ -101,19 +117,35 @@ class YieldFacts:
     grain_density: float
     swath_density: float
     grain_moisture: float
+    bare_mass: float = 0.0
+
+    @property
+    def straw_mass(self) -> float:
+        """Straw above ground of a mean stem [kg]."""
+        return self.grain_mass * self.straw_to_grain if self.grain_mass > 0.0 else self.bare_mass
 
 
 @dataclass(frozen=True)
 class Crop:
-    """One crop. reflectance: organ name (lower case, as in `layout.Organ`) -> reflectance at 905 nm."""
+    """One crop. reflectance: organ name (lower case, as in `layout.Organ`) -> reflectance at 905 nm.
+
+    habit: how its plants are built, a module of `field/plants`; says which of the organs it has
+    """
 
     name: str
     stand: StandFacts
     stem: StemFacts
-    ear: EarFacts
-    leaf: LeafFacts
     yields: YieldFacts
     reflectance: dict[str, float]
+    habit: Habit = "cereal"
+    ear: EarFacts | None = None
+    leaf: LeafFacts | None = None
+    neck: NeckFacts | None = None
+    awn: AwnFacts | None = None
+    branch: BranchFacts | None = None
+    pod: PodFacts | None = None
+    tassel: TasselFacts | None = None
+    cob: CobFacts | None = None
 
     def straw_below(self, relative_height: float) -> float:
         """Share of a stem's straw mass below a height given as a fraction of the plant's height."""
@@ -128,82 +160,109 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     than its quantity can have, or lies outside what a crop can be.
     """
     card = Card(find_card("crops", name, base))
+    habit = _habit(card)
     stand = StandFacts(
-        density=_number(card, "stand.density", ("1/m2",), 1.0, 3000.0),
-        row_spacing=_number(card, "stand.row_spacing", LENGTH, 0.0, 2.0),
-        stems_per_plant=_number(card, "stand.stems_per_plant", RATIO, 1.0, 20.0),
-        tiller_spread=_number(card, "stand.tiller_spread", LENGTH, 0.0, 0.2),
-        height=_number(card, "stand.height", LENGTH, 0.1, 4.0),
-        height_cv=_number(card, "stand.height_cv", RATIO, 0.0, 0.5),
-        stubble_height=_number(card, "stand.stubble_height", LENGTH, 0.0, 2.0),
+        density=number(card, "stand.density", ("1/m2",), 1.0, 3000.0),
+        row_spacing=number(card, "stand.row_spacing", LENGTH, 0.0, 1.0),
+        stems_per_plant=number(card, "stand.stems_per_plant", RATIO, 1.0, 20.0),
+        tiller_spread=number(card, "stand.tiller_spread", LENGTH, 0.0, 0.2),
+        height=number(card, "stand.height", LENGTH, 0.05, 4.0),
+        height_cv=number(card, "stand.height_cv", RATIO, 0.0, 0.5),
+        stubble_height=number(card, "stand.stubble_height", LENGTH, 0.0, 2.0),
+        sowing_jitter=number(card, "stand.sowing_jitter", RATIO, 0.0, 1.0)
+        if "sowing_jitter" in card.entry("stand")
+        else 1.0,
     )
     stem = StemFacts(
-        diameter_base=_number(card, "stem.diameter_base", LENGTH, 1e-4, 0.1),
-        diameter_top=_number(card, "stem.diameter_top", LENGTH, 1e-4, 0.1),
-        diameter_cv=_number(card, "stem.diameter_cv", RATIO, 0.0, 0.5),
-        lean_mean=_number(card, "stem.lean_mean", ("deg",), 0.0, 45 * DEG),
-        lean_sd=_number(card, "stem.lean_sd", ("deg",), 0.0, 45 * DEG),
+        diameter_base=number(card, "stem.diameter_base", LENGTH, 1e-4, 0.1),
+        diameter_top=number(card, "stem.diameter_top", LENGTH, 1e-4, 0.1),
+        diameter_cv=number(card, "stem.diameter_cv", RATIO, 0.0, 0.5),
+        lean_mean=number(card, "stem.lean_mean", ("deg",), 0.0, 45 * DEG),
+        lean_sd=number(card, "stem.lean_sd", ("deg",), 0.0, 45 * DEG),
     )
+    leafy = habit in ("cereal", "maize", "weed")
+    return Crop(
+        name=card.text("name"),
+        habit=habit,
+        stand=stand,
+        stem=stem,
+        ear=_ear(card) if habit == "cereal" else None,
+        leaf=_leaf(card) if leafy else None,
+        neck=section(card, "neck", NeckFacts, NECK) if "neck" in card.data else None,
+        awn=section(card, "awn", AwnFacts, AWN) if "awn" in card.data else None,
+        branch=section(card, "branch", BranchFacts, BRANCH) if habit == "branched" else None,
+        pod=section(card, "pod", PodFacts, POD) if habit == "branched" else None,
+        tassel=section(card, "tassel", TasselFacts, TASSEL) if habit == "maize" else None,
+        cob=section(card, "cob", CobFacts, COB) if habit == "maize" else None,
+        yields=_yields(card, habit, stand.height),
+        reflectance=_reflectance(card, habit),
+    )
+
+
+def _habit(card: Card) -> Habit:
+    name = card.data.get("habit", "cereal")
+    for habit in get_args(Habit):
+        if name == habit:
+            return habit  # type: ignore[no-any-return]
+    raise InputError("habit", name, f"expected one of {', '.join(get_args(Habit))}", file=card.path)
+
+
+def _ear(card: Card) -> EarFacts:
     ear = EarFacts(
-        length=_number(card, "ear.length", LENGTH, 0.005, 0.5),
-        length_cv=_number(card, "ear.length_cv", RATIO, 0.0, 0.5),
-        width=_number(card, "ear.width", LENGTH, 1e-3, 0.2),
-        thickness=_number(card, "ear.thickness", LENGTH, 1e-3, 0.2),
-        inclination_mean=_number(card, "ear.inclination_mean", ("deg",), 0.0, 170 * DEG),
-        inclination_sd=_number(card, "ear.inclination_sd", ("deg",), 0.0, 90 * DEG),
+        length=number(card, "ear.length", LENGTH, 0.005, 0.5),
+        length_cv=number(card, "ear.length_cv", RATIO, 0.0, 0.5),
+        width=number(card, "ear.width", LENGTH, 1e-3, 0.2),
+        thickness=number(card, "ear.thickness", LENGTH, 1e-3, 0.2),
+        inclination_mean=number(card, "ear.inclination_mean", ("deg",), 0.0, 170 * DEG),
+        inclination_sd=number(card, "ear.inclination_sd", ("deg",), 0.0, 90 * DEG),
     )
     if ear.length <= ear.diameter:
         raise InputError("ear.length", ear.length, "expected longer than wide", file=card.path)
-    return Crop(
-        card.text("name"), stand, stem, ear, _leaf(card), _yields(card, stand.height), _reflectance(card)
-    )
+    return ear
 
 
 def _leaf(card: Card) -> LeafFacts:
-    count_min = round(_number(card, "leaf.count_min", RATIO, 0, 20))
+    count_min = round(number(card, "leaf.count_min", RATIO, 0, 20))
     return LeafFacts(
         count_min=count_min,
-        count_max=round(_number(card, "leaf.count_max", RATIO, count_min, 20)),
-        node_top=_number(card, "leaf.node_top", RATIO, 0.05, 1.0),
-        node_step=_number(card, "leaf.node_step", RATIO, 0.0, 0.5),
-        length=_number(card, "leaf.length", LENGTH, 0.005, 1.0),
-        length_cv=_number(card, "leaf.length_cv", RATIO, 0.0, 0.5),
-        width=_number(card, "leaf.width", LENGTH, 2e-4, 0.2),
-        width_cv=_number(card, "leaf.width_cv", RATIO, 0.0, 0.5),
-        elevation_start=_number(card, "leaf.elevation_start", ("deg",), -90 * DEG, 90 * DEG),
-        elevation_end=_number(card, "leaf.elevation_end", ("deg",), -90 * DEG, 90 * DEG),
-        elevation_sd=_number(card, "leaf.elevation_sd", ("deg",), 0.0, 60 * DEG),
+        count_max=round(number(card, "leaf.count_max", RATIO, count_min, 20)),
+        node_top=number(card, "leaf.node_top", RATIO, 0.05, 1.0),
+        node_step=number(card, "leaf.node_step", RATIO, 0.0, 0.5),
+        length=number(card, "leaf.length", LENGTH, 0.005, 1.0),
+        length_cv=number(card, "leaf.length_cv", RATIO, 0.0, 0.5),
+        width=number(card, "leaf.width", LENGTH, 2e-4, 0.2),
+        width_cv=number(card, "leaf.width_cv", RATIO, 0.0, 0.5),
+        elevation_start=number(card, "leaf.elevation_start", ("deg",), -90 * DEG, 90 * DEG),
+        elevation_end=number(card, "leaf.elevation_end", ("deg",), -90 * DEG, 90 * DEG),
+        elevation_sd=number(card, "leaf.elevation_sd", ("deg",), 0.0, 60 * DEG),
     )
 
 
-def _yields(card: Card, height: float) -> YieldFacts:
-    grains = _number(card, "yield.grains_per_ear", RATIO, 1.0, 5000.0)
-    thousand = _number(card, "yield.thousand_grain_mass", ("g",), 1e-4, 1.0)
-    share = _number(card, "yield.straw_below_share", RATIO, 0.01, 0.9)
-    below = _number(card, "yield.straw_below_height", LENGTH, 0.01, 0.9 * height) / height
+def _yields(card: Card, habit: Habit, height: float) -> YieldFacts:
+    share = number(card, "yield.straw_below_share", RATIO, 0.01, 0.9)
+    below = number(card, "yield.straw_below_height", LENGTH, 0.01, 0.9 * height) / height
+    has_grain = habit in SEEDS
     return YieldFacts(
-        grain_mass=grains * thousand / 1000.0,
-        straw_to_grain=_number(card, "yield.straw_to_grain", RATIO, 0.05, 10.0),
+        grain_mass=_grain_mass(card, habit) if has_grain else 0.0,
+        straw_to_grain=number(card, "yield.straw_to_grain", RATIO, 0.05, 10.0) if has_grain else 0.0,
         straw_exponent=math.log(1.0 - share) / math.log(1.0 - below),
-        grain_density=_number(card, "yield.grain_density", ("kg/m3",), 100.0, 1500.0),
-        swath_density=_number(card, "yield.swath_density", ("kg/m3",), 1.0, 500.0),
-        grain_moisture=_number(card, "yield.grain_moisture", RATIO, 0.0, 0.6),
+        grain_density=number(card, "yield.grain_density", ("kg/m3",), 100.0, 1500.0),
+        swath_density=number(card, "yield.swath_density", ("kg/m3",), 1.0, 500.0),
+        grain_moisture=number(card, "yield.grain_moisture", RATIO, 0.0, 0.6),
+        bare_mass=0.0 if has_grain else number(card, "yield.stem_mass", ("g",), 1e-6, 1.0),
     )
 
 
-def _reflectance(card: Card) -> dict[str, float]:
-    names = ("ground", "straw", "stem", "ear", "leaf", "stubble", "weed")
-    return {name: _number(card, f"reflectance.{name}", RATIO, 0.0, 1.0) for name in names}
+def _grain_mass(card: Card, habit: Habit) -> float:
+    """Grain of a mean stem [kg]."""
+    grains = number(card, f"yield.{SEEDS[habit]}", RATIO, 1.0, 5000.0)
+    if habit == "branched":
+        grains *= number(card, "pod.per_plant", *POD["per_plant"])
+    thousand = number(card, "yield.thousand_grain_mass", ("g",), 1e-4, 1.0)
+    return grains * thousand / 1000.0
 
 
-def _number(card: Card, key: str, units: tuple[str, ...], low: float, high: float) -> float:
-    value = card.number(key)
-    unit = str(card.entry(key).get("unit"))
-    if unit not in units:
-        raise InputError(f"{key}.unit", unit, f"expected {' or '.join(units)}", file=card.path)
-    factor = UNITS[unit]
-    slack = 1e-12 * max(abs(low), abs(high))
-    if not low - slack <= value * factor <= high + slack:
-        limits = f"expected {low / factor:g} to {high / factor:g} {unit if unit != '1' else ''}".rstrip()
-        raise InputError(key, value, limits, file=card.path)
-    return value * factor
+def _reflectance(card: Card, habit: Habit) -> dict[str, float]:
+    names = ["ground", "straw", "stem", *REFLECTIVE[habit], "stubble", "weed"]
+    names += ["awn"] if "awn" in card.data else []
+    return {name: number(card, f"reflectance.{name}", RATIO, 0.0, 1.0) for name in names}

@@ -47,13 +47,16 @@ class StemIndex:
     """Stems of a library by the cut cell they stand on, for each prototype and mirroring.
 
     straw_exponent p: a share 1 - (1 - s)^p of a stem's straw lies below the relative height s.
-    The ear of a stem is where the middle of its ear primitives is, or its tip without any.
+    The ear of a stem is where the middle of its ear primitives (pods, cob) is, or its tip without any.
+    is_crop: (n,) which stems are no weeds; weeds count as straw but not as stems.
     """
 
     def __init__(self, library: PlantLibrary, straw_exponent: float) -> None:
         self.library = library
         self.straw_exponent = straw_exponent
         self.ear_height = ear_heights(library)
+        self.is_crop = np.ones(len(library.stem_xy), dtype=bool)
+        self.is_crop[library.owner[library.organ == Organ.WEED]] = False
         self.rank = library.stem_rank.astype(np.float64)
         self.height = library.stem_height.astype(np.float64)
         stem_tile = np.repeat(np.arange(library.tile_count), np.diff(library.stem_start))
@@ -105,8 +108,8 @@ class StemIndex:
 
 
 def ear_heights(library: PlantLibrary) -> Array:
-    """Height of the middle of each stem's ear [m], (n,); the tip where a stem has no ear primitive."""
-    ears = library.organ == Organ.EAR
+    """Height of the middle of each stem's ear, pods or cob [m], (n,); the tip where a stem has none."""
+    ears = np.isin(library.organ, (Organ.EAR, Organ.POD, Organ.COB))
     owner = library.owner[ears]
     z = np.stack([library.a[ears, 2], library.b[ears, 2]]).astype(np.float64)
     low, high = np.full(len(library.stem_xy), np.inf), np.full(len(library.stem_xy), -np.inf)

@@ -19,6 +19,7 @@ from swath.field.setup import Stand, Terrain
 from swath.field.straw import spread_straw, write_depth
 from swath.field.tops import update_tops
 from swath.field.track import EdgeShape
+from swath.field.weeds import weed_crop
 
 Array = NDArray[np.float64]
 FAR = 1e6  # places beyond this are refused [m]
@@ -267,6 +268,7 @@ def make_field(
             density_max=stand.density_max,
             row_spacing=stand.row_spacing,
             seed=stream.child("library"),
+            weeds=None if stand.weeds is None else weed_crop(stand.weeds),
         )
     return Field(
         terrain,

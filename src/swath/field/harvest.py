@@ -140,7 +140,8 @@ def _recount_tile(
     grain, straw, left = (fsum((b - a).tolist()) for a, b in zip(was, is_now, strict=True))
     newly = (start == STANDING) & (now != STANDING)
     area = float(np.count_nonzero(newly)) * cell**2 if stand[3] > 0.0 else 0.0
-    return Cut(grain, straw, int(np.count_nonzero((then == STANDING) & (after != STANDING))), area, left)
+    gone = (then == STANDING) & (after != STANDING) & stems.is_crop[mine]
+    return Cut(grain, straw, int(np.count_nonzero(gone)), area, left)
 
 
 def _runs(store: PageStore, polygon: Array) -> tuple[_Runs, dict[int, Key]]:
@@ -192,7 +193,8 @@ def _taken(
         grain, straw, left = grain - again[0].sum(), straw - again[1].sum(), left - again[2].sum()
     newly = np.bincount(run if stood.all() else run[stood], minlength=len(stand))
     area = newly[stand[:, 3] > 0.0].sum() * (stems.library.tile_size / TILE_CELLS) ** 2
-    return Cut(float(grain), float(straw), int(np.count_nonzero(~recut)), float(area), float(left))
+    count = int(np.count_nonzero(~recut & stems.is_crop[stem]))
+    return Cut(float(grain), float(straw), count, float(area), float(left))
 
 
 def _note(

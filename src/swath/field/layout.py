@@ -39,6 +39,10 @@ class Organ(IntEnum):
     STUBBLE = 6
     SOLID = 7
     WEED = 8
+    AWN = 9
+    BRANCH = 10
+    POD = 11
+    COB = 12
 
 
 class Shape(IntEnum):

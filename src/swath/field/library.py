@@ -1,5 +1,6 @@
 """Tile prototypes full of plants, with the search index that rays walk through."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +11,11 @@ from swath.core.random import Stream
 from swath.field.crop import Crop
 from swath.field.layout import Organ, PlantLibrary, Shape
 from swath.field.plants import Plants, make_plants
+from swath.field.plants.parts import joined
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+FEW = 100  # plants per tile: below, a whole number of them would miss the density by a percent and more
 PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays never miss a listed cell [m]
 
 
@@ -28,25 +31,34 @@ def make_library(
     leaves: bool = True,
     ears: bool = True,
     upright: bool = False,
+    weeds: Crop | None = None,
 ) -> PlantLibrary:
     """Draw `tile_count` prototypes and index them.
 
-    density_max: stems/m2 in the prototypes (the densest place of the field); row_spacing [m], 0 = stems
-    anywhere, even and independent (Poisson but for the exact count per tile). The tile's side is the whole
-    number of rows nearest to 1 m. leaves, ears, upright: see `plants.make_plants`.
+    density_max: stems/m2 in the prototypes (the densest place of the field), made a little more where a tile
+    holds few, to be a whole number; row_spacing [m], 0 = stems anywhere, even and independent (Poisson but
+    for the exact count per tile). The tile's side is the whole number of rows nearest to 1 m, two rows at
+    least. leaves, ears, upright: see `plants.make_plants`. weeds: a second stand of its own density, of rank
+    0, so that it is there wherever anything stands.
     """
     if not density_max > 0.0:
         raise InputError("density_max", density_max, "expected > 0 stems/m2")
     if not 0.0 <= row_spacing <= 1.0:
         raise InputError("row_spacing_m", row_spacing, "expected 0 (no rows) to 1 m")
-    size = row_spacing * max(1, round(1.0 / row_spacing)) if row_spacing > 0.0 else 1.0
+    size = row_spacing * max(2, round(1.0 / row_spacing)) if row_spacing > 0.0 else 1.0
     per_tile = max(1, round(density_max * size * size))
+    if density_max * size * size < FEW:
+        per_tile = math.ceil(density_max * size * size * (1.0 - 1e-9))
+        density_max = max(density_max, per_tile / size**2)
     count = per_tile * tile_count
     rng = seed.child("plants").at()
     xy = _places(crop, tile_count, per_tile, size, row_spacing, rng)
-    rank = (np.argsort(rng.random((tile_count, per_tile)), axis=1) + rng.random((tile_count, 1))) / per_tile
+    order = np.argsort(rng.random((tile_count, per_tile)), axis=1)
+    rank = ((order + rng.random((tile_count, 1))) / per_tile).ravel()
     plants = make_plants(crop, count, rng, leaves=leaves, ears=ears, upright=upright)
     tile = np.repeat(np.arange(tile_count), per_tile)
+    if weeds is not None:
+        plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
     index = _Index(size, tile_count, columns, bins, _top(plants) / bins)
     pieces = _copies(plants, xy, tile, size)
     pieces = pieces.take(np.lexsort((index.locality(pieces), pieces.tile)))
@@ -54,15 +66,17 @@ def make_library(
     reflectance = np.zeros(len(Organ), np.float32)
     for name, value in crop.reflectance.items():
         reflectance[Organ[name.upper()]] = value
+    if weeds is not None:
+        reflectance[Organ.WEED] = weeds.reflectance["weed"]
     return PlantLibrary(
         tile_size=size,
         tile_count=tile_count,
         density_max=density_max,
         row_spacing=row_spacing,
         height_max=_top(plants),
-        stem_start=np.arange(0, count + 1, per_tile, dtype=np.int32),
+        stem_start=np.concatenate([[0], np.cumsum(np.bincount(tile, minlength=tile_count))]).astype(np.int32),
         stem_xy=xy.astype(np.float32),
-        stem_rank=rank.ravel().astype(np.float32),
+        stem_rank=rank.astype(np.float32),
         stem_height=plants.height.astype(np.float32),
         grain_kg=plants.grain_kg,
         straw_kg=plants.straw_kg,
@@ -123,7 +137,8 @@ def _places(
     else:
         plants = max(1, round(per_tile / crop.stand.stems_per_plant))
         rows = round(size / row_spacing)
-        slot = (np.arange(plants) + rng.random((tile_count, plants))) / plants * rows  # along all rows, even
+        jitter = crop.stand.sowing_jitter * rng.random((tile_count, plants))
+        slot = (np.arange(plants) + jitter) / plants * rows  # along all rows, even
         row, along = np.floor(slot), slot % 1.0
         member = np.argsort(rng.random(shape), axis=1) % plants
         foot = np.stack([along * size, (row + 0.5) * row_spacing], axis=-1)
@@ -131,6 +146,28 @@ def _places(
         xy = xy + crop.stand.tiller_spread * np.clip(rng.standard_normal((*shape, 2)), -3.0, 3.0)
     xy = (xy.reshape(-1, 2) % size).astype(np.float32)
     return np.where(xy >= np.float32(size), np.float32(0.0), xy).astype(np.float64)
+
+
+def _with_weeds(
+    plants: Plants,
+    xy: Array,
+    rank: Array,
+    tile: Ints,
+    weeds: Crop,
+    tile_count: int,
+    size: float,
+    seed: Stream,
+) -> tuple[Plants, Array, Array, Ints]:
+    """Plants, feet, ranks and tiles with weeds among them, still sorted by tile."""
+    rng = seed.child("weeds").at()
+    number = np.floor(weeds.stand.density * size * size + rng.random(tile_count)).astype(np.int64)
+    more = make_plants(weeds, int(number.sum()), rng)
+    feet = (rng.random((len(more.height), 2)) * size).astype(np.float32).astype(np.float64)
+    feet = np.where(feet >= np.float32(size), 0.0, feet)
+    tile = np.concatenate([tile, np.repeat(np.arange(tile_count), number)])
+    order = np.argsort(tile, kind="stable")
+    xy, rank = np.concatenate([xy, feet])[order], np.concatenate([rank, np.zeros(len(feet))])[order]
+    return joined(plants, more, order), xy, rank, tile[order]
 
 
 def _copies(plants: Plants, xy: Array, tile: Ints, size: float) -> _Pieces:

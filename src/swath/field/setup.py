@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from swath.core.random import Stream
 from swath.core.units import DEG
+from swath.field.crop import load_crop
+from swath.field.weeds import Weeds
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,19 @@ def from_azimuth(azimuth_deg: float) -> float:
     return (90.0 - azimuth_deg) * DEG
 
 
+def drilled(
+    crop: str, stems_per_m2: float | None, row_spacing_m: float | None, folder: Path
+) -> tuple[float, float]:
+    """Density [stems/m2] and row spacing [m] of a stand; what is None is that of the crop's card."""
+    if stems_per_m2 is not None and row_spacing_m is not None:
+        return stems_per_m2, row_spacing_m
+    stand = load_crop(crop, folder).stand
+    return (
+        stand.density if stems_per_m2 is None else stems_per_m2,
+        stand.row_spacing if row_spacing_m is None else row_spacing_m,
+    )
+
+
 class Terrain(Protocol):
     """A level of the terrain."""
 
@@ -59,13 +74,14 @@ class Stand(Protocol):
     """A level of the stand.
 
     crop: name of the crop; density_max [stems/m2]: nowhere exceeded; row_spacing [m], 0 = no rows;
-    row_heading [rad]: direction of the rows in the world, counter-clockwise from east
+    row_heading [rad]: direction of the rows in the world, counter-clockwise from east; weeds: under the crop
     """
 
     crop: str
     density_max: float
     row_spacing: float
     row_heading: float
+    weeds: Weeds | None
 
     def density(self, x: Any, y: Any) -> Array:
         """Stems per m2 at world points."""

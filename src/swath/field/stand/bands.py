@@ -46,7 +46,7 @@ class Bands(Uniform):
         heading = from_azimuth(params.bands_azimuth_deg)
         self._along = float(np.cos(heading)), float(np.sin(heading))
         self._starts = np.array(starts)
-        self._densities = np.array([params.stems_per_m2, *(b.stems_per_m2 for b in params.bands)])
+        self._densities = np.array([self.density_max, *(b.stems_per_m2 for b in params.bands)])
         self._factors = np.array([params.height_factor, *(b.height_factor for b in params.bands)])
         self.density_max = float(self._densities.max())
 

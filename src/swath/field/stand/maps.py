@@ -17,8 +17,9 @@ from swath.core.units import DEG, PERCENT
 from swath.field.crop import load_crop
 from swath.field.hashing import hash_uniform
 from swath.field.raster import Raster
-from swath.field.setup import FieldSetup, from_azimuth
+from swath.field.setup import FieldSetup, drilled, from_azimuth
 from swath.field.waves import Waves, make_random_field
+from swath.field.weeds import Weeds
 
 Array = NDArray[np.float64]
 Metres = Annotated[float, Ge(-1e5), Le(1e5)]
@@ -84,8 +85,8 @@ class Params:
     """
 
     crop: str = "wheat"
-    stems_per_m2: Annotated[float, Gt(0.0), Le(DENSITY_LIMIT)] = 500.0
-    row_spacing_m: Annotated[float, Ge(0.0), Le(1.0)] = 0.125
+    stems_per_m2: Annotated[float, Gt(0.0), Le(DENSITY_LIMIT)] | None = None
+    row_spacing_m: Annotated[float, Ge(0.0), Le(1.0)] | None = None
     row_azimuth_deg: Azimuth = 0.0
     height_factor: Annotated[float, Gt(0.0), Le(4.0)] = 1.0
     lean_deg: Annotated[float, Ge(0.0), Le(80.0)] = 0.0
@@ -97,6 +98,7 @@ class Params:
     patches: tuple[Patch, ...] = ()
     lodging: Lodging | None = None
     tramlines: Tramlines | None = None
+    weeds: Weeds | None = None
 
 
 class Maps:
@@ -120,7 +122,10 @@ class Maps:
 
     def _take(self, params: Params, setup: FieldSetup, density: Raster | None, height: Raster | None) -> None:
         self.params, self.crop = params, params.crop
-        self.row_spacing = params.row_spacing_m
+        self._stems, self.row_spacing = drilled(
+            params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
+        )
+        self.weeds = params.weeds
         self.row_heading = from_azimuth(params.row_azimuth_deg)
         self._density, self._height = density, height
         stream = setup.stream.child("stand")
@@ -128,8 +133,8 @@ class Maps:
         self._height_waves = _variation(params.height_variation, stream.child("height"))
         self._crop_height = load_crop(params.crop, setup.folder).stand.height if height is not None else 1.0
         self._lodging = _Patches(params, stream.child("lodging"))
-        highest = params.stems_per_m2 if density is None else float(np.nanmax(density.values))
-        lowest = params.stems_per_m2 if density is None else float(np.nanmin(density.values))
+        highest = self._stems if density is None else float(np.nanmax(density.values))
+        lowest = self._stems if density is None else float(np.nanmin(density.values))
         if lowest < 0.0 or not 0.0 < highest <= DENSITY_LIMIT:
             expected = f"expected a map of 0 to {DENSITY_LIMIT:g} stems/m2, some of them > 0"
             raise InputError("field.stand.density_file", f"{lowest:g} to {highest:g}", expected)
@@ -143,7 +148,8 @@ class Maps:
 
     def density(self, x: Any, y: Any) -> Array:
         """Stems per m2, at most `density_max`."""
-        base = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y))) + self.params.stems_per_m2
+        own = self.params.stems_per_m2
+        base = np.full(np.broadcast_shapes(np.shape(x), np.shape(y)), self._stems if own is None else own)
         if self._density is not None:
             base = np.nan_to_num(self._density.sample(x, y))
         changed = base * (1.0 + self._density_waves.height(x, y))

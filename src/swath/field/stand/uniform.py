@@ -9,25 +9,28 @@ from numpy.typing import NDArray
 
 from swath.core.registry import Level
 from swath.core.units import DEG
-from swath.field.setup import FieldSetup, from_azimuth
+from swath.field.setup import FieldSetup, drilled, from_azimuth
+from swath.field.weeds import Weeds
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Params:
-    """crop: name of a crop file; stems_per_m2; row_spacing_m, 0 = no rows; row_azimuth_deg: direction of the
-    rows, clockwise from north; height_factor: plant length relative to the crop's own; lean_deg,
-    lean_azimuth_deg: mean lean of all stems on top of their own, and where to, clockwise from north.
+    """crop: name of a crop file; stems_per_m2: of plants with one stem the plants, none = the crop's own;
+    row_spacing_m: 0 = no rows, none = the crop's own; row_azimuth_deg: direction of the rows, clockwise from
+    north; height_factor: plant length relative to the crop's own; lean_deg, lean_azimuth_deg: mean lean of
+    all stems on top of their own, and where to, clockwise from north; weeds: under the crop.
     """
 
     crop: str = "wheat"
-    stems_per_m2: Annotated[float, Gt(0.0), Le(3000.0)] = 500.0
-    row_spacing_m: Annotated[float, Ge(0.0), Le(2.0)] = 0.125
+    stems_per_m2: Annotated[float, Gt(0.0), Le(3000.0)] | None = None
+    row_spacing_m: Annotated[float, Ge(0.0), Le(1.0)] | None = None
     row_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
     height_factor: Annotated[float, Gt(0.0), Le(4.0)] = 1.0
     lean_deg: Annotated[float, Ge(0.0), Le(80.0)] = 0.0
     lean_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    weeds: Weeds | None = None
 
 
 class Uniform:
@@ -35,8 +38,10 @@ class Uniform:
 
     def __init__(self, params: Params, setup: FieldSetup) -> None:
         self.crop = params.crop
-        self.density_max = params.stems_per_m2
-        self.row_spacing = params.row_spacing_m
+        self.density_max, self.row_spacing = drilled(
+            params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
+        )
+        self.weeds = params.weeds
         self.row_heading = from_azimuth(params.row_azimuth_deg)
         self._factor = params.height_factor
         self._lean = params.lean_deg * DEG, from_azimuth(params.lean_azimuth_deg)

@@ -1,0 +1,122 @@
+"""Branched plants (oilseed rape): a main stem, branches that curve upwards into a layer, pods along them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.crop import Crop
+from swath.field.layout import Organ
+from swath.field.organs import BranchFacts, PodFacts
+from swath.field.plants.parts import (
+    Array,
+    Part,
+    Plants,
+    Stalks,
+    arc,
+    assemble,
+    normal,
+    pointing,
+    rods,
+    shared,
+    stalk_capsules,
+)
+
+Ints = NDArray[np.int64]
+BRANCH_PARTS = 3  # capsules of a branch
+GOLDEN = 2.4  # from a branch to the next around the stem [rad]: 137.5 deg
+UPRIGHT_TOP = 0.98  # of the height: the main stem ends a little below the tip of its topmost pod
+
+
+def make(
+    crop: Crop, count: int, rng: np.random.Generator, *, ears: bool, upright: bool, stalk_parts: int
+) -> Plants:
+    """Grain is shared out by the length of a plant's pods, straw by the volume of its main stem."""
+    assert crop.branch is not None
+    assert crop.pod is not None
+    height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
+    scale = normal(rng, 1.0, crop.stem.diameter_cv, count)
+    lean = np.maximum(normal(rng, crop.stem.lean_mean, crop.stem.lean_sd, count), 0.0)
+    if upright:
+        lean = np.zeros(count)
+    length = UPRIGHT_TOP * height
+    stalks = Stalks(length, np.tan(lean) * length, rng.uniform(-np.pi, np.pi, count), scale)
+    lines, owner = _branches(crop.branch, stalks, rng)
+    pods, weight = _pods(crop.pod, stalks, lines, owner, rng, limit=height)
+    parts = [stalk_capsules(crop.stem, stalks, stalk_parts), _rods(crop.branch, lines, owner, scale)]
+    if ears:
+        parts.append(pods)
+    grain = shared(weight, crop.yields.grain_mass)
+    straw = shared(length * scale**2, crop.yields.straw_mass)
+    return assemble(height, grain, straw, parts)
+
+
+def _branches(facts: BranchFacts, stalks: Stalks, rng: np.random.Generator) -> tuple[Array, Ints]:
+    """Points of the branches (n, BRANCH_PARTS + 1, 3) and their stems (n,): as long as their tips need."""
+    stems = len(stalks.length)
+    count_of = rng.integers(facts.count_min, facts.count_max + 1, stems)
+    owner = np.repeat(np.arange(stems), count_of)
+    rank = np.arange(len(owner)) - np.repeat(np.cumsum(count_of) - count_of, count_of)
+    count = len(owner)
+    share = (rank + rng.random(count)) / count_of[owner]  # low branches first, spread along the stem
+    low = facts.foot_min + (facts.foot_max - facts.foot_min) * share
+    tip = rng.uniform(facts.tip_min, facts.tip_max, count)
+    azimuth = (
+        2.4 * rank + rng.uniform(-0.5, 0.5, count) + rng.uniform(-np.pi, np.pi, stems)[owner]
+    )  # 137.5 deg
+    unit = np.ones(count)
+    start = stalks.point(low, owner)
+    curve = arc(
+        np.zeros_like(start), unit, facts.angle_foot * unit, facts.angle_tip * unit, azimuth, BRANCH_PARTS
+    )
+    length = np.maximum(tip - low, 0.1) * stalks.length[owner] / curve[:, -1, 2]
+    return start[:, None, :] + length[:, None, None] * curve, owner
+
+
+def _rods(facts: BranchFacts, lines: Array, owner: Ints, scale: Array) -> Part:
+    middle = (np.arange(BRANCH_PARTS) + 0.5) / BRANCH_PARTS
+    diameter = facts.diameter_foot + (facts.diameter_tip - facts.diameter_foot) * middle
+    radius = 0.5 * diameter * scale[owner, None]
+    owners = np.repeat(owner, BRANCH_PARTS).reshape(-1, BRANCH_PARTS)
+    return rods(Organ.BRANCH, lines[:, :-1], lines[:, 1:], radius, owners)
+
+
+def _pods(
+    facts: PodFacts, stalks: Stalks, lines: Array, owner: Ints, rng: np.random.Generator, *, limit: Array
+) -> tuple[Part, Array]:
+    """Pods around the ends of branches and the top of the main stem, and the length of each plant's pods [m].
+
+    A branch bears as many as its bearing length is of the plant's. limit: height that no pod rises above [m]
+    """
+    stems = len(stalks.length)
+    way = np.linalg.norm(np.diff(lines, axis=1), axis=2).sum(axis=1)
+    bearing = np.concatenate([facts.main * stalks.length, facts.along * way])
+    of = np.concatenate([np.arange(stems), owner])
+    total = np.bincount(of, bearing, stems)
+    per_plant = np.maximum(
+        normal(rng, facts.per_plant, facts.per_plant * facts.per_plant_cv, stems), 0.1 * facts.per_plant
+    )
+    count_of = np.floor(per_plant[of] * bearing / total[of] + rng.random(len(of))).astype(np.int64)
+    count_of[:stems] = np.maximum(count_of[:stems], 1)
+    line = np.repeat(np.arange(len(of)), count_of)
+    place = np.arange(len(line)) - np.repeat(np.cumsum(count_of) - count_of, count_of) + rng.random(len(line))
+    place /= count_of[line]
+    foot = np.empty((len(line), 3))
+    is_main = line < stems
+    foot[is_main] = stalks.point(1.0 - facts.main * (1.0 - place[is_main]), line[is_main])
+    foot[~is_main] = _along(lines, line[~is_main] - stems, 1.0 - facts.along * (1.0 - place[~is_main]))
+    length = normal(rng, facts.length, facts.length * facts.length_cv, len(line))
+    tilt = np.maximum(normal(rng, facts.inclination_mean, facts.inclination_sd, len(line)), 0.0)
+    direction = pointing(tilt, rng.uniform(-np.pi, np.pi, len(line)))
+    radius = np.full(len(line), 0.5 * facts.diameter)
+    stem = of[line]
+    rise = foot[:, 2] + length * direction[:, 2]
+    foot[:, 2] -= np.maximum(rise - limit[stem], 0.0)
+    a, b = foot + radius[:, None] * direction, foot + (length - radius)[:, None] * direction
+    return rods(Organ.POD, a, b, radius, stem), np.asarray(np.bincount(stem, length, stems), float)
+
+
+def _along(lines: Array, which: Ints, share: Array) -> Array:
+    """Points at a share of lines with parts of equal length, (n, 3)."""
+    parts = lines.shape[1] - 1
+    index = np.minimum((share * parts).astype(np.int64), parts - 1)
+    rest = (share * parts - index)[:, None]
+    return np.asarray(lines[which, index] * (1.0 - rest) + lines[which, index + 1] * rest)

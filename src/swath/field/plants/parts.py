@@ -1,0 +1,223 @@
+"""What plants are made of: stalks, rods along a line, blades; drawn for all stems at once."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.crop import LeafFacts, StemFacts
+from swath.field.layout import Organ, Shape
+
+Array = NDArray[np.float64]
+CUTOFF = 3.0  # normal distributions are cut at this many standard deviations
+
+
+@dataclass(frozen=True)
+class Plants:
+    """n stems and their m primitives.
+
+    height: (n,) ground to the tip [m]; grain_kg, straw_kg: (n,) masses
+    shape, organ: (m,); a, b, width: (m, 3) [m]; radius: (m,) [m], as in `layout.PlantLibrary`; owner: (m,)
+    """
+
+    height: Array
+    grain_kg: Array
+    straw_kg: Array
+    shape: NDArray[np.uint8]
+    organ: NDArray[np.uint8]
+    a: Array
+    b: Array
+    radius: Array
+    width: Array
+    owner: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Primitives of one kind. a, b, width: (..., 3); radius: (...); owner: (...)."""
+
+    shape: Shape
+    organ: Organ
+    a: Array
+    b: Array
+    radius: Array
+    width: Array
+    owner: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Stalks:
+    """Centre lines of n stalks: foot at the origin, top at (reach * heading, length), parabola between."""
+
+    length: Array
+    reach: Array
+    heading: Array
+    scale: Array
+
+    def point(self, share: Array, index: NDArray[np.int64]) -> Array:
+        """Point at a share of the length, of the stalks `index`, (..., 3)."""
+        out = self.reach[index] * share**2
+        x, y = out * np.cos(self.heading[index]), out * np.sin(self.heading[index])
+        return np.stack([x, y, share * self.length[index]], axis=-1)
+
+    def top(self) -> Array:
+        """Tops of all stalks, (n, 3)."""
+        count = len(self.length)
+        return self.point(np.ones(count), np.arange(count))
+
+
+def silhouette_area(plants: Plants) -> dict[Organ, float]:
+    """Summed side silhouette of each organ [m2]: capsule length times diameter; half the face of a ribbon."""
+    span = np.linalg.norm(plants.b - plants.a, axis=1)
+    capsule = plants.shape == Shape.CAPSULE
+    face = 0.5 * span * 2.0 * np.linalg.norm(plants.width, axis=1)
+    is_fruit = np.isin(plants.organ, (Organ.EAR, Organ.POD, Organ.COB))
+    rod = 2.0 * plants.radius * span + np.where(is_fruit, np.pi * plants.radius**2, 0.0)
+    area = np.where(capsule, rod, face)
+    kinds = sorted({Organ.STEM, Organ.EAR, Organ.LEAF} | {Organ(int(o)) for o in np.unique(plants.organ)})
+    return {o: float(area[plants.organ == o].sum()) for o in kinds}
+
+
+def stalk_capsules(stem: StemFacts, stalks: Stalks, parts: int, organ: Organ = Organ.STEM) -> Part:
+    """Each stalk as `parts` capsules, the diameter falling from base to top."""
+    count = len(stalks.length)
+    owner, part = np.divmod(np.arange(count * parts), parts)
+    a, b = stalks.point(part / parts, owner), stalks.point((part + 1) / parts, owner)
+    taper = stem.diameter_top - stem.diameter_base
+    radius = 0.5 * (stem.diameter_base + taper * (part + 0.5) / parts) * stalks.scale[owner]
+    return Part(Shape.CAPSULE, organ, a, b, radius, np.zeros_like(a), owner)
+
+
+def rods(organ: Organ, a: Array, b: Array, radius: Array, owner: NDArray[np.int64]) -> Part:
+    """Capsules from a to b (..., 3)."""
+    return Part(Shape.CAPSULE, organ, a, b, radius, np.zeros_like(a), owner)
+
+
+def pointing(inclination: Array, azimuth: Array) -> Array:
+    """Unit vectors (..., 3) at an angle from the vertical."""
+    out = np.sin(inclination)
+    return np.stack([out * np.cos(azimuth), out * np.sin(azimuth), np.cos(inclination)], axis=-1)
+
+
+def apart(axis: Array, angle: Array, turn: Array) -> Array:
+    """Unit vectors (n, 3) at an angle from the unit vectors `axis`, turned about them."""
+    side = np.cross(axis, np.where(np.abs(axis[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    third = np.cross(axis, side)
+    round_it = np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * third
+    return np.asarray(np.cos(angle)[:, None] * axis + np.sin(angle)[:, None] * round_it)
+
+
+def arc(start: Array, length: Array, first: Array, last: Array, azimuth: Array, parts: int) -> Array:
+    """Points of curves in vertical planes, (n, parts + 1, 3): the inclination goes evenly from first to last.
+
+    start: (n, 3); length [m], first, last: inclination [rad] from vertical, azimuth: (n,)
+    """
+    along = (np.arange(parts) + 0.5) / parts
+    step = pointing(first[:, None] + (last - first)[:, None] * along, azimuth[:, None] + 0.0 * along)
+    way = np.cumsum(step * (length / parts)[:, None, None], axis=1)
+    return np.asarray(start[:, None, :] + np.concatenate([np.zeros_like(way[:, :1]), way], axis=1))
+
+
+@dataclass(frozen=True)
+class Leafing:
+    """How leaves sit. plane: azimuth of the plane that each stem's leaves stand in, to either side by turns
+    [rad], (stems,), None = anywhere; scatter: half range about it [rad]; taper: width of each ribbon of a
+    blade relative to the blade's; organ
+    """
+
+    plane: Array | None = None
+    scatter: float = 0.35
+    taper: tuple[float, ...] = ()
+    organ: Organ = Organ.LEAF
+
+
+def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generator, how: Leafing) -> Part:
+    """Leaves of all stalks, each a chain of ribbons that bends downwards."""
+    stems = len(stalks.length)
+    count_of = rng.integers(facts.count_min, facts.count_max + 1, stems)
+    owner = np.repeat(np.arange(stems), count_of)
+    rank = np.arange(len(owner)) - np.repeat(np.cumsum(count_of) - count_of, count_of)
+    count = len(owner)
+    share = facts.node_top - facts.node_step * (rank + rng.uniform(-0.25, 0.25, count))
+    foot = stalks.point(np.clip(share, 0.02, 0.98), owner)
+    length = normal(rng, facts.length, facts.length * facts.length_cv, count)
+    width = normal(rng, facts.width, facts.width * facts.width_cv, count)
+    azimuth = rng.uniform(-np.pi, np.pi, count)
+    if how.plane is not None:
+        azimuth = how.plane[owner] + np.pi * rank + how.scatter / np.pi * azimuth
+    start = normal(rng, facts.elevation_start, facts.elevation_sd, count)
+    end = normal(rng, facts.elevation_end, facts.elevation_sd, count)
+    limit = 0.5 * np.pi - 0.01
+    along = (np.arange(parts) + 0.5) / parts
+    elevation = np.clip(start[:, None] + (end - start)[:, None] * along, -limit, limit)
+    step = (length / parts)[:, None]
+    out, up = np.cumsum(step * np.cos(elevation), axis=1), np.cumsum(step * np.sin(elevation), axis=1)
+    shift = np.stack([out * np.cos(azimuth)[:, None], out * np.sin(azimuth)[:, None], up], axis=-1)
+    ends = foot[:, None, :] + np.concatenate([np.zeros((count, 1, 3)), shift], axis=1)
+    across = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(count)], axis=-1)
+    half = np.repeat((0.5 * width)[:, None] * across, parts, axis=0).reshape(count, parts, 3)
+    if how.taper:
+        half = half * np.interp(along, np.linspace(0.0, 1.0, len(how.taper)), how.taper)[:, None]
+    owners = np.repeat(owner, parts).reshape(count, parts)
+    return Part(Shape.RIBBON, how.organ, ends[:, :-1], ends[:, 1:], np.zeros((count, parts)), half, owners)
+
+
+def assemble(height: Array, grain: Array, straw: Array, parts: list[Part]) -> Plants:
+    """All parts, those of one stem together."""
+    sizes = [part.radius.size for part in parts]
+    order = np.argsort(np.concatenate([part.owner.ravel() for part in parts]), kind="stable")
+
+    def sorted_by_owner(values: list[Array]) -> Array:
+        return np.concatenate(values)[order]
+
+    return Plants(
+        height,
+        grain,
+        straw,
+        np.repeat([int(part.shape) for part in parts], sizes)[order].astype(np.uint8),
+        np.repeat([int(part.organ) for part in parts], sizes)[order].astype(np.uint8),
+        sorted_by_owner([part.a.reshape(-1, 3) for part in parts]),
+        sorted_by_owner([part.b.reshape(-1, 3) for part in parts]),
+        sorted_by_owner([part.radius.ravel() for part in parts]),
+        sorted_by_owner([part.width.reshape(-1, 3) for part in parts]),
+        np.concatenate([part.owner.ravel() for part in parts])[order].astype(np.int32),
+    )
+
+
+def normal(rng: np.random.Generator, mean: float, sd: float, count: int) -> Array:
+    """Normal numbers, none further from the mean than CUTOFF standard deviations."""
+    return mean + sd * np.clip(rng.standard_normal(count), -CUTOFF, CUTOFF)
+
+
+def shared(weight: Array, mean: float) -> Array:
+    """A mass for each, in proportion to the weights and with this mean."""
+    return mean * weight / weight.mean() if len(weight) else weight
+
+
+def joined(one: Plants, two: Plants, order: NDArray[np.int64]) -> Plants:
+    """The stems of both, in an order of one's stems followed by two's."""
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    owner = place[np.concatenate([one.owner, two.owner + len(one.height)])]
+    pieces = np.argsort(owner, kind="stable")
+
+    def of_stems(a: Array, b: Array) -> Array:
+        return np.concatenate([a, b])[order]
+
+    def of_pieces(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+        return np.concatenate([a, b])[pieces]
+
+    return Plants(
+        of_stems(one.height, two.height),
+        of_stems(one.grain_kg, two.grain_kg),
+        of_stems(one.straw_kg, two.straw_kg),
+        of_pieces(one.shape, two.shape),
+        of_pieces(one.organ, two.organ),
+        of_pieces(one.a, two.a),
+        of_pieces(one.b, two.b),
+        of_pieces(one.radius, two.radius),
+        of_pieces(one.width, two.width),
+        owner[pieces].astype(np.int32),
+    )
