@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from swath.field.site import SiteSetup
 from swath.machine.card import load_machine
 from swath.rays.engine import Hits
 from swath.sensing.card import load_lidar
+from swath.sensing.echo import EchoRule
 from swath.sensing.lidar.plants import Params, PlantsLidar
 from swath.sensing.mount import Mount
 from swath.sensing.noise import Noise
@@ -118,6 +120,35 @@ def test_drop_outs_and_dust_reach_the_scan():
     whole = ~near & (np.abs(scan.azimuth) > np.radians(1.0))  # on one wall with all of the spot
     expected = 0.5 * np.cos(scan.azimuth[whole]) * np.exp(-0.1 * scan.ranges[whole, 0].astype(float))
     assert scan.intensity[whole, 0] == pytest.approx(expected, rel=0.01)
+
+
+class Sky:
+    """Nothing to hit."""
+
+    def cast(self, origins, directions, *, range_max, solids):
+        n = len(origins)
+        none = np.zeros(n, np.float32)
+        return Hits(np.full(n, np.nan, np.float32), np.zeros(n, np.uint8), none, none)
+
+
+@pytest.mark.parametrize("echo", get_args(EchoRule))
+@pytest.mark.parametrize("spot", ["fixed", "turned", "random"])
+def test_a_scan_of_nothing_is_empty(echo, spot):
+    everything = {"angle_noise_deg": 0.1, "drop_out_percent": 5, "noise": "data_sheet", "sub_rays": 7}
+    lidar = scanner(echo=echo, spot=spot, sensor="ouster-os1-64", **everything)
+    lidar.caster = Sky()
+    x, scan = look(lidar)
+    assert x.shape == (len(lidar.azimuth), 1)
+    assert np.isnan(scan.ranges).all()
+    assert np.isnan(scan.intensity).all()
+
+
+@pytest.mark.parametrize("spot", ["fixed", "turned", "random"])
+def test_spots_are_drawn_from_the_counter_alone(spot):
+    one, two = (scanner(spot=spot, echo="mean", step_deg=0.1) for _ in range(2))
+    first, again, other = look(one, 40)[0], look(two, 40)[0], look(two, 80)[0]
+    assert np.array_equal(first, again)
+    assert np.array_equal(first, other) == (spot == "fixed")
 
 
 @pytest.fixture(scope="module")

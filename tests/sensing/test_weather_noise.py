@@ -66,6 +66,15 @@ def test_near_returns_hide_only_what_lies_behind_and_only_their_share():
     assert np.nanmedian(receive(bundle, Receiver("last", gap=0.75)).distance) == 9.0
 
 
+@pytest.mark.parametrize("shape", [(0, 7), (5, 1)])
+def test_air_and_noise_take_nothing_for_nothing(shape):
+    free = np.full(shape, NAN)
+    moved, albedo = disturb(Weather(0.2, 10.0, 1e-9), free, np.zeros(shape), 0.5, rng())
+    assert moved.shape == albedo.shape == shape
+    assert np.isnan(moved).all()
+    assert np.isnan(noise_of("ouster-os1-64").measure(free, rng(), np.zeros(shape))).all()
+
+
 def test_weather_depends_on_the_counter_alone():
     weather = Weather(near_returns=1.0)
     free = np.full((50, 7), NAN)
