@@ -8,10 +8,17 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import cutting
 import drive
+import lidar
 import machine
 import rays
 
-BENCHMARKS = {"rays": rays.main, "cutting": cutting.main, "drive": drive.main, "machine": machine.main}
+BENCHMARKS = {
+    "rays": rays.main,
+    "cutting": cutting.main,
+    "drive": drive.main,
+    "machine": machine.main,
+    "lidar": lidar.main,
+}
 
 
 def main() -> None:

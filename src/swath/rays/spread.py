@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 
 F64 = NDArray[np.float64]
-SHARE_MIN = 1e-5  # ground shares are kept within [SHARE_MIN, 1 - SHARE_MIN]
+SHARE_MIN = 1e-7  # ground shares are kept within [SHARE_MIN, 1 - SHARE_MIN]
 NODES = 41  # quantiles per cell
 AXES = ("stem density", "crop height", "depression", "spot diameter")
 

@@ -27,14 +27,16 @@ class Design:
 
     density [1/m2]; height: of the crop, relative to the card's; depression_deg; spot_mm: diameter
     lines: scan lines of 24 beams per place; held_out: places drawn anywhere within the range
+    tile_count: independent pieces of 1 m2 of every stand
     """
 
-    density: tuple[float, ...] = (60.0, 120.0, 230.0, 420.0, 700.0, 1000.0)
+    density: tuple[float, ...] = (60.0, 110.0, 180.0, 280.0, 420.0, 630.0, 1000.0)
     height: tuple[float, ...] = (0.6, 1.0, 1.4)
-    depression_deg: tuple[float, ...] = (3.0, 6.0, 9.0, 14.0, 21.0, 31.0, 44.0, 60.0, 80.0)
+    depression_deg: tuple[float, ...] = (3.0, 6.0, 9.0, 13.0, 18.0, 24.0, 32.0, 42.0, 54.0, 68.0, 82.0)
     spot_mm: tuple[float, ...] = (10.0, 30.0, 60.0, 110.0, 200.0)
-    lines: int = 80
+    lines: int = 60
     held_out: int = 48
+    tile_count: int = 48
 
     @property
     def beam_count(self) -> int:
@@ -43,7 +45,9 @@ class Design:
         return cells * self.lines * LINE
 
 
-SMALL = Design((150.0, 500.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=12, held_out=6)
+SMALL = Design(
+    (150.0, 500.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=12, held_out=6, tile_count=8
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ def fit_plants(
 ) -> tuple[SpreadTable, list[HeldOut]]:
     """A table from the level `plants`, and its agreement with other stands of other plants, off the grid."""
     stream = Stream(seed, "calibrate")
-    stands = StandRays(crop, max(design.density), stream.child("fit"))
+    stands = StandRays(crop, max(design.density), stream.child("fit"), tile_count=design.tile_count)
     axes = (
         np.array(design.density),
         np.array(design.height) * crop.stand.height,
@@ -73,16 +77,17 @@ def fit_plants(
         seen.append(stands.look(place, design.lines, reading, stream.child(f"place{k}")))
         if progress is not None:
             progress(k + 1, total)
+    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
     table = SpreadTable(
         *axes,
-        **table_cells(places, seen, tuple(len(a) for a in axes)),
-        silhouette=stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE),
+        **table_cells(places, seen, tuple(len(a) for a in axes), silhouette[0] / crop.stand.height),
+        silhouette=silhouette,
         fine=FINE,
         lean=stands.tips(stream.child("tips")),
         cosine=_cosine(crop, seen),
         correlation=fit_correlation(places, seen),
     )
-    others = StandRays(crop, max(design.density), stream.child("held_out"))
+    others = StandRays(crop, max(design.density), stream.child("held_out"), tile_count=design.tile_count)
     judged = []
     for k, place in enumerate(_elsewhere(axes, design.held_out, stream.child("places"))):
         returns = others.look(place, design.lines, reading, stream.child(f"other{k}"))
@@ -113,17 +118,24 @@ def quality(judged: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
     return found
 
 
-def table_cells(places: Sequence[Place], seen: Sequence[Returns], shape: tuple[int, ...]) -> dict[str, Any]:
-    """quantile, ground_share and ground_lift of a full grid."""
+def table_cells(
+    places: Sequence[Place], seen: Sequence[Returns], shape: tuple[int, ...], silhouette: float
+) -> dict[str, Any]:
+    """quantile, ground_share and ground_lift of a full grid.
+
+    silhouette: of a stem per metre of height [m]. Where no beam saw the ground, its share is that of a thin
+    ray, exp(-n A cot(depression)), or half a beam's if that is less: spots see less ground than thin rays.
+    """
     nodes = quantile_nodes()
     quantile, ground, lift = [], [], []
     for place, returns in zip(places, seen, strict=True):
         crop = returns.height[~returns.is_ground & ~np.isnan(returns.height)] / place.height
         bare = returns.height[returns.is_ground]
-        count = len(crop) + len(bare)
-        few = 0.5 / max(count, 1)
+        count = max(len(crop) + len(bare), 1)
+        thin = np.exp(-place.density * silhouette * place.height / np.tan(place.depression))
+        share = len(bare) / count if len(bare) else min(0.5 / count, thin)
         quantile.append(np.quantile(crop, 1.0 - nodes) if len(crop) else np.zeros(len(nodes)))
-        ground.append(np.clip(len(bare) / max(count, 1), max(few, SHARE_MIN), 1.0 - few))
+        ground.append(np.clip(share, SHARE_MIN, 1.0 - 0.5 / count))
         lift.append(float(bare.mean()) if len(bare) >= 5 else 0.0)
     return {
         "quantile": np.array(quantile).reshape(*shape, len(nodes)),

@@ -121,13 +121,14 @@ def fit_samples(
         seen.append(_returns(relative[mine] * place.height, ground_below) if mine.sum() >= FEWEST else None)
     filled = _filled(places, seen)
     stands = StandRays(crop, float(min(max(axes[0][-1], 350.0), 1500.0)), stream, tile_count=16)
+    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
     table = SpreadTable(
         density=axes[0],
         height=axes[1],
         depression=axes[2],
         spot=axes[3],
-        **table_cells(places, filled, shape),
-        silhouette=stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE),
+        **table_cells(places, filled, shape, silhouette[0] / crop.stand.height),
+        silhouette=silhouette,
         fine=FINE,
         lean=stands.tips(stream.child("tips")),
         cosine=TYPICAL_COSINE,

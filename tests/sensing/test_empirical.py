@@ -1,0 +1,177 @@
+"""LiDAR level `empirical` against `plants` in the same field, and what its bodies must do exactly."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.sensing.lidar import empirical, plants
+from swath.sim.scenario import parse_scenario
+from swath.sim.world import assemble
+from swath.study.compare import compare
+
+TEXT = """
+name: stand
+seed: 5
+run: {distance_m: 4, max_duration_s: 6}
+field:
+  terrain: {level: plane}
+  stand: {level: uniform, stems_per_m2: 400}
+  edge: {shape: straight}
+combine:
+  motion: single_track
+  lidar: {sub_rays: 1, step_deg: 10}
+"""
+
+
+@cache
+def site(density=400, *sets):
+    """What a sensor is told in a field whose crop stands at x > 0."""
+    text = parse_scenario(TEXT, sets=[f"field.stand.stems_per_m2={density}", *sets])
+    return assemble(text).leader.parts["lidar"].setup
+
+
+def scan(lidar, pose, t=10**9):
+    """Outputs of a sweep from a sensor that stands still."""
+    count = len(lidar.azimuth)
+    return lidar.scan_from(
+        t, np.repeat(pose.position[None], count, 0), np.repeat(pose.rotation[None], count, 0)
+    )
+
+
+def heights(lidar, setup, pitch, count, seed):
+    """Measured heights [m] from random places in the crop, 3 m up."""
+    rng, found = np.random.default_rng(seed), []
+    lidar.reset(Stream(seed, "lidar"))
+    for k in range(count):
+        place = (*rng.uniform((20, 60), (30, 120)), 3.0)
+        pose = Pose.from_euler(place, 0.0, np.radians(pitch), rng.uniform(-np.pi, np.pi))
+        down = (pose.rotation @ lidar.scanner.axes)[:, 2, 0]
+        found.append(3.0 + scan(lidar, pose, 10**9 + k)["scan"].ranges[:, 0] * down)
+    return np.concatenate(found)
+
+
+def pair(setup, **keys):
+    """Both levels with the same scanner, without noise."""
+    keys = {"noise": "none", "sector_deg": (-25.0, 25.0)} | keys
+    return (
+        plants.PlantsLidar(plants.Params(sub_rays=37, **keys), setup),
+        empirical.EmpiricalLidar(empirical.Params(**keys), setup),
+    )
+
+
+@pytest.mark.parametrize("density", [200, 400, 600])
+@pytest.mark.parametrize("sensor", ["sick-lms511-hr", "sick-lms111"])
+def test_measured_heights_agree_with_plants(density, sensor):
+    """The limits of study/compare.py at three angles. Two seeds of `plants` differ by W1 1 to 9 mm."""
+    setup = site(density)
+    dear, cheap = pair(setup, sensor=sensor)
+    for pitch in (10.0, 25.0, 50.0):
+        real = heights(dear, setup, pitch, 16, 3)
+        model = heights(cheap, setup, pitch, 32, 4)
+        found = compare(model, real)
+        assert found.is_good, (pitch, found)
+
+
+def test_crop_edge_lies_where_it_does_for_plants():
+    """Where the height goes through half the crop's, along a scan across the edge: within 3 cm."""
+    dear, cheap = pair(site(), sector_deg=(-15.0, 15.0), step_deg=0.1)
+    edge = []
+    for lidar in (dear, cheap):
+        lidar.reset(Stream(1, "lidar"))
+        high = []
+        for k in range(30):
+            pose = Pose.from_euler((0.0, 20.0 + 1.3 * k, 2.4), 0.0, np.radians(16.0), 0.5 * np.pi)
+            out = scan(lidar, pose, 10**9 + k)
+            down = (pose.rotation @ lidar.scanner.axes)[:, 2, 0]
+            high.append(2.4 + out["scan"].ranges[:, 0] * down > 0.45)
+        share = np.mean(high, axis=0)  # azimuth rises to the left, away from the crop
+        across = -np.tan(lidar.azimuth) * 7.0
+        edge.append(np.sum(share) * np.abs(np.mean(np.diff(across))))
+    assert edge[1] == pytest.approx(edge[0], abs=0.03)
+
+
+def test_solids_and_bare_ground_are_exact():
+    box = "{kind: box, x_m: -6, y_m: 40, height_m: 3}"
+    setup = site(400, f"field.obstacles=[{box}]", "field.edge.stubble_height_m=0")
+    keys = {"noise": "none", "sector_deg": (-10.0, 10.0), "step_deg": 1.0}
+    rays = plants.PlantsLidar(plants.Params(sub_rays=1, **keys), setup)
+    cheap = empirical.EmpiricalLidar(empirical.Params(**keys), setup)
+    for pitch in (5.0, 30.0):
+        pose = Pose.from_euler((-6.0, 33.0, 2.0), 0.0, np.radians(pitch), 0.5 * np.pi)
+        for lidar in (rays, cheap):
+            lidar.reset(Stream(1, "lidar"))
+        a, b = (scan(lidar, pose)["scan"].ranges[:, 0] for lidar in (rays, cheap))
+        assert np.isfinite(a[8:13]).all()
+        assert np.allclose(a, b, atol=1e-4, equal_nan=True)
+
+
+def test_stubble_lies_between_ground_and_cut():
+    setup = site()
+    dear, cheap = pair(setup, sector_deg=(-5.0, 5.0))
+    means = []
+    for lidar in (dear, cheap):
+        lidar.reset(Stream(1, "lidar"))
+        z = []
+        for k in range(40):
+            pose = Pose.from_euler((-12.0, 20.0 + 1.7 * k, 2.4), 0.0, np.radians(16.0), 0.3 + 0.1 * k)
+            z.append(scan(lidar, pose, 10**9 + k)["truth"].points[:, 0, 2])
+        z = np.concatenate(z)
+        z = z[np.abs(z) < 0.5]  # some beams reach the crop at x > 0
+        means.append((z.mean(), np.percentile(z, 95)))
+    assert means[1][0] == pytest.approx(means[0][0], abs=0.02)
+    assert means[1][1] == pytest.approx(means[0][1], abs=0.03)
+
+
+def test_what_was_cut_is_gone():
+    setup = assemble(parse_scenario(TEXT)).leader.parts["lidar"].setup
+    _, cheap = pair(setup, sector_deg=(-5.0, 5.0))
+    cheap.reset(Stream(1, "lidar"))
+    pose = Pose.from_euler((25.0, 50.0, 3.0), 0.0, np.radians(30.0), 0.0)
+    before = scan(cheap, pose)["truth"].points[:, 0, 2]
+    setup.field.cut(np.array([[24.0, 45.0], [36.0, 45.0], [36.0, 55.0], [24.0, 55.0]]), 0.1)
+    after = scan(cheap, pose)["truth"].points[:, 0, 2]
+    assert np.median(before) > 0.6
+    assert after.max() < 0.11
+
+
+def test_neighbours_correlate_as_told_along_every_line():
+    rng = np.random.default_rng(1)
+    z = empirical.chain(rng.standard_normal(40_000), np.full(40_000, 0.7), 4).reshape(-1, 4)
+    assert z.std() == pytest.approx(1.0, abs=0.02)
+    for lag in (1, 2, 3):
+        assert np.mean(z[lag:] * z[:-lag]) == pytest.approx(0.7**lag, abs=0.03)
+    assert abs(np.mean(z[:, 0] * z[:, 1])) < 0.03
+    slow = [1.0]
+    for _ in range(5):
+        slow.append(0.5 * slow[-1])
+    assert np.allclose(empirical.chain(np.eye(6)[0], np.full(6, 0.5)), slow)
+
+
+def test_leaving_the_table_is_noted_once_and_named():
+    setup = site(30)
+    _, cheap = pair(setup, sector_deg=(-5.0, 5.0))
+    cheap.reset(Stream(1, "lidar"))
+    pose = Pose.from_euler((25.0, 50.0, 3.0), 0.0, np.radians(30.0), 0.0)
+    for k in range(3):
+        scan(cheap, pose, 10**9 + k)
+    assert len(cheap.notes) == 1
+    assert "stem density" in cheap.notes[0]
+    saved = cheap.save()
+    cheap.reset(Stream(1, "lidar"))
+    assert cheap.notes == []
+    cheap.load(saved)
+    scan(cheap, pose)
+    assert len(cheap.notes) == 1
+
+
+def test_a_sweep_depends_on_its_time_alone():
+    _, cheap = pair(site(), noise="data_sheet")
+    pose = Pose.from_euler((25.0, 50.0, 3.0), 0.0, np.radians(20.0), 0.3)
+    cheap.reset(Stream(7, "lidar"))
+    first = [scan(cheap, pose, t)["scan"].ranges for t in (10**9, 2 * 10**9)]
+    again = [scan(cheap, pose, t)["scan"].ranges for t in (2 * 10**9, 10**9)][::-1]
+    assert np.array_equal(first, again, equal_nan=True)
+    assert not np.array_equal(first[0], first[1])

@@ -1,0 +1,150 @@
+"""The spread table: its interpolation, what it is fitted to, and how it lies on disk."""
+
+from functools import cache
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from swath.cli import main
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.core.units import DEG
+from swath.field.crop import load_crop
+from swath.rays.spread import SpreadTable, quantile_nodes
+from swath.sensing.tables import load_table, save_table
+from swath.study.calibrate import (
+    SMALL,
+    fit_correlation,
+    fit_plants,
+    normal_scores,
+)
+from swath.study.compare import compare
+from swath.study.measured import COLUMNS, fit_samples, read_samples
+from swath.study.stand_rays import LINE, Place, Reading, Returns
+
+
+@cache
+def small():
+    """A coarse table of wheat and how it fared."""
+    return fit_plants(load_crop("wheat"), SMALL, Reading(sub_rays=19), 1)
+
+
+def test_a_coarse_table_already_tells_other_stands_of_other_plants():
+    _, judged = small()
+    assert len(judged) == SMALL.held_out
+    worst = max(h.agreement.wasserstein_m for h in judged)
+    assert worst < 0.07
+    assert np.mean([abs(h.agreement.ground_bias) for h in judged]) < 0.03
+
+
+def test_trends_of_the_fit():
+    """Denser, flatter: higher and narrower. Steeper, thinner: more ground."""
+    table, _ = small()
+    middle = table.quantile[..., quantile_nodes().searchsorted(0.5)]
+    assert (np.diff(middle, axis=0) > 0).all()
+    assert (np.diff(middle, axis=2) < 0).all()
+    assert (np.diff(table.ground_share, axis=0) <= 0).all()
+    assert (np.diff(table.ground_share, axis=2) >= 0).all()
+    assert (np.diff(table.quantile, axis=-1) <= 0).all()
+    assert (np.diff(table.silhouette) < 0).all()
+
+
+def test_ground_share_between_nodes_follows_the_thin_ray():
+    """exp(-n A cot(depression)) between nodes exactly, as double logarithms go linearly."""
+    density, depression = np.array([100.0, 400.0]), np.array([15.0, 60.0]) * DEG
+    thin = np.exp(-0.003 * density[:, None] / np.tan(depression))
+    table = SpreadTable(
+        density, np.array([0.85]), depression, np.array([0.05]),
+        quantile=np.tile(np.linspace(1.1, 0.0, 41), (2, 1, 2, 1, 1)), ground_share=thin[:, None, :, None],
+        ground_lift=np.zeros((2, 1, 2, 1)), silhouette=np.linspace(3e-3, 0.0, 81), fine=0.02,
+        lean=np.zeros((1, 2)), cosine=0.6, correlation=(0.01, 0.3),
+    )  # fmt: skip
+    _, share, _ = table.cell(217.0, 0.85, 33.0 * DEG, 0.05)
+    assert share == pytest.approx(np.exp(-0.003 * 217.0 / np.tan(33.0 * DEG)), abs=1e-9)
+    drawn = table.heights((np.arange(10_000) + 0.5) / 10_000, 217.0, 0.85, 33.0 * DEG, 0.05)
+    assert np.mean(drawn == 0.0) == pytest.approx(share, abs=1e-3)
+
+
+def test_same_seed_same_bytes_and_back_from_disk(tmp_path):
+    table, _ = small()
+    again, _ = fit_plants(load_crop("wheat"), SMALL, Reading(sub_rays=19), 1)
+    one, two = save_table(table, tmp_path / "a" / "t.npz"), save_table(again, tmp_path / "b" / "t.npz")
+    assert [f.read_bytes() for f in one] == [f.read_bytes() for f in two]
+    back = load_table(str(one[0]))
+    assert np.allclose(back.quantile, table.quantile, atol=1e-6)
+    assert back.correlation == table.correlation
+    assert back.about["range"]["depression_deg"] == [9.0, 45.0]
+
+
+def test_bad_tables_are_named(tmp_path):
+    with pytest.raises(InputError, match="wheat-median"):
+        load_table("no-such")
+    (tmp_path / "t.npz").write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"t\.npz"):
+        load_table("t.npz", tmp_path)
+
+
+def test_correlation_length_is_found_again():
+    rng = np.random.default_rng(1)
+    places, seen = [], []
+    for spot in (0.05, 0.10):
+        gap = rng.choice([0.02, 0.05, 0.1], (400, LINE))
+        z = rng.standard_normal((400, LINE))
+        for k in range(1, LINE):
+            rho = np.exp(-gap[:, k] / (0.01 + 0.4 * spot))
+            z[:, k] = rho * z[:, k - 1] + np.sqrt(1 - rho**2) * z[:, k]
+        places.append(Place(400.0, 0.85, 0.3, spot))
+        seen.append(Returns(np.exp(z), z < -9, gap, z))
+    c0, c1 = fit_correlation(places, seen)
+    for spot in (0.05, 0.10):
+        assert c0 + c1 * spot == pytest.approx(0.01 + 0.4 * spot, rel=0.1)
+
+
+def test_normal_scores_of_ranks_with_ties_and_gaps():
+    z = np.random.default_rng(2).permutation(101).astype(float)
+    expected = [NormalDist().inv_cdf((v + 0.5) / 101) for v in z]
+    assert np.allclose(normal_scores(z**3), expected, atol=1e-3)
+    assert normal_scores(np.array([1.0, np.nan, 1.0])).tolist()[::2] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["csv", "npz"])
+def test_measured_beams_over_known_stands(tmp_path, kind):
+    """Two stands, one angle: the table gives back what was measured, and says so on held-out beams."""
+    rng = np.random.default_rng(4)
+    n = 3000
+    density = np.where(np.arange(n) % 2 == 0, 200.0, 600.0)
+    height = np.where(
+        rng.uniform(size=n) < 20.0 / density,
+        rng.normal(0.0, 0.01, n),
+        0.9 - rng.gamma(2.0, 20.0 / density, n).clip(max=0.8),
+    )
+    columns = dict(
+        zip(COLUMNS, (density, np.full(n, 0.85), np.full(n, 25.0), np.full(n, 60.0), height), strict=True)
+    )
+    path = tmp_path / f"beams.{kind}"
+    if kind == "npz":
+        np.savez(path, **columns)
+    else:
+        rows = np.stack(list(columns.values()), axis=1)
+        np.savetxt(path, rows, delimiter=",", header=",".join(COLUMNS), comments="")
+    table, judged = fit_samples(load_crop("wheat"), read_samples(path), 1)
+    assert len(judged) == 2
+    assert all(h.agreement.wasserstein_m < 0.03 for h in judged)
+    share = Stream(1, "x").at().uniform(size=4000)
+    found = compare(table.heights(share, 600.0, 0.85, 25.0 * DEG, 0.06), height[density == 600.0])
+    assert found.wasserstein_m < 0.02
+    assert abs(found.ground_bias) < 0.03
+
+
+def test_command_writes_a_table_that_the_level_takes(tmp_path, capsys):
+    out = tmp_path / "mine.npz"
+    sets = ["--quick", "--lines", "3", "--sub-rays", "7"]
+    assert main(["calibrate", "lidar", "--out", str(out), *sets]) == 0
+    assert "wasserstein_m" in capsys.readouterr().out
+    assert load_table(str(out)).about["crop"] == "wheat"
+    assert main(["calibrate", "lidar", "--out", str(tmp_path / "t.yaml")]) == 2
+    assert "--out" in capsys.readouterr().err
+    (tmp_path / "few.csv").write_text("stems_per_m2,height_m\n1,2\n", encoding="utf-8")
+    assert main(["calibrate", "lidar", "--from", str(tmp_path / "few.csv"), "--out", str(out)]) == 2
+    assert "crop_height_m" in capsys.readouterr().err
