@@ -139,7 +139,11 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
             "sensor: sick\n    mount: {z_m",
             "lidar.sensor = sick: expected a file or one of ",
         ),
-        ("level: uniform", "crop: oats", "field.stand.crop = oats: expected a file or one of barley, maize, "),
+        (
+            "level: uniform",
+            "crop: oats",
+            "field.stand.crop = oats: expected a file or one of barley, maize, ",
+        ),
         ("{max: 0.05}", "{}", "expected min, max or both (text:24)"),
         (
             "lateral_rms_m",

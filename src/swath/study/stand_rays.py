@@ -168,7 +168,7 @@ class _Thinned(uniform.Uniform):
 
     def __init__(self, params: uniform.Params, density: float) -> None:
         super().__init__(params, FieldSetup())
-        self._share = density / params.stems_per_m2
+        self._share = density / self.density_max
 
     def density(self, x: Any, y: Any) -> F64:
         """Stems per m2."""

@@ -27,8 +27,28 @@ from swath.sim.messages import RecordedMachine
 from swath.view.keep import KeptScan
 from swath.view.plots import BLUE, INK, ORANGE, figure
 
-COLOURS = {Organ.STEM: "#D9C37C", Organ.EAR: "#E69F00", Organ.LEAF: "#8E9A4B", Organ.STUBBLE: "#8D7F6D"}
-NAMES = {Organ.EAR: "ear", Organ.STEM: "stem", Organ.LEAF: "leaf", Organ.STUBBLE: "cut: stubble"}
+COLOURS = {
+    Organ.STEM: "#D9C37C",
+    Organ.EAR: "#E69F00",
+    Organ.LEAF: "#8E9A4B",
+    Organ.STUBBLE: "#8D7F6D",
+    Organ.WEED: "#009E73",
+    Organ.AWN: "#F0D58A",
+    Organ.BRANCH: "#B9A05A",
+    Organ.POD: "#E69F00",
+    Organ.COB: "#E69F00",
+}
+NAMES = {
+    Organ.EAR: "ear",
+    Organ.POD: "pod",
+    Organ.COB: "cob",
+    Organ.AWN: "awn",
+    Organ.BRANCH: "branch",
+    Organ.STEM: "stem",
+    Organ.LEAF: "leaf",
+    Organ.WEED: "weed",
+    Organ.STUBBLE: "cut: stubble",
+}
 GROUND, GROUND_FAR = "#C9BBA3", "#E9E3D8"
 BACK, AHEAD, ASIDE = 2.4, 2.4, 1.9  # shown about the place where the beams meet the edge [m]
 
@@ -188,7 +208,7 @@ def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F
     low, high = quads.min(axis=(0, 1)), quads.max(axis=(0, 1))
     ax.set(xlim=(low[0] - 0.01, high[0] + 0.01), ylim=(low[1] - 0.01, high[1] + 0.01), aspect="equal")
     ax.set_axis_off()
-    _legend(ax)
+    _legend(ax, found.organ)
     return fig
 
 
@@ -309,11 +329,11 @@ def _draw_echoes(ax: Any, scan: KeptScan, machine: RecordedMachine, box: _Box, c
     ax.plot(*rays[:, 1].T, "o", color=BLUE, ms=4.2, mec="white", mew=0.6, zorder=5)
 
 
-def _legend(ax: Any) -> None:
+def _legend(ax: Any, organs: NDArray[np.uint8]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles: list[Any] = [Patch(fc=COLOURS[k], label=n) for k, n in NAMES.items()]
+    handles: list[Any] = [Patch(fc=COLOURS[k], label=n) for k, n in NAMES.items() if (organs == k).any()]
     handles.append(Line2D([], [], marker="o", ls="", mfc=BLUE, mec="white", label="echo and its beam"))
     handles.append(Line2D([], [], color=INK, ls=(0, (5, 3)), label="initial edge"))
     handles.append(Line2D([], [], color=ORANGE, label="detected edge"))
