@@ -115,7 +115,9 @@ def ear_heights(library: PlantLibrary) -> Array:
     low, high = np.full(len(library.stem_xy), np.inf), np.full(len(library.stem_xy), -np.inf)
     np.minimum.at(low, owner, z.min(axis=0))
     np.maximum.at(high, owner, z.max(axis=0))
-    return np.where(np.isfinite(low), 0.5 * (low + high), library.stem_height.astype(np.float64))
+    is_bare = low > high
+    low[is_bare] = high[is_bare] = library.stem_height[is_bare]
+    return np.asarray(0.5 * (low + high))
 
 
 def cell_in_tile(x: Array, tile_size: float, is_mirrored: bool) -> Ints:

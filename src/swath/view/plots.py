@@ -303,7 +303,10 @@ def plot_scan(ax: Any, scan: KeptScan, geometry: MachineGeometry, side: str) -> 
         ax.axvline(scan.edge.offset, color=ORANGE, lw=1.4, label="detected edge")
     ax.axvline(centre, color=GREY, lw=1.0, ls=":", label="header end")
     ax.set_title(f"{scan.distance:.1f} m, {_difference(scan)}", loc="left", fontsize=9.5, color=INK)
-    ax.set(xlim=(centre + 5.5, centre - 5.5), ylim=(-0.3, 1.6))
+    top = max(1.6, float(np.percentile(z[near], 98.0)) + 0.2) if near.any() else 1.6
+    if not ax.get_autoscaley_on():  # shared with a scan drawn before
+        top = max(top, ax.get_ylim()[1])
+    ax.set(xlim=(centre + 5.5, centre - 5.5), ylim=(-0.3, top))
     if ax.get_subplotspec().is_first_col():
         ax.set_ylabel("height [m]")
     if ax.get_subplotspec().is_last_row():
