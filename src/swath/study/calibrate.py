@@ -34,8 +34,8 @@ class Design:
     height: tuple[float, ...] = (0.6, 1.0, 1.4)
     depression_deg: tuple[float, ...] = (3.0, 6.0, 9.0, 13.0, 18.0, 24.0, 32.0, 42.0, 54.0, 68.0, 82.0)
     spot_mm: tuple[float, ...] = (10.0, 30.0, 60.0, 110.0, 200.0)
-    lines: int = 60
-    held_out: int = 48
+    lines: int = 32
+    held_out: int = 32
     tile_count: int = 48
 
     @property
@@ -63,7 +63,7 @@ def fit_plants(
 ) -> tuple[SpreadTable, list[HeldOut]]:
     """A table from the level `plants`, and its agreement with other stands of other plants, off the grid."""
     stream = Stream(seed, "calibrate")
-    stands = StandRays(crop, max(design.density), stream.child("fit"), tile_count=design.tile_count)
+    stands = StandRays(crop, stream.child("fit"), tile_count=design.tile_count)
     axes = (
         np.array(design.density),
         np.array(design.height) * crop.stand.height,
@@ -87,7 +87,7 @@ def fit_plants(
         cosine=_cosine(crop, seen),
         correlation=fit_correlation(places, seen),
     )
-    others = StandRays(crop, max(design.density), stream.child("held_out"), tile_count=design.tile_count)
+    others = StandRays(crop, stream.child("held_out"), tile_count=max(design.tile_count // 4, 2))
     judged = []
     for k, place in enumerate(_elsewhere(axes, design.held_out, stream.child("places"))):
         returns = others.look(place, design.lines, reading, stream.child(f"other{k}"))

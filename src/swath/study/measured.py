@@ -120,7 +120,7 @@ def fit_samples(
         mine = (cell == c) & is_fit
         seen.append(_returns(relative[mine] * place.height, ground_below) if mine.sum() >= FEWEST else None)
     filled = _filled(places, seen)
-    stands = StandRays(crop, float(min(max(axes[0][-1], 350.0), 1500.0)), stream, tile_count=16)
+    stands = StandRays(crop, stream, tile_count=16)
     silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
     table = SpreadTable(
         density=axes[0],

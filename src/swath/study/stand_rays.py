@@ -65,34 +65,43 @@ class Reading:
 
 
 class StandRays:
-    """Uniform stands of one crop, drilled as its card says, made of the same plants thinned.
+    """Uniform stands of one crop, drilled as its card says; every density has plants of its own.
 
-    density_max: of the densest stand asked for [1/m2]; tile_count: independent pieces of 1 m2
+    A stand thinned from a denser one would not do: drilled plants stand at even distances along their rows,
+    what is left of them after thinning at random ones, and more beams reach the ground.
+    tile_count: independent pieces of 1 m2
     """
 
-    def __init__(self, crop: Crop, density_max: float, stream: Stream, *, tile_count: int = 48) -> None:
-        self.crop, self.stream = crop, stream
-        self.library = make_library(
-            crop,
-            density_max=density_max,
-            row_spacing=crop.stand.row_spacing,
-            seed=stream.child("library"),
-            tile_count=tile_count,
-        )
-        self._field: tuple[tuple[float, float], Field, RayCaster] | None = None
+    def __init__(self, crop: Crop, stream: Stream, *, tile_count: int = 48) -> None:
+        self.crop, self.stream, self.tile_count = crop, stream, tile_count
+        self._library: tuple[float, PlantLibrary] | None = None
+        self._caster: tuple[tuple[float, float], RayCaster] | None = None
+
+    def library(self, density: float) -> PlantLibrary:
+        """The plants of a density; the last one asked for is kept."""
+        if self._library is None or self._library[0] != density:
+            made = make_library(
+                self.crop,
+                density_max=density,
+                row_spacing=self.crop.stand.row_spacing,
+                seed=self.stream.child(f"library{density:g}"),
+                tile_count=self.tile_count,
+            )
+            self._library = density, made
+        return self._library[1]
 
     def caster(self, density: float, height: float) -> RayCaster:
         """Rays into a stand of this density and height; the last one asked for is kept."""
-        if self._field is None or self._field[0] != (density, height):
-            field = _stand(self.crop, self.library, density, height, self.stream)
-            self._field = (density, height), field, RayCaster(field)
-        return self._field[2]
+        if self._caster is None or self._caster[0] != (density, height):
+            field = _stand(self.crop, self.library(density), height, self.stream)
+            self._caster = (density, height), RayCaster(field)
+        return self._caster[1]
 
     def look(self, place: Place, lines: int, reading: Reading, stream: Stream) -> Returns:
         """Beams into the stand of a place."""
         rng = stream.at()
         caster = self.caster(place.density, place.height)
-        top = self.library.height_max * place.height / self.crop.stand.height + 0.05
+        top = self.library(place.density).height_max * place.height / self.crop.stand.height + 0.05
         azimuth = np.repeat(rng.uniform(-np.pi, np.pi, lines), LINE)
         gap = rng.choice(GAPS, (lines, LINE))
         aside = np.cumsum(gap, axis=1).ravel()
@@ -123,7 +132,6 @@ class StandRays:
         total, weight = np.zeros(len(edges)), np.zeros(len(edges))
         full = self.crop.stand.height
         for k, (density, degrees) in enumerate([(100.0, 45.0), (100.0, 60.0), (200.0, 60.0), (350.0, 70.0)]):
-            density = min(density, self.library.density_max)
             place = Place(density, full, np.radians(degrees), 1e-4)
             seen = self.look(place, rays // LINE // 4, Reading(sub_rays=1), stream.child(f"thin{k}"))
             relative = np.where(seen.is_ground, -1.0, seen.height / full).ravel()
@@ -148,7 +156,7 @@ class StandRays:
         return found[:, :2] / plants.height[:, None]
 
 
-def _stand(crop: Crop, library: PlantLibrary, density: float, height: float, stream: Stream) -> Field:
+def _stand(crop: Crop, library: PlantLibrary, height: float, stream: Stream) -> Field:
     ground = plane.Plane(plane.Params(), FieldSetup())
     params = uniform.Params(
         crop=crop.name,
@@ -156,23 +164,11 @@ def _stand(crop: Crop, library: PlantLibrary, density: float, height: float, str
         row_spacing_m=library.row_spacing,
         height_factor=height / crop.stand.height,
     )
-    stand = _Thinned(params, density)
+    stand = uniform.Uniform(params, FieldSetup())
     edge = make_edge(StraightEdge(x_m=-200.0, y_m=-200.0, length_m=400.0, crop_begins_m=None), FieldSetup())
     field = make_field(ground, stand, edge, crop=crop, library=library, stream=stream)
     field.ensure(0.0, 0.0, 2.0 * HALF_AREA + 40.0)
     return field
-
-
-class _Thinned(uniform.Uniform):
-    """A uniform stand with fewer stems than its library holds."""
-
-    def __init__(self, params: uniform.Params, density: float) -> None:
-        super().__init__(params, FieldSetup())
-        self._share = density / self.density_max
-
-    def density(self, x: Any, y: Any) -> F64:
-        """Stems per m2."""
-        return np.asarray(self._share * super().density(x, y), dtype=np.float64)
 
 
 def _frames(azimuth: F64, depression: float) -> F64:
