@@ -202,4 +202,6 @@ def _fill(found: NDArray[np.int16], b: _Block, along: int, across: int, which: N
     index = np.searchsorted(share + np.repeat(number, count), wanted.ravel()).reshape(wanted.shape)
     index = np.clip(index, first[:, None], (first + count - 1)[:, None])
     is_passed = wanted - number[:, None] < passed[:, None]  # these go on below what was measured here
-    found[cell[first]] = np.where(is_passed, np.minimum(height[first], 0)[:, None], height[index])
+    below = np.minimum(height[first], 0)
+    found[cell[first]] = np.where(is_passed, below[:, None], height[index])
+    found[cell[first], 0] = np.where(passed > 0.0, below, height[first])  # how deep one can look at all
