@@ -70,15 +70,29 @@ def load_machine(name: str, *, base: Path | None = None, header_width_m: float |
     base: folder that a relative path starts from; header_width_m: another header on the same machine, the
     mass and inertia kept. Raises InputError with key and file.
     """
+    machine = read_machine(Card(find_machine(name, base)))
+    if header_width_m is None:
+        return machine
+    if not 0.5 <= header_width_m <= 30.0:
+        raise InputError("header_width_m", header_width_m, "expected 0.5 to 30")
+    return replace(machine, header_width=float(header_width_m))
+
+
+def find_machine(name: str, base: Path | None = None) -> Path:
+    """Path of a bundled machine's card by name, or of the user's own file."""
     bundled = card_names("machines")
-    card = Card(find_card("machines", f"{name}-class" if f"{name}-class" in bundled else name, base))
+    return find_card("machines", f"{name}-class" if f"{name}-class" in bundled else name, base)
+
+
+def read_machine(card: Card) -> MachineCard:
+    """The machine of a card. Raises InputError with key and file."""
     geometry = _geometry(card)
     dynamics = _dynamics(card)
     if dynamics.cg_behind >= geometry["wheelbase"]:
         raise InputError(
             "mass.cg_behind_axle_m", dynamics.cg_behind, "expected less than the wheelbase", file=card.path
         )
-    machine = MachineCard(
+    return MachineCard(
         **geometry,
         body=_body(card),
         name=card.text("name"),
@@ -86,11 +100,6 @@ def load_machine(name: str, *, base: Path | None = None, header_width_m: float |
         masses=read_masses(card),
         works=read_works(card),
     )
-    if header_width_m is None:
-        return machine
-    if not 0.5 <= header_width_m <= 30.0:
-        raise InputError("header_width_m", header_width_m, "expected 0.5 to 30")
-    return replace(machine, header_width=float(header_width_m))
 
 
 def dynamics_of(machine: MachineGeometry) -> Dynamics:

@@ -44,6 +44,8 @@ class Consumers:
     """Power at rated speed. header_width: per metre [W/m]; the *_work are per mass [J/kg]; others [W].
 
     header_work, drum_work: of grain and straw; separation_work, chopper_work: of straw
+    speed_exponent: torque of the belts grows with engine speed to this power; 0 = the same at any speed,
+    1 = crop is accelerated to the speed of what it meets
     """
 
     header_width: float
@@ -55,6 +57,7 @@ class Consumers:
     chopper_work: float
     unloading: float
     auxiliary: float
+    speed_exponent: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -193,6 +196,8 @@ def _consumers(card: Card) -> Consumers:
     def kilo(key: str) -> float:
         return card.number(f"power.{key}", low=0, high=500) * 1e3
 
+    key = "power.speed_exponent"
+    exponent = card.number(key, low=0, high=3) if card.has(key) else 0.0
     return Consumers(
         header_width=kilo("header_kw_per_m"),
         header_work=kilo("header_kj_per_kg"),
@@ -203,6 +208,7 @@ def _consumers(card: Card) -> Consumers:
         chopper_work=kilo("chopper_kj_per_kg"),
         unloading=kilo("unloading_kw"),
         auxiliary=kilo("auxiliary_kw"),
+        speed_exponent=exponent,
     )
 
 

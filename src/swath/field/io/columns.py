@@ -34,10 +34,12 @@ UNITS: dict[str, dict[str, float]] = {
         "bu/ac": WHEAT_LB_PER_BUSHEL * _LB / _ACRE,
     },
     "share": {"%": 0.01, "1": 1.0},
+    "rotation": {"rad/s": 1.0, "rpm": math.pi / 30.0},
+    "volume flow": {"l/h": 1e-3 / 3600.0, "l/s": 1e-3, "gal/h": 3.785411784e-3 / 3600.0},
     "number": {"1": 1.0},
     "text": {"text": 1.0},
 }  # fmt: skip
-"""Factor from each unit to the one used inside: m, m/s, s, deg, kg/s, kg/m2, share."""
+"""Factor from each unit to the one used inside: m, m/s, s, deg, kg/s, kg/m2, share, rad/s, m3/s."""
 
 QUANTITIES: dict[str, str] = {
     "lat": "degrees",
@@ -57,6 +59,9 @@ QUANTITIES: dict[str, str] = {
     "moisture": "share",
     "work_state": "text",
     "crop_height": "length",
+    "engine_load": "share",
+    "engine_speed": "rotation",
+    "fuel": "volume flow",
 }
 """Canonical name -> kind of unit. work_state: a word that says whether the header works ('In', 'On', '1')."""
 
@@ -121,6 +126,9 @@ _USUAL: dict[str, tuple[str, str]] = {  # canonical -> (default unit, pattern on
     "moisture": ("%", r"moisture|grain_?moisture|moist|water_?content"),
     "work_state": ("text", r"work_?state|header_?(state|status|up|down)|recording"),
     "crop_height": ("m", r"crop_?height|canopy_?height|plant_?height"),
+    "engine_load": ("%", r"engine_?(load|torque)|(engine_?)?percent_?(load|torque)"),
+    "engine_speed": ("rpm", r"engine_?(speed|rpm)"),
+    "fuel": ("l/h", r"fuel(_?(rate|flow|consumption))?"),
 }
 _SUFFIX_UNITS = {
     "m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "in": "in", "m_s": "m/s", "ms": "m/s", "km_h": "km/h",
@@ -128,7 +136,8 @@ _SUFFIX_UNITS = {
     "kg_s": "kg/s", "kgs": "kg/s", "t_h": "t/h", "th": "t/h", "kg_h": "kg/h", "lb_s": "lb/s", "lbs_s": "lb/s",
     "kg_ha": "kg/ha", "kgha": "kg/ha", "t_ha": "t/ha", "tha": "t/ha", "dt_ha": "dt/ha", "kg_m2": "kg/m2",
     "lb_ac": "lb/ac", "lbs_ac": "lb/ac", "bu_ac": "bu/ac", "buac": "bu/ac", "pct": "%", "percent": "%",
-    "deg": "deg", "rad": "rad",
+    "deg": "deg", "rad": "rad", "rpm": "rpm", "rad_s": "rad/s", "l_h": "l/h", "lh": "l/h", "l_s": "l/s",
+    "gal_h": "gal/h",
 }  # fmt: skip
 
 

@@ -104,7 +104,7 @@ def read_log(path: Path, columns: Path | None = None, *, header_width: float | N
             "log", len(table.row_number), f"expected at least {FEWEST_RECORDS} whole rows", file=path
         )
     lon_lat, crs_note = _lon_lat(table, found, path)
-    values = {key: _si(table, found, key) for key in QUANTITIES if QUANTITIES[key] != "text"}
+    values = {key: si_values(table, found, key) for key in QUANTITIES if QUANTITIES[key] != "text"}
     reasons = _broken(lon_lat, values, found)
     good = np.ones(len(lon_lat), dtype=bool)
     broken = dict(table.broken)
@@ -115,7 +115,7 @@ def read_log(path: Path, columns: Path | None = None, *, header_width: float | N
         counts = ", ".join(f"{v} {k}" for k, v in broken.items() if v)
         expected = f"expected at least {FEWEST_RECORDS} usable rows of {row_count} ({counts})"
         raise InputError("log", int(good.sum()), expected, file=path)
-    work = _not_working(table, found)
+    work = not_working(table, found)
     if work is not None:
         values["grain_flow"] = np.where(work, 0.0, values["grain_flow"])
         values["yield"] = np.where(work, 0.0, values["yield"])
@@ -129,7 +129,7 @@ def read_log(path: Path, columns: Path | None = None, *, header_width: float | N
     return replace(log.keep(~again), row_count=row_count, broken=broken, notes=(*notes, *log.notes))
 
 
-def _si(table: Table, found: ColumnMap, key: str) -> Array:
+def si_values(table: Table, found: ColumnMap, key: str) -> Array:
     """A quantity in the units used inside, nan where it is missing."""
     column = found.columns.get(key)
     if column is None:
@@ -157,7 +157,7 @@ def _clock(cells: Any) -> Array:
 def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
     """Lon/lat [deg], shape (n, 2), not finite where a row has none; and what was assumed."""
     if "lat" in found.columns and "lon" in found.columns:
-        return np.stack([_si(table, found, "lon"), _si(table, found, "lat")], axis=1), ""
+        return np.stack([si_values(table, found, "lon"), si_values(table, found, "lat")], axis=1), ""
     if table.points is not None:
         points, text = table.points, table.crs or found.crs
         if not text:
@@ -169,7 +169,7 @@ def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
             return points, "no .prj: positions taken as WGS 84"
     else:
         points, text = (
-            np.stack([_si(table, found, "easting"), _si(table, found, "northing")], axis=1),
+            np.stack([si_values(table, found, "easting"), si_values(table, found, "northing")], axis=1),
             found.crs,
         )
         if not text:
@@ -203,7 +203,8 @@ def _broken(lon_lat: Array, values: dict[str, Array], found: ColumnMap) -> dict[
     return reasons
 
 
-def _not_working(table: Table, found: ColumnMap) -> NDArray[np.bool_] | None:
+def not_working(table: Table, found: ColumnMap) -> NDArray[np.bool_] | None:
+    """Rows whose header does not work, shape (n,); None where the log does not say."""
     column = found.columns.get("work_state")
     if column is None:
         return None

@@ -98,11 +98,12 @@ def engine_state(
 ) -> EngineState:
     """The sample: belts scaled to the engine's speed."""
     e = works.engine
-    r = speed / e.rated_speed
+    ratio = speed / e.rated_speed
+    r = ratio ** (1.0 + works.consumers.speed_exponent)
     return EngineState(
         t,
         speed=speed,
-        speed_ratio=r,
+        speed_ratio=ratio,
         load=load,
         power=power,
         fuel=fuel_rate(power, speed, e),

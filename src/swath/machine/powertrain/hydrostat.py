@@ -102,7 +102,9 @@ class HydrostatPowertrain:
         self._fuel = Total(*state["fuel"])
 
     def _rates(self, speed: float, torque: float, belts: float, power: float) -> tuple[float, float]:
-        e = self._works.engine
+        e, k = self._works.engine, self._works.consumers.speed_exponent
+        if k > 0.0:
+            belts *= (speed / e.rated_speed) ** k
         return (
             (torque - belts - power / speed) / e.inertia,
             (governed_torque(speed, e) - torque) / e.torque_lag,
@@ -139,7 +141,8 @@ class HydrostatPowertrain:
 
     def _sample(self, t: int, taken: Powers) -> EngineState:
         e = self._works.engine
-        asked = taken.belts / e.rated_speed + taken.propulsion / self._speed
+        belts = taken.belts * (self._speed / e.rated_speed) ** self._works.consumers.speed_exponent
+        asked = belts / e.rated_speed + taken.propulsion / self._speed
         load = asked / full_torque(min(self._speed, e.rated_speed), e)
         power = self._torque * self._speed
         return engine_state(t, taken, self._speed, power, load, self._fuel.value, self._limit, self._works)

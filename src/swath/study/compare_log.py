@@ -1,0 +1,381 @@
+"""A machine model against a recorded log: fitted on one part of it, judged on the others.
+
+What is fitted are keys of the machine's card, by least squares on the measured series. Beside the model
+stands the plain regression load = a + b flow + c speed, without and with a lag.
+"""
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError, MissingExtra
+from swath.core.signals import MachineLoad
+from swath.data.cards import Card
+from swath.field.io.machine_log import MachineLog, read_machine_log
+from swath.machine.card import MachineCard, find_machine, read_machine
+from swath.machine.works import RPM, works_of
+from swath.study.along_log import Drive, run_engine, run_process
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+SHOWN = {"engine_load": ("%", 100.0), "engine_speed": ("1/min", 1.0 / RPM), "fuel": ("l/h", 3.6e6)}
+"""Measured quantity -> unit of all figures, factor from SI."""
+LEAST_SPEED = 0.5  # m/s
+SETTLE = 15.0  # s behind a gap, before the crop has come through
+LAGS = 15  # records to either side in which a lag is searched
+LOAD_BINS = ((30, 50), (50, 65), (65, 75), (0, 75), (75, 85), (85, 92), (92, 97))  # percent
+FEWEST = 20  # records in a bin, or to compare at all
+RANGE = (0.02, 20.0)  # of a fitted value over its start
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Simulated against measured. count: records; r2: 1 - squared error over variance, below 0 is worse than
+    the mean; rmse, bias: in the unit of the quantity, simulated minus measured; r: correlation; lag_s: by
+    which the simulated series has to be delayed to fit best
+    """
+
+    count: int
+    r2: float
+    rmse: float
+    bias: float
+    r: float
+    lag_s: float
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A key of the card. error: standard error of the value, from the curvature, independent errors taken."""
+
+    key: str
+    start: float
+    value: float
+    error: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class LogComparison:
+    """Everything that came out. series: measured and simulated by quantity, in SHOWN units, shape (n,)
+
+    parts: part -> records that are judged; figures: quantity -> part -> model and plain regressions
+    by_load: engine speed in bins of load; fuel_line: intercept [l/h] and slope [l/h per kg/s] of both
+    """
+
+    model: str
+    log_name: str
+    drive: Drive
+    fitted_on: str
+    fitted: tuple[Fitted, ...]
+    log: MachineLog
+    parts: dict[str, Mask]
+    measured: dict[str, Array]
+    simulated: dict[str, Array]
+    plain: dict[str, dict[str, Array]]
+    coefficients: dict[str, dict[str, list[float]]]
+    figures: dict[str, dict[str, dict[str, Figures]]]
+    by_load: list[dict[str, float]]
+    fuel_line: dict[str, dict[str, float]]
+    card: dict[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        """All but the series, for JSON."""
+        return {
+            "model": self.model,
+            "log": self.log_name,
+            "drive": asdict(self.drive),
+            "fitted_on": self.fitted_on,
+            "fitted": [asdict(f) for f in self.fitted],
+            "records": {name: int(mask.sum()) for name, mask in self.parts.items()},
+            "units": {q: SHOWN[q][0] for q in self.measured},
+            "figures": {
+                q: {part: {k: asdict(f) for k, f in of.items()} for part, of in parts.items()}
+                for q, parts in self.figures.items()
+            },
+            "plain_coefficients": self.coefficients,
+            "engine_speed_by_load": self.by_load,
+            "fuel_line": self.fuel_line,
+            "notes": list(self.log.notes),
+        }
+
+
+def compare_log(
+    model: str,
+    log: Path | MachineLog,
+    *,
+    drive: Drive | None = None,
+    fit: Sequence[str] = (),
+    on: Sequence[str] = ("engine_load",),
+    machine: str | None = None,
+    share: float = 0.5,
+    columns: Path | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> LogComparison:
+    """Run a machine along a log and judge it.
+
+    model: name or path of a machine's card; log: a file, or one that is read already
+    fit: keys of the card to fit, to the quantities `on`; on the records of `machine` (a name of the log),
+    else on the first `share` of all records. columns: map file of the log. Raises InputError.
+    """
+    read = log if isinstance(log, MachineLog) else read_machine_log(log, columns)
+    card = Card(find_machine(model))
+    chosen = drive or Drive()
+    used = usable(read)
+    parts, first = _parts(read, used, machine, share)
+    for quantity in on:
+        if quantity not in read.measured:
+            raise InputError("on", quantity, f"expected one of {', '.join(read.measured)}")
+    progress("fitting" if fit else "running")
+    fitted: tuple[Fitted, ...] = ()
+    if fit:
+        card, fitted = _fit(card, read, first & used, chosen, fit, on)
+    progress("running along the whole log")
+    made = _Runner(read, chosen).run(read_machine(card))
+    scale = {q: SHOWN[q][1] for q in read.measured}
+    measured = {q: v * scale[q] for q, v in read.measured.items()}
+    simulated = {q: made[q] * scale[q] for q in measured}
+    plain, coefficients = _regressions(read, measured, next(iter(parts.values())))
+    figures = {q: _figures(measured[q], {"model": simulated[q], **plain[q]}, parts, read) for q in measured}
+    judged = list(parts.values())[-1] if len(parts) > 1 else used
+    return LogComparison(
+        model=str(card.data.get("name", model)),
+        log_name=str(getattr(log, "name", "log")),
+        drive=chosen,
+        fitted_on=next(iter(parts)) if fit else "",
+        fitted=fitted,
+        log=read,
+        parts=parts,
+        measured=measured,
+        simulated=simulated,
+        plain=plain,
+        coefficients=coefficients,
+        figures=figures,
+        by_load=_by_load(measured, simulated, judged),
+        fuel_line=_fuel_line(read, measured, simulated, judged),
+        card=card.data,
+    )
+
+
+def usable(log: MachineLog) -> Mask:
+    """Records that are judged: crop in the machine, driving, every quantity measured, settled after a gap."""
+    flow = log.flow[log.flow > 0.0]
+    least = 0.1 * float(np.median(flow)) if len(flow) else 0.0
+    since = _since_gap(log)
+    good = (log.flow > least) & (log.speed > LEAST_SPEED) & (since > SETTLE)
+    for values in log.measured.values():
+        good &= np.isfinite(values)
+    if good.sum() < FEWEST:
+        raise InputError("log", int(good.sum()), f"expected at least {FEWEST} records at work in the log")
+    return np.asarray(good)
+
+
+def judge(measured: Array, simulated: Array, mask: Mask, log: MachineLog) -> Figures:
+    """Figures of a series against the measured one on the records of a mask, shape (n,)."""
+    real, made = measured[mask], simulated[mask]
+    if len(real) < FEWEST:
+        nan = float("nan")
+        return Figures(len(real), nan, nan, nan, nan, nan)
+    error = made - real
+    spread = float(((real - real.mean()) ** 2).sum())
+    return Figures(
+        count=len(real),
+        r2=1.0 - float((error**2).sum()) / spread if spread > 0.0 else float("nan"),
+        rmse=float(np.sqrt((error**2).mean())),
+        bias=float(error.mean()),
+        r=_correlation(real, made),
+        lag_s=best_lag(simulated, measured, mask, log)[0],
+    )
+
+
+def _figures(
+    measured: Array, series: Mapping[str, Array], parts: Mapping[str, Mask], log: MachineLog
+) -> dict[str, dict[str, Figures]]:
+    return {p: {k: judge(measured, s, mask, log) for k, s in series.items()} for p, mask in parts.items()}
+
+
+def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[float, float]:
+    """(s, r): by how much `effect` is later than `cause` where they correlate best, and how well they do.
+
+    Cross-correlation over whole records within unbroken stretches, the peak refined by a parabola.
+    """
+    block = np.cumsum(log.gap)
+    score = []
+    count = len(log)
+    for k in range(-LAGS, LAGS + 1):
+        late, early = slice(max(k, 0), count + min(k, 0)), slice(max(-k, 0), count - max(k, 0))
+        both = mask[late] & (block[late] == block[early])
+        score.append(_correlation(cause[early][both], effect[late][both]))
+    values = np.nan_to_num(np.array(score), nan=-1.0)
+    peak = int(values.argmax())
+    period = float(np.median(log.duration[~log.gap])) if (~log.gap).any() else 1.0
+    offset = 0.0
+    if 0 < peak < len(values) - 1:
+        low, top, high = values[peak - 1 : peak + 2]
+        curve = low - 2.0 * top + high
+        offset = 0.5 * (low - high) / curve if curve < 0.0 else 0.0
+    return float((peak - LAGS + offset) * period), float(values[peak])
+
+
+def _correlation(a: Array, b: Array) -> float:
+    if len(a) < FEWEST or a.std() < 1e-12 or b.std() < 1e-12:
+        return float("nan")
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _since_gap(log: MachineLog) -> Array:
+    """Time since the last gap [s]."""
+    run = np.cumsum(np.where(log.gap, 0.0, log.duration))
+    return np.asarray(run - np.maximum.accumulate(np.where(log.gap, run, 0.0)))
+
+
+def _parts(log: MachineLog, used: Mask, machine: str | None, share: float) -> tuple[dict[str, Mask], Mask]:
+    """Named parts of the judged records, the one to fit on first; and all records of that one."""
+    if machine is not None:
+        if machine not in log.machine_names:
+            raise InputError("machine", machine, f"expected one of {', '.join(log.machine_names)}")
+        first = np.asarray(log.machine == log.machine_names.index(machine))
+        parts = {f"machine {machine}": first & used}
+        others = [i for i, name in enumerate(log.machine_names) if name != machine]
+        parts |= {f"machine {log.machine_names[i]}": (log.machine == i) & used for i in others}
+        return parts, first
+    if not 0.05 <= share <= 0.95:
+        raise InputError("share", share, "expected 0.05 to 0.95")
+    first = np.arange(len(log)) < round(share * len(log))
+    names = f"first {100 * share:.0f} %", f"last {100 - 100 * share:.0f} %"
+    return {names[0]: first & used, names[1]: ~first & used}, first
+
+
+class _Runner:
+    """Runs along one log; the process only anew when it changed."""
+
+    def __init__(self, log: MachineLog, drive: Drive) -> None:
+        self._log, self._drive = log, drive
+        self._loads: list[tuple[Any, list[MachineLoad]]] = []
+
+    def run(self, machine: MachineCard) -> dict[str, Array]:
+        """The simulated series, SI."""
+        works = works_of(machine)
+        key = (works.transport, works.threshing, works.cleaning)
+        loads = next((made for known, made in self._loads if known == key), None)
+        if loads is None:
+            loads = run_process(machine, self._log, self._drive)
+            self._loads = [*self._loads[-1:], (key, loads)]
+        return run_engine(machine, self._log, self._drive, loads)
+
+
+def changed(card: Card, values: Mapping[str, float]) -> Card:
+    """A copy of a card with other numbers, by dotted key. Raises InputError for a key that it has not."""
+    made = copy.copy(card)
+    made.data = copy.deepcopy(card.data)
+    for key, value in values.items():
+        card.number(key)
+        made.entry(key)["value"] = float(value)
+    return made
+
+
+def _fit(
+    card: Card, log: MachineLog, mask: Mask, drive: Drive, keys: Sequence[str], on: Sequence[str]
+) -> tuple[Card, tuple[Fitted, ...]]:
+    """Least squares over the card's keys; each quantity over its own spread."""
+    try:
+        from scipy.optimize import least_squares
+    except ImportError as error:
+        raise MissingExtra("geo", "fitting a model") from error
+    start = np.array([card.number(key) for key in keys])
+    if not (start > 0.0).all():
+        raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")
+    if mask.sum() < FEWEST:
+        raise InputError("fit", int(mask.sum()), f"expected at least {FEWEST} records to fit on")
+    span = np.zeros(len(log), dtype=bool)
+    span[np.flatnonzero(mask)[0] : np.flatnonzero(mask)[-1] + 1] = True
+    part, inside = log.keep(span), mask[span]
+    runner = _Runner(part, drive)
+    spread = {q: float(np.nanstd(part.measured[q][inside])) or 1.0 for q in on}
+
+    def residuals(ratio: Array) -> Array:
+        try:
+            machine = read_machine(changed(card, dict(zip(keys, start * ratio, strict=True))))
+        except InputError:  # beyond what a card may say
+            return np.full(len(on) * int(inside.sum()), 10.0)
+        made = runner.run(machine)
+        return np.concatenate([(made[q] - part.measured[q])[inside] / spread[q] for q in on])
+
+    found = least_squares(residuals, np.ones(len(keys)), bounds=RANGE, diff_step=0.02, xtol=1e-4, ftol=1e-5)
+    doubt = _standard_errors(found.jac, found.fun) * start
+    units = [str(card.entry(key).get("unit", "")).split(",")[0] for key in keys]
+    rows = zip(keys, start, start * found.x, doubt, units, strict=True)
+    best = changed(card, dict(zip(keys, start * found.x, strict=True)))
+    return best, tuple(Fitted(*map(_plain, r)) for r in rows)
+
+
+def _plain(value: Any) -> Any:
+    return float(f"{value:.5g}") if isinstance(value, float | np.floating) else value
+
+
+def _standard_errors(jacobian: Array, residual: Array) -> Array:
+    freedom = max(len(residual) - jacobian.shape[1], 1)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    return np.asarray(np.sqrt(np.diag(inverse) * float(residual @ residual) / freedom))
+
+
+def _regressions(
+    log: MachineLog, measured: Mapping[str, Array], mask: Mask
+) -> tuple[dict[str, dict[str, Array]], dict[str, dict[str, list[float]]]]:
+    """quantity -> name -> series of plain regressions on flow and speed, fitted on the records of a mask."""
+    series: dict[str, dict[str, Array]] = {}
+    coefficients: dict[str, dict[str, list[float]]] = {}
+    for quantity, values in measured.items():
+        lag, _ = best_lag(log.flow, values, mask, log)
+        period = float(np.median(log.duration))
+        series[quantity], coefficients[quantity] = {}, {}
+        for name, shift in (("regression", 0), ("regression with lag", max(round(lag / period), 0))):
+            terms = np.stack([np.ones(len(log)), _later(log, shift), log.speed], axis=1)
+            found = np.linalg.lstsq(terms[mask], values[mask], rcond=None)[0]
+            series[quantity][name] = terms @ found
+            coefficients[quantity][name] = [*(float(c) for c in found), shift * period]
+    return series, coefficients
+
+
+def _later(log: MachineLog, count: int) -> Array:
+    """The flow so many records before, that of the first record of a stretch where there is none."""
+    index = np.arange(len(log))
+    first = np.maximum.accumulate(np.where(log.gap, index, 0))
+    return np.asarray(log.flow[np.maximum(index - count, first)])
+
+
+def _by_load(
+    measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask
+) -> list[dict[str, float]]:
+    """Mean engine speed [1/min] in bins of load, each series over its own load."""
+    if "engine_speed" not in measured or "engine_load" not in measured:
+        return []
+    rows = []
+    for low, high in LOAD_BINS:
+        row: dict[str, float] = {"from_percent": low, "to_percent": high}
+        for name, of in (("measured", measured), ("simulated", simulated)):
+            inside = mask & (of["engine_load"] >= low) & (of["engine_load"] < high)
+            row[f"{name}_count"] = int(inside.sum())
+            is_enough = inside.sum() >= FEWEST
+            row[f"{name}_rpm"] = float(of["engine_speed"][inside].mean()) if is_enough else float("nan")
+        row["error_percent"] = 100.0 * (row["simulated_rpm"] / row["measured_rpm"] - 1.0)
+        rows.append(row)
+    return rows
+
+
+def _fuel_line(
+    log: MachineLog, measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask
+) -> dict[str, dict[str, float]]:
+    """Intercept and slope of fuel over crop flow."""
+    if "fuel" not in measured:
+        return {}
+    terms = np.stack([np.ones(int(mask.sum())), log.flow[mask]], axis=1)
+    made = {}
+    for name, of in (("measured", measured), ("simulated", simulated)):
+        a, b = np.linalg.lstsq(terms, of["fuel"][mask], rcond=None)[0]
+        made[name] = {"intercept": float(a), "slope": float(b)}
+    return made
