@@ -11,8 +11,10 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import load_crop
+from swath.job import run_job
 from swath.rays.spread import SpreadTable, quantile_nodes
 from swath.sensing.tables import load_table, save_table
+from swath.sim.scenario import parse_scenario
 from swath.study.calibrate import (
     SMALL,
     fit_correlation,
@@ -20,7 +22,7 @@ from swath.study.calibrate import (
     normal_scores,
 )
 from swath.study.compare import compare
-from swath.study.measured import COLUMNS, fit_samples, read_samples
+from swath.study.measured import COLUMNS, fit_samples, read_run, read_samples
 from swath.study.stand_rays import LINE, Place, Reading, Returns
 
 
@@ -135,6 +137,32 @@ def test_measured_beams_over_known_stands(tmp_path, kind):
     found = compare(table.heights(share, 600.0, 0.85, 25.0 * DEG, 0.06), height[density == 600.0])
     assert found.wasserstein_m < 0.02
     assert abs(found.ground_bias) < 0.03
+
+
+RUN = """
+name: recorded
+seed: 2
+run: {distance_m: 3, max_duration_s: 5}
+field:
+  terrain: {level: formula, slope_percent: 1.0}
+  stand: {level: uniform, stems_per_m2: 400}
+  edge: {shape: straight}
+combine:
+  motion: {level: single_track, start_speed_kmh: 7}
+  lidar: {sub_rays: 7, sector_deg: [-40, 20], step_deg: 1.0, noise: none}
+"""
+
+
+def test_a_recorded_run_gives_a_table_of_its_stand(tmp_path):
+    """Heights of the run's own beams, its ground and stand known from the scenario."""
+    run_job(parse_scenario(RUN), tmp_path / "run", report=False)
+    samples, crop = read_run(tmp_path / "run")
+    assert crop == "wheat"
+    assert np.unique(samples.place[:, 0]).tolist() == [400.0]
+    assert samples.place[:, 1] == pytest.approx(0.85)
+    assert 7.0 * DEG < samples.place[:, 2].min() < samples.place[:, 2].max() < 18.0 * DEG
+    assert 0.03 < samples.place[:, 3].min() < samples.place[:, 3].max() < 0.08  # 13 mm + 4.7 mrad
+    assert 0.7 < np.median(samples.height) < 0.95
 
 
 def test_command_writes_a_table_that_the_level_takes(tmp_path, capsys):
