@@ -162,6 +162,7 @@ class UprightStand:
 
 def _crop(stems: Stems) -> Crop:
     wheat = load_crop("wheat")
+    assert wheat.ear is not None
     return replace(
         wheat,
         stand=replace(wheat.stand, height=stems.tip, height_cv=stems.tip_cv),
