@@ -69,7 +69,7 @@ def test_a_table_of_known_height_is_measured_where_it_is(degrees, tmp_path):
         ''')
     )
     settings = Settings(
-        **TINY | {"levels": ("plane.py:Plane",), "depressions_deg": (degrees,)}, base=tmp_path
+        **TINY | {"levels": ("plane.py:Plane",), "depressions_deg": (degrees,)}, seeds=1, base=tmp_path
     )
     found = np.concatenate(heights_of(run_lab(settings), "plane.py:Plane"))
     assert len(found) == 2 * 41
