@@ -178,7 +178,7 @@ def test_tiny_polygons_cut_nothing_or_one_cell():
 
 
 def test_the_edge_is_found_where_it_is():
-    field = made_field(edge=StraightEdge(x_m=1.234, heading_deg=90.0))
+    field = made_field(edge=StraightEdge(x_m=1.234, heading_deg=90.0, crop_begins_m=None))
     along = np.linspace(-30.0, 30.0, 40)
     found = [field.edge_offset([-3.0, y], [6.0, y + 1.0]) for y in along]
     slanted = np.hypot(9.0, 1.0) / 9.0 * 4.234
