@@ -16,7 +16,7 @@ from swath.view.stand3d import COLOURS, NAMES
 
 INK, GRID = "#33373d", "#d9dbde"
 WIDTH, DEPTH = 1.5, 0.45  # of the strip, across and into the picture [m]
-VIEW_DOWN = np.radians(12.0)
+VIEW_DOWN = np.radians(6.0)
 PICTURES = {
     "wheat": ("wheat", None),
     "barley": ("barley", None),
@@ -66,7 +66,7 @@ def draw(path: Path, crop: Crop, weeds: Weeds | None) -> None:
         tile_count=3,
         weeds=None if weeds is None else weed_crop(weeds),
     )
-    depth = 1.5 if crop.habit == "maize" else DEPTH
+    depth = 0.8 if crop.habit == "maize" else DEPTH
     quads, height, organ, _ = strip(library, depth)
     table = np.array([to_rgb(COLOURS.get(k, "#999999")) for k in range(len(Organ))])
     rgb = table[organ] * (0.55 + 0.45 * np.clip(height, 0, 1))[:, None]
