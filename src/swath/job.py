@@ -90,7 +90,7 @@ class Watch:
                 "swath": __version__,
                 "machine": world.leader.card.name,
             },
-            self.referees[world.leader.name].metrics(),
+            {**self.referees[world.leader.name].metrics(), **world.leader.coverage()},
             {k: v.model_dump(exclude_none=True) for k, v in scenario.expect.items()},
             simulated_s=world.graph.t / NS,
             wall_s=wall_s,

@@ -7,7 +7,6 @@ distribution of the heights that were measured in and around it as LEVELS quanti
 """
 
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -141,27 +140,41 @@ def load_height_grid(path: Path) -> HeightGrid:
     if not path.is_file():
         raise wrong("a file made by `swath replay build`")
     try:
-        with np.load(path, allow_pickle=False) as data:
-            if "format" not in data or str(data["format"]) != FORMAT:
-                raise wrong(f"a file made by `swath replay build` ({FORMAT})")
-            grid = HeightGrid(
-                origin=np.asarray(data["origin_m"], np.float64),
-                yaw=float(data["yaw_rad"]),
-                cell=float(data["cell_m"]),
-                table=np.asarray(data["table"], np.int32),
-                quantiles=np.ascontiguousarray(data["height_quantiles_mm"], np.int16),
-                count=np.asarray(data["count"], np.uint16),
-                intensity=np.asarray(data["intensity"], np.float32),
-                ground=np.ascontiguousarray(data["ground_m"], np.float32),
-                about=json.loads(bytes(data["about"]).decode()),
-            )
-    except InputError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zipfile.zlib.error) as e:  # type: ignore[attr-defined]
-        raise wrong(f"a file made by `swath replay build`, this one cannot be read ({e})") from e
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data.files}
+        grid = _grid_of(arrays)
+    except Exception as error:  # zip, deflate, array headers and JSON: each breaks in its own way
+        text = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise wrong(
+            f"a file made by `swath replay build` ({FORMAT}), this one cannot be read: {text}"
+        ) from error
     if (fault := _fault(grid)) is not None:
         raise wrong(fault)
     return grid
+
+
+def _grid_of(arrays: Mapping[str, NDArray[Any]]) -> HeightGrid:
+    """The grid of a file's arrays. KeyError, TypeError or ValueError for others."""
+    if str(arrays["format"]) != FORMAT:
+        raise ValueError(f"it says {str(arrays['format'])[:40]!r}")
+
+    def take(name: str, kind: Any) -> NDArray[Any]:
+        if not np.can_cast(arrays[name].dtype, kind, casting="same_kind"):
+            raise TypeError(f"{name} holds {arrays[name].dtype}")
+        with np.errstate(over="ignore"):
+            return np.ascontiguousarray(arrays[name], kind)
+
+    return HeightGrid(
+        origin=take("origin_m", np.float64),
+        yaw=float(take("yaw_rad", np.float64).item()),
+        cell=float(take("cell_m", np.float64).item()),
+        table=take("table", np.int32),
+        quantiles=take("height_quantiles_mm", np.int16),
+        count=take("count", np.uint16),
+        intensity=take("intensity", np.float32),
+        ground=take("ground_m", np.float32),
+        about=dict(json.loads(bytes(take("about", np.uint8)).decode())),
+    )
 
 
 def _fault(g: HeightGrid) -> str | None:

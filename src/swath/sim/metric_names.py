@@ -28,4 +28,5 @@ LIMITABLE_METRICS: tuple[str, ...] = (
     "distance_m",
     "real_time_factor",
     "ray_count",
+    "unmeasured_beam_share",
 )

@@ -48,6 +48,12 @@ class Machine:
         """Rays cast by all sensors so far."""
         return sum(int(getattr(part, "ray_count", 0)) for part in self.parts.values())
 
+    def coverage(self) -> dict[str, float]:
+        """`unmeasured_beam_share` of a machine that replays measured scans, nothing of any other."""
+        told = [part for part in self.parts.values() if hasattr(part, "unmeasured_count")]
+        beams = sum(int(part.beam_count) for part in told)
+        return {"unmeasured_beam_share": sum(int(p.unmeasured_count) for p in told) / beams} if beams else {}
+
     @property
     def notes(self) -> list[str]:
         """What the parts want the user to know about the run, each once."""

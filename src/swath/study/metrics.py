@@ -42,6 +42,7 @@ METRICS: dict[str, str] = {
     "distance_m": "way of the fixed axle's centre [m]",
     "real_time_factor": "simulated time / wall time",
     "ray_count": "rays cast",
+    "unmeasured_beam_share": "share of the beams of replayed scans that ended where nothing was measured",
     "digest": "fingerprint of every sample of the run",
     "incomplete": "true when the run was stopped before its end",
     "expect": "limits with value and verdict",

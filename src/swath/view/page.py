@@ -42,6 +42,7 @@ GROUPS: dict[str, dict[str, tuple[str, str, float, int]]] = {
         "wall_s": ("wall time", "s", 1.0, 1),
         "real_time_factor": ("real-time factor", "×", 1.0, 2),
         "ray_count": ("rays cast", "", 1.0, 0),
+        "unmeasured_beam_share": ("beams where nothing was measured", "%", 100.0, 2),
     },
 }
 

@@ -134,6 +134,14 @@ class ReplayLidar:
         points = origins + distance[:, None] * directions
         return self.scanner.outputs_of(t, measured, intensity, points, origins)
 
+    @property
+    def notes(self) -> list[str]:
+        """How many beams the measurement had no answer for."""
+        if self.unmeasured_count == 0:
+            return []
+        share = 100.0 * self.unmeasured_count / self.beam_count
+        return [f"lidar: {share:.1f} % of the beams ended where nothing was measured"]
+
     def save(self) -> State:
         """The last pose and the counters; what was cut is the field's to remember."""
         counts = (self.ray_count, self.beam_count, self.unmeasured_count)
