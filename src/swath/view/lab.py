@@ -74,8 +74,9 @@ def _figures(lab: Lab, cases: Sequence[JudgedCase]) -> list[Figure]:
         mine = [c for c in cases if c.heights.case.depression_deg == degrees]
         fig = lab_plots.histograms_figure(lab, mine)
         caption = (
-            "Normalised histograms in bins of 2 cm: the mean of all seeds as a line, from the lowest to the "
-            f"highest seed as a band. {degrees:g}° is how far the middle beam looks down."
+            "Normalised histograms in bins of 2 cm, means of the seeds; the band is the repeatability of "
+            f"{lab.levels[0]}, from the lowest to the highest seed. {degrees:g}° is how far the middle beam "
+            "looks down."
         )
         made.append(Figure(f"Measured height at {degrees:g}°", plots.as_image(fig), caption))
     if len(lab.settings.depressions_deg) > 1:
@@ -165,7 +166,8 @@ def _row(case: JudgedCase, judged: Judged) -> str:
 
 
 def _signed(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}".replace("-", "−")
+    text = f"{value:.{digits}f}"
+    return text.replace("-", "" if float(text) == 0.0 else "−")
 
 
 def _statistics(cases: Sequence[JudgedCase]) -> str:

@@ -26,7 +26,7 @@ def level_colours(levels: Sequence[str]) -> dict[str, str]:
 
 
 def histograms_figure(lab: Lab, cases: Sequence[JudgedCase]) -> Any:
-    """One depression: densities from left to right, scanners from top to bottom."""
+    """One depression: densities from left to right, scanners from top to bottom; band: the first level's."""
     densities, sensors = lab.settings.densities, lab.settings.sensors
     fig = figure(11.0, 0.6 + 2.5 * len(sensors))
     axes = fig.subplots(len(sensors), len(densities), sharex=True, squeeze=False)
@@ -55,7 +55,7 @@ def _plot_histograms(ax: Any, case: JudgedCase, low: int, high: int, colours: di
     for name, heights in case.heights.heights.items():
         rows: F64 = np.array([histogram(h, low, high) for h in heights], np.float64)
         colour = colours[name]
-        if len(rows) > 1:
+        if len(rows) > 1 and name == next(iter(case.heights.heights)):
             _band(ax, edges, rows, colour)
         ax.stairs(rows.mean(axis=0), edges, baseline=None, color=colour, lw=1.5, label=name)
     ax.set_ylim(bottom=0.0)
@@ -97,7 +97,7 @@ def trends_figure(lab: Lab, cases: Sequence[JudgedCase]) -> Any:
         ax.set_xlabel("looking down [deg]")
         ax.set_xticks(sorted(lab.settings.depressions_deg))
     handles, labels = axes[0].get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper left", ncol=min(len(labels), 4))
+    fig.legend(handles, labels, loc="outside upper left", ncol=min(len(labels), 4), handlelength=3.2)
     return fig
 
 
