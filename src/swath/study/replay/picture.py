@@ -105,8 +105,7 @@ def _map(
     import matplotlib
     from matplotlib.colors import LogNorm
 
-    shades = matplotlib.colormaps[colours].copy()
-    shades.set_bad(NEVER)
+    shades = matplotlib.colormaps[colours].with_extremes(bad=NEVER)
     norm = None
     if log:
         values = np.where(np.isfinite(values), np.maximum(values, 0.5), np.nan)

@@ -150,8 +150,8 @@ def _vector(data: Mapping[str, Any], key: str, count: int, path: Path, default: 
     if value.shape != (count,) or value.dtype.kind not in "biuf":
         raise InputError(key, str(value.shape), f"expected {count} numbers", file=path)
     numbers = np.asarray(value, dtype=np.float64)
-    if key == "angle_deg" and not np.isfinite(numbers).all():
-        raise InputError(key, "nan", "expected finite angles", file=path)
+    if key == "angle_deg" and not (np.abs(numbers) <= 720.0).all():
+        raise InputError(key, None, "expected angles within 720 degrees", file=path)
     return numbers
 
 

@@ -1,0 +1,404 @@
+"""From measured scans to a grid: sources, cells, ground, files; and the real scans of a vineyard."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swath.cli import main
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.units import DEG
+from swath.rays.height_grid import NONE, load_height_grid
+from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster, surface
+from swath.sim.mcap import McapFile
+from swath.study.replay.bag import CUT_OFF
+from swath.study.replay.build import Settings, build_replay, open_source
+from swath.study.replay.gather import Gatherer, Samples, pool
+from swath.study.replay.passing import stop_weights
+from swath.study.replay.poses import PoseTrack, euler_of, make_track
+from swath.study.replay.source import Wanted
+
+DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+VINEYARD = DATA / "lms200_vineyard_protolidar" / "lms200_scans.npz"
+MOUNT = Pose.from_euler((1.0, 0.0, 2.0), pitch=30 * DEG)
+MOUNT_TEXT = "1,0,2,0,30,0"
+SCANS, BEAMS = 60, 61
+AZIMUTH = np.linspace(-30, 30, BEAMS)
+
+
+def made_scans():
+    """Ranges of a scanner that drives along x past a step at y = 0: 0.8 m high to its right, else bare.
+
+    The wall is seen by the beams that meet it below its top.
+    """
+    x = 0.1 * np.arange(SCANS)
+    a = AZIMUTH * DEG
+    d = MOUNT.turn(np.stack([np.cos(a), np.sin(a), 0 * a], axis=1))
+    y0 = 0.3  # left of the step
+    top, ground = (2.0 - 0.8) / -d[:, 2], 2.0 / -d[:, 2]
+    wall = np.where(d[:, 1] < 0, -y0 / np.minimum(d[:, 1], -1e-9), np.inf)
+    ranges = np.where(wall > ground, ground, np.where(wall > top, wall, top))
+    return x, np.tile(ranges, (SCANS, 1)), y0
+
+
+def write_npz(path, **changes):
+    x, ranges, y0 = made_scans()
+    arrays = {
+        "ranges_m": ranges,
+        "angle_deg": AZIMUTH,
+        "scan_time_s": 0.1 * np.arange(SCANS),
+        "x_m": x,
+        "y_m": np.full(SCANS, y0),
+        "z_m": np.full(SCANS, 5.0),
+    } | changes
+    np.savez(path, **{k: v for k, v in arrays.items() if v is not None})
+    return path
+
+
+def write_csv(path):
+    x, ranges, y0 = made_scans()
+    time = np.repeat(0.1 * np.arange(SCANS), BEAMS)
+    table = np.column_stack([time, ranges.ravel(), np.tile(AZIMUTH, SCANS)])
+    np.savetxt(path, table, delimiter=",", header="t_s,range_m,azimuth_deg", comments="", fmt="%.9g")
+    poses = np.column_stack([0.1 * np.arange(SCANS), x, np.full(SCANS, y0), np.full(SCANS, 5.0)])
+    track = path.with_name("poses.csv")
+    np.savetxt(track, poses, delimiter=",", header="t_s,x_m,y_m,z_m", comments="", fmt="%.9g")
+    return path, track
+
+
+def write_mcap(path, *, cloud=False):
+    """The same drive as a recording with /tf_static."""
+    x, ranges, y0 = made_scans()
+    file = McapFile(path)
+    make, ns = file.make, 1_000_000_000
+    turn = make(
+        "geometry_msgs/msg/Transform",
+        translation=file.vector(*MOUNT.position),
+        rotation=file.quaternion(MOUNT),
+    )
+    link = make(
+        "geometry_msgs/msg/TransformStamped",
+        header=file.header(0, "base"),
+        child_frame_id="lidar",
+        transform=turn,
+    )
+    file.write("/tf_static", 0, make("tf2_msgs/msg/TFMessage", transforms=[link]))
+    blank = np.zeros(36)
+    for k in range(SCANS):
+        t = k * ns // 10
+        pose = Pose.from_euler((x[k], y0, 5.0))
+        twist = make("geometry_msgs/msg/Twist", linear=file.vector(), angular=file.vector())
+        file.write(
+            "/odom",
+            t,
+            make(
+                "nav_msgs/msg/Odometry",
+                header=file.header(t, "map"),
+                child_frame_id="base",
+                pose=make("geometry_msgs/msg/PoseWithCovariance", pose=file.pose(pose), covariance=blank),
+                twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=blank),
+            ),
+        )
+        file.write(
+            "/scan",
+            t,
+            make(
+                "sensor_msgs/msg/LaserScan",
+                header=file.header(t, "lidar"),
+                angle_min=AZIMUTH[0] * DEG,
+                angle_max=AZIMUTH[-1] * DEG,
+                angle_increment=(AZIMUTH[1] - AZIMUTH[0]) * DEG,
+                time_increment=0.0,
+                scan_time=0.0,
+                range_min=0.1,
+                range_max=50.0,
+                ranges=np.append(ranges[k, :-1], np.inf).astype(np.float32),
+                intensities=np.full(BEAMS, 0.4, np.float32),
+            ),
+        )
+    file.close()
+    return path
+
+
+def grid_of(path, poses=None, **keys):
+    return build_replay(open_source(path, Wanted(mount=MOUNT), poses), Settings(reach_m=8.0, **keys))
+
+
+def test_heights_step_and_ground_of_a_made_drive(tmp_path):
+    grid = grid_of(write_npz(tmp_path / "s.npz"))
+    assert grid.about["scans"] == SCANS
+    assert grid.about["echoes"] == SCANS * BEAMS
+    x = np.linspace(4.8, 7.0, 23)
+    assert np.allclose(surface(grid, x, np.full(23, -0.4), 16), 5.8, atol=0.011)
+    assert np.allclose(surface(grid, x, np.full(23, 0.4), 16), 5.0, atol=0.011)
+    assert np.allclose(grid.ground_height(x, 0 * x), 5.0, atol=1e-3)
+    assert np.isnan(surface(grid, [0.0, 50.0], [0.0, 0.0], 16)).all()
+    lit = grid.cells_at(5.0, -0.4)
+    assert grid.quantiles.reshape(-1, 32)[lit, 0] != NONE
+
+
+def test_npz_csv_and_recordings_say_the_same(tmp_path):
+    npz = grid_of(write_npz(tmp_path / "s.npz"))
+    path, poses = write_csv(tmp_path / "s.csv")
+    csv = grid_of(path, poses)
+    bag = build_replay(open_source(write_mcap(tmp_path / "s.mcap"), Wanted()), Settings(reach_m=8.0))
+    assert np.array_equal(npz.quantiles, csv.quantiles)
+    assert np.array_equal(npz.table, csv.table)
+    assert bag.about["beams_without_echo"] == SCANS  # the last beam of each
+    assert bag.about["echoes"] == SCANS * (BEAMS - 1)
+    at = np.linspace(4.0, 6.0, 21)
+    for y in (-0.5, 0.5):
+        a, b = (surface(g, at, np.full(21, y), 16) for g in (npz, bag))
+        assert np.nanmax(np.abs(a - b)) < 0.003
+    assert np.nanmean(bag.intensity) == pytest.approx(0.4, abs=1e-3)
+
+
+def test_a_recording_that_breaks_off_is_read_up_to_there(tmp_path):
+    whole = write_mcap(tmp_path / "whole.mcap").read_bytes()
+    rng = np.random.default_rng(1)
+    data = write_noisy_mcap(tmp_path / "big.mcap", rng)
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(data[: int(0.6 * len(data))])
+    grid = build_replay(open_source(path, Wanted()), Settings(reach_m=8.0))
+    assert grid.about["notes"] == {CUT_OFF: 1}
+    full = build_replay(open_source(tmp_path / "big.mcap", Wanted()), Settings(reach_m=8.0))
+    assert 0.3 * full.about["scans"] < grid.about["scans"] < full.about["scans"]
+    path.write_bytes(whole[:40])
+    with pytest.raises(InputError, match="expected messages, there are none"):
+        open_source(path, Wanted())
+
+
+def write_noisy_mcap(path, rng):
+    """Scans that do not compress, so that the file has several chunks."""
+    file = McapFile(path)
+    make = file.make
+    for k in range(200):
+        t = k * 100_000_000
+        pose = make(
+            "geometry_msgs/msg/PoseStamped",
+            header=file.header(t, "map"),
+            pose=file.pose(Pose.from_euler((0.05 * k, 0, 0))),
+        )
+        file.write("/pose", t, pose)
+        count = 500
+        table = np.zeros(count, [("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+        table["x"], table["y"] = rng.uniform(1, 4, count), rng.uniform(-2, 2, count)
+        table["z"] = rng.uniform(0, 0.8, count)
+        fields = [
+            make("sensor_msgs/msg/PointField", name=n, offset=4 * i, datatype=7, count=1)
+            for i, n in enumerate("xyz")
+        ]
+        cloud = make(
+            "sensor_msgs/msg/PointCloud2", header=file.header(t, ""), height=1, width=count, fields=fields,
+            is_bigendian=False, point_step=12, row_step=12 * count, is_dense=True,
+            data=np.frombuffer(table.tobytes(), np.uint8),
+        )  # fmt: skip
+        file.write("/points", t, cloud)
+    file.close()
+    return path.read_bytes()
+
+
+def test_topics_and_mounting_are_asked_for_when_they_are_not_clear(tmp_path):
+    path = write_mcap(tmp_path / "s.mcap")
+    with pytest.raises(InputError, match=r"--scans = /nothing: expected one of /scan"):
+        open_source(path, Wanted(scans="/nothing"))
+    with pytest.raises(InputError, match="expected a run folder or a rosbag folder"):
+        open_source(tmp_path, Wanted())
+    with pytest.raises(InputError, match=r"expected a run folder, \.mcap"):
+        open_source(tmp_path / "no.mcap", Wanted())
+    (tmp_path / "x.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(50))
+    with pytest.raises(InputError, match="readable rosbag"):
+        open_source(tmp_path / "x.bag", Wanted())
+    (tmp_path / "x.mcap").write_bytes(b"hello")
+    with pytest.raises(InputError, match="expected an MCAP file"):
+        open_source(tmp_path / "x.mcap", Wanted())
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    key=st.sampled_from(["ranges_m", "angle_deg", "scan_time_s", "x_m", "y_m", "z_m"]),
+    how=st.sampled_from(["drop", "short", "text", "nan", "inf", "huge"]),
+)
+def test_broken_tables_are_named_or_counted(key, how, tmp_path_factory):
+    path = write_npz(tmp_path_factory.mktemp("npz") / "s.npz")
+    with np.load(path) as data:
+        old = data[key]
+    value = {
+        "drop": None,
+        "short": old[:-1],
+        "text": np.full(old.shape, "a"),
+        "nan": np.full(old.shape, np.nan),
+        "inf": np.full(old.shape, np.inf),
+        "huge": np.full(old.shape, 1e12),
+    }[how]
+    write_npz(path, **{key: value})
+    if (key, how) == ("z_m", "drop"):
+        assert grid_of(path).is_measured.any()
+        return
+    with pytest.raises(InputError):
+        grid_of(path)
+
+
+def test_some_bad_ranges_and_poses_are_left_out_and_counted(tmp_path):
+    x, ranges, _ = made_scans()
+    ranges[3, :] = np.nan
+    ranges[4, :5] = 8191.0
+    x[7] = np.nan
+    grid = grid_of(write_npz(tmp_path / "s.npz", ranges_m=ranges, x_m=x))
+    assert grid.about["beams_without_echo"] == BEAMS + 5
+    assert grid.about["echoes"] == SCANS * BEAMS - BEAMS - 5
+
+
+def test_csv_errors_are_named(tmp_path):
+    path, poses = write_csv(tmp_path / "s.csv")
+    with pytest.raises(InputError, match="--poses: expected a table of poses"):
+        open_source(path, Wanted())
+    poses.write_text("t_s,x\n1,2\n")
+    with pytest.raises(InputError, match=r"columns = t_s, x: expected columns t_s, x_m, y_m.*poses.csv"):
+        open_source(path, Wanted(), poses)
+    poses.write_text("t_s,x_m,y_m\n1,2,north\n")
+    with pytest.raises(InputError, match=r"y_m: expected numbers only.*poses.csv"):
+        open_source(path, Wanted(), poses)
+    poses.write_text("t_s,x_m,y_m\n1,2,3\n1,2,3\n")
+    with pytest.raises(InputError, match="at least two finite poses"):
+        open_source(path, Wanted(), poses)
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match=r"columns = a, b"):
+        open_source(path, Wanted(), poses)
+
+
+def test_the_kept_sample_does_not_depend_on_the_parts_and_is_bounded():
+    rng = np.random.default_rng(0)
+    c, r = rng.integers(0, 5, 4000), rng.integers(0, 4, 4000)
+    h, bright = rng.normal(500, 90, 4000), np.full(4000, np.nan)
+    one, many = Gatherer(64, 8, 1), Gatherer(64, 8, 1)
+    one.add(c, r, h, bright)
+    for part in np.array_split(np.arange(4000), 13):
+        many.add(c[part], r[part], h[part], bright[part])
+        many._merge()
+    a, b = one.finish(), many.finish()
+    assert np.array_equal(a.key, b.key)
+    assert np.array_equal(a.height, b.height)
+    assert len(a.key) == 20 * 8
+    assert a.counts.sum() == 4000
+    assert a.number.sum() == pytest.approx(4000)
+    assert abs(a.height.mean() - 500) < 30
+
+
+def test_stopped_beams_are_estimated_from_those_that_passed():
+    # layers 0 and 3 of one cell: 10 of 20 beams stop in the upper one, all the rest in the lower one
+    cell, layer = np.zeros(20, int), np.repeat([0, 3], 10)
+    share, passed = stop_weights(cell, layer, np.ones(20), np.repeat([10.0, 20.0], 10))
+    assert share[layer == 3].sum() == pytest.approx(1 - np.exp(-0.5))
+    assert share[layer == 0].sum() == pytest.approx(np.exp(-0.5) * (1 - np.exp(-1.0)))
+    assert share.sum() + passed[0] == pytest.approx(1.0)
+    # ten times as many went through the upper layer: what was measured there weighs less
+    few, _ = stop_weights(cell, layer, np.ones(20), np.repeat([10.0, 200.0], 10))
+    assert few[layer == 3].sum() == pytest.approx(1 - np.exp(-0.05))
+
+
+def test_cells_keep_a_distribution_and_neighbours_lend_theirs():
+    key = np.full(100, 5 * 256 + 40)
+    height = np.sort(np.repeat([0, 800], 50)).astype(np.int16)
+    samples = Samples(256, key, height, key[:1], np.array([100]), np.array([0.5]))
+    block = pool(samples, 0, 0, along=0, across=0)
+    assert (block[5, 40, :16] == 0).all()
+    assert (block[5, 40, 16:] == 800).all()
+    assert (block[4:7, 39:42] == block[5, 40]).all()
+    assert (block[3, 40] == NONE).all()
+    assert np.count_nonzero(block[..., 0] != NONE) == 9
+
+
+def test_poses_between_rows_and_over_the_jump_of_the_heading():
+    track = make_track(
+        [2.0, 0.0, 1.0],
+        [[2, 0, 0], [0, 0, 0], [1, 0, 0]],
+        np.radians([[0, 0, -179], [0, 0, 179], [0, 0, 180]]),
+    )
+    place, turn, known = track.at(np.array([0.5, 1.5, 9.0]))
+    assert np.allclose(place[:2, 0], [0.5, 1.5])
+    assert np.degrees(np.arctan2(turn[1, 1, 0], turn[1, 0, 0])) == pytest.approx(-179.5)
+    assert known.tolist() == [True, True, False]
+    assert isinstance(track, PoseTrack)
+    pose = Pose.from_euler((0, 0, 0), 0.1, -0.2, 2.5)
+    assert np.allclose(euler_of(pose.quaternion())[0], (0.1, -0.2, 2.5))
+
+
+def test_the_lowest_echoes_correct_the_ground(tmp_path):
+    _, ranges, _ = made_scans()
+    path = write_npz(tmp_path / "s.npz", z_m=np.full(SCANS, 5.2), ranges_m=ranges)  # poses 0.2 m too high
+    by_pose, by_echoes = grid_of(path), grid_of(path, ground="echoes")
+    assert float(by_pose.ground_height(5.0, 0.8)) == pytest.approx(5.2, abs=0.001)
+    assert float(by_echoes.ground_height(5.0, 0.8)) == pytest.approx(5.2, abs=0.02)
+    ranges = ranges * (2.2 / 2.0)  # now the ground really is 2.2 m below the scanner
+    path = write_npz(tmp_path / "t.npz", ranges_m=ranges)
+    assert float(grid_of(path, ground="echoes").ground_height(5.0, 0.8)) == pytest.approx(4.8, abs=0.02)
+
+
+def test_settings_out_of_range_are_named():
+    with pytest.raises(InputError, match=r"--cell-m = 0\.0: expected 0.01 to 5"):
+        Settings(cell_m=0.0)
+    with pytest.raises(InputError, match="--per-cell"):
+        Settings(per_cell=0)
+    with pytest.raises(InputError, match="--reach-m = nan"):
+        Settings(reach_m=float("nan"))
+
+
+def test_the_command_makes_file_and_picture_and_says_what_is_wrong(tmp_path, capsys):
+    source, out = write_npz(tmp_path / "s.npz"), tmp_path / "made" / "grid.npz"
+    args = ["replay", "build", str(source), "--out", str(out), "--mount", MOUNT_TEXT, "--reach-m", "8"]
+    assert main(args) == 0
+    said = capsys.readouterr().out
+    assert "level: replay" in said
+    assert out.with_suffix(".png").read_bytes()[:4] == b"\x89PNG"
+    first = out.read_bytes()
+    assert load_height_grid(out).about["scans"] == SCANS
+    assert main(args) == 0
+    assert out.read_bytes() == first
+    assert main([*args, "--mount", "1,2"]) == 2
+    assert "--mount = 1,2: expected six numbers" in capsys.readouterr().err
+    assert main(["replay", "build", str(source), "--out", str(tmp_path / "x.txt")]) == 2
+
+
+@pytest.mark.skipif(not VINEYARD.is_file(), reason="no real scans (set SWATH_DATA)")
+def test_real_scans_of_a_vineyard_are_driven_past():
+    mount = Pose.from_euler((0.0, 0.0, 0.9), roll=-90 * DEG, yaw=90 * DEG)  # looks to the left, sweeps down
+    source = open_source(VINEYARD, Wanted(mount=mount, range_max=8.0))
+    grid = build_replay(source, Settings(along_m=0.15, fill_m=0.05, reach_m=8.0, ground="echoes"))
+    with np.load(VINEYARD) as data:
+        angle, place, silent, ranges = (
+            data[k] for k in ("angle_deg", "pos_along_m", "no_return", "ranges_m")
+        )
+    assert grid.about["scans"] == 28
+    assert grid.about["echoes"] + grid.about["beams_without_echo"] == 28 * 361
+    assert grid.about["beams_without_echo"] == silent.sum()
+    caster = HeightCaster(grid)
+    d = mount.turn(np.stack([np.cos(angle * DEG), np.sin(angle * DEG), 0 * angle], axis=1))
+
+    def scan(x, y):
+        return caster.cast(np.tile([x, y, 0.9], (361, 1)), d, range_max=8.0, seed=int(1000 * x))
+
+    # where it was measured: most beams find what they found then
+    again = [scan(x, 0.0) for x in place]
+    both = np.array([(h.what == MEASURED) for h in again]) & ~silent
+    error = np.array([h.distance for h in again])[both] - ranges[both]
+    assert both.sum() > 0.75 * (~silent).sum()
+    assert np.median(np.abs(error)) < 0.03
+    # 0.2 m nearer and at another speed: the row is met 0.2 m earlier, and stays as high
+    nearer = [scan(x, 0.2) for x in np.arange(0.1, 1.8, 0.11)]
+    level = np.abs(angle) < 15.0
+
+    def face(hits):
+        found = np.concatenate([h.distance[level & (h.what == MEASURED)] for h in hits])
+        return float(np.quantile(found, 0.2))
+
+    assert face(again) - face(nearer) == pytest.approx(0.2, abs=0.05)
+    z = np.concatenate([(0.9 + h.distance * d[:, 2])[h.what == MEASURED] for h in nearer])
+    canopy = z[z > 0.3]
+    assert 1.2 < np.quantile(canopy, 0.95) < 1.7  # 1.45 m measured above ground
+    unknown = sum(int((h.what == UNMEASURED).sum()) for h in nearer)
+    assert 0 < unknown < 0.2 * 361 * len(nearer)
