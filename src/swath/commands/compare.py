@@ -12,6 +12,12 @@ _DESCRIPTION = (
 )
 
 
+BY_LOAD = (
+    ("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2), ("settled_rpm", 0),
+    ("settled_error_percent", 2),
+)  # fmt: skip
+
+
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("compare", help="compare a model with what was measured")
@@ -26,6 +32,7 @@ def add(parsers: Any) -> None:
     log.add_argument(
         "--share", type=float, default=0.5, metavar="S", help="else: fit on the first share (0.5)"
     )
+    log.add_argument("--alternate", action="store_true", help="else: on every other stretch between pauses")
     log.add_argument("--process", default="threshing", metavar="LEVEL", help="of the process (threshing)")
     log.add_argument("--engine", default="ideal", metavar="LEVEL", help="of the powertrain (ideal)")
     log.add_argument("--straw", type=float, default=0.65, metavar="R", help="straw per grain (0.65)")
@@ -62,7 +69,8 @@ def run_log(args: argparse.Namespace) -> int:
     with Console(stderr=True).status("reading the log") as status:
         made = compare_log(
             args.model, args.log, drive=drive, fit=args.fit, on=args.on or ["engine_load"],
-            machine=args.machine, share=args.share, columns=args.columns, progress=status.update,
+            machine=args.machine, share=args.share, alternate=args.alternate, columns=args.columns,
+            progress=status.update,
         )  # fmt: skip
     if made.fitted:
         rows = [[f.key, number(f.start), number(f.value), number(f.error), f.unit] for f in made.fitted]
@@ -71,11 +79,14 @@ def run_log(args: argparse.Namespace) -> int:
     table(f"{made.model} against {made.log_name}", head, figure_rows(made))
     if made.by_load:
         rows = [
-            [f"{r['from_percent']:.0f}-{r['to_percent']:.0f} %"]
-            + [f"{r[k]:.{d}f}" for k, d in (("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2))]
+            [f"{r['from_percent']:.0f}-{r['to_percent']:.0f} %"] + [f"{r[k]:.{d}f}" for k, d in BY_LOAD]
             for r in made.by_load
         ]
-        table("engine speed by load", ("load", "measured rpm", "simulated rpm", "error %"), rows)
+        table(
+            "engine speed by load",
+            ("load", "measured rpm", "simulated", "error %", "engine alone", "error %"),
+            rows,
+        )
     if made.fuel_line:
         rows = [[k, f"{v['intercept']:.2f}", f"{v['slope']:.3f}"] for k, v in made.fuel_line.items()]
         table("fuel over crop flow", ("", "l/h", "l/h per kg/s"), rows)
@@ -98,5 +109,5 @@ def _command(args: argparse.Namespace) -> str:
     for key, default in defaults.items():
         if getattr(args, key) != default:
             parts += [f"--{key.replace('_', '-')}", str(getattr(args, key))]
-    parts += ["--whole-crop"] if args.whole_crop else []
+    parts += [f"--{k.replace('_', '-')}" for k in ("alternate", "whole_crop") if getattr(args, k)]
     return shlex.join(parts)

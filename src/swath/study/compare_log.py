@@ -7,6 +7,7 @@ stands the plain regression load = a + b flow + c speed, without and with a lag.
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,11 @@ SHOWN = {"engine_load": ("%", 100.0), "engine_speed": ("1/min", 1.0 / RPM), "fue
 """Measured quantity -> unit of all figures, factor from SI."""
 LEAST_SPEED = 0.5  # m/s
 SETTLE = 15.0  # s behind a gap, before the crop has come through
+PAUSE = 60.0  # s, of a machine at rest: what lies between is a stretch of its own
 LAGS = 15  # records to either side in which a lag is searched
 LOAD_BINS = ((30, 50), (50, 65), (65, 75), (0, 75), (75, 85), (85, 92), (92, 97))  # percent
 FEWEST = 20  # records in a bin, or to compare at all
+DELAYS = ("transport.", "threshing.", "cleaning.")  # sections of the process
 RANGE = (0.02, 20.0)  # of a fitted value over its start
 
 
@@ -65,6 +68,7 @@ class LogComparison:
 
     parts: part -> records that are judged; figures: quantity -> part -> model and plain regressions
     by_load: engine speed in bins of load; fuel_line: intercept [l/h] and slope [l/h per kg/s] of both
+    by_flow: mean of every quantity in bins of the logged crop flow
     """
 
     model: str
@@ -81,6 +85,7 @@ class LogComparison:
     figures: dict[str, dict[str, dict[str, Figures]]]
     by_load: list[dict[str, float]]
     fuel_line: dict[str, dict[str, float]]
+    by_flow: list[dict[str, float]]
     card: dict[str, Any]
 
     def to_dict(self) -> dict[str, Any]:
@@ -100,6 +105,7 @@ class LogComparison:
             "plain_coefficients": self.coefficients,
             "engine_speed_by_load": self.by_load,
             "fuel_line": self.fuel_line,
+            "by_flow": self.by_flow,
             "notes": list(self.log.notes),
         }
 
@@ -113,27 +119,29 @@ def compare_log(
     on: Sequence[str] = ("engine_load",),
     machine: str | None = None,
     share: float = 0.5,
+    alternate: bool = False,
     columns: Path | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> LogComparison:
     """Run a machine along a log and judge it.
 
     model: name or path of a machine's card; log: a file, or one that is read already
-    fit: keys of the card to fit, to the quantities `on`; on the records of `machine` (a name of the log),
-    else on the first `share` of all records. columns: map file of the log. Raises InputError.
+    fit: keys of the card to fit, to the quantities `on`; on the records of `machine` (a name of the log), or
+    of every other stretch between pauses (`alternate`), or on the first `share` of all records
+    columns: map file of the log. Raises InputError.
     """
     read = log if isinstance(log, MachineLog) else read_machine_log(log, columns)
     card = Card(find_machine(model))
     chosen = drive or Drive()
     used = usable(read)
-    parts, first = _parts(read, used, machine, share)
+    parts, first = _parts(read, used, machine, share, alternate)
     for quantity in on:
         if quantity not in read.measured:
             raise InputError("on", quantity, f"expected one of {', '.join(read.measured)}")
     progress("fitting" if fit else "running")
     fitted: tuple[Fitted, ...] = ()
     if fit:
-        card, fitted = _fit(card, read, first & used, chosen, fit, on)
+        card, fitted = _fit(card, read, first, used & first, chosen, fit, on)
     progress("running along the whole log")
     made = _Runner(read, chosen).run(read_machine(card))
     scale = {q: SHOWN[q][1] for q in read.measured}
@@ -155,8 +163,9 @@ def compare_log(
         plain=plain,
         coefficients=coefficients,
         figures=figures,
-        by_load=_by_load(measured, simulated, judged),
+        by_load=_by_load(measured, simulated, judged, _steady_speed(read_machine(card), measured, chosen)),
         fuel_line=_fuel_line(read, measured, simulated, judged),
+        by_flow=_by_flow(read, measured, simulated, judged),
         card=card.data,
     )
 
@@ -233,7 +242,9 @@ def _since_gap(log: MachineLog) -> Array:
     return np.asarray(run - np.maximum.accumulate(np.where(log.gap, run, 0.0)))
 
 
-def _parts(log: MachineLog, used: Mask, machine: str | None, share: float) -> tuple[dict[str, Mask], Mask]:
+def _parts(
+    log: MachineLog, used: Mask, machine: str | None, share: float, alternate: bool
+) -> tuple[dict[str, Mask], Mask]:
     """Named parts of the judged records, the one to fit on first; and all records of that one."""
     if machine is not None:
         if machine not in log.machine_names:
@@ -243,6 +254,10 @@ def _parts(log: MachineLog, used: Mask, machine: str | None, share: float) -> tu
         others = [i for i, name in enumerate(log.machine_names) if name != machine]
         parts |= {f"machine {log.machine_names[i]}": (log.machine == i) & used for i in others}
         return parts, first
+    if alternate:
+        pause = log.gap & (np.diff(log.time, prepend=log.time[:1] - 2.0 * PAUSE) > PAUSE)
+        first = np.asarray(np.cumsum(pause) % 2 == 1)
+        return {"odd stretches": first & used, "even stretches": ~first & used}, first
     if not 0.05 <= share <= 0.95:
         raise InputError("share", share, "expected 0.05 to 0.95")
     first = np.arange(len(log)) < round(share * len(log))
@@ -279,9 +294,12 @@ def changed(card: Card, values: Mapping[str, float]) -> Card:
 
 
 def _fit(
-    card: Card, log: MachineLog, mask: Mask, drive: Drive, keys: Sequence[str], on: Sequence[str]
+    card: Card, log: MachineLog, span: Mask, mask: Mask, drive: Drive, keys: Sequence[str], on: Sequence[str]
 ) -> tuple[Card, tuple[Fitted, ...]]:
-    """Least squares over the card's keys; each quantity over its own spread."""
+    """Least squares over the card's keys; each quantity over its own spread.
+
+    span: records to run along; mask: those of them that are judged
+    """
     try:
         from scipy.optimize import least_squares
     except ImportError as error:
@@ -291,8 +309,6 @@ def _fit(
         raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")
     if mask.sum() < FEWEST:
         raise InputError("fit", int(mask.sum()), f"expected at least {FEWEST} records to fit on")
-    span = np.zeros(len(log), dtype=bool)
-    span[np.flatnonzero(mask)[0] : np.flatnonzero(mask)[-1] + 1] = True
     part, inside = log.keep(span), mask[span]
     runner = _Runner(part, drive)
     spread = {q: float(np.nanstd(part.measured[q][inside])) or 1.0 for q in on}
@@ -305,12 +321,24 @@ def _fit(
         made = runner.run(machine)
         return np.concatenate([(made[q] - part.measured[q])[inside] / spread[q] for q in on])
 
-    found = least_squares(residuals, np.ones(len(keys)), bounds=RANGE, diff_step=0.02, xtol=1e-4, ftol=1e-5)
+    # powers first: while they are far off, delays would run away to make up for them
+    steady = np.array([not key.startswith(DELAYS) for key in keys])
+    ratio = np.ones(len(keys))
+    limits = {"bounds": RANGE, "diff_step": 0.02, "xtol": 1e-4, "ftol": 1e-6}
+    if steady.any() and not steady.all():
+        ratio[steady] = least_squares(lambda x: residuals(_put(ratio, steady, x)), ratio[steady], **limits).x
+    found = least_squares(residuals, ratio, **limits)
     doubt = _standard_errors(found.jac, found.fun) * start
     units = [str(card.entry(key).get("unit", "")).split(",")[0] for key in keys]
     rows = zip(keys, start, start * found.x, doubt, units, strict=True)
     best = changed(card, dict(zip(keys, start * found.x, strict=True)))
     return best, tuple(Fitted(*map(_plain, r)) for r in rows)
+
+
+def _put(ratio: Array, where: Mask, values: Array) -> Array:
+    made = ratio.copy()
+    made[where] = values
+    return made
 
 
 def _plain(value: Any) -> Any:
@@ -348,10 +376,24 @@ def _later(log: MachineLog, count: int) -> Array:
     return np.asarray(log.flow[np.maximum(index - count, first)])
 
 
+def _steady_speed(machine: MachineCard, measured: Mapping[str, Array], drive: Drive) -> Array:
+    """Speed [1/min] at which the card's engine settles at the measured load; nan where that says nothing."""
+    load = measured.get("engine_load", np.zeros(0))
+    if drive.load_over != "largest":
+        return np.full(len(load), np.nan)
+    e = works_of(machine).engine
+    torque = (load / 100.0 - drive.friction) / (1.0 - drive.friction) * (1.0 + e.torque_rise)  # over rated
+    governed = e.rated_speed * (1.0 + e.droop * (1.0 - np.maximum(torque, 0.0)))
+    lugged = e.rated_speed - (torque - 1.0) / max(e.torque_rise, 1e-9) * (e.rated_speed - e.torque_speed)
+    return np.asarray(np.where(torque <= 1.0, governed, np.maximum(lugged, e.torque_speed)) / RPM)
+
+
 def _by_load(
-    measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask
+    measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask, steady: Array
 ) -> list[dict[str, float]]:
-    """Mean engine speed [1/min] in bins of load, each series over its own load."""
+    """Mean engine speed [1/min] in bins of load: measured; simulated over its own load; and as the engine
+    alone settles at the measured load.
+    """
     if "engine_speed" not in measured or "engine_load" not in measured:
         return []
     rows = []
@@ -362,7 +404,30 @@ def _by_load(
             row[f"{name}_count"] = int(inside.sum())
             is_enough = inside.sum() >= FEWEST
             row[f"{name}_rpm"] = float(of["engine_speed"][inside].mean()) if is_enough else float("nan")
+        inside = mask & (measured["engine_load"] >= low) & (measured["engine_load"] < high)
+        row["settled_rpm"] = float(steady[inside].mean()) if inside.sum() >= FEWEST else float("nan")
+        row["settled_error_percent"] = 100.0 * (row["settled_rpm"] / row["measured_rpm"] - 1.0)
         row["error_percent"] = 100.0 * (row["simulated_rpm"] / row["measured_rpm"] - 1.0)
+        rows.append(row)
+    return rows
+
+
+def _by_flow(
+    log: MachineLog, measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask
+) -> list[dict[str, float]]:
+    """Means in ten bins of the crop flow [kg/s], as wide as each other."""
+    flow = log.flow[mask]
+    low, high = (float(v) for v in np.percentile(flow, [0.5, 99.5]))
+    edges = np.linspace(low, high, 11)
+    rows = []
+    for a, b in pairwise(edges):
+        inside = mask & (log.flow >= a) & (log.flow < b)
+        if inside.sum() < FEWEST:
+            continue
+        row = {"flow_kg_s": float(log.flow[inside].mean()), "count": int(inside.sum())}
+        for q in measured:
+            row[f"{q}_measured"] = float(measured[q][inside].mean())
+            row[f"{q}_simulated"] = float(simulated[q][inside].mean())
         rows.append(row)
     return rows
 

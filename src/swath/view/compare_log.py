@@ -170,7 +170,9 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) ->
 
 
 def _n(value: float, digits: int = 2) -> str:
-    return "–" if not np.isfinite(value) else f"{value:.{digits}f}".replace("-", "−")
+    if not np.isfinite(value):
+        return "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def figure_rows(made: LogComparison) -> list[list[str]]:
@@ -200,11 +202,20 @@ def page(made: LogComparison, image: str, command: str) -> str:
     )
     parts.append(f'<h2>Picture</h2><figure><img src="{image}" alt="measured and simulated"></figure>')
     if made.by_load:
+        keys = (("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2), ("settled_rpm", 0),
+                ("settled_error_percent", 2))  # fmt: skip
         rows = [
-            [f"{r['from_percent']:.0f}–{r['to_percent']:.0f} %", _n(r["measured_rpm"], 0),
-             _n(r["simulated_rpm"], 0), _n(r["error_percent"])] for r in made.by_load
-        ]  # fmt: skip
-        bins = ("load", "measured [1/min]", "simulated [1/min]", "error [%]")
+            [f"{r['from_percent']:.0f}–{r['to_percent']:.0f} %", *(_n(r[k], d) for k, d in keys)]
+            for r in made.by_load
+        ]
+        bins = (
+            "load",
+            "measured [1/min]",
+            "simulated [1/min]",
+            "error [%]",
+            "engine alone [1/min]",
+            "error [%]",
+        )
         parts.append(f"<h2>Engine speed by load</h2>{_table(bins, rows)}")
     if made.fuel_line:
         rows = [[k, _n(v["intercept"]), _n(v["slope"], 3)] for k, v in made.fuel_line.items()]
