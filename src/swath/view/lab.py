@@ -32,7 +32,8 @@ MORE_CSS = """
 td.repeatable,.key.repeatable{background:#dcefe6}td.good,.key.good{background:#edf4dc}
 td.fair,.key.fair{background:#fdf0d5}td.off,.key.off{background:#fbdccd}
 .key{padding:1px 8px;border-radius:4px;margin-right:10px;white-space:nowrap}
-h3{margin-top:18px}.wide td,.wide th{padding-right:12px;font-size:13.5px}.wide td.n{border-left:3px solid #fff}
+h3{margin-top:18px}
+.wide td,.wide th{padding-right:12px;font-size:13.5px}.wide td.n{border-left:3px solid #fff}
 """
 
 
