@@ -165,9 +165,28 @@ def test_a_log_without_engine_is_refused(tmp_path):
         read_machine_log(path)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_broken_cells_are_missing_values_or_a_clean_error(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    rows = [line.split(",") for line in write_log(tmp_path / "log.csv", count=200).read_text().split("\n")]
+    odd = ["", "nan", "inf", "-1e300", "x", "1e400", "-", "9" * 30, "2020-13-01"]
+    for _ in range(120):
+        row = rows[int(rng.integers(1, len(rows) - 1))]
+        row[int(rng.integers(0, len(row)))] = odd[int(rng.integers(0, len(odd)))]
+    path = tmp_path / "broken.csv"
+    path.write_text("\n".join(",".join(r) for r in rows))
+    try:
+        log = read_machine_log(path)
+        found = compare_log("lexion-700", log)
+    except InputError:
+        return
+    assert (log.duration > 0.0).all()
+    assert np.isfinite(found.simulated["engine_load"]).all()
+
+
 @wheat
 def test_a_fit_on_machine_1_follows_the_others_closer_than_the_regression():
-    """By correlation: the flow sensors differ by some percent. On parts, to be quick: 2500 s, 4000 s, 4000 s."""
+    """By correlation: the flow sensors differ by some percent. On parts of the log, to be quick."""
     log = read_machine_log(WHEAT)
     assert len(log) == 31_276
     start = [int(np.flatnonzero(log.machine == m)[0]) + 2000 for m in range(3)]
@@ -181,7 +200,7 @@ def test_a_fit_on_machine_1_follows_the_others_closer_than_the_regression():
         assert load[name]["model"].r > load[name]["regression with lag"].r > load[name]["regression"].r
         assert abs(load[name]["model"].lag_s) < 1.0
         assert 3.0 < load[name]["regression"].lag_s < 5.0
-    assert load["machine 1"]["model"].r2 > 0.65
+    assert load["machine 1"]["model"].r2 > load["machine 1"]["regression with lag"].r2 + 0.05
 
 
 @wheat

@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.io.columns import ColumnMap, find_columns, guess
-from swath.field.io.log import not_working, si_values
+from swath.field.io.log import PLAUSIBLE, not_working, si_values
 from swath.field.io.table import Table, read_table
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 MEASURED = ("engine_load", "engine_speed", "fuel")
+LIMITS = {"engine_load": (0.0, 2.0), "engine_speed": (0.0, 700.0), "fuel": (0.0, 5e-4), "speed": (0.0, 20.0),
+          "grain_flow": (0.0, 300.0), "header_width": (0.5, 30.0), "elevation": PLAUSIBLE["elevation"],
+          "time": (-1e11, 1e11)}  # fmt: skip
+"""In SI units: share, rad/s, m3/s, m/s, kg/s, m, m, s. A value outside is missing."""
 LONGEST_STEP = 5.0  # s, a longer pause breaks the log
 GRADE_RECORDS, GRADE_WAY, STEEPEST = 5, 5.0, 0.25  # to either side; m; rise over way
 
@@ -77,18 +81,26 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
         raise InputError("log", len(table.row_number), "expected at least two whole rows", file=path)
     names, machine = _machines(table, found)
     order, time, duration, gap = _clock(table, found, machine)
-    values = {k: si_values(table, found, k)[order] for k in ("speed", "grain_flow", "header_width", *there)}
-    flow = np.clip(np.nan_to_num(values["grain_flow"], nan=0.0, posinf=0.0, neginf=0.0), 0.0, 500.0)
+    keys = ("speed", "grain_flow", "header_width", "elevation", *there)
+    values = {k: _limited(table, found, k)[order] for k in keys}
+    flow = np.nan_to_num(values["grain_flow"])
     idle = not_working(table, found)
     if idle is not None:
         flow = np.where(idle[order], 0.0, flow)
-    speed = np.clip(np.nan_to_num(values["speed"], nan=0.0, posinf=0.0, neginf=0.0), 0.0, 20.0)
-    grade = _grade(si_values(table, found, "elevation")[order], speed * duration, gap)
-    width = np.where(values["header_width"] > 0.5, values["header_width"], np.nan)
-    measured = {k: np.where(np.isfinite(values[k]), values[k], np.nan) for k in there}
+    speed = np.nan_to_num(values["speed"])
+    grade = _grade(values["elevation"], speed * duration, gap)
+    measured = {k: values[k] for k in there}
+    width = values["header_width"]
     return MachineLog(
         machine[order], time, duration, gap, speed, width, flow, grade, measured, names, table.notes
     )
+
+
+def _limited(table: Table, found: ColumnMap, key: str) -> Array:
+    """A quantity, nan where it is missing or cannot be."""
+    values = si_values(table, found, key)
+    low, high = LIMITS[key]
+    return np.where((values >= low) & (values <= high), values, np.nan)
 
 
 def _machines(table: Table, found: ColumnMap) -> tuple[tuple[str, ...], NDArray[np.int64]]:
@@ -103,7 +115,7 @@ def _clock(
 ) -> tuple[NDArray[np.int64], Array, Array, Mask]:
     """Order of the records by machine and time; then time, duration and gap in that order."""
     count = len(machine)
-    stamp = si_values(table, found, "time")
+    stamp = _filled(_limited(table, found, "time"))
     logged = si_values(table, found, "duration")
     by_record = si_values(table, found, "record")
     key = next((k for k in (stamp, by_record) if np.isfinite(k).all()), np.arange(count, dtype=float))
@@ -117,6 +129,15 @@ def _clock(
     step = np.clip(np.nan_to_num(logged[order], nan=1.0), 0.05, 1e5)
     gap = other | (step > LONGEST_STEP)
     return order, np.cumsum(step), np.where(gap, 1.0, step), gap
+
+
+def _filled(stamp: Array) -> Array:
+    """Missing times put between their neighbours in the file, when most are there."""
+    known = np.isfinite(stamp)
+    if known.mean() < 0.5:
+        return stamp
+    row = np.arange(len(stamp), dtype=float)
+    return np.asarray(np.interp(row, row[known], stamp[known]))
 
 
 def _grade(height: Array, way: Array, gap: Mask) -> Array:
