@@ -25,7 +25,7 @@ def add(parsers: Any) -> None:
     lidar.add_argument("--percentile", type=float, default=50.0, metavar="P", help="of the spot (default 50)")
     lidar.add_argument("--sub-rays", type=int, default=37, metavar="N", help="per beam (default 37)")
     lidar.add_argument("--profile", choices=("gaussian", "uniform"), default="gaussian", help="of the spot")
-    lidar.add_argument("--lines", type=int, metavar="N", help="scan lines of 24 beams per place (default 32)")
+    lidar.add_argument("--lines", type=int, metavar="N", help="scan lines of 24 beams per place (default 80)")
     lidar.add_argument("--quick", action="store_true", help="a coarse design, to try things out")
     lidar.add_argument("--seed", type=int, default=1, help="another seed")
     lidar.add_argument(

@@ -96,11 +96,15 @@ class SpreadTable:
         return quantile, float(np.exp(-np.exp(loglog))), lift
 
     def heights(self, share: F64, density: float, height: float, depression: float, spot: float) -> F64:
-        """Measured heights [m] of beams with drawn shares in [0, 1): small ones high up, the rest ground."""
+        """Measured heights [m] of beams with drawn shares in [0, 1): small ones high up, the rest ground.
+
+        Ground returns lie evenly between 0 and twice their mean lift.
+        """
         quantile, ground, lift = self.cell(density, height, depression, spot)
-        inside = np.clip(np.asarray(share) / (1.0 - ground), 0.0, 1.0)
+        share = np.asarray(share)
+        inside = np.clip(share / (1.0 - ground), 0.0, 1.0)
         found = np.interp(inside, quantile_nodes(len(quantile)), quantile) * height
-        return np.where(np.asarray(share) < 1.0 - ground, found, lift)
+        return np.where(share < 1.0 - ground, found, 2.0 * lift * (1.0 - share) / ground)
 
 
 def double_log(ground_share: F64 | float) -> F64:

@@ -34,7 +34,7 @@ class Design:
     height: tuple[float, ...] = (0.6, 1.0, 1.4)
     depression_deg: tuple[float, ...] = (3.0, 6.0, 9.0, 13.0, 18.0, 24.0, 32.0, 42.0, 54.0, 68.0, 82.0)
     spot_mm: tuple[float, ...] = (10.0, 30.0, 60.0, 110.0, 200.0)
-    lines: int = 32
+    lines: int = 80
     held_out: int = 32
     tile_count: int = 48
 

@@ -69,7 +69,7 @@ class Beam:
     """What a beam carries: the drawn share u and its number.
 
     left: optical depth until its echo, -1 = no crop met yet; spent: what it passed; whole: of a full canopy
-    lift: of a ground return under a full canopy [m]; clamped: bit per axis of the table that was left
+    lift: drawn, of a ground return under a full canopy [m]; clamped: bit per axis of the table that was left
     """
 
     share: float
@@ -135,6 +135,7 @@ def draw(canopy: Canopy, beam: Beam, density: float, scale: float, tangent: floa
     cot = 1.0 / wp.clamp(tangent, lowest, highest)
     beam.left = 1.0e30
     beam.whole = density * scale * cot * canopy.depth[0]
+    beam.lift = 2.0 * beam.lift * (1.0 - beam.share) / wp.max(1.0 - seen, 1.0e-9)
     if beam.share < seen:
         nodes = canopy.node_count
         x = wp.acos(1.0 - 2.0 * beam.share / seen) / wp.pi * float(nodes - 1)
