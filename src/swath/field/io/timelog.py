@@ -127,9 +127,7 @@ def _read_layout(name: str, files: dict[str, bytes], described: Description) -> 
         if tags.get("PTN", {}).get(attribute) == "":
             parts.append((field_name, kind))
             scales[field_name] = scale
-    channels = tuple(
-        _channel(a, described, file) for tag, a, _ in parts_found if tag == "DLV" and a.get("B", "") == ""
-    )
+    channels = tuple(_channel(a, described, file) for tag, a, _ in parts_found if tag == "DLV")
     return Layout(np.dtype(parts), channels, scales)
 
 
