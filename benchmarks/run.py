@@ -11,6 +11,7 @@ import drive
 import lidar
 import machine
 import rays
+import replay
 
 BENCHMARKS = {
     "rays": rays.main,
@@ -18,6 +19,7 @@ BENCHMARKS = {
     "drive": drive.main,
     "machine": machine.main,
     "lidar": lidar.main,
+    "replay": replay.main,
 }
 
 

@@ -190,18 +190,24 @@ def _fill(found: NDArray[np.int16], b: _Block, along: int, across: int, which: N
         times = b.passing.pooled(b.row, b.column, (TILE, BLOCK), along, across)
         layer = np.minimum(layer, times.shape[2] - 1)
         times = times.reshape(TILE * BLOCK, -1)
-        weight, passed = stop_weights(cell, layer, weight, times[cell, layer])
+        number = weight
+        weight, passed = stop_weights(cell, layer, number, times[cell, layer])
         lower = np.cumsum(times, axis=1)[cell[first], layer[first]] - times[cell[first], layer[first]]
-        passed[lower < FEWEST_BELOW] = 0.0
+        closed = lower < FEWEST_BELOW  # nobody went further down: the lowest echoes stopped all the rest
+        is_lowest = layer == np.repeat(layer[first], count)
+        stop = np.where(is_lowest & np.repeat(closed, count), number, 0.0)
+        stop /= np.repeat(np.maximum(np.add.reduceat(stop, first), 1e-9), count)
+        weight = weight + np.repeat(passed, count) * stop
+        passed[closed] = 0.0
     run = np.cumsum(weight)
     before = np.concatenate([[0.0], run])[first]
     scale = (1.0 - passed) / (run[first + count - 1] - before)
     share = np.repeat(passed, count) + (run - np.repeat(before, count)) * np.repeat(scale, count)
-    number = np.arange(len(first))
-    wanted = number[:, None] + (np.arange(LEVELS) + 0.5) / LEVELS
-    index = np.searchsorted(share + np.repeat(number, count), wanted.ravel()).reshape(wanted.shape)
+    rank = np.arange(len(first))
+    wanted = rank[:, None] + (np.arange(LEVELS) + 0.5) / LEVELS
+    index = np.searchsorted(share + np.repeat(rank, count), wanted.ravel()).reshape(wanted.shape)
     index = np.clip(index, first[:, None], (first + count - 1)[:, None])
-    is_passed = wanted - number[:, None] < passed[:, None]  # these go on below what was measured here
+    is_passed = wanted - rank[:, None] < passed[:, None]  # these go on below what was measured here
     below = np.minimum(height[first], 0)
     found[cell[first]] = np.where(is_passed, below[:, None], height[index])
     found[cell[first], 0] = np.where(passed > 0.0, below, height[first])  # how deep one can look at all

@@ -3,7 +3,8 @@
 Where crop stands beside cut ground, or is thin, most beams pass over the few plants of a cell and are counted
 further on. The share of beams that a surface stops is therefore estimated as with lifetimes that come under
 observation late: per layer of height the number of echoes over the number of times that beams went through
-the layer (Nelson-Aalen: Aalen 1978, doi:10.1214/aos/1176344247), summed from the top downwards.
+the layer (Nelson-Aalen: Aalen 1978, doi:10.1214/aos/1176344247), and the shares that go on are multiplied
+from the top downwards.
 """
 
 from typing import Any
@@ -97,12 +98,24 @@ def stop_weights(cell: NDArray[Any], layer: NDArray[Any], number: Array, times: 
     group[key] = 1
     group = np.cumsum(group) - 1
     echoes = np.bincount(group, number)
-    hazard = echoes / np.maximum(times[key], 0.5 * echoes)
+    number_through = np.maximum(times[key], 0.5 * FLATTEST * echoes)
+    # exp(-echoes / times) scatters about exp(-hazard) with variance hazard / times; the second term takes
+    # out what that adds to its mean (Jensen), to first order
+    onward = np.exp(-echoes / number_through * (1.0 + 0.5 / np.maximum(number_through, 0.5)))
     of = cell[key]
     last = np.flatnonzero(np.diff(of, append=-1))  # highest layer of each cell
-    run = np.cumsum(hazard)
-    above = np.repeat(run[last], np.diff(last, prepend=-1)) - run  # hazard of the layers above
-    mass = np.exp(-above) * -np.expm1(-hazard)
     lowest = np.concatenate([[0], last[:-1] + 1])
+    reached = _products_from_the_top(onward, lowest, last)
+    mass = reached * (1.0 - onward)
     share: Array = mass[group] * number / echoes[group]
-    return share, np.exp(-above[lowest] - hazard[lowest])
+    return share, reached[lowest] * onward[lowest]
+
+
+def _products_from_the_top(onward: Array, lowest: NDArray[Any], last: NDArray[Any]) -> Array:
+    """Per layer the product of `onward` over the layers above it in the same cell."""
+    size = last - lowest + 1
+    reached = np.ones(len(onward))
+    for step in range(1, int(size.max())):
+        at = (last - step)[size > step]
+        reached[at] = reached[at + 1] * onward[at + 1]
+    return reached
