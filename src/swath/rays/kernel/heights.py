@@ -181,6 +181,11 @@ def walk(g: Heights, o: wp.vec3, d: wp.vec3, u: float, t_max: float) -> wp.vec3:
         leave = wp.max(wp.min(wp.min(ex, ey), end), t)
         if o[2] + wp.min(d[2] * t, d[2] * leave) <= g.tile_top[j, i]:
             slot = g.table[j, i]
+            if d[2] < -1.0e-6:  # on to where the ray comes down to the highest surface of the tile
+                down = wp.min((g.tile_top[j, i] - o[2]) / d[2], leave)
+                if down > t:
+                    t = down
+                    a = o[2] + d[2] * t - ground_at(g, o[0] + d[0] * t, o[1] + d[1] * t)
             p = wp.clamp(int(wp.floor((o[0] + d[0] * t) / g.cell)), i * g.tile, (i + 1) * g.tile - 1)
             q = wp.clamp(int(wp.floor((o[1] + d[1] * t) / g.cell)), j * g.tile, (j + 1) * g.tile - 1)
             inside = bool(True)

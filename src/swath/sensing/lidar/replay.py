@@ -140,7 +140,7 @@ class ReplayLidar:
         if self.unmeasured_count == 0:
             return []
         share = 100.0 * self.unmeasured_count / self.beam_count
-        return [f"lidar: {share:.1f} % of the beams ended where nothing was measured"]
+        return [f"lidar: {share:.2g} % of the beams ended where nothing was measured"]
 
     def save(self) -> State:
         """The last pose and the counters; what was cut is the field's to remember."""
