@@ -27,6 +27,7 @@ STEM = wp.constant(3)
 EAR = wp.constant(4)
 STUBBLE = wp.constant(6)
 EAR_ZONE = wp.constant(0.85)  # crop above this share of its height counts as ears
+SPOT_AT = wp.constant(0.9)  # share of the crop's height where the spot is taken, or lower down at a wall
 FLAT = wp.constant(1.0e-3)  # steps that change the relative height by less use the silhouette itself
 TOP_ROOM = wp.constant(0.12)  # measured heights lie up to this share above the top of the crop
 FALL = wp.constant(0.025)  # steps lose no more height than this [m]
@@ -69,7 +70,8 @@ class Beam:
     """What a beam carries: the drawn share u and its number.
 
     left: optical depth until its echo, -1 = no crop met yet; spent: what it passed; whole: of a full canopy
-    lift: drawn, of a ground return under a full canopy [m]; clamped: bit per axis of the table that was left
+    lift: drawn, of a ground return under a full canopy [m]
+    clamped: bit per axis of the table that was left
     """
 
     share: float
@@ -118,6 +120,7 @@ def draw(canopy: Canopy, beam: Beam, density: float, scale: float, tangent: floa
     share = wp.vec4(p0[1], p1[1], p2[1], p3[1])
     base = wp.vec4i(int(p0[0]), int(p1[0]), int(p2[0]), int(p3[0]))
     loglog = float(0.0)
+    beam.lift = 0.0
     for corner in range(16):
         w = float(1.0)
         cell = int(0)
@@ -129,7 +132,7 @@ def draw(canopy: Canopy, beam: Beam, density: float, scale: float, tangent: floa
             loglog += w * canopy.ground[cell]
             beam.lift += w * canopy.lift[cell]
     seen = 1.0 - wp.exp(-wp.exp(loglog))
-    beam.clamped = beam.clamped | clamped
+    beam.clamped = clamped
     lowest = wp.exp(canopy.axes[first[2]])
     highest = wp.exp(canopy.axes[first[3] - 1])
     cot = 1.0 / wp.clamp(tangent, lowest, highest)
@@ -210,7 +213,8 @@ def cross_canopy(
             if code != 0:
                 if beam.left < 0.0:
                     tangent = wp.max(-line[1], 1.0e-4) / speed
-                    spot = wp.max(canopy.exit + canopy.divergence * middle, 1.0e-4)
+                    deeper = wp.max(relative - SPOT_AT, 0.0) / wp.max(-rate / canopy.height, 0.05)
+                    spot = wp.max(canopy.exit + canopy.divergence * (middle + deeper), 1.0e-4)
                     beam = draw(canopy, beam, density, scale, tangent, spot)
                 fall = -rate * dt / canopy.height
                 width = (below - above) / wp.where(wp.abs(fall) > FLAT, fall, 1.0)
