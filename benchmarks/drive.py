@@ -28,9 +28,9 @@ combine:
 
 def run(scenario: str, out: Path) -> tuple[dict[str, Any], float]:
     """The summary of a run in a process of its own, and that process's peak memory [MiB]."""
-    code = (
-        "import resource, sys; from swath.cli import main; main(sys.argv[1:]);"
-        "print('peak', resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    code = (  # VmHWM and not ru_maxrss, which a child inherits from the process that started it
+        "import sys; from swath.cli import main; main(sys.argv[1:]);"
+        "print('peak', next(s for s in open('/proc/self/status') if s.startswith('VmHWM')).split()[1])"
     )
     command = [sys.executable, "-c", code, "run", scenario, "--out", str(out), "--quiet"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
