@@ -6,6 +6,7 @@ of frame b to frame a. Its `position` is b's origin seen from a.
 """
 
 from dataclasses import dataclass
+from math import cos, sin
 from typing import Any
 
 import numpy as np
@@ -68,8 +69,8 @@ class Pose:
 
 def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:
     """Rotation, shape (3, 3), from angles [rad]."""
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
+    cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
+    cy, sy = cos(yaw), sin(yaw)
     return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

@@ -11,6 +11,7 @@ from swath.field.boundary import Region
 from swath.field.breaks import BrokenEdge
 from swath.field.crop import Crop
 from swath.field.cutting import Cut, StemIndex, check_polygon
+from swath.field.footprint import Block, Footprint
 from swath.field.harvest import cut_pages, recount_pages, standing_share
 from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.page_maker import PageMaker
@@ -101,6 +102,10 @@ class Field:
         (z00, z10, z01, z11), fu, fv = self._corners(x, y)
         low, high = z00 + (z10 - z00) * fu, z01 + (z11 - z01) * fu
         return np.asarray(low + (high - low) * fv)
+
+    def footprint(self, points: Any) -> Footprint:
+        """A quick reader of the heights under points (n, 2) [m] of a body that moves through the field."""
+        return Footprint(points, self._turn, self.maker.node, self._nodes)
 
     def ground_normal(self, x: Any, y: Any) -> Array:
         """Upward unit normal of the soil surface in the world, shape (..., 3)."""
@@ -233,6 +238,18 @@ class Field:
         self.store.need([(int(a), int(b)) for a, b in pairs])
         p = self.pages
         return p.table[j - p.table_y, i - p.table_x].astype(np.int64)
+
+    def _nodes(self, first_i: float, last_i: float, first_j: float, last_j: float) -> Block:
+        """Heights of the lattice nodes of a rectangle of pages with its far border."""
+        _check_near(*(self.maker.side * np.array([[first_i, last_i], [first_j, last_j]])))
+        i, j = np.arange(int(first_i), int(last_i) + 1), np.arange(int(first_j), int(last_j) + 1)
+        slots = self._slots(*np.meshgrid(i, j))
+        heights = np.empty((PAGE_NODES * len(j) + 1, PAGE_NODES * len(i) + 1))
+        for b, row in enumerate(slots.tolist()):
+            for a, slot in enumerate(row):
+                v, u = PAGE_NODES * b, PAGE_NODES * a
+                heights[v : v + PAGE_NODES + 1, u : u + PAGE_NODES + 1] = self.pages.ground[slot]
+        return int(first_i), int(first_j), heights
 
     def _corners(self, x: Any, y: Any) -> tuple[Array, Array, Array]:
         """Heights of the four lattice nodes around points, (4, ...), and the fractions between them."""

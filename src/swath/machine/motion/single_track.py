@@ -6,7 +6,7 @@ the drive's closed loop. Equations, signs and validation: docs/motion.md.
 
 from dataclasses import dataclass
 from math import ceil, cos, hypot, sin
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from annotated_types import Ge, Gt, Le
 
@@ -20,7 +20,7 @@ from swath.field.site import SiteSetup
 from swath.machine.attitude import Stance, TerrainFollower
 from swath.machine.card import Dynamics, MachineCard, dynamics_of, with_grain
 from swath.machine.loops import SpeedLoop, within_drive
-from swath.machine.tyre import GRAVITY, brush, creep_damping, slide_slip
+from swath.machine.tyre import CREEP_SPEED, GRAVITY, creep_damping, slide_slip
 
 ROLLING_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
 GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
@@ -44,8 +44,7 @@ class Params:
     substep_ms: Annotated[float, Gt(0), Le(20)] = 5.0
 
 
-@dataclass(frozen=True)
-class Moment:
+class Moment(NamedTuple):
     """What is held over an integration step.
 
     steer_cos, steer_sin: of the steering angle; front_load, rear_load [N]; front_pull, rear_pull: gravity
@@ -123,6 +122,8 @@ class SingleTrack:
     def _weigh(self, d: Dynamics) -> None:
         """Take over mass, inertia and centre of gravity."""
         self._d, self._ahead, self._behind = d, d.cg_behind, self._wheelbase - d.cg_behind
+        sigmas = d.front.relaxation, d.rear.relaxation
+        self._body = (self._ahead, self._behind, d.mass, d.yaw_inertia, d.cg_height, *sigmas)
 
     def _carry(self, load: MachineLoad | None) -> None:
         """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
@@ -151,9 +152,12 @@ class SingleTrack:
 
     def _moment(self, steer: float, accel: float) -> Moment:
         front, rear = self._loads(self._stance, accel)
-        weight = self._d.mass * GRAVITY * cos(self._stance.pitch) ** 2 * cos(self._stance.roll)
-        front_pull = -weight * self._behind / self._wheelbase * self._stance.front_slope
-        rear_pull = -weight * self._ahead / self._wheelbase * self._stance.rear_slope
+        stance, weight = self._stance, self._d.mass * GRAVITY
+        pull = -weight * cos(stance.pitch) ** 2 * cos(stance.roll) / self._wheelbase
+        front_pull, rear_pull = (
+            pull * self._behind * stance.front_slope,
+            pull * self._ahead * stance.rear_slope,
+        )
         return Moment(cos(steer), sin(steer), front, rear, front_pull, rear_pull)
 
     def _loads(self, stance: Stance, accel: float) -> tuple[float, float]:
@@ -171,54 +175,85 @@ class SingleTrack:
         rear = min(max(rear, least), normal - least)
         return normal - rear, rear
 
-    def _rates(self, q: Vector, u: float, m: Moment) -> Vector:
-        """Time derivative of the state at forward speed u [m/s]."""
-        d, n, mu = self._d, self._stiffness, self._friction
-        _, _, yaw, side, turn, front_slip, rear_slip, _ = q
-        front_side, rear_side = side + self._ahead * turn, side - self._behind * turn
-        rear_along = u * m.steer_cos - rear_side * m.steer_sin
-        rear_across = u * m.steer_sin + rear_side * m.steer_cos
-        front = brush(front_slip, n, mu) + creep_damping(u, n, d.front.relaxation) * front_side
-        rear = brush(rear_slip, n, mu) + creep_damping(rear_along, n, d.rear.relaxation) * rear_across
-        drag = self._rolling * _soft_sign(rear_along) * m.rear_load
-        front_force = -m.front_load * front
-        rear_force = -m.rear_load * rear * m.steer_cos + drag * m.steer_sin
-        roll_moment = self._d.cg_height * (front_force + rear_force)
-        lifted = 0.5 * m.front_load * self._track
-        outer_drag = self._rolling * _soft_sign(u) * min(max(roll_moment, -lifted), lifted)
-        force = front_force + rear_force + m.front_pull + m.rear_pull
-        torque = self._ahead * (front_force + m.front_pull) - self._behind * (rear_force + m.rear_pull)
+    def _rates(
+        self, yaw: float, side: float, turn: float, front_slip: float, rear_slip: float, u: float, m: Moment
+    ) -> Vector:
+        """Time derivative of the state at forward speed u [m/s]. Written out: it runs often.
+
+        The side forces are those of `tyre.brush`.
+        """
+        c_ahead, c_behind, mass, inertia, cg_height, front_sigma, rear_sigma = self._body
+        steer_cos, steer_sin, front_load, rear_load, front_pull, rear_pull = m
+        n, mu, rolling = self._stiffness, self._friction, self._rolling
+        front_side, rear_side = side + c_ahead * turn, side - c_behind * turn
+        rear_along = u * steer_cos - rear_side * steer_sin
+        rear_across = u * steer_sin + rear_side * steer_cos
+        speed, rear_speed = abs(u), abs(rear_along)
+        x = n * abs(front_slip) / (3.0 * mu)
+        front = mu if x >= 1.0 else mu * x * (3.0 - x * (3.0 - x))
+        if front_slip < 0.0:
+            front = -front
+        x = n * abs(rear_slip) / (3.0 * mu)
+        rear = mu if x >= 1.0 else mu * x * (3.0 - x * (3.0 - x))
+        if rear_slip < 0.0:
+            rear = -rear
+        if speed < CREEP_SPEED:
+            front += creep_damping(u, n, front_sigma) * front_side
+        if rear_speed < CREEP_SPEED:
+            rear += creep_damping(rear_along, n, rear_sigma) * rear_across
+        front_force = -front_load * front
+        rear_force = rolling * _soft_sign(rear_along) * rear_load * steer_sin - rear_load * rear * steer_cos
+        lifted = 0.5 * front_load * self._track
+        roll_moment = cg_height * (front_force + rear_force)
+        if not -lifted <= roll_moment <= lifted:
+            roll_moment = lifted if roll_moment > 0.0 else -lifted
+        torque = c_ahead * (front_force + front_pull) - c_behind * (rear_force + rear_pull)
         c, s = cos(yaw), sin(yaw)
         return (
             u * c - front_side * s,
             u * s + front_side * c,
             turn,
-            force / d.mass - u * turn,
-            (torque - outer_drag) / d.yaw_inertia,
-            (front_side - abs(u) * front_slip) / d.front.relaxation,
-            (rear_across - abs(rear_along) * rear_slip) / d.rear.relaxation,
+            (front_force + rear_force + front_pull + rear_pull) / mass - u * turn,
+            (torque - rolling * _soft_sign(u) * roll_moment) / inertia,
+            (front_side - speed * front_slip) / front_sigma,
+            (rear_across - rear_speed * rear_slip) / rear_sigma,
             hypot(u, front_side),
         )
 
     def _advance(self, q: Vector, h: float, speeds: tuple[float, float, float], m: Moment) -> Vector:
         """One classical Runge-Kutta step of order 4; the slips end at full sliding."""
-        k1 = self._rates(q, speeds[0], m)
-        k2 = self._rates(_shift(q, k1, 0.5 * h), speeds[1], m)
-        k3 = self._rates(_shift(q, k2, 0.5 * h), speeds[1], m)
-        k4 = self._rates(_shift(q, k3, h), speeds[2], m)
-        stages = zip(q, k1, k2, k3, k4, strict=True)
-        new = [v + h / 6.0 * (a + 2.0 * (b + c) + e) for v, a, b, c, e in stages]
+        rates, start, middle, end = self._rates, *speeds
+        x, y, yaw, w, r, f, b, way = q
+        g, k = 0.5 * h, h / 6.0
+        x1, y1, a1, w1, r1, f1, b1, v1 = rates(yaw, w, r, f, b, start, m)
+        x2, y2, a2, w2, r2, f2, b2, v2 = rates(
+            yaw + g * a1, w + g * w1, r + g * r1, f + g * f1, b + g * b1, middle, m
+        )
+        x3, y3, a3, w3, r3, f3, b3, v3 = rates(
+            yaw + g * a2, w + g * w2, r + g * r2, f + g * f2, b + g * b2, middle, m
+        )
+        x4, y4, a4, w4, r4, f4, b4, v4 = rates(
+            yaw + h * a3, w + h * w3, r + h * r3, f + h * f3, b + h * b3, end, m
+        )
         limit = self._slip_max
-        new[5], new[6] = min(max(new[5], -limit), limit), min(max(new[6], -limit), limit)
-        return tuple(new)
-
-
-def _shift(q: Vector, rate: Vector, h: float) -> Vector:
-    return tuple([v + h * r for v, r in zip(q, rate, strict=True)])
+        f += k * (f1 + 2.0 * (f2 + f3) + f4)
+        b += k * (b1 + 2.0 * (b2 + b3) + b4)
+        return (
+            x + k * (x1 + 2.0 * (x2 + x3) + x4),
+            y + k * (y1 + 2.0 * (y2 + y3) + y4),
+            yaw + k * (a1 + 2.0 * (a2 + a3) + a4),
+            w + k * (w1 + 2.0 * (w2 + w3) + w4),
+            r + k * (r1 + 2.0 * (r2 + r3) + r4),
+            f if -limit <= f <= limit else (limit if f > 0.0 else -limit),
+            b if -limit <= b <= limit else (limit if b > 0.0 else -limit),
+            way + k * (v1 + 2.0 * (v2 + v3) + v4),
+        )
 
 
 def _soft_sign(speed: float) -> float:
-    return min(max(speed / ROLLING_SPEED, -1.0), 1.0)
+    if -ROLLING_SPEED < speed < ROLLING_SPEED:
+        return speed / ROLLING_SPEED
+    return 1.0 if speed > 0.0 else -1.0
 
 
 def _either(given: float | None, card: float) -> float:
