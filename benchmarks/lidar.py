@@ -33,12 +33,14 @@ def make(level: str, sector: Any, step: float) -> Any:
     lidar.reset(Stream(1, "bench"))
     start, count = lidar.setup.start, len(lidar.azimuth)
     rotation = np.repeat((start.rotation @ lidar.mounting.rotation)[None], count, 0)
+    places = start.apply(lidar.mounting.position) + 0.08 * np.arange(SCANS)[:, None] * [0.0, 1.0, 0.0]
+    places[:, 1] += 30.0
+    places[:, 2] += lidar.setup.field.ground_height(places[:, 0], places[:, 1])
+    origins = [np.repeat(place[None], count, 0) for place in places]
 
     def work() -> None:
-        for k in range(SCANS):
-            place = start.apply(lidar.mounting.position) + np.array([0.0, 30.0 + 0.08 * k, 0.0])
-            place[2] += float(lidar.setup.field.ground_height(place[0], place[1]))
-            lidar.scan_from(10**9 + k, np.repeat(place[None], count, 0), rotation)
+        for k, origin in enumerate(origins):
+            lidar.scan_from(10**9 + k, origin, rotation)
 
     return work, count
 

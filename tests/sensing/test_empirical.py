@@ -7,6 +7,7 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.rays.chain import Chain
 from swath.sensing.lidar import empirical, plants
 from swath.sim.scenario import parse_scenario
 from swath.sim.world import assemble
@@ -144,7 +145,7 @@ def test_what_was_cut_is_gone():
 
 def test_neighbours_correlate_as_told_along_every_line():
     rng = np.random.default_rng(1)
-    z = empirical.chain(rng.standard_normal(40_000), np.full(40_000, 0.7), 4).reshape(-1, 4)
+    z = Chain(40_000, 4)(rng.standard_normal(40_000), np.full(40_000, 0.7)).reshape(-1, 4)
     assert z.std() == pytest.approx(1.0, abs=0.02)
     for lag in (1, 2, 3):
         assert np.mean(z[lag:] * z[:-lag]) == pytest.approx(0.7**lag, abs=0.03)
@@ -152,7 +153,7 @@ def test_neighbours_correlate_as_told_along_every_line():
     slow = [1.0]
     for _ in range(5):
         slow.append(0.5 * slow[-1])
-    assert np.allclose(empirical.chain(np.eye(6)[0], np.full(6, 0.5)), slow)
+    assert np.allclose(Chain(6)(np.eye(6)[0], np.full(6, 0.5)), slow)
 
 
 def test_leaving_the_table_is_noted_once_and_named():

@@ -7,6 +7,7 @@ Philox 4x64: Salmon et al. 2011, doi:10.1145/2063384.2063405 (numpy's implementa
 
 import hashlib
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -36,5 +37,10 @@ class Stream:
         return int(self._key()[0] & np.uint64(0x7FFFFFFF))
 
     def _key(self) -> np.ndarray:
-        digest = hashlib.sha256(f"{self.seed}/{self.name}".encode()).digest()
-        return np.frombuffer(digest[:16], dtype="<u8").copy()
+        return _key_of(self.seed, self.name)
+
+
+@lru_cache(maxsize=1024)
+def _key_of(seed: int, name: str) -> np.ndarray:
+    digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
+    return np.frombuffer(digest[:16], dtype="<u8")  # read-only

@@ -139,11 +139,20 @@ def machine_body(machine: MachineGeometry, reflectance: float = PAINT) -> Solids
     return merge(chassis, header)
 
 
+NOTHING = Solids()
+
+
+def solid_count(solids: Solids) -> int:
+    """Boxes, capsules and ellipsoids."""
+    return len(solids.box_half) + len(solids.capsule_radius) + len(solids.ellipsoid_half)
+
+
 def merge(*solids: Solids) -> Solids:
-    """All of them together."""
-    if not solids:
-        return Solids()
-    return Solids(**{f.name: np.concatenate([getattr(s, f.name) for s in solids]) for f in fields(Solids)})
+    """All of them together. A single one that is not empty is returned itself."""
+    some = [s for s in solids if solid_count(s)]
+    if len(some) < 2:
+        return some[0] if some else NOTHING
+    return Solids(**{f.name: np.concatenate([getattr(s, f.name) for s in some]) for f in fields(Solids)})
 
 
 def moved(solids: Solids, pose: Pose) -> Solids:

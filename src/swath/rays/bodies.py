@@ -1,5 +1,6 @@
 """Beams against bodies: solids, ground, and the canopy with a drawn depth. One ray per beam."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,11 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.field.layout import Solids
+from swath.field.solids import solid_count
 from swath.rays.device import start_warp
 from swath.rays.engine import Castable, Hits, RayCaster
 from swath.rays.spread import SpreadTable, double_log
 
 F32 = NDArray[np.float32]
+TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
+MARGIN = 0.01  # more than that, and than the rounding of tops [m]
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
 
 
@@ -44,6 +48,7 @@ class BodyCaster(RayCaster):
         self.table = table
         self._numbers = (crop_height, exit_diameter, divergence, pitch)
         self._desk: _Desk | None = None
+        self._room, self._roomed = 0.0, -1  # and the revision of the pages that it was taken from
         self._kept: list[Any] = []  # arrays whose memory the kernel reads
 
     def cast_beams(
@@ -64,7 +69,7 @@ class BodyCaster(RayCaster):
         z = np.asarray(scores, dtype=np.float32)
         if o.shape != d.shape or z.shape != o.shape[:1]:
             raise ValueError(f"origins {o.shape}, directions {d.shape}, scores {z.shape}: expected one each")
-        if not (np.isfinite(o).all() and np.isfinite(d).all() and np.isfinite(z).all()):
+        if not math.isfinite(o.sum() + d.sum() + z.sum()):  # one bad number spoils the sum
             raise ValueError("expected finite origins, directions and scores")
         wp = start_warp()
         if self._desk is None or len(self._desk.out) != len(o):
@@ -94,11 +99,20 @@ class BodyCaster(RayCaster):
         canopy.height, canopy.exit, canopy.divergence, canopy.pitch = self._numbers
         canopy.density_max = self.field.library.density_max
         canopy.cosine = table.cosine
+        canopy.tangents = wp.vec2(*np.exp(table.scaled_axes()[2][[0, -1]]))
         return canopy
 
     def scene(self, wp: Any) -> Any:
         """The field as it is now."""
         return self._refresh(wp)
+
+    def room(self) -> float:
+        """How far measured heights may lie above the crop of the field as it is now [m]."""
+        pages = self.field.pages
+        if pages.revision != self._roomed:
+            self._room = TOP_ROOM * float(pages.tile_top.max(initial=0.0)) + MARGIN
+            self._roomed = pages.revision
+        return self._room
 
     def things(self, wp: Any, solids: Solids) -> Any:
         """Solids as the kernel reads them."""
@@ -126,8 +140,10 @@ class _Desk:
         ]
         target = wp.array(self.out, dtype=wp.float32, device="cpu", copy=False)
         self.is_empty = True
-        self.inputs = [None, caster.things(wp, Solids()), caster.pack(wp), *arrays, 0.0, target]
+        self.canopy = caster.pack(wp)
+        self.inputs = [None, caster.things(wp, Solids()), self.canopy, *arrays, 0.0, target]
         self.launch: Any = None
+        self.range_max = 0.0
 
     def cast(
         self, wp: Any, caster: BodyCaster, rays: tuple[Any, Any, Any], range_max: float, solids: Solids
@@ -137,10 +153,11 @@ class _Desk:
             return self.out
         for kept, new in zip(self.rays, rays, strict=True):
             kept[...] = new
-        scene = caster.scene(wp)
-        count = len(solids.box_half) + len(solids.capsule_radius) + len(solids.ellipsoid_half)
+        scene, room = caster.scene(wp), caster.room()
+        count = solid_count(solids)
         things = None if count == 0 and self.is_empty else caster.things(wp, solids)
         self.is_empty = count == 0
+        is_moved, self.canopy.room = self.canopy.room != room, room
         if self.launch is None:
             from swath.rays.kernel.bodies import cast_bodies
 
@@ -150,8 +167,12 @@ class _Desk:
             )
         else:
             self.launch.set_param_at_index(0, scene)
-            self.launch.set_param_at_index(6, range_max)
+            if range_max != self.range_max:
+                self.launch.set_param_at_index(6, range_max)
             if things is not None:
                 self.launch.set_param_at_index(1, things)
+            if is_moved:
+                self.launch.set_param_at_index(2, self.canopy)
+        self.range_max = range_max
         self.launch.launch()
         return self.out

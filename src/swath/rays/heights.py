@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import Solids
+from swath.field.solids import solid_count
 from swath.rays.device import start_warp
 from swath.rays.geometry import pack_solids
-from swath.rays.height_grid import LEVELS, NODE_CELLS, NODES, NONE, TILE, HeightGrid, lattice_height
+from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
 UNTOUCHED = 255  # in `HeightCaster.cut`
@@ -43,6 +44,7 @@ class HeightCaster:
         self.grid = grid
         self.cut = np.full(grid.count.shape, UNTOUCHED, np.uint8)
         self._scene: Any = None
+        self._launch: Any = None
         self._size = -1
 
     def cast(
@@ -75,15 +77,23 @@ class HeightCaster:
             raise ValueError("expected finite origins and directions")
         self._draw.seed, self._draw.share, self._draw.grain = seed & 0xFFFFFFFF, share, grain
         things = _things(wp, solids)
-        inputs = [self._scene, things, self._draw, range_max, *self._shared]
-        wp.launch(cast_heights, dim=self._size, inputs=inputs, device="cpu")
+        if self._launch is None:
+            inputs = [self._scene, things, self._draw, range_max, *self._shared]
+            self._launch = wp.launch(
+                cast_heights, dim=self._size, inputs=inputs, device="cpu", record_cmd=True
+            )
+        else:
+            for index, value in ((1, things), (2, self._draw), (3, range_max)):
+                self._launch.set_param_at_index(index, value)
+        if self._size:
+            self._launch.launch()
         distance, what, cell, cosine, reflectance = (a.copy() for a in self._out)
         return HeightHits(distance, what, cell, cosine, reflectance)
 
     def _reserve(self, wp: Any, n: int) -> None:
         from swath.rays.kernel.heights import Draw
 
-        self._size = n
+        self._size, self._launch = n, None
         self._draw = Draw()
         self._origins, self._directions = np.zeros((n, 3)), np.zeros((n, 3))
         kinds = (np.float32, np.int32, np.int32, np.float32, np.float32)
@@ -101,7 +111,7 @@ class HeightCaster:
         scene.origin = wp.vec3d(*g.origin)
         scene.turn = wp.vec2d(np.cos(g.yaw), np.sin(g.yaw))
         scene.cell, scene.tile, scene.levels, scene.none = g.cell, TILE, LEVELS, NONE
-        scene.node_cells = NODE_CELLS
+        scene.nodes_per_m = 1.0 / g.node
         for name, array, dtype in (
             ("table", g.table, wp.int32),
             ("tile_top", self._tops, wp.float32),
@@ -139,9 +149,7 @@ def _things(wp: Any, solids: Solids | None) -> Any:
 
     things = Things()
     things.count = 0
-    if solids is None or not (
-        len(solids.box_half) or len(solids.capsule_radius) or len(solids.ellipsoid_half)
-    ):
+    if solids is None or solid_count(solids) == 0:
         return things
     packed = pack_solids(solids)
     things.count = len(packed.kind)

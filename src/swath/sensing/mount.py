@@ -51,11 +51,19 @@ def poses_at(states: Sequence[MachineState], times: F64) -> tuple[F64, F64]:
     """
     t = np.array([s.t for s in states], dtype=float)
     position = np.array([s.pose.position for s in states])
-    angle = np.array([s.pose.euler() for s in states])
+    angle = _euler(np.array([s.pose.rotation for s in states]))
     angle = angle[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(angle, axis=0))]), axis=0)
     at = np.stack([np.interp(times, t, position[:, k]) for k in range(3)], axis=1)
     roll, pitch, yaw = (np.interp(times, t, angle[:, k]) for k in range(3))
     return at, _rotations(roll, pitch, yaw)
+
+
+def _euler(rotation: F64) -> F64:
+    """(roll, pitch, yaw) [rad] of rotations (n, 3, 3), shape (n, 3), as `Pose.euler`."""
+    pitch = -np.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
+    roll = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
+    yaw = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+    return np.stack([roll, pitch, yaw], axis=1)
 
 
 def _rotations(roll: F64, pitch: F64, yaw: F64) -> F64:

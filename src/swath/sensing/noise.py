@@ -35,7 +35,7 @@ class Noise:
         """
         if not self.is_on:
             return distance
-        sigma = self.card.noise_sigma(np.nan_to_num(distance), signal)
+        sigma = self.card.noise_sigma(distance, signal)
         noisy = distance + self.bias + sigma * rng.standard_normal(distance.shape)
         step = self.card.resolution
         return np.round(noisy / step) * step if step > 0 else noisy

@@ -19,6 +19,7 @@ from swath.rays.kernel.scene import (
     plane_offset,
     plane_slope,
 )
+from swath.rays.kernel.shapes import MISS
 
 STANDING = wp.constant(255)
 GROUND = wp.constant(1)
@@ -29,9 +30,12 @@ STUBBLE = wp.constant(6)
 EAR_ZONE = wp.constant(0.85)  # crop above this share of its height counts as ears
 SPOT_AT = wp.constant(0.9)  # share of the crop's height where the spot is taken, or lower down at a wall
 FLAT = wp.constant(1.0e-3)  # steps that change the relative height by less use the silhouette itself
-TOP_ROOM = wp.constant(0.12)  # measured heights lie up to this share above the top of the crop
+TOP_ROOM = wp.constant(0.12)  # as in rays/bodies.py
 FALL = wp.constant(0.025)  # steps lose no more height than this [m]
 THIN = wp.constant(1.0e-4)  # where less silhouette than this lies above, steps are doubled [m2]
+SNAP = wp.constant(
+    1.0e-4
+)  # values this close to a node of the table, in shares of a step, are taken as on it
 LN_HALF = wp.constant(0.7071067811865476)
 
 
@@ -46,6 +50,8 @@ class Canopy:
     lean: sideways place of tips per plant height, many drawn stems
     pitch: step along the ray [m]; height: of the crop at scale 1 [m]; density_max [1/m2]
     exit, divergence: of the beam [m, rad]; cosine: mean |cos| of incidence on crop
+    tangents: of the flattest and the steepest depression of the table
+    room: no measured height lies further above the highest thing in a page [m]
     """
 
     axes: wp.array(dtype=float)
@@ -63,6 +69,8 @@ class Canopy:
     exit: float
     divergence: float
     cosine: float
+    room: float
+    tangents: wp.vec2
 
 
 @wp.struct
@@ -94,7 +102,7 @@ def place(canopy: Canopy, first: int, count: int, value: float) -> wp.vec3:
         return wp.vec3(0.0, 0.0, wp.where(wp.abs(value - low) > 0.1, 1.0, 0.0))
     share = (value - low) / (canopy.axes[first + k + 1] - low)
     outside = wp.where(share < -1.0e-3 or share > 1.001, 1.0, 0.0)
-    return wp.vec3(float(k), wp.clamp(share, 0.0, 1.0), outside)
+    return wp.vec3(float(k), wp.where(share < SNAP, 0.0, wp.where(share > 1.0 - SNAP, 1.0, share)), outside)
 
 
 @wp.func
@@ -117,25 +125,29 @@ def draw(canopy: Canopy, beam: Beam, density: float, scale: float, tangent: floa
     p2 = place(canopy, first[2], n[2], wp.log(tangent))
     p3 = place(canopy, first[3], n[3], wp.log(spot))
     clamped = int(p0[2]) + 2 * int(p1[2]) + 4 * int(p2[2]) + 8 * int(p3[2])
-    share = wp.vec4(p0[1], p1[1], p2[1], p3[1])
-    base = wp.vec4i(int(p0[0]), int(p1[0]), int(p2[0]), int(p3[0]))
+    low = wp.vec4(1.0 - p0[1], 1.0 - p1[1], 1.0 - p2[1], 1.0 - p3[1])
+    high = wp.vec4(p0[1], p1[1], p2[1], p3[1])
+    stride = wp.vec4i(n[1] * n[2] * n[3], n[2] * n[3], n[3], 1)
+    base = int(p0[0]) * stride[0] + int(p1[0]) * stride[1] + int(p2[0]) * stride[2] + int(p3[0])
     loglog = float(0.0)
     beam.lift = 0.0
-    for corner in range(16):
-        w = float(1.0)
-        cell = int(0)
-        for axis in range(4):
-            up = (corner >> axis) & 1
-            w = w * wp.where(up == 1, share[axis], 1.0 - share[axis])
-            cell = cell * n[axis] + wp.min(base[axis] + up, n[axis] - 1)
-        if w > 0.0:
-            loglog += w * canopy.ground[cell]
-            beam.lift += w * canopy.lift[cell]
+    for a in range(2):
+        w0 = wp.where(a == 1, high[0], low[0])
+        if w0 > 0.0:
+            for b in range(2):
+                w1 = w0 * wp.where(b == 1, high[1], low[1])
+                if w1 > 0.0:
+                    for c in range(2):
+                        w2 = w1 * wp.where(c == 1, high[2], low[2])
+                        cell = base + a * stride[0] + b * stride[1] + c * stride[2]
+                        for d in range(2):
+                            w = w2 * wp.where(d == 1, high[3], low[3])
+                            if w > 0.0:
+                                loglog += w * canopy.ground[cell + d]
+                                beam.lift += w * canopy.lift[cell + d]
     seen = 1.0 - wp.exp(-wp.exp(loglog))
     beam.clamped = clamped
-    lowest = wp.exp(canopy.axes[first[2]])
-    highest = wp.exp(canopy.axes[first[3] - 1])
-    cot = 1.0 / wp.clamp(tangent, lowest, highest)
+    cot = 1.0 / wp.clamp(tangent, canopy.tangents[0], canopy.tangents[1])
     beam.left = 1.0e30
     beam.whole = density * scale * cot * canopy.depth[0]
     beam.lift = 2.0 * beam.lift * (1.0 - beam.share) / wp.max(1.0 - seen, 1.0e-9)
@@ -145,27 +157,44 @@ def draw(canopy: Canopy, beam: Beam, density: float, scale: float, tangent: floa
         k = wp.clamp(int(x), 0, nodes - 2)
         f = x - float(k)
         relative = float(0.0)
-        for corner in range(16):
-            w = float(1.0)
-            cell = int(0)
-            for axis in range(4):
-                up = (corner >> axis) & 1
-                w = w * wp.where(up == 1, share[axis], 1.0 - share[axis])
-                cell = cell * n[axis] + wp.min(base[axis] + up, n[axis] - 1)
-            if w > 0.0:
-                q = cell * nodes + k
-                relative += w * (canopy.quantile[q] * (1.0 - f) + canopy.quantile[q + 1] * f)
+        for a in range(2):
+            w0 = wp.where(a == 1, high[0], low[0])
+            if w0 > 0.0:
+                for b in range(2):
+                    w1 = w0 * wp.where(b == 1, high[1], low[1])
+                    if w1 > 0.0:
+                        for c in range(2):
+                            w2 = w1 * wp.where(c == 1, high[2], low[2])
+                            cell = base + a * stride[0] + b * stride[1] + c * stride[2]
+                            for d in range(2):
+                                w = w2 * wp.where(d == 1, high[3], low[3])
+                                if w > 0.0:
+                                    q = (cell + d) * nodes + k
+                                    relative += w * (
+                                        canopy.quantile[q] * (1.0 - f) + canopy.quantile[q + 1] * f
+                                    )
         beam.left = density * scale * cot * silhouette_above(canopy, relative)
     return beam
 
 
 @wp.func
-def stands(scene: Scene, ray: Ray, x: float, y: float, height: float, size: float) -> int:
-    """Code of the cell of a foot (seen from the ray's tile) when what grows there reaches the height [m]."""
-    fine = 64.0 / size
-    cell_x = ray.tile_x * 64 + int(wp.floor(x * fine))
-    cell_y = ray.tile_y * 64 + int(wp.floor(y * fine))
-    code = cut_code(scene, cell_x, cell_y)
+def stands(scene: Scene, ray: Ray, page: wp.vec3i, x: float, y: float, height: float, fine: float) -> int:
+    """Code of the cell of a foot (seen from the ray's tile) when what grows there reaches the height [m].
+
+    page: cells from the ray's tile to the lower corner of the page that the foot is most likely in, its row
+    of `cut`; fine: cells per metre
+    """
+    i = int(wp.floor(x * fine))
+    j = int(wp.floor(y * fine))
+    in_x = i - page[0]
+    in_y = j - page[1]
+    code = int(0)
+    if in_x < 0 or in_y < 0 or in_x > 511 or in_y > 511:
+        code = cut_code(scene, ray.tile_x * 64 + i, ray.tile_y * 64 + j)
+    elif page[2] < 0:
+        code = -1 - page[2]
+    else:
+        code = int(scene.cut[page[2], in_y, in_x])
     if code != STANDING and 0.01 * float(code) <= height:
         return 0
     return code
@@ -176,6 +205,7 @@ def cross_canopy(
     scene: Scene,
     canopy: Canopy,
     ray: Ray,
+    page: wp.vec3i,
     stand: wp.vec4,
     line: wp.vec2,
     ta: float,
@@ -185,7 +215,7 @@ def cross_canopy(
 ):
     """The beam through the crop of one tile between ta and tb; line: height above its plane is line[0] + t
     line[1]. Changes the hit and what is left of the beam's optical depth."""
-    size = float(scene.tile_size)
+    fine = 64.0 / float(scene.tile_size)
     scale = stand[0]
     density = canopy.density_max * stand[3]
     rate = line[1] / scale
@@ -209,7 +239,7 @@ def cross_canopy(
             lean = canopy.lean[k % leans]
             x = ray.o[0] + ray.d[0] * middle - stand[1] * z - lean[0] * bow
             y = ray.o[1] + ray.d[1] * middle - stand[2] * z - lean[1] * bow
-            code = stands(scene, ray, x, y, z * scale, size)
+            code = stands(scene, ray, page, x, y, z * scale, fine)
             if code != 0:
                 if beam.left < 0.0:
                     tangent = wp.max(-line[1], 1.0e-4) / speed
@@ -245,14 +275,38 @@ def cross_fields(scene: Scene, canopy: Canopy, ray: Ray, hit: Hit, beam: Beam):
     jx = int(0)  # tile from the ray's first one
     jy = int(0)
     t = float(0.0)
+    last = int(-1)
     while True:
         gx = ray.tile_x + jx
         gy = ray.tile_y + jy
         px = floor_div(gx, 8)
         py = floor_div(gy, 8)
         slot = page_slot(scene, px, py)
-        if slot < 0:
+        if slot < 0 or t >= hit.t:
             break
+        if slot != last:  # down to the highest thing in the page at once, or on to the next
+            last = slot
+            roof = scene.page_top[slot] + canopy.room - ray.z0
+            down = t
+            if ray.o[2] + ray.d[2] * t > roof:
+                down = wp.where(ray.d[2] < 0.0, (roof - ray.o[2]) / wp.min(ray.d[2], -1.0e-6), MISS)
+            if down > t:
+                bx = px * 8 - ray.tile_x
+                by = py * 8 - ray.tile_y
+                ex = float(bx + wp.where(ray.d[0] > 0.0, 8, 0)) * size * ray.inv[0] + ray.off[0]
+                ey = float(by + wp.where(ray.d[1] > 0.0, 8, 0)) * size * ray.inv[1] + ray.off[1]
+                out = wp.max(wp.min(ex, ey), t)
+                t = wp.min(down, out)
+                jx = wp.clamp(int(wp.floor((ray.o[0] + ray.d[0] * t) / size)), bx, bx + 7)
+                jy = wp.clamp(int(wp.floor((ray.o[1] + ray.d[1] * t) / size)), by, by + 7)
+                if down >= out:
+                    if ex <= ey:
+                        jx = wp.where(ray.d[0] > 0.0, bx + 8, bx - 1)
+                    else:
+                        jy = wp.where(ray.d[1] > 0.0, by + 8, by - 1)
+                    continue
+                gx = ray.tile_x + jx
+                gy = ray.tile_y + jy
         ix = gx - px * 8
         iy = gy - py * 8
         tx = float(jx + wp.where(ray.d[0] > 0.0, 1, 0)) * size * ray.inv[0] + ray.off[0]
@@ -270,8 +324,14 @@ def cross_fields(scene: Scene, canopy: Canopy, ray: Ray, hit: Hit, beam: Beam):
         lowest = wp.min(h0 + h1 * t, h0 + h1 * end)
         bump = scene.tile_bump[slot, iy, ix] + SLACK
         if lowest <= bump:
+            ta = t
+            tb = end
+            if h1 < 0.0:
+                ta = wp.max(ta, (bump - h0) / h1)
+            elif h1 > 0.0:
+                tb = wp.min(tb, (bump - h0) / h1)
             corner = wp.vec2(float(px * 8 - ray.tile_x) * size, float(py * 8 - ray.tile_y) * size)
-            hit = walk_ground(scene, ray, slot, corner, ix, iy, t, end, hit)
+            hit = walk_ground(scene, ray, slot, corner, ix, iy, ta, tb, hit)
         stand = scene.tile_stand[slot, iy, ix]
         top = scene.tile_top[slot, iy, ix]
         if top > MARGIN:
@@ -284,7 +344,11 @@ def cross_fields(scene: Scene, canopy: Canopy, ray: Ray, hit: Hit, beam: Beam):
                 elif h1 > 0.0:
                     tb = wp.min(tb, (top - h0) / h1)
                 if ta < tb:
-                    hit, beam = cross_canopy(scene, canopy, ray, stand, wp.vec2(h0, h1), ta, tb, hit, beam)
+                    page = wp.vec3i(
+                        (px * 8 - ray.tile_x) * 64, (py * 8 - ray.tile_y) * 64, scene.cut_slot[slot]
+                    )
+                    line = wp.vec2(h0, h1)
+                    hit, beam = cross_canopy(scene, canopy, ray, page, stand, line, ta, tb, hit, beam)
         if hit.t <= leave:
             break
         t = leave

@@ -34,7 +34,7 @@ class Heights:
     tile: int
     levels: int
     none: int
-    node_cells: int
+    nodes_per_m: float
     table: wp.array2d(dtype=int)
     tile_top: wp.array2d(dtype=float)
     quantiles: wp.array4d(dtype=wp.int16)
@@ -66,9 +66,8 @@ def mix(h: wp.uint32) -> wp.uint32:
 
 @wp.func
 def ground_at(g: Heights, x: float, y: float) -> float:
-    node = g.cell * float(g.node_cells)
-    fx = wp.clamp(x / node, 0.0, float(g.ground.shape[1] - 1))
-    fy = wp.clamp(y / node, 0.0, float(g.ground.shape[0] - 1))
+    fx = wp.clamp(x * g.nodes_per_m, 0.0, float(g.ground.shape[1] - 1))
+    fy = wp.clamp(y * g.nodes_per_m, 0.0, float(g.ground.shape[0] - 1))
     i = wp.min(int(fx), g.ground.shape[1] - 2)
     j = wp.min(int(fy), g.ground.shape[0] - 2)
     fx = fx - float(i)
@@ -91,14 +90,19 @@ def slab(o: float, d: float, low: float, high: float) -> wp.vec2:
 
 
 @wp.func
-def exit_of(o: float, d: float, index: int, side: float) -> float:
-    """t at which a ray leaves column `index` of width `side`."""
+def per(d: float) -> float:
+    """1 / d, or 0 for a direction that never leaves a column."""
     if wp.abs(d) < 1.0e-9:
+        return 0.0
+    return 1.0 / d
+
+
+@wp.func
+def exit_of(o: float, inverse: float, index: int, side: float) -> float:
+    """t at which a ray leaves column `index` of width `side`; inverse: `per` of its direction."""
+    if inverse == 0.0:
         return FAR
-    edge = float(index) * side
-    if d > 0.0:
-        edge = edge + side
-    return (edge - o) / d
+    return (float(wp.where(inverse > 0.0, index + 1, index)) * side - o) * inverse
 
 
 @wp.func
@@ -166,6 +170,8 @@ def walk(g: Heights, o: wp.vec3, d: wp.vec3, u: float, t_max: float) -> wp.vec3:
     t_out = wp.min(sx[1], sy[1])
     flattest = FLATTEST * wp.sqrt(d[0] * d[0] + d[1] * d[1])
     survived = float(1.0)
+    ix = per(d[0])
+    iy = per(d[1])
     if t >= t_out:  # passes beside the box
         t = 0.0
         t_out = 0.0
@@ -176,8 +182,8 @@ def walk(g: Heights, o: wp.vec3, d: wp.vec3, u: float, t_max: float) -> wp.vec3:
     i = wp.clamp(int(wp.floor((o[0] + d[0] * t) / side)), 0, g.table.shape[1] - 1)
     j = wp.clamp(int(wp.floor((o[1] + d[1] * t) / side)), 0, g.table.shape[0] - 1)
     while t < end:
-        ex = exit_of(o[0], d[0], i, side)
-        ey = exit_of(o[1], d[1], j, side)
+        ex = exit_of(o[0], ix, i, side)
+        ey = exit_of(o[1], iy, j, side)
         leave = wp.max(wp.min(wp.min(ex, ey), end), t)
         if o[2] + wp.min(d[2] * t, d[2] * leave) <= g.tile_top[j, i]:
             slot = g.table[j, i]
@@ -190,8 +196,8 @@ def walk(g: Heights, o: wp.vec3, d: wp.vec3, u: float, t_max: float) -> wp.vec3:
             q = wp.clamp(int(wp.floor((o[1] + d[1] * t) / g.cell)), j * g.tile, (j + 1) * g.tile - 1)
             inside = bool(True)
             while inside:
-                cx = exit_of(o[0], d[0], p, g.cell)
-                cy = exit_of(o[1], d[1], q, g.cell)
+                cx = exit_of(o[0], ix, p, g.cell)
+                cy = exit_of(o[1], iy, q, g.cell)
                 after = wp.max(wp.min(wp.min(cx, cy), leave), t)
                 b = o[2] + d[2] * after - ground_at(g, o[0] + d[0] * after, o[1] + d[1] * after)
                 column = p - i * g.tile

@@ -7,6 +7,7 @@ line). The draw is an optical depth, so crop adds up along the beam wherever it 
 the side wall at the edge, through gaps. Sweeps are independent of each other.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -22,6 +23,7 @@ from swath.core.units import DEG
 from swath.field.crop import load_crop
 from swath.field.site import SiteSetup
 from swath.rays.bodies import BodyCaster
+from swath.rays.chain import Chain
 from swath.rays.spread import AXES, SpreadTable
 from swath.sensing.echo import least_energy
 from swath.sensing.mount import Mount
@@ -72,13 +74,16 @@ class EmpiricalLidar:
         _check_reading(self.table, params, crop)
         self._height = load_crop(crop).stand.height
         beam = self.card.beam
+        self._exit, self._divergence = float(np.mean(beam.exit_diameter)), float(np.mean(beam.divergence))
         self.caster = BodyCaster(
             setup.field,
             self.table,
             crop_height=self._height,
-            exit_diameter=float(np.mean(beam.exit_diameter)),
-            divergence=float(np.mean(beam.divergence)),
+            exit_diameter=self._exit,
+            divergence=self._divergence,
         )
+        self._below = setup.field.footprint(np.zeros((1, 2)))
+        self._chain = Chain(len(self.azimuth), self.scanner.line_count)
         self._forward = np.ascontiguousarray(self.scanner.axes[:, :, 0])
         self._apart = self.scanner.step * np.cos(self.elevation)  # between neighbours [rad]
         self._least = least_energy(self.card.range_10)
@@ -86,7 +91,7 @@ class EmpiricalLidar:
         self.ray_count = 0
         self.notes: list[str] = []
         self._clamped = 0
-        self._ensured = np.full(2, np.inf)
+        self._ensured = (math.inf, math.inf)
 
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan."""
@@ -94,7 +99,7 @@ class EmpiricalLidar:
         self._last = None
         self.ray_count = self._clamped = 0
         self.notes = []
-        self._ensured = np.full(2, np.inf)
+        self._ensured = (math.inf, math.inf)
         return self.scanner.reset(stream)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -113,7 +118,7 @@ class EmpiricalLidar:
         self._ensure(middle)
         axes = self.scanner.axes_at(t)
         forward = self._forward if axes is self.scanner.axes else axes[:, :, 0]
-        directions = (rotations @ forward[:, :, None])[:, :, 0]
+        directions = np.einsum("nij,nj->ni", rotations, forward)
         scores = self._scores(rng, middle, directions)
         found = self.caster.cast_beams(
             origins, directions, scores, range_max=self.scanner.reach, solids=self.setup.solids()
@@ -149,7 +154,7 @@ class EmpiricalLidar:
         self._last = state["last"]
         self.ray_count, self._clamped = state["ray_count"], state["clamped"]
         self.notes = list(state["notes"])
-        self._ensured = np.full(2, np.inf)
+        self._ensured = (math.inf, math.inf)
 
     def _scores(self, rng: np.random.Generator, middle: F64, directions: F64) -> F64:
         """Standard normal scores of the beams, AR(1) along each line of the scanner.
@@ -158,19 +163,19 @@ class EmpiricalLidar:
         height over flat ground.
         """
         z = rng.standard_normal(len(directions))
-        over = middle[2] - float(self.setup.field.ground_height(middle[0], middle[1])) - 0.5 * self._height
+        x, y, z_sensor = middle.tolist()
+        over = z_sensor - float(self._below.heights(x, y, 0.0)[0]) - 0.5 * self._height
         far = np.clip(over / np.maximum(-directions[:, 2], 1e-3), 0.5, self.scanner.reach)
         c0, c1 = self.table.correlation
-        beam = self.card.beam
-        spot = float(np.mean(beam.exit_diameter)) + float(np.mean(beam.divergence)) * far
-        rho = np.exp(-far * self._apart / (c0 + c1 * spot))
-        return chain(z, rho, self.scanner.line_count)
+        rho = np.exp(-far * self._apart / (c0 + c1 * (self._exit + self._divergence * far)))
+        return self._chain(z, rho)
 
     def _ensure(self, middle: F64) -> None:
         """Pages around the sensor, asked for anew after every half metre."""
-        if np.hypot(*(middle[:2] - self._ensured)) > ENSURE_EVERY:
-            self.setup.field.ensure(middle[0], middle[1], self.params.reach_m + ENSURE_EVERY)
-            self._ensured = middle[:2].copy()
+        x, y = float(middle[0]), float(middle[1])
+        if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY:
+            self.setup.field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)
+            self._ensured = x, y
 
     def _note(self, clamped: int) -> None:
         new = clamped & ~self._clamped
@@ -190,26 +195,6 @@ class EmpiricalLidar:
 def table_name(crop: str, echo: str) -> str:
     """Name of the bundled table of a crop and an echo rule."""
     return f"{crop}-{'median' if echo == 'percentile' else echo}"
-
-
-def chain(noise: F64, rho: F64, line_count: int = 1) -> F64:
-    """z[i] = rho[i] z[i-1] + sqrt(1 - rho[i]^2) noise[i] along every line, z[0] = noise[0], shape (n,).
-
-    Beams are ordered by azimuth, then by line. Doubling steps: ln n of them instead of a loop over beams.
-    """
-    z = noise.reshape(-1, line_count)
-    keep = rho.reshape(-1, line_count).copy()
-    keep[0] = 0.0
-    z = np.sqrt(1.0 - keep**2) * z
-    reach = 1
-    while reach < len(z):
-        z[reach:] += keep[reach:] * z[:-reach]
-        keep[reach:] *= keep[:-reach]
-        keep[:reach] = 0.0
-        reach *= 2
-        if not keep.any():
-            break
-    return z.ravel()
 
 
 def _check_reading(table: SpreadTable, params: Params, crop: str) -> None:
