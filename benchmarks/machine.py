@@ -11,11 +11,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 import numpy as np
 from _harness import interleave, machine, median, write_json
 
+from swath.core.component import Port
+from swath.core.graph import Graph, Node
 from swath.core.random import Stream
-from swath.core.schedule import NS
-from swath.core.signals import SpeedCommand, SteerState
+from swath.core.schedule import NS, Slot
+from swath.core.signals import CropFlow, SpeedCommand, SteerState
 from swath.machine.card import load_machine, with_grain
 from swath.machine.motion import kinematic, multibody, single_track
+from swath.machine.powertrain import hydrostat
+from swath.machine.process import threshing
 
 SECONDS = 10.0
 FIELD = """
@@ -34,6 +38,8 @@ LEVELS: dict[str, tuple[Any, Any]] = {
     "multibody": (multibody.Multibody, multibody.Params),
 }
 RATES = (50.0, 200.0)
+WHOLE_RATES = (50.0, 100.0, 200.0)  # of the motion, with process (10 Hz) and powertrain (20 Hz)
+GRAIN, STRAW = 0.97, 0.63  # fed per area [kg/m2]
 CASES = [(3.0, 2.5), (11.0, 1.0), (11.0, 2.5), (28.0, 1.0), (28.0, 2.5), (3.0, 6.0), (11.0, 4.0)]
 
 
@@ -52,7 +58,7 @@ def rough_site() -> Any:
     world.graph.reset()
     state = world.graph.latest("combine.motion", "state")
     forward = state.pose.rotation[:2, 0]
-    way = state.pose.position[:2] + np.outer(np.arange(0.0, 40.0, 5.0), forward)
+    way = state.pose.position[:2] + np.outer(np.arange(-10.0, 80.0, 5.0), forward)
     world.field.ensure(way[:, 0], way[:, 1], 20.0)
     return SiteSetup(world.field, world.leader.card, state.pose, "left", 1.0 / 200.0)
 
@@ -64,13 +70,66 @@ def drive(motion: Any, seconds: float, rate: float, steer: float, speed: float) 
     return [motion.step(i * step, step, inputs)["state"] for i in range(round(seconds * rate))]
 
 
+class Given:
+    """Straight on at a speed [m/s] with a full header: stands for steering, speed control and header."""
+
+    inputs = ()
+    outputs = (Port("steering", SteerState), Port("speed", SpeedCommand), Port("flow", CropFlow))
+
+    def __init__(self, speed: float, width: float) -> None:
+        self._speed, self._width = speed, width
+
+    def reset(self, stream: Stream) -> dict[str, Any]:
+        return self.step(0, 0, {})
+
+    def step(self, t: int, dt: int, inputs: Any) -> dict[str, Any]:
+        t, h = t + dt, dt / NS
+        area = self._width * self._speed * h
+        flow = CropFlow(t, GRAIN * area, STRAW * area, area, 0, 1.0, h)
+        return {"steering": SteerState(t, 0.0, 0.0), "speed": SpeedCommand(t, self._speed), "flow": flow}
+
+    def save(self) -> dict[str, Any]:
+        return {}
+
+    def load(self, state: Any) -> None:
+        pass
+
+
+def whole(site: Any, rate: float) -> Graph:
+    """single_track, threshing and hydrostat in a graph, the straw laid on the field; 20 s on their way."""
+
+    def slot(name: str, hz: float) -> Slot:
+        return Slot(name, round(NS / hz))
+
+    params = single_track.Params(start_speed_kmh=7.2)
+    state, engine, load = ("motion", "state"), ("powertrain", "engine"), ("process", "load")
+    to_motion = {
+        "steering": ("given", "steering"),
+        "speed": ("given", "speed"),
+        "drive": engine,
+        "load": load,
+    }
+    to_process = {"flow": ("given", "flow"), "state": state, "engine": engine}
+    process = threshing.ThreshingProcess(threshing.Params(), site)
+    powertrain = hydrostat.HydrostatPowertrain(hydrostat.Params(), site)
+    nodes = [
+        Node(slot("given", 10.0), Given(2.0, site.machine.header_width)),
+        Node(slot("motion", rate), single_track.SingleTrack(params, site), to_motion),
+        Node(slot("process", 10.0), process, to_process),
+        Node(slot("powertrain", 20.0), powertrain, {"state": state, "load": load}),
+    ]
+    graph = Graph(nodes, 1)
+    graph.reset()
+    graph.run(20 * NS)
+    return graph
+
+
 def factors(site: Any) -> dict[str, float]:
     """Simulated over CPU seconds per level and rate, on rough ground at 2 m/s."""
     jobs: dict[str, Callable[[], Any]] = {}
     for name, (component, params) in LEVELS.items():
         for rate in RATES:
-            step = {"substep_ms": 20.0} if name == "single_track" else {}
-            motion = component(params(start_speed_kmh=7.2, **step), site)
+            motion = component(params(start_speed_kmh=7.2), site)
             motion.reset(Stream(1, "bench"))
             kept = motion.save()
 
@@ -79,6 +138,15 @@ def factors(site: Any) -> dict[str, float]:
                 drive(motion, SECONDS, rate, 0.0, 2.0)
 
             jobs[f"{name} {rate:.0f} Hz"] = job
+    for rate in WHOLE_RATES:
+        graph = whole(site, rate)
+        saved = graph.save()
+
+        def run(graph: Graph = graph, saved: Any = saved) -> None:
+            graph.load(saved)
+            graph.run(graph.t + round(SECONDS * NS))
+
+        jobs[f"single_track {rate:.0f} Hz + threshing + hydrostat"] = run
     return {name: SECONDS / median(times) for name, times in interleave(jobs, rounds=5).items()}
 
 

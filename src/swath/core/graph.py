@@ -42,6 +42,7 @@ class Graph:
         self._latest: dict[tuple[str, str], Signal] = {}
         self._before: dict[tuple[str, str], Signal] = {}
         self._queues: dict[tuple[str, str], list[Signal]] = {}
+        self._listeners: dict[str, list[tuple[str, tuple[str, str]]]] = {}  # slot -> (output, queue)
         self._check_wires()
 
     def reset(self) -> None:
@@ -112,7 +113,9 @@ class Graph:
                 source, output = node.wires[port.name]
                 check_fit(source, self._output_port(source, output, node, port), node.slot.name, port)
                 if port.history:
-                    self._queues[(node.slot.name, port.name)] = []
+                    key = (node.slot.name, port.name)
+                    self._queues[key] = []
+                    self._listeners.setdefault(source, []).append((output, key))
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"
@@ -142,10 +145,8 @@ class Graph:
         name = node.slot.name
         for output, signal in outputs.items():
             self._latest[(name, output)] = signal
-        for other in self.nodes:
-            for port in other.component.inputs:
-                wire = other.wires.get(port.name)
-                if port.history and wire is not None and wire[0] == name and wire[1] in outputs:
-                    self._queues[(other.slot.name, port.name)].append(outputs[wire[1]])
+        for output, key in self._listeners.get(name, ()):
+            if output in outputs:
+                self._queues[key].append(outputs[output])
         for observe in self.observers:
             observe(name, t, outputs)

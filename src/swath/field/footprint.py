@@ -39,6 +39,7 @@ class Footprint:
         x, y = at.T
         self._along, self._across = np.stack([x, y]), np.stack([-y, x])
         self._turn, self._node, self._pages_of = turn, node, pages_of
+        self._origin = np.zeros((2, 1))  # only a place to work in
         self._use((0, 0, np.zeros((0, 0))))
 
     def heights(self, x: float, y: float, yaw: float) -> Array:
@@ -50,22 +51,26 @@ class Footprint:
         c, s = tc * c + ts * s, tc * s - ts * c
         u0, v0 = (tc * x + ts * y) / self._node, (tc * y - ts * x) / self._node
         self._reach(u0, v0, c, s)
+        origin = self._origin
+        origin[0, 0], origin[1, 0] = u0, v0
         w = self._along * c
         w += self._across * s
-        w[0] += u0
-        w[1] += v0
+        w += origin
         k = np.floor(w)
         w -= k
-        at = k[0]
-        at += k[1] * self._width
-        at -= self._base
+        at = k[1] * self._width
+        at += k[0]
         z = self._flat.take(at.astype(np.intp) + self._corners)
-        fu, fv = w
-        near = z[:2]
-        near += (z[2:] - near) * fu
-        low, high = near
-        height: Array = low + (high - low) * fv
-        return height
+        near, far = z[:2], z[2:]
+        far -= near
+        far *= w[0]
+        near += far
+        low: Array = near[0]
+        high = near[1]
+        high -= low
+        high *= w[1]
+        low += high
+        return low
 
     def _reach(self, u0: float, v0: float, c: float, s: float) -> None:
         """Have the pages at hand that the rectangle about all points touches."""
@@ -82,5 +87,6 @@ class Footprint:
         rows, columns = heights.shape
         u, v = PAGE_NODES * i, PAGE_NODES * j
         self._inside = (u, v, u + columns - 1, v + rows - 1)
-        self._width, self._base, self._flat = columns, u + v * columns, heights.ravel()
-        self._corners = np.array([0, columns, 1, columns + 1])[:, None]  # both of the left, both of the right
+        self._width, self._flat = columns, heights.ravel()
+        corners = np.array([0, columns, 1, columns + 1])  # both of the left, both of the right
+        self._corners = corners[:, None] - (u + v * columns)

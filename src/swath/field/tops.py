@@ -43,14 +43,34 @@ def update_bumps(store: PageStore, keys: list[Key]) -> None:
     """Write `tile_bump` of pages in memory: how far ground and straw rise above each tile's plane."""
     if not keys:
         return
-    p, n = store.pages, NODES_PER_TILE
     slots = np.array([store.keys[key] for key in keys], dtype=np.int64)
-    surface = (p.ground[slots] + p.straw[slots]).astype(np.float64)
+    _write_bumps(store, slots, (0, PAGE_TILES), (0, PAGE_TILES))
+
+
+def update_bumps_within(store: PageStore, x0: int, y0: int, x1: int, y1: int) -> None:
+    """As `update_bumps`, for the tiles that show the nodes from (x0, y0) to (x1, y1), both included."""
+    n, side = NODES_PER_TILE, PAGE_TILES
+    left, right, low, high = (x0 - 1) // n, x1 // n, (y0 - 1) // n, y1 // n
+    for j in range(low // side, high // side + 1):
+        for i in range(left // side, right // side + 1):
+            slot = store.keys.get((i, j))
+            if slot is not None:
+                rows = max(low - j * side, 0), min(high - j * side + 1, side)
+                columns = max(left - i * side, 0), min(right - i * side + 1, side)
+                _write_bumps(store, np.array([slot]), rows, columns)
+
+
+def _write_bumps(store: PageStore, slots: Ints, rows: tuple[int, int], columns: tuple[int, int]) -> None:
+    """Bumps of a range of tiles (first, after the last) of pages."""
+    p, n = store.pages, NODES_PER_TILE
+    v, u = slice(rows[0] * n, rows[1] * n + 1), slice(columns[0] * n, columns[1] * n + 1)
+    tiles = slots, slice(*rows), slice(*columns)
+    surface = (p.ground[slots, v, u] + p.straw[slots, v, u]).astype(np.float64)
     blocks = np.lib.stride_tricks.sliding_window_view(surface, (n + 1, n + 1), axis=(1, 2))[:, ::n, ::n]
     offset = (np.arange(n + 1) / n - 0.5) * store.tile_size
-    height, slope_x, slope_y = (p.tile_plane[slots].astype(np.float64)[..., k, None, None] for k in range(3))
+    height, slope_x, slope_y = (p.tile_plane[tiles].astype(np.float64)[..., k, None, None] for k in range(3))
     plane = height + slope_x * offset + slope_y * offset[:, None]
-    p.tile_bump[slots] = (blocks - plane).max(axis=(3, 4))
+    p.tile_bump[tiles] = (blocks - plane).max(axis=(3, 4))
 
 
 def stem_reach(library: PlantLibrary) -> float:

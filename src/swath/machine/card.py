@@ -7,7 +7,7 @@ from swath.core.errors import InputError
 from swath.core.setup import MachineGeometry
 from swath.core.units import DEG, KMH, PERCENT
 from swath.data.cards import Card, card_names, find_card
-from swath.machine.masses import Masses, read_masses
+from swath.machine.masses import Masses, Tank, read_masses
 from swath.machine.works import Works, read_works
 
 
@@ -118,16 +118,17 @@ def masses_of(machine: MachineGeometry) -> Masses:
 
 def with_grain(machine: MachineCard, grain: float) -> MachineCard:
     """The machine with grain [kg] in its tank as one rigid mass: mass, centre of gravity, yaw inertia."""
-    d, tank = machine.dynamics, masses_of(machine).tank
+    return replace(machine, dynamics=loaded(machine.dynamics, masses_of(machine).tank, grain))
+
+
+def loaded(d: Dynamics, tank: Tank, grain: float) -> Dynamics:
+    """Dynamics with grain [kg] in the tank."""
     mass = d.mass + grain
     behind = (d.mass * d.cg_behind - grain * tank.x) / mass
     height = (d.mass * d.cg_height + grain * tank.centre(grain)) / mass
     own = grain * (tank.length**2 + tank.width**2) / 12.0
     apart = d.mass * grain / mass * (d.cg_behind + tank.x) ** 2
-    dynamics = replace(
-        d, mass=mass, cg_behind=behind, cg_height=height, yaw_inertia=d.yaw_inertia + own + apart
-    )
-    return replace(machine, dynamics=dynamics)
+    return replace(d, mass=mass, cg_behind=behind, cg_height=height, yaw_inertia=d.yaw_inertia + own + apart)
 
 
 def _geometry(card: Card) -> dict[str, float]:
