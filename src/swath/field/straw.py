@@ -28,9 +28,10 @@ def spread_straw(
     x, y, weight = _points_inside(polygon)
     if heading is not None:
         c, s = cos(heading), sin(heading)
-        across, corner = c * y - s * x, c * polygon[:, 1] - s * polygon[:, 0]
-        middle, half = 0.5 * (corner.max() + corner.min()), 0.5 * (corner.max() - corner.min())
-        weight = weight * np.clip(1.0 - ((across - middle) / max(half, 1e-9)) ** 2, 0.0, None)
+        corner = [c * b - s * a for a, b in polygon.tolist()]
+        middle, half = 0.5 * (max(corner) + min(corner)), 0.5 * (max(corner) - min(corner))
+        across = (c * y - s * x - middle) / max(half, 1e-9)
+        weight = weight * np.maximum(1.0 - across * across, 0.0)
     whole = float(weight.sum())
     if mass == 0.0 or whole <= 0.0:
         return

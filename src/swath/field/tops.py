@@ -65,8 +65,10 @@ def _write_bumps(store: PageStore, slots: Ints, rows: tuple[int, int], columns: 
     p, n = store.pages, NODES_PER_TILE
     v, u = slice(rows[0] * n, rows[1] * n + 1), slice(columns[0] * n, columns[1] * n + 1)
     tiles = slots, slice(*rows), slice(*columns)
-    surface = (p.ground[slots, v, u] + p.straw[slots, v, u]).astype(np.float64)
-    blocks = np.lib.stride_tricks.sliding_window_view(surface, (n + 1, n + 1), axis=(1, 2))[:, ::n, ::n]
+    surface = (p.ground[slots, v, u] + p.straw[slots, v, u]).astype(np.float64, order="C")
+    size = (len(slots), rows[1] - rows[0], columns[1] - columns[0], n + 1, n + 1)
+    page, row, column = surface.strides  # a view of every tile's nodes; they share their borders
+    blocks = np.ndarray(size, np.float64, surface, 0, (page, n * row, n * column, row, column))
     offset = (np.arange(n + 1) / n - 0.5) * store.tile_size
     height, slope_x, slope_y = (p.tile_plane[tiles].astype(np.float64)[..., k, None, None] for k in range(3))
     plane = height + slope_x * offset + slope_y * offset[:, None]
