@@ -20,6 +20,7 @@ from swath.core.random import Stream
 from swath.field.crop import load_crop
 from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, STANDING, Pages, PlantLibrary
 from swath.field.library import make_library
+from swath.field.wind import Sway
 from swath.rays.engine import RayCaster
 from swath.rays.triangles import tile_triangles
 
@@ -34,6 +35,7 @@ class Scene:
     pages: Pages
     library: PlantLibrary
     stand_yaw: float = 0.0
+    wind: Sway | None = None
 
 
 def make_scene(

@@ -8,6 +8,7 @@ from swath.core.random import Stream
 from swath.field.crop import Crop, load_crop
 from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, STANDING, Pages, PlantLibrary
 from swath.field.library import make_library
+from swath.field.wind import Sway
 
 
 @dataclass
@@ -15,6 +16,7 @@ class HandField:
     pages: Pages
     library: PlantLibrary
     stand_yaw: float = 0.0
+    wind: Sway | None = None
 
 
 def make_pages(

@@ -31,7 +31,7 @@ class Walls:
     def __init__(self, far):
         self.far = far
 
-    def cast(self, origins, directions, *, range_max, solids):
+    def cast(self, origins, directions, *, range_max, solids, t):
         near, far = ((wall - origins[:, 0]) / directions[:, 0] for wall in (NEAR, self.far))
         meets = origins[:, 1] + near * directions[:, 1] > 0.0
         distance = np.where(meets, near, far)
@@ -125,7 +125,7 @@ def test_drop_outs_and_dust_reach_the_scan():
 class Sky:
     """Nothing to hit."""
 
-    def cast(self, origins, directions, *, range_max, solids):
+    def cast(self, origins, directions, *, range_max, solids, t):
         n = len(origins)
         none = np.zeros(n, np.float32)
         return Hits(np.full(n, np.nan, np.float32), np.zeros(n, np.uint8), none, none)

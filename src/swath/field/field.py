@@ -21,6 +21,7 @@ from swath.field.straw import spread_straw, write_depth
 from swath.field.tops import update_tops
 from swath.field.track import EdgeShape
 from swath.field.weeds import weed_crop
+from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
 FAR = 1e6  # places beyond this are refused [m]
@@ -32,6 +33,7 @@ class Field:
 
     library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world
     turned by `stand_yaw` [rad] about z; nominal_edge: the edge of the crop at the start, without its breaks
+    wind: what sways the stand; the library and the pages know nothing of it
     Pages come into memory by `ensure`, and by themselves where any verb touches the field.
     """
 
@@ -55,6 +57,7 @@ class Field:
         self.library = library
         self.nominal_edge: EdgeShape = edge.shape
         self.stand_yaw = float(stand.row_heading)
+        self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw)
         self.straw_density = straw_density
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
@@ -211,7 +214,8 @@ class Field:
         write_depth(self.store, keys, self._depth_per_kg)
 
     def _retop(self, keys: list[Key]) -> None:
-        update_tops(self.store, self.library, keys)
+        sway = 0.0 if self.wind is None else self.wind.slope_max
+        update_tops(self.store, self.library, keys, sway=sway)
 
     def _cells(self, polygon: Any) -> Array:
         """Polygon in units of cut cells of the stand frame."""

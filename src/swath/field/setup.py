@@ -75,6 +75,7 @@ class Stand(Protocol):
 
     crop: name of the crop; density_max [stems/m2]: nowhere exceeded; row_spacing [m], 0 = no rows;
     row_heading [rad]: direction of the rows in the world, counter-clockwise from east; weeds: under the crop
+    It may have a `wind` too (`field/wind.py`).
     """
 
     crop: str

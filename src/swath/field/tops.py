@@ -16,8 +16,11 @@ SLACK = 0.001  # added to tops so that float32 rounding never hides a tip [m]
 REACH_MAX = 4  # tiles
 
 
-def update_tops(store: PageStore, library: PlantLibrary, keys: list[Key]) -> None:
-    """Write `tile_top` of the pages `keys` and of the pages around them, as far as they are in memory."""
+def update_tops(store: PageStore, library: PlantLibrary, keys: list[Key], *, sway: float = 0.0) -> None:
+    """Write `tile_top` of the pages `keys` and of the pages around them, as far as they are in memory.
+
+    sway: the most that wind leans stems on top of their own lean [m aside per m of height]
+    """
     around = {(i + a, j + b) for i, j in keys for a in (-1, 0, 1) for b in (-1, 0, 1)}
     here = sorted(key for key in around if key in store.keys)
     if not here:
@@ -26,7 +29,7 @@ def update_tops(store: PageStore, library: PlantLibrary, keys: list[Key]) -> Non
     slots = np.array([store.keys[key] for key in here], dtype=np.int64)
     p = store.pages
     stand = p.tile_stand[slots].astype(np.float64)
-    lean = np.hypot(stand[..., 1], stand[..., 2])
+    lean = np.hypot(stand[..., 1], stand[..., 2]) + sway * stand[..., 0]
     tiles = np.ceil((stem_reach(library) + lean * library.height_max) / library.tile_size).astype(int)
     reach = np.minimum(tiles, REACH_MAX)
     code = _code_around(store, page, int(reach.max()))

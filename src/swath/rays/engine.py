@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.field.layout import Pages, PlantLibrary, Solids
+from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import pack_solids
 
@@ -29,6 +30,10 @@ class Castable(Protocol):
     @property
     def stand_yaw(self) -> float:
         """Turns the stand frame into the world [rad]."""
+
+    @property
+    def wind(self) -> Sway | None:
+        """What sways the stand."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +80,9 @@ class RayCaster:
         *,
         range_max: float,
         solids: Solids | None = None,
+        t: int = 0,
     ) -> Hits:
-        """Nearest hit of each ray within range_max [m].
+        """Nearest hit of each ray within range_max [m], all at time t [ns], which matters in wind alone.
 
         origins [m], directions (unit): (n, 3), world frame. A ray that starts inside an organ or a solid does
         not see it; a ray that leaves the known pages sees only solids. Raises ValueError on rays that are
@@ -95,16 +101,23 @@ class RayCaster:
             np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)
         )
         if n:
-            self._launch(o, d, float(range_max), solids or Solids(), hits)
+            self._launch(o, d, float(range_max), solids or Solids(), hits, t)
         return hits
 
     def _launch(
-        self, o: NDArray[np.float64], d: NDArray[np.float64], range_max: float, solids: Solids, hits: Hits
+        self,
+        o: NDArray[np.float64],
+        d: NDArray[np.float64],
+        range_max: float,
+        solids: Solids,
+        hits: Hits,
+        t: int,
     ) -> None:
         wp = start_warp()
         from swath.rays.kernel.cast import cast
 
         scene = self._refresh(wp)
+        self._blow(wp, scene, t)
         things = self._things(wp, solids)
         rays = [self._share(wp, o, wp.vec3d), self._share(wp, d, wp.vec3d)]
         out = [
@@ -151,6 +164,19 @@ class RayCaster:
         things.bound = self._share(wp, packed.bound, wp.float32)
         things.reflectance = self._share(wp, packed.reflectance, wp.float32)
         return things
+
+    def _blow(self, wp: Any, scene: Any, t: int) -> None:
+        """The wind at a time [ns]."""
+        wind = self.field.wind
+        scene.sways = 0 if wind is None else 1
+        if wind is None:
+            return
+        size = self.field.library.tile_size
+        scene.toward = wp.vec2(*wind.toward)
+        scene.slopes = wp.vec3(wind.steady, (1.0 - GUST_SHARE) * wind.amplitude, GUST_SHARE * wind.amplitude)
+        for name, k, phase in zip(("wave", "gust"), (wind.wave, wind.gust), wind.phases(t), strict=True):
+            x, y = k[0] * size, k[1] * size
+            setattr(scene, name, wp.vec3d(x, y, 0.5 * (x + y) - phase))
 
     def _refresh(self, wp: Any) -> Any:
         """The scene as it is now: pools that were reallocated are taken anew, copies renewed."""

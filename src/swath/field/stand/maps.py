@@ -20,6 +20,7 @@ from swath.field.raster import Raster
 from swath.field.setup import FieldSetup, drilled, from_azimuth
 from swath.field.waves import Waves, make_random_field
 from swath.field.weeds import Weeds
+from swath.field.wind import Wind
 
 Array = NDArray[np.float64]
 Metres = Annotated[float, Ge(-1e5), Le(1e5)]
@@ -82,6 +83,7 @@ class Params:
     """As `uniform`, changed by maps. density_file: stems per m2; height_file: height of the crop [m]; both
     GeoTIFF; where they hold nothing, nothing grows, or the crop has its own height. height_variation,
     density_variation: smooth random change on top. patches, lodging: lodged places. tramlines: bare tracks.
+    wind: that sways the crop.
     """
 
     crop: str = "wheat"
@@ -99,6 +101,7 @@ class Params:
     lodging: Lodging | None = None
     tramlines: Tramlines | None = None
     weeds: Weeds | None = None
+    wind: Wind | None = None
 
 
 class Maps:
@@ -125,7 +128,7 @@ class Maps:
         self._stems, self.row_spacing = drilled(
             params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
         )
-        self.weeds = params.weeds
+        self.weeds, self.wind = params.weeds, params.wind
         self.row_heading = from_azimuth(params.row_azimuth_deg)
         self._density, self._height = density, height
         stream = setup.stream.child("stand")

@@ -11,6 +11,7 @@ from swath.core.registry import Level
 from swath.core.units import DEG
 from swath.field.setup import FieldSetup, drilled, from_azimuth
 from swath.field.weeds import Weeds
+from swath.field.wind import Wind
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,8 @@ class Params:
     """crop: name of a crop file; stems_per_m2: of plants with one stem the plants, none = the crop's own;
     row_spacing_m: 0 = no rows, none = the crop's own; row_azimuth_deg: direction of the rows, clockwise from
     north; height_factor: plant length relative to the crop's own; lean_deg, lean_azimuth_deg: mean lean of
-    all stems on top of their own, and where to, clockwise from north; weeds: under the crop.
+    all stems on top of their own, and where to, clockwise from north; weeds: under the crop;
+    wind: that sways the crop.
     """
 
     crop: str = "wheat"
@@ -31,6 +33,7 @@ class Params:
     lean_deg: Annotated[float, Ge(0.0), Le(80.0)] = 0.0
     lean_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
     weeds: Weeds | None = None
+    wind: Wind | None = None
 
 
 class Uniform:
@@ -41,7 +44,7 @@ class Uniform:
         self.density_max, self.row_spacing = drilled(
             params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
         )
-        self.weeds = params.weeds
+        self.weeds, self.wind = params.weeds, params.wind
         self.row_heading = from_azimuth(params.row_azimuth_deg)
         self._factor = params.height_factor
         self._lean = params.lean_deg * DEG, from_azimuth(params.lean_azimuth_deg)

@@ -12,6 +12,7 @@ from swath.rays.kernel.scene import (
     page_slot,
     plane_offset,
     plane_slope,
+    swayed,
 )
 from swath.rays.kernel.shapes import MISS, axis_point, hit_box, hit_capsule, hit_patch, hit_sphere
 
@@ -164,12 +165,15 @@ def cross_tile(
         elif h1 > 0.0:
             tb = wp.min(tb, (top - h0) / h1)
         if ta <= tb:
+            stand = scene.tile_stand[slot, jy, jx]
+            if scene.sways != 0:
+                stand = swayed(scene, stand, ray.tile_x + tile[0], ray.tile_y + tile[1])
             found = Tile(
                 tile[0],
                 tile[1],
                 scene.tile_prototype[slot, jy, jx],
                 plane,
-                scene.tile_stand[slot, jy, jx],
+                stand,
                 wp.vec2(h0, h1),
             )
             hit = walk_crop(scene, ray, found, wp.vec4(t0, t1, ta, tb), hit)

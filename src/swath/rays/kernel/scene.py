@@ -12,6 +12,8 @@ class Scene:
     prims: four vectors per primitive, one cache line: (a, radius; 0 = ribbon), (b, rank of the owner),
     (width of a ribbon, organ), (foot of the owner, 0, 0)
     page_top: highest thing in a page [m]
+    sways: 1 = wind moves the stand (`field/wind.py`); toward: where to; slopes: steady, of the first wave, of
+    the second; wave, gust: cycles per tile in x and y, cycles at the middle of tile 0, 0
     """
 
     tile_size: wp.float64
@@ -37,6 +39,11 @@ class Scene:
     cut_slot: wp.array(dtype=int)
     cut: wp.array3d(dtype=wp.uint8)
     turn: wp.vec2d  # cos, sin of the stand's yaw
+    sways: int
+    toward: wp.vec2
+    slopes: wp.vec3
+    wave: wp.vec3d
+    gust: wp.vec3d
 
 
 @wp.struct
@@ -81,6 +88,26 @@ class Hit:
     organ: int
     cosine: float
     reflectance: float
+
+
+@wp.func
+def wave_height(wave: wp.vec3d, x: int, y: int) -> float:
+    """Sine of a wave at the middle of a tile. In double precision: the same float on every machine."""
+    cycles = wave[0] * wp.float64(x) + wave[1] * wp.float64(y) + wave[2]
+    cycles = cycles - wp.floor(cycles)
+    return float(wp.sin(cycles * wp.float64(6.283185307179586)))
+
+
+@wp.func
+def swayed(scene: Scene, stand: wp.vec4, x: int, y: int) -> wp.vec4:
+    """The stand of a tile (x, y) of the stand frame with the wind's lean added."""
+    slope = (
+        scene.slopes[0]
+        + scene.slopes[1] * wave_height(scene.wave, x, y)
+        + scene.slopes[2] * wave_height(scene.gust, x, y)
+    )
+    aside = slope * stand[0]
+    return wp.vec4(stand[0], stand[1] + aside * scene.toward[0], stand[2] + aside * scene.toward[1], stand[3])
 
 
 @wp.func

@@ -113,7 +113,10 @@ class PlantsLidar:
         return self.scan_from(end, *self.scanner.sweep(known, end))
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
-        """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
+        """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world.
+
+        Crop that sways in wind stands still for the scan, as it is at t, the end of it.
+        """
         beams, subs = len(origins), self.params.sub_rays
         rng = self._stream.at(t)
         middle = origins[beams // 2]
@@ -126,6 +129,7 @@ class PlantsLidar:
             directions.reshape(-1, 3),
             range_max=self.scanner.reach,
             solids=self.setup.solids(),
+            t=t,
         )
         self.ray_count += beams * subs
         distance = hits.distance.reshape(beams, subs).astype(np.float64)
