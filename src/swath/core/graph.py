@@ -11,6 +11,7 @@ from swath.core.random import Stream
 from swath.core.schedule import Plan, Slot, make_plan
 from swath.core.signals import Signal
 
+Wire = tuple[str, str]
 Observer = Callable[[str, int, Outputs], None]
 
 
@@ -42,7 +43,10 @@ class Graph:
         self._latest: dict[tuple[str, str], Signal] = {}
         self._before: dict[tuple[str, str], Signal] = {}
         self._queues: dict[tuple[str, str], list[Signal]] = {}
-        self._listeners: dict[str, list[tuple[str, tuple[str, str]]]] = {}  # slot -> (output, queue)
+        self._listeners: dict[str, list[tuple[str, Wire]]] = {}  # slot -> (output, queue)
+        self._reads: dict[
+            str, list[tuple[str, Wire | None, Wire | None]]
+        ] = {}  # slot -> (port, source, queue)
         self._check_wires()
 
     def reset(self) -> None:
@@ -116,6 +120,11 @@ class Graph:
                     key = (node.slot.name, port.name)
                     self._queues[key] = []
                     self._listeners.setdefault(source, []).append((output, key))
+            self._reads[node.slot.name] = [
+                (p.name, wire, (node.slot.name, p.name) if p.history and wire is not None else None)
+                for p in node.component.inputs
+                for wire in (node.wires.get(p.name),)
+            ]
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"
@@ -129,16 +138,12 @@ class Graph:
     def _gather(self, node: Node) -> dict[str, Any]:
         values: dict[str, Any] = {}
         samples = self._before if node.slot.latch else self._latest
-        for port in node.component.inputs:
-            wire = node.wires.get(port.name)
-            if wire is None:
-                values[port.name] = None
-            elif port.history:
-                key = (node.slot.name, port.name)
-                values[port.name] = tuple(self._queues[key])
-                self._queues[key] = []
+        for port, wire, queue in self._reads[node.slot.name]:
+            if queue is not None:
+                values[port] = tuple(self._queues[queue])
+                self._queues[queue] = []
             else:
-                values[port.name] = samples.get(wire)
+                values[port] = None if wire is None else samples.get(wire)
         return values
 
     def _publish(self, node: Node, t: int, outputs: Outputs) -> None:

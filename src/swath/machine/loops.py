@@ -14,10 +14,14 @@ def approach(value: float, target: float, dt: float, *, lag: float, limit: float
     the target v is a ramp, inside an exponential.
     """
     error = target - value
-    ramp = min(dt, max(0.0, abs(error) / limit - lag))
-    slope = copysign(limit, error)
-    reached = value + slope * ramp
-    area = (value + 0.5 * slope * ramp) * ramp
+    ramp = abs(error) / limit - lag
+    if ramp > 0.0:
+        ramp = min(dt, ramp)
+        slope = copysign(limit, error)
+        reached = value + slope * ramp
+        area = (value + 0.5 * slope * ramp) * ramp
+    else:
+        ramp, reached, area = 0.0, value, 0.0
     rest = dt - ramp
     if rest > 0.0:
         gap = target - reached
@@ -38,7 +42,8 @@ class SpeedLoop:
         if not isfinite(wanted):
             raise InputError("speed command", wanted, "expected a finite speed")
         d = self._d
-        target = min(max(wanted, -d.max_speed), d.max_speed)
+        fastest = d.max_speed
+        target = wanted if -fastest <= wanted <= fastest else copysign(fastest, wanted)
         grows = abs(target) > abs(speed) and target * speed >= 0.0
         return approach(speed, target, dt, lag=d.speed_lag, limit=d.accel if grows else d.decel)
 
