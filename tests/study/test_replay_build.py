@@ -18,7 +18,7 @@ from swath.sim.mcap import McapFile
 from swath.study.replay.bag import CUT_OFF
 from swath.study.replay.build import Settings, build_replay, open_source
 from swath.study.replay.gather import Gatherer, Samples, pool
-from swath.study.replay.passing import stop_weights
+from swath.study.replay.passing import Passing, stop_weights
 from swath.study.replay.poses import PoseTrack, euler_of, make_track
 from swath.study.replay.source import Wanted
 
@@ -312,6 +312,21 @@ def test_cells_keep_a_distribution_and_neighbours_lend_theirs():
     assert (block[4:7, 39:42] == block[5, 40]).all()
     assert (block[3, 40] == NONE).all()
     assert np.count_nonzero(block[..., 0] != NONE) == 9
+
+
+def test_crop_is_not_lent_to_a_neighbour_that_beams_went_through():
+    height = np.full(20, 800, np.int16)
+    samples = Samples(
+        256, np.repeat([5 * 256 + 10], 20), height, np.array([5 * 256 + 10]), np.array([20]), np.zeros(1)
+    )
+    passing = Passing(0, 256, 0, 64, 0.8)
+    passing.times[5, 10, 16] = 25.0
+    for through, held in ((0.0, 800), (3.0, NONE)):
+        passing.times[6, 9:12, 10:] = through
+        found = pool(samples, 0, 0, along=1, across=0, fill=2, passing=passing)
+        assert found[5, 10, -1] == 800
+        assert found[6, 10, -1] == held
+        assert found[4, 10, -1] == 800  # nobody knows better
 
 
 def test_poses_between_rows_and_over_the_jump_of_the_heading():

@@ -122,8 +122,8 @@ def pool(
     measured.
 
     A cell with an echo within `fill` rows and columns of it is measured. Its distribution is that of the
-    echoes within `along` columns and `across` rows, `fill` of both where these hold none; with `passing`
-    corrected for the beams that passed.
+    echoes within `along` columns and `across` rows, `fill` of both where these hold none, less the layers
+    that beams passed there; with `passing` corrected for the beams that passed.
     """
     reach = max(across, fill)
     limits = [(row - reach) * samples.width, (row + TILE + reach) * samples.width]
@@ -139,7 +139,8 @@ def pool(
     _fill(found, block, along, across, touched)
     empty = touched & (found[:, 0] == NONE)
     if empty.any():
-        _fill(found, block, wide, reach, empty)
+        open_to = None if passing is None else passing.pooled(row, column, (TILE, BLOCK), along, across)
+        _fill(found, block, wide, reach, empty, open_to)
     return found.reshape(TILE, BLOCK, LEVELS)
 
 
@@ -166,7 +167,19 @@ def _touched(r: Ints, c: Ints, fill: int) -> NDArray[np.bool_]:
     return has[2 * fill : -2 * fill, 2 * fill : -2 * fill].ravel()
 
 
-def _fill(found: NDArray[np.int16], b: _Block, along: int, across: int, which: NDArray[np.bool_]) -> None:
+def _fill(
+    found: NDArray[np.int16],
+    b: _Block,
+    along: int,
+    across: int,
+    which: NDArray[np.bool_],
+    open_to: Array | None = None,
+) -> None:
+    """Quantiles of some cells from the window around them.
+
+    open_to: times that beams passed the layers of cells that have no echo of their own: where they did,
+    heights of others do not count. Else crop would grow sideways into what lies open beside it.
+    """
     packed, numbers = [], []
     for dr in range(-across, across + 1):
         for dc in range(-along, along + 1):
@@ -182,6 +195,13 @@ def _fill(found: NDArray[np.int16], b: _Block, along: int, across: int, which: N
     order = np.argsort(both, kind="stable")
     cell, height = both[order] >> 16, (both[order] & 0xFFFF) - 32768
     weight = np.concatenate(numbers)[order]
+    if open_to is not None and b.passing is not None:
+        layer = np.maximum(np.floor(height * 1e-3 / b.passing.layer).astype(np.int64), 0)
+        own = open_to.reshape(TILE * BLOCK, -1)
+        kept = own[cell, np.minimum(layer, own.shape[1] - 1)] < FEWEST_BELOW
+        cell, height, weight = cell[kept], height[kept], weight[kept]
+        if len(cell) == 0:
+            return
     first = np.flatnonzero(np.diff(cell, prepend=-1))
     count = np.diff(first, append=len(cell))
     passed = np.zeros(len(first))
