@@ -184,8 +184,8 @@ class MachineLoad(Signal):
     """Where the crop is: tank_grain, lost_grain, dropped_straw, held_grain, held_straw [kg] since the start.
 
     grain_flow, straw_flow: leaving into tank and swath at this moment [kg/s]
-    tank_grain counts what came into the tank; unloaded_grain [kg] has left it again, tank_start [kg] was in it
-    before
+    tank_grain counts what came into the tank; unloaded_grain [kg] has left it again; tank_start [kg] was in
+    it before
     header_flow, feeder_flow, drum_flow: grain and straw at the knife, into the feeder house and into the
     threshing drum, there with returns [kg/s]
     rotor_flow: straw through the separation; shoe_flow: grain and chaff over the cleaning shoe [kg/s]
