@@ -39,6 +39,14 @@ def test_scenario_is_read_written_and_valid(name, validator):
     assert list(validator.iter_errors(parse(scenario.resolved()).data)) == []
 
 
+def test_a_folder_of_that_name_does_not_hide_a_bundled_scenario(tmp_path, monkeypatch):
+    (tmp_path / "straight").mkdir()
+    (tmp_path / "straight" / "scenario.yaml").write_text("name: mine\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert find_scenario("straight").parent.name == "scenarios"
+    assert find_scenario("./straight").resolve() == tmp_path / "straight" / "scenario.yaml"
+
+
 def test_every_level_can_be_chosen_by_name_or_says_what_it_needs():
     refused = []
     base = "name: x\nfield: {edge: {shape: straight}}\ncombine: {machine: lexion-700-class}\n"

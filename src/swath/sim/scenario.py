@@ -124,9 +124,14 @@ def scenario_names() -> list[str]:
 
 
 def find_scenario(source: str | Path) -> Path:
-    """Path of a scenario: a bundled one's name, a file, or a run folder that holds one."""
+    """Path of a scenario: a bundled one's name, a file, or a run folder that holds one.
+
+    A bundled name means the bundled scenario whatever lies in the working directory; `./straight` is the folder.
+    """
     path = Path(source)
     try:
+        if isinstance(source, str) and source in scenario_names():
+            return find_card("scenarios", source)
         if path.is_dir() and (path / "scenario.yaml").is_file():
             return path / "scenario.yaml"
         if path.is_file():
