@@ -126,7 +126,7 @@ def scenario_names() -> list[str]:
 def find_scenario(source: str | Path) -> Path:
     """Path of a scenario: a bundled one's name, a file, or a run folder that holds one.
 
-    A bundled name means the bundled scenario, whatever lies in the working directory; `./straight` is a folder.
+    A bundled name is the bundled scenario, whatever lies in the working directory; `./straight` is a folder.
     """
     path = Path(source)
     try:
