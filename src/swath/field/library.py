@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.layout import Organ, PlantLibrary, Shape
+from swath.field.layout import Organ, PlantLibrary
 from swath.field.plants import Plants, make_plants
 from swath.field.plants.parts import joined
 
@@ -273,9 +273,3 @@ def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArr
         reach += radius * np.linalg.norm(axis, axis=1)
         meets &= np.abs((offset * axis).sum(1)) <= reach
     return meets
-
-
-def is_capsule(library: PlantLibrary) -> NDArray[np.bool_]:
-    """Which primitives are capsules, (m,)."""
-    result: NDArray[np.bool_] = library.shape == Shape.CAPSULE
-    return result

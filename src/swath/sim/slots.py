@@ -122,8 +122,3 @@ FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
 REGISTRY = Registry({**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}})
-
-
-def slot_kind(name: str) -> SlotKind:
-    """The slot of a name."""
-    return next(s for s in SLOTS if s.name == name)

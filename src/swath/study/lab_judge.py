@@ -8,6 +8,7 @@ what may pass (FAIR).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -96,7 +97,7 @@ def deviation(number: str, value: float) -> float:
 def _judge(level: str, against: str, found: Sequence[Agreement], band: dict[str, float]) -> Judged:
     table = {n: [float(getattr(a, n)) for a in found] for n in NUMBERS}
     value = {n: float(np.mean(v)) for n, v in table.items()}
-    worst = {n: max(v, key=lambda x, n=n: deviation(n, x)) for n, v in table.items()}  # type: ignore[misc]
+    worst = {n: max(v, key=partial(deviation, n)) for n, v in table.items()}
     verdict = {n: verdict_of(n, value[n], band[n]) for n in SHOWN}
     return Judged(level, against, value, worst, band, verdict)
 

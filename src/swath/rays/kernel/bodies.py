@@ -15,9 +15,9 @@ from swath.rays.kernel.scene import (
     Things,
     cut_code,
     floor_div,
+    no_hit,
     page_slot,
-    plane_offset,
-    plane_slope,
+    to_stand,
 )
 from swath.rays.kernel.shapes import MISS
 
@@ -373,31 +373,8 @@ def cast_bodies(
     i = wp.tid()
     o = origins[i]
     v = directions[i]
-    hit = Hit()
-    hit.t = range_max
-    hit.organ = 0
-    hit.cosine = 0.0
-    hit.reflectance = 0.0
-    hit = hit_things(things, o, wp.vec3(v), hit)
-    c = scene.turn[0]
-    s = scene.turn[1]
-    x = c * o[0] + s * o[1]
-    y = c * o[1] - s * o[0]
-    ray = Ray()
-    ray.tile_x = int(wp.floor(x / scene.tile_size))
-    ray.tile_y = int(wp.floor(y / scene.tile_size))
-    z0 = wp.floor(o[2])
-    ray.z0 = float(z0)
-    ray.o = wp.vec3(
-        float(x - wp.float64(ray.tile_x) * scene.tile_size),
-        float(y - wp.float64(ray.tile_y) * scene.tile_size),
-        float(o[2] - z0),
-    )
-    ray.d = wp.vec3(float(c * v[0] + s * v[1]), float(c * v[1] - s * v[0]), float(v[2]))
-    ray.inv = wp.vec3(plane_slope(ray.d[0]), plane_slope(ray.d[1]), plane_slope(ray.d[2]))
-    ray.off = wp.vec3(
-        plane_offset(ray.o[0], ray.d[0]), plane_offset(ray.o[1], ray.d[1]), plane_offset(ray.o[2], ray.d[2])
-    )
+    hit = hit_things(things, o, wp.vec3(v), no_hit(range_max))
+    ray = to_stand(scene, o, v)
     beam = Beam()
     beam.share = 0.5 + 0.5 * wp.erf(score[i] * LN_HALF)
     beam.number = i

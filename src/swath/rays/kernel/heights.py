@@ -9,7 +9,7 @@ often as they were measured.
 import warp as wp
 
 from swath.rays.kernel.cast import hit_things
-from swath.rays.kernel.scene import Hit, Things
+from swath.rays.kernel.scene import Things, no_hit
 
 NOTHING = wp.constant(0)
 MEASURED = wp.constant(1)
@@ -270,12 +270,7 @@ def cast_heights(
     k = wp.tid()
     o = origins[k]
     v = directions[k]
-    hit = Hit()
-    hit.t = range_max
-    hit.organ = 0
-    hit.cosine = 0.0
-    hit.reflectance = 0.0
-    hit = hit_things(things, o, wp.vec3(v), hit)
+    hit = hit_things(things, o, wp.vec3(v), no_hit(range_max))
     away = o - g.origin
     c = g.turn[0]
     s = g.turn[1]

@@ -157,3 +157,39 @@ def cut_code(scene: Scene, cell_x: int, cell_y: int) -> int:
     if row < 0:
         return -1 - row
     return int(scene.cut[row, cell_y - page_y * 512, cell_x - page_x * 512])
+
+
+@wp.func
+def no_hit(range_max: float) -> Hit:
+    """Nothing hit up to range_max [m]."""
+    hit = Hit()
+    hit.t = range_max
+    hit.organ = 0
+    hit.cosine = 0.0
+    hit.reflectance = 0.0
+    return hit
+
+
+@wp.func
+def to_stand(scene: Scene, o: wp.vec3d, v: wp.vec3d) -> Ray:
+    """A world ray in the stand frame, from the corner of the tile below it; float64 until there."""
+    c = scene.turn[0]
+    s = scene.turn[1]
+    x = c * o[0] + s * o[1]
+    y = c * o[1] - s * o[0]
+    ray = Ray()
+    ray.tile_x = int(wp.floor(x / scene.tile_size))
+    ray.tile_y = int(wp.floor(y / scene.tile_size))
+    z0 = wp.floor(o[2])
+    ray.z0 = float(z0)
+    ray.o = wp.vec3(
+        float(x - wp.float64(ray.tile_x) * scene.tile_size),
+        float(y - wp.float64(ray.tile_y) * scene.tile_size),
+        float(o[2] - z0),
+    )
+    ray.d = wp.vec3(float(c * v[0] + s * v[1]), float(c * v[1] - s * v[0]), float(v[2]))
+    ray.inv = wp.vec3(plane_slope(ray.d[0]), plane_slope(ray.d[1]), plane_slope(ray.d[2]))
+    ray.off = wp.vec3(
+        plane_offset(ray.o[0], ray.d[0]), plane_offset(ray.o[1], ray.d[1]), plane_offset(ray.o[2], ray.d[2])
+    )
+    return ray
