@@ -176,9 +176,9 @@ _module(
     Boundary=Boundary,
 )
 SLOTS = (
-    SlotKind("lidar", (), "plants", 25.0),
-    SlotKind("steer", (), "preview", 50.0, {"scan": ("lidar", "scan")}),
-    SlotKind("speed", (), "constant", 10.0),
+    SlotKind("lidar", (), "plants", 25.0, ()),
+    SlotKind("steer", (), "preview", 50.0, (), {"scan": ("lidar", "scan")}),
+    SlotKind("speed", (), "constant", 10.0, ()),
 )
 FAKE = Kit(
     FakeRegistry(dict.fromkeys(FakeRegistry.table, ())),

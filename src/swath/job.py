@@ -56,6 +56,8 @@ def run_job(scenario: Scenario, out: Path, *, progress: bool = False, report: bo
     except BaseException:
         watch.finish(time.perf_counter() - started, incomplete=True, report=False)
         raise
+    finally:
+        world.close()
     summary = watch.finish(time.perf_counter() - started, incomplete=False, report=report)
     return JobResult(summary, 1 if is_broken(summary["expect"]) else 0, out)
 

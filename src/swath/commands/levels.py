@@ -18,7 +18,8 @@ def run(args: argparse.Namespace) -> int:
     from swath.sim.hints import near_miss
     from swath.sim.kit import KIT
 
-    kinds = [*KIT.field_levels, *(slot.name for slot in KIT.slots)]
+    slots = [slot.name for slot in KIT.slots]
+    kinds = [*KIT.field_levels, *slots]
     if args.slot is not None and args.slot not in kinds:
         hint = near_miss(args.slot, kinds)
         raise InputError("slot", args.slot, f"expected one of {', '.join(kinds)}{hint}")
@@ -28,6 +29,9 @@ def run(args: argparse.Namespace) -> int:
             level = KIT.registry.get(kind, name)
             star = " *" if name == KIT.default_level(kind) else ""
             rows.append((kind, name + star, level.summary, level.cost, level.tolerance))
+    for name in KIT.registry.links():
+        level = KIT.registry.get(args.slot if args.slot in slots else slots[0], name)
+        rows.append(("any", name, level.summary, level.cost, level.tolerance))
     table("", ("slot", "level", "what it is", "cost", "checked, tolerance"), rows)
     print("* the default. Your own: `level: file.py:Class`.")
     if args.slot:

@@ -30,7 +30,8 @@ class Graph:
     """Runs the components of a scenario by their plan.
 
     observers are called with (slot name, time [ns], outputs) after every step, in order; they must not
-    change anything that a component reads.
+    change anything that a component reads. before_tick: called with the time [ns] of a tick before its steps
+    run, for those who wait (a real clock, a paused run); they change no result.
     """
 
     def __init__(self, nodes: list[Node], seed: int) -> None:
@@ -39,6 +40,7 @@ class Graph:
         self.t = 0
         self.plan: Plan = make_plan([n.slot for n in nodes])
         self.observers: list[Observer] = []
+        self.before_tick: list[Callable[[int], None]] = []
         self._names = {n.slot.name: n for n in nodes}
         self._latest: dict[tuple[str, str], Signal] = {}
         self._before: dict[tuple[str, str], Signal] = {}
@@ -63,6 +65,8 @@ class Graph:
     def run(self, until: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance to time `until` [ns], or to the first tick after which `stop()` is true."""
         for t, due in self.plan.walk(self.t, until):
+            for wait in self.before_tick:
+                wait(t)
             self._before = dict(self._latest) if any(self.nodes[i].slot.latch for i in due) else self._latest
             for index in due:
                 node = self.nodes[index]

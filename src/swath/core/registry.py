@@ -7,6 +7,7 @@ A built-in level is a module in one of the slot's packages; its file name is the
 A level may also come from an entry point (group `swath.levels`, name `slot.level`) or from a user's file
 (`path/to/file.py:Class`). In every case the class has a nested or module-level dataclass of parameters,
 `Params`, and is made by `Class(params, setup)`; `setup` is what the slot may know (see `core/setup.py`).
+Levels that stand for somebody else's part (an FMU, a ROS 2 node, a log) may fill any slot of a machine.
 """
 
 import difflib
@@ -32,6 +33,7 @@ class Level:
     summary: one line; cost: what it costs; tolerance: against the next dearer level, or what it was
     checked against
     sees_truth: a control level that is given the field although control is not (for isolating a part)
+    is_link: somebody else's part, which may fill any slot: made with a `core.setup.LinkSetup`
     """
 
     component: Any
@@ -40,37 +42,45 @@ class Level:
     cost: str = ""
     tolerance: str = ""
     sees_truth: bool = False
+    is_link: bool = False
 
 
 class Registry:
-    """Which packages hold the levels of which slot kind."""
+    """Which packages hold the levels of which slot kind.
 
-    def __init__(self, packages: Mapping[str, Sequence[str]]) -> None:
+    links: package of the levels that any kind in `linkable` may have, with `is_link` set
+    """
+
+    def __init__(
+        self, packages: Mapping[str, Sequence[str]], *, links: str | None = None, linkable: Sequence[str] = ()
+    ) -> None:
         self.packages = dict(packages)
+        self._links, self._linkable = links, tuple(linkable)
 
     def names(self, kind: str) -> list[str]:
-        """Level names of a slot kind: built-in ones in file order, then entry points."""
-        found: list[str] = []
-        for package in self._packages(kind):
-            path = importlib.import_module(package).__path__
-            files = [i.name for i in pkgutil.iter_modules(path) if not i.name.startswith("_")]
-            found += [name for name in files if self._defines_level(package, name)]
+        """Level names of a slot kind: built-in ones in file order, then entry points; no links."""
+        found = [name for package in self._packages(kind) for name in self._level_files(package)]
         prefix = kind + "."
         extra = [e.name.removeprefix(prefix) for e in entry_points(group=GROUP) if e.name.startswith(prefix)]
         return found + sorted(extra)
+
+    def links(self) -> list[str]:
+        """Names of the levels that any linkable slot may have."""
+        return self._level_files(self._links) if self._links else []
 
     def get(self, kind: str, level: str, *, base: Path | None = None) -> Level:
         """The level, from a built-in file, an entry point, or `file.py:Class` (relative to `base`)."""
         if ".py:" in level:
             return _from_file(kind, level, base or Path.cwd())
-        for package in self._packages(kind):
+        linked = [self._links] if self._links and kind in self._linkable else []
+        for package in [*self._packages(kind), *linked]:
             if level.isidentifier() and importlib.util.find_spec(f"{package}.{level}") is not None:
                 return self._checked(importlib.import_module(f"{package}.{level}"), kind, level)
         for entry in entry_points(group=GROUP):
             if entry.name == f"{kind}.{level}":
                 loaded = entry.load()
                 return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
-        names = self.names(kind)
+        names = [*self.names(kind), *(self.links() if linked else [])]
         near = difflib.get_close_matches(level, names, n=1)
         hint = f", did you mean {near[0]!r}?" if near else ""
         expected = f"expected one of {', '.join(names)}, or file.py:Class{hint}"
@@ -81,8 +91,10 @@ class Registry:
             raise InputError("slot", kind, f"expected one of {', '.join(sorted(self.packages))}")
         return self.packages[kind]
 
-    def _defines_level(self, package: str, name: str) -> bool:
-        return hasattr(importlib.import_module(f"{package}.{name}"), "LEVEL")
+    def _level_files(self, package: str) -> list[str]:
+        path = importlib.import_module(package).__path__
+        files = [i.name for i in pkgutil.iter_modules(path) if not i.name.startswith("_")]
+        return [name for name in files if hasattr(importlib.import_module(f"{package}.{name}"), "LEVEL")]
 
     def _checked(self, module: Any, kind: str, level: str) -> Level:
         found = getattr(module, "LEVEL", None)

@@ -1,7 +1,9 @@
 """What the parts of a machine know about the machine: geometry from the data sheet, never the truth."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
+from swath.core.component import Port
 from swath.core.frames import Pose
 
 
@@ -47,3 +49,29 @@ class ControlSetup:
     mounting: Pose
     edge_side: str
     period: float
+
+
+@dataclass(frozen=True)
+class LinkSetup:
+    """What a part of somebody else is told: the face of the slot it fills, and what control may know.
+
+    machine_name, slot: where it sits, e.g. `combine`, `steer`
+    inputs: ports it may have, as the slot is wired in a machine, each optional; a component takes those it
+    wants, with `dataclasses.replace(port, history=True)` to get every sample since its last step. In a slot
+    of control no truth is among them
+    outputs: ports that the rest of the machine expects of the slot
+    control: geometry, sensor mounting, side of the edge and period
+    base: folder that relative file names start from
+    """
+
+    machine_name: str
+    slot: str
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    control: ControlSetup
+    base: Path
+
+    @property
+    def name(self) -> str:
+        """Full name of the slot, e.g. `combine.steer`."""
+        return f"{self.machine_name}.{self.slot}"

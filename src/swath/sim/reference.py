@@ -100,6 +100,9 @@ def _machine(kit: Kit) -> str:
     )
     parts.append(_section("### Every slot", SlotCommon))
     parts += [_levels(kit, slot.name, f"### {slot.name}") for slot in kit.slots]
+    if links := kit.registry.links():
+        parts.append("### Somebody else's part\nLevels that any slot of a machine may have.\n")
+        parts += [_level(kit, kit.slots[0].name, name, name) for name in links]
     return "\n".join(parts)
 
 
@@ -108,14 +111,14 @@ def _wires(wires: Any) -> str:
 
 
 def _levels(kit: Kit, kind: str, title: str) -> str:
-    parts = [title]
-    for name in kit.registry.names(kind):
-        level = kit.registry.get(kind, name)
-        parts.append(f"`{kind}: {name}`: {level.summary}\n")
-        rows = parameter_rows(level.params)
-        if rows:
-            parts.append(_table(rows))
-    return "\n".join(parts)
+    names = kit.registry.names(kind)
+    return "\n".join([title, *(_level(kit, kind, name, f"{kind}: {name}") for name in names)])
+
+
+def _level(kit: Kit, kind: str, name: str, title: str) -> str:
+    level = kit.registry.get(kind, name)
+    rows = parameter_rows(level.params)
+    return f"`{title}`: {level.summary}\n" + ("\n" + _table(rows) if rows else "")
 
 
 def _section(title: str, kind: Any, text: str = "") -> str:

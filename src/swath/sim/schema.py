@@ -143,30 +143,36 @@ def _machine(kit: Kit, defs: dict[str, Node]) -> Node:
 def _slot(kit: Kit, kind: str, defs: dict[str, Node]) -> Node:
     common = adopt(SlotCommon, "slot", defs)["properties"]
     choice = _choice(kit, kind, common, defs)
+    choice["anyOf"] += [_level_of(kit, kind, name, "link", common, defs) for name in kit.registry.links()]
     choice["anyOf"].append({"enum": ["off", False], "description": "no such slot"})
     return choice
 
 
 def _choice(kit: Kit, kind: str, common: Node, defs: dict[str, Node]) -> Node:
     names = kit.registry.names(kind)
-    levels = [kit.registry.get(kind, name) for name in names]
-    default = kit.default_level(kind)
     members: list[Node] = [{"enum": names, "description": "the level, with its defaults"}, FOREIGN]
-    for name, level in zip(names, levels, strict=True):
-        node = {"properties": {}} if level.params is None else adopt(level.params, f"{kind}.{name}", defs)
-        properties = {"level": {"const": name, "description": level.summary}, **common, **node["properties"]}
-        required = [*node.get("required", []), *([] if name == default else ["level"])]
-        defs[f"{kind}.{name}"] = {
-            "type": "object",
-            "title": f"{kind}: {name}",
-            "description": level.summary,
-            "properties": properties,
-            "required": required,
-            "additionalProperties": False,
-        }
-        members.append({"$ref": f"#/$defs/{kind}.{name}"})
+    members += [_level_of(kit, kind, name, kind, common, defs) for name in names]
     members.append({"type": "object", "properties": {"level": FOREIGN, **common}, "required": ["level"]})
     return {"anyOf": members}
+
+
+def _level_of(kit: Kit, kind: str, name: str, group: str, common: Node, defs: dict[str, Node]) -> Node:
+    """A reference to the definition `group.name` of a level's keys, which is made where there is none yet."""
+    title = f"{group}.{name}"
+    if title not in defs:
+        level = kit.registry.get(kind, name)
+        node = {"properties": {}} if level.params is None else adopt(level.params, title, defs)
+        properties = {"level": {"const": name, "description": level.summary}, **common, **node["properties"]}
+        is_default = group == kind and name == kit.default_level(kind)
+        defs[title] = {
+            "type": "object",
+            "title": f"{group}: {name}",
+            "description": level.summary,
+            "properties": properties,
+            "required": [*node.get("required", []), *([] if is_default else ["level"])],
+            "additionalProperties": False,
+        }
+    return {"$ref": f"#/$defs/{title}"}
 
 
 def _field(kit: Kit, defs: dict[str, Node]) -> Node:

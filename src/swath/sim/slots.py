@@ -7,7 +7,25 @@ of its slot's list whose port it has, a scenario's `wires:` override them.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from swath.core.component import Port
 from swath.core.registry import Registry
+from swath.core.signals import (
+    CropAhead,
+    CropEdge,
+    CropFlow,
+    EngineState,
+    FeedReading,
+    LossReading,
+    MachineLoad,
+    MachineState,
+    Odometry,
+    Scan,
+    ScanTruth,
+    SpeedCommand,
+    SteerCommand,
+    SteerState,
+    YieldReading,
+)
 
 
 @dataclass(frozen=True)
@@ -15,6 +33,7 @@ class SlotKind:
     """One slot of a machine.
 
     packages: where its levels lie; level: the default one; rate_hz: the default rate
+    outputs: ports that every level of it has; a level may have more
     wires: input port -> (slot, output port) of the same machine
     is_on: present in every machine; otherwise only where a scenario names it
     """
@@ -23,6 +42,7 @@ class SlotKind:
     packages: tuple[str, ...]
     level: str
     rate_hz: float
+    outputs: tuple[Port, ...]
     wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     is_on: bool = True
 
@@ -35,6 +55,7 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.machine.motion",),
         "single_track",
         200.0,
+        (Port("state", MachineState),),
         {
             "steering": ("steering", "steering"),
             "speed": ("speed", "command"),
@@ -42,12 +63,13 @@ SLOTS: tuple[SlotKind, ...] = (
             "load": ("process", "load"),
         },
     ),
-    SlotKind("header", ("swath.machine.header",), "fixed_height", 50.0, _STATE),
+    SlotKind("header", ("swath.machine.header",), "fixed_height", 50.0, (Port("flow", CropFlow),), _STATE),
     SlotKind(
         "process",
         ("swath.machine.process",),
         "constant",
         10.0,
+        (Port("load", MachineLoad),),
         {**_STATE, "flow": ("header", "flow"), "engine": ("powertrain", "engine")},
     ),
     SlotKind(
@@ -55,6 +77,7 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.machine.powertrain",),
         "hydrostat",
         20.0,
+        (Port("engine", EngineState),),
         {**_STATE, "load": ("process", "load")},
         is_on=False,
     ),
@@ -63,15 +86,24 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.sensing.crop_flow",),
         "delayed",
         10.0,
+        (Port("feed", FeedReading), Port("grain", YieldReading), Port("loss", LossReading)),
         {"load": ("process", "load")},
         is_on=False,
     ),
-    SlotKind("lidar", ("swath.sensing.lidar",), "plants", 25.0, _STATE),
+    SlotKind(
+        "lidar",
+        ("swath.sensing.lidar",),
+        "plants",
+        25.0,
+        (Port("scan", Scan, unit="m", shape=(None,)), Port("truth", ScanTruth)),
+        _STATE,
+    ),
     SlotKind(
         "odometry",
         ("swath.sensing.odometry",),
         "error",
         50.0,
+        (Port("odometry", Odometry),),
         {**_STATE, "steering": ("steering", "steering")},
     ),
     SlotKind(
@@ -79,6 +111,7 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.control.edge", "swath.sensing.edge"),
         "max_likelihood",
         25.0,
+        (Port("edge", CropEdge),),
         {**_STATE, "scan": ("lidar", "scan"), "odometry": ("odometry", "odometry")},
     ),
     SlotKind(
@@ -86,6 +119,7 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.control.ahead",),
         "penetration",
         5.0,
+        (Port("ahead", CropAhead),),
         {"scan": ("lidar", "scan")},
         is_on=False,
     ),
@@ -94,6 +128,7 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.control.steer",),
         "preview",
         50.0,
+        (Port("command", SteerCommand),),
         {**_STATE, "edge": ("edge", "edge"), "odometry": ("odometry", "odometry")},
     ),
     SlotKind(
@@ -101,6 +136,7 @@ SLOTS: tuple[SlotKind, ...] = (
         ("swath.control.speed",),
         "constant",
         10.0,
+        (Port("command", SpeedCommand),),
         {
             "odometry": ("odometry", "odometry"),
             "load": ("process", "load"),
@@ -110,9 +146,17 @@ SLOTS: tuple[SlotKind, ...] = (
             "ahead": ("ahead", "ahead"),
         },
     ),
-    SlotKind("steering", ("swath.machine.steering",), "actuator", 200.0, {"command": ("steer", "command")}),
+    SlotKind(
+        "steering",
+        ("swath.machine.steering",),
+        "actuator",
+        200.0,
+        (Port("steering", SteerState),),
+        {"command": ("steer", "command")},
+    ),
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
+TRUTH = (MachineState, ScanTruth)  # what control never sees
 CONTROL = ("edge", "ahead", "steer", "speed")  # these are told the machine's geometry, never the truth
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
@@ -121,4 +165,8 @@ FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
 }
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
-REGISTRY = Registry({**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}})
+REGISTRY = Registry(
+    {**FIELD_PACKAGES, **{s.name: s.packages for s in SLOTS}},
+    links="swath.link.levels",
+    linkable=SLOT_NAMES,
+)

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
 from swath.core.random import Stream
 from swath.core.schedule import Slot, from_hz
-from swath.core.setup import ControlSetup
+from swath.core.setup import ControlSetup, LinkSetup
 from swath.core.signals import F64
 from swath.field.field import Field
 from swath.field.layout import Solids
@@ -24,7 +25,7 @@ from swath.sim.ground import build_field
 from swath.sim.messages import RecordedMachine
 from swath.sim.scenario import Scenario
 from swath.sim.sections import StartPose
-from swath.sim.slots import CONTROL
+from swath.sim.slots import CONTROL, SLOTS, TRUTH
 
 LOOK_AHEAD_M = 5.0  # the edge must go on this far beyond where the header ends up
 
@@ -91,6 +92,13 @@ class World:
         self.field.load(state["field"])
         self.bodies.load(state["bodies"])
 
+    def close(self) -> None:
+        """Let go of what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
+        for machine in self.machines.values():
+            for part in machine.parts.values():
+                if callable(close := getattr(part, "close", None)):
+                    close()
+
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
         """Observer of the graph: the bodies of the machines stand where the machines do."""
         if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
@@ -154,6 +162,8 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
         if slot in CONTROL and not choice.found.sees_truth:
             mounting = mountings.get("lidar", Pose.from_euler((card.knife_x, 0.0, 2.0)))
             setup = ControlSetup(card, mounting, section.common.edge_side, period * 1e-9)
+        if choice.found.is_link:
+            setup = _link_setup(section, slot, card, mountings, site.base)
         parts[slot] = _make(section.name, slot, choice, setup)
         if isinstance(getattr(parts[slot], "mounting", None), Pose):
             mountings[slot] = parts[slot].mounting
@@ -161,6 +171,24 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
     steer = section.slots.get("steer")
     overlap = float(getattr(steer.params, "overlap_m", 0.0)) if steer is not None else 0.0
     return Machine(section.name, card, section.common.edge_side, parts, mountings, overlap), nodes
+
+
+def _link_setup(
+    section: MachineSection, slot: str, card: MachineCard, mountings: Mapping[str, Pose], base: Path
+) -> LinkSetup:
+    """The face of a slot: what its wires bring, without the truth where it is control, and what it gives."""
+    choice = section.slots[slot]
+    kind = next(s for s in SLOTS if s.name == slot)
+    gives = {s.name: {p.name: p for p in s.outputs} for s in SLOTS}
+    offered = []
+    for port, (source, output) in choice.wires.items():
+        sent = gives.get(source.rpartition(".")[2], {}).get(output)
+        if sent is not None and not (slot in CONTROL and sent.signal in TRUTH):
+            offered.append(Port(port, sent.signal, sent.unit, sent.shape, optional=True))
+    mounting = mountings.get("lidar", Pose.from_euler((card.knife_x, 0.0, 2.0)))
+    period = from_hz(choice.common.rate_hz) * 1e-9
+    control = ControlSetup(card, mounting, section.common.edge_side, period)
+    return LinkSetup(section.name, slot, tuple(offered), kind.outputs, control, base)
 
 
 def _build_order(slots: Mapping[str, SlotChoice]) -> list[str]:

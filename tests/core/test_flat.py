@@ -1,0 +1,50 @@
+"""Samples as flat, named numbers."""
+
+import numpy as np
+import pytest
+
+from swath.core.errors import InputError
+from swath.core.flat import UNITS, build, flat_fields, read
+from swath.core.frames import Pose
+from swath.core.signals import CropFlow, MachineState, Scan, Signal, SteerCommand
+
+SIGNALS = Signal.__subclasses__()
+
+
+@pytest.mark.parametrize("signal", SIGNALS, ids=lambda s: s.__name__)
+def test_every_sample_can_be_taken_apart_and_put_together(signal):
+    fields = flat_fields(signal)
+    assert fields
+    given = {
+        name: {"real": 0.1 * i, "int": i, "bool": True, "array": np.arange(3.0) + i}[f.kind]
+        for i, (name, f) in enumerate(fields.items(), 1)
+    }
+    sample = build(signal, 7, given)
+    assert sample.t == 7
+    for name, value in given.items():
+        assert np.allclose(read(sample, name), value, atol=1e-7), name
+
+
+def test_units_are_of_fields_that_exist():
+    for signal, units in UNITS.items():
+        assert set(units) <= set(flat_fields(signal)), signal
+
+
+def test_a_pose_is_six_numbers():
+    state = MachineState(0, Pose.from_euler((1, 2, 3), roll=0.1, pitch=-0.2, yaw=3.0), 1.0, 0, 0, 0, 0)
+    got = [read(state, f"pose.{part}") for part in ("x", "y", "z", "roll", "pitch", "yaw")]
+    assert np.allclose(got, [1, 2, 3, 0.1, -0.2, 3.0], atol=1e-12)
+    assert flat_fields(MachineState)["pose.yaw"].unit == "rad"
+
+
+def test_defaults_may_be_left_out_and_the_rest_not():
+    given = dict.fromkeys(("grain", "straw", "area", "stem_count", "header_fill", "dt"), 1.0)
+    assert build(CropFlow, 0, given) == CropFlow(0, 1.0, 1.0, 1.0, 1, 1.0, 1.0)
+    with pytest.raises(InputError, match="expected a value for curvature"):
+        build(SteerCommand, 0, {"is_engaged": True})
+    with pytest.raises(InputError, match="expected one of curvature, is_engaged of SteerCommand"):
+        build(SteerCommand, 0, {"is_engaged": True, "curvature": 0.0, "torque": 1.0})
+
+
+def test_single_precision_arrays_stay_so():
+    assert build(Scan, 0, {n: [1.0] for n in flat_fields(Scan)}).ranges.dtype == np.float32

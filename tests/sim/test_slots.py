@@ -1,0 +1,103 @@
+"""The slots of a machine: every level has the ports that its slot promises."""
+
+import sys
+import types
+
+import pytest
+
+from swath.core.component import Port
+from swath.core.errors import InputError
+from swath.core.registry import Level, Registry
+from swath.core.setup import LinkSetup
+from swath.core.signals import SteerCommand
+from swath.sim.scenario import load_scenario
+from swath.sim.slots import CONTROL, REGISTRY, SLOTS, TRUTH
+from swath.sim.world import assemble
+
+
+@pytest.mark.parametrize("kind", SLOTS, ids=lambda s: s.name)
+def test_levels_give_what_their_slot_promises(kind):
+    for name in REGISTRY.names(kind.name):
+        given = getattr(REGISTRY.get(kind.name, name).component, "outputs", None)
+        if isinstance(given, tuple):  # a scanner's depend on its parameters
+            assert set(kind.outputs) <= set(given), name
+
+
+def test_wires_come_from_promised_outputs():
+    gives = {s.name: {p.name for p in s.outputs} for s in SLOTS}
+    for slot in SLOTS:
+        for port, (source, output) in slot.wires.items():
+            assert output in gives[source], f"{slot.name}.{port}"
+
+
+class Held:
+    """A steering of somebody else that keeps what it was told and never steers."""
+
+    def __init__(self, params, setup):
+        self.setup = setup
+        self.inputs = setup.inputs
+        self.outputs = setup.outputs
+        self.is_open = True
+
+    def reset(self, stream):
+        return {"command": SteerCommand(0, 0.0, True)}
+
+    def step(self, t, dt, inputs):
+        return {"command": SteerCommand(t + dt, 0.0, True)}
+
+    def save(self):
+        return {}
+
+    def load(self, state):
+        pass
+
+    def close(self):
+        self.is_open = False
+
+
+@pytest.fixture
+def linked(monkeypatch):
+    """The registry with one more level, `held`, for any slot."""
+    package, module = types.ModuleType("fake_links"), types.ModuleType("fake_links.held")
+    package.__path__ = []
+    module.LEVEL = Level(Held, None, "held", is_link=True)
+    module.__spec__ = types.SimpleNamespace(name="fake_links.held")
+    monkeypatch.setitem(sys.modules, "fake_links", package)
+    monkeypatch.setitem(sys.modules, "fake_links.held", module)
+    monkeypatch.setattr(REGISTRY, "_links", "fake_links")
+
+
+@pytest.mark.usefixtures("linked")
+def test_a_part_of_somebody_else_fills_a_slot():
+    scenario = load_scenario("straight", sets=["combine.steer.level=held", "run.distance_m=2"])
+    world = assemble(scenario)
+    part = world.leader.parts["steer"]
+    assert isinstance(part.setup, LinkSetup)
+    assert part.setup.name == "combine.steer"
+    assert part.setup.outputs == (Port("command", SteerCommand),)
+    assert {p.name for p in part.setup.inputs} == {"edge", "odometry"}
+    assert all(p.optional for p in part.setup.inputs)
+    ticks = []
+    world.graph.before_tick.append(ticks.append)
+    world.graph.reset()
+    world.graph.run(40_000_000)
+    assert world.graph.latest("combine.steer", "command").t == 40_000_000
+    assert ticks == sorted(ticks)
+    assert ticks[0] == 5_000_000
+    world.close()
+    assert not part.is_open
+
+
+@pytest.mark.usefixtures("linked")
+@pytest.mark.parametrize("slot", CONTROL)
+def test_no_truth_reaches_a_part_in_control(slot):
+    sets = [f"combine.{slot}.level=held", "run.distance_m=2"]
+    setup = assemble(load_scenario("straight", sets=sets)).leader.parts[slot].setup
+    assert not any(p.signal in TRUTH for p in setup.inputs)
+
+
+def test_links_are_not_levels_of_the_field():
+    registry = Registry({"terrain": (), "steer": ()}, links="swath.link.levels", linkable=("steer",))
+    assert registry.names("steer") == []
+    with pytest.raises(InputError, match=r"terrain\.level = nothing: expected one of .*file.py:Class"):
+        registry.get("terrain", "nothing")
