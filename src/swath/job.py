@@ -16,6 +16,7 @@ from swath.core.graph import Observer
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.signals import F64, MachineState, Scan, ScanTruth
+from swath.link.realtime import Pacer, make_pacer, paced
 from swath.sim.digest import Digest
 from swath.sim.loop import Progress, drive
 from swath.sim.record import Recorder
@@ -45,13 +46,14 @@ def run_job(scenario: Scenario, out: Path, *, progress: bool = False, report: bo
     crashes leave a valid folder marked incomplete; the exception goes on.
     """
     world = assemble(scenario)
+    pacer = make_pacer(world)
     out.mkdir(parents=True, exist_ok=True)
     clear_run_folder(out)
     (out / "scenario.yaml").write_text(scenario.resolved(), encoding="utf-8")
-    watch = Watch(world, out)
+    watch = Watch(world, out, pacer)
     started = time.perf_counter()
     try:
-        with _progress_bar(world, progress) as show, watch.recorder:
+        with _progress_bar(world, progress) as show, watch.recorder, paced(world.graph, pacer):
             drive(world, watch.observers, progress=show)
     except BaseException:
         watch.finish(time.perf_counter() - started, incomplete=True, report=False)
@@ -65,8 +67,8 @@ def run_job(scenario: Scenario, out: Path, *, progress: bool = False, report: bo
 class Watch:
     """Everything that looks on while a world runs: digest, referee, recorder, keeper of scans."""
 
-    def __init__(self, world: World, out: Path) -> None:
-        self.world, self.out = world, out
+    def __init__(self, world: World, out: Path, pacer: Pacer | None = None) -> None:
+        self.world, self.out, self.pacer = world, out, pacer
         leader = world.leader
         recorded = {name: machine.recorded() for name, machine in world.machines.items()}
         self.digest = Digest()
@@ -101,7 +103,11 @@ class Watch:
             incomplete=incomplete,
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
-        if notes := [note for machine in world.machines.values() for note in machine.notes]:
+        notes = [note for machine in world.machines.values() for note in machine.notes]
+        if self.pacer is not None:
+            summary["realtime"] = self.pacer.report()
+            notes += self.pacer.notes
+        if notes:
             summary["notes"] = notes
         write_summary(self.out, summary)
         if report:

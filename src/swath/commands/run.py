@@ -12,6 +12,9 @@ def add(parsers: Any) -> None:
         "scenario", metavar="NAME|FILE", help="a bundled scenario, a YAML file, or a run folder"
     )
     add_scenario_options(parser)
+    parser.add_argument(
+        "--real-time", action="store_true", help="in step with the clock on the wall (section realtime)"
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -37,6 +40,8 @@ def load(args: argparse.Namespace) -> Any:
     from swath.sim.scenario import load_scenario
 
     flags = {f"--seed {args.seed}": f"seed={args.seed}"} if args.seed is not None else {}
+    if getattr(args, "real_time", False):
+        flags["--real-time"] = "realtime.pace=real_time"
     return load_scenario(args.scenario, sets=args.sets, flags=flags)
 
 

@@ -49,7 +49,7 @@ class Graph:
         self._reads: dict[
             str, list[tuple[str, Wire | None, Wire | None]]
         ] = {}  # slot -> (port, source, queue)
-        self._check_wires()
+        self._connect()
 
     def reset(self) -> None:
         """Bring every component to t = 0 and collect the outputs valid there."""
@@ -85,6 +85,25 @@ class Graph:
         """The newest sample of an output, None before there is one."""
         return self._latest.get((slot, output))
 
+    def exchange(self, slot: str, component: Component, wires: Mapping[str, Wire]) -> None:
+        """Another component in a slot, from its next step on.
+
+        It begins with `reset`, at the present time; what the slot sent last stays until it sends anew. The
+        period stays. Raises WiringError when it does not fit, and then changes nothing.
+        """
+        node, queues = self._names[slot], dict(self._queues)
+        before = node.component, node.wires
+        node.component, node.wires = component, dict(wires)
+        try:
+            self._connect()
+        except WiringError:
+            node.component, node.wires = before
+            self._connect()
+            raise
+        finally:
+            self._queues |= {key: queue for key, queue in queues.items() if key in self._queues}
+        component.reset(Stream(self.seed, slot))
+
     def save(self) -> State:
         """Everything needed to go on from here, byte for byte."""
         return {
@@ -105,7 +124,9 @@ class Graph:
         self._latest = dict(state["latest"])
         self._queues = {k: list(v) for k, v in state["queues"].items()}
 
-    def _check_wires(self) -> None:
+    def _connect(self) -> None:
+        """Check every wire; note who reads what, and who wants every sample."""
+        self._queues, self._listeners, self._reads = {}, {}, {}
         for node in self.nodes:
             ports = {p.name: p for p in node.component.inputs}
             for name in node.wires:

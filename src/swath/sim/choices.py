@@ -8,7 +8,7 @@ from typing import Any
 
 from swath.core.registry import Level
 from swath.sim.check import adapter_of
-from swath.sim.sections import MachineCommon, SlotCommon, StartAlongEdge, StartPose
+from swath.sim.sections import MachineCommon, RealTime, SlotCommon, StartAlongEdge, StartPose
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,19 @@ class MachineSection:
         start = self.start.model_dump(mode="json")
         written |= dict.fromkeys(self.off, "off")
         return {**self.common.model_dump(mode="json"), "start": start, **written}
+
+
+@dataclass(frozen=True)
+class RealTimeSection:
+    """Pacing. cheaper: (full slot name such as `combine.lidar`, level to take instead), in this order."""
+
+    common: RealTime
+    cheaper: tuple[tuple[str, SlotChoice], ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As it would be written in a file."""
+        steps = [{"slot": s, "level": c.level, **_plain(c.params)} for s, c in self.cheaper]
+        return {**self.common.model_dump(mode="json", exclude_none=True), "degrade": steps}
 
 
 @dataclass(frozen=True)

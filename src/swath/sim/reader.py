@@ -9,14 +9,24 @@ from swath.core.errors import InputError, SwathError
 from swath.core.registry import Level
 from swath.data.cards import find_card
 from swath.sim.check import known_keys, validate
-from swath.sim.choices import FieldSection, LevelChoice, MachineSection, SlotChoice
+from swath.sim.choices import FieldSection, LevelChoice, MachineSection, RealTimeSection, SlotChoice
 from swath.sim.hints import near_miss, unknown_key
 from swath.sim.kit import Kit
 from swath.sim.metric_names import LIMITABLE_METRICS
-from swath.sim.sections import Head, Limit, MachineCommon, Run, SlotCommon, StartAlongEdge, StartPose
+from swath.sim.sections import (
+    Head,
+    Limit,
+    MachineCommon,
+    RealTime,
+    Run,
+    SlotCommon,
+    StartAlongEdge,
+    StartPose,
+)
+from swath.sim.slots import EXCHANGEABLE
 from swath.sim.yamlfile import Document, KeyPath
 
-TOP_KEYS = ("name", "summary", "seed", "run", "field", "expect")
+TOP_KEYS = ("name", "summary", "seed", "run", "realtime", "field", "expect")
 FIELD_KEYS = ("folder", "terrain", "stand", "edge", "obstacles", "boundary")
 MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side")
 CARDS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
@@ -54,6 +64,7 @@ class Reader:
         parts["run"] = self.check(Run, data.get("run", {}), ("run",))
         parts["field"] = self._field(data.get("field", {}))
         parts["machines"] = self._machines({name: data[name] for name in machines})
+        parts["realtime"] = self._realtime(data["realtime"]) if "realtime" in data else None
         parts["expect"] = self._expect(data.get("expect", {}))
         if self.errors:
             raise ScenarioError(self.errors)
@@ -86,6 +97,49 @@ class Reader:
         """Where a relative path starts: the scenario's folder, or for a flag the working directory."""
         place = self.document.place(path)
         return Path.cwd() if place is not None and place.line is None else self.folder
+
+    # real time
+
+    def _realtime(self, data: Any) -> RealTimeSection | None:
+        path = ("realtime",)
+        data = self.mapping(data, path)
+        steps = data.get("degrade", [])
+        self.unknown(data, path, (*RealTime.model_fields, "degrade"))
+        own = {k: v for k, v in data.items() if k in RealTime.model_fields}
+        common = self.check(RealTime, own, path)
+        if not isinstance(steps, list):
+            self.note((*path, "degrade"), steps, "expected a list of {slot, level}")
+            return None
+        cheaper = [self._cheaper(entry, (*path, "degrade", i)) for i, entry in enumerate(steps)]
+        if common is None:
+            return None
+        if common.on_overrun == "degrade" and not steps:
+            self.note((*path, "on_overrun"), common.on_overrun, "expected a list of {slot, level} in degrade")
+        return RealTimeSection(common, tuple(c for c in cheaper if c is not None))
+
+    def _cheaper(self, entry: Any, path: KeyPath) -> tuple[str, SlotChoice] | None:
+        """A level to fall back to, with the keys of the slot's present one that it knows as well."""
+        entry = self.mapping(entry, path)
+        name = entry.get("slot")
+        machine, _, slot = str(name).partition(".")
+        present = self.document.data.get(machine)
+        if slot not in EXCHANGEABLE or not isinstance(present, dict) or _is_off(present.get(slot, {})):
+            able = ", ".join(EXCHANGEABLE)
+            self.note((*path, "slot"), name, f"expected machine.slot of a slot that is there, of {able}")
+            return None
+        if "level" not in entry:
+            self.note((*path, "level"), None, "expected a level to take instead, the key is missing")
+            return None
+        own = {k: v for k, v in entry.items() if k != "slot"}
+        chosen, found = self._level(slot, own, path, "")
+        if found is None:
+            return None
+        before = present.get(slot, {})
+        before = before if isinstance(before, dict) else {}
+        kept = {k: before[k] for k in known_keys(found.params) if k in before}
+        common = {k: before[k] for k in SlotCommon.model_fields if k in before}
+        choice = self._slot_at(machine, slot, {**kept, **chosen, **common}, path)
+        return None if choice is None else (f"{machine}.{slot}", choice)
 
     # field
 
@@ -188,7 +242,10 @@ class Reader:
         return start
 
     def _slot(self, machine: str, slot: str, data: Any) -> SlotChoice | None:
-        kind, path = self.kit.slot(slot), (machine, slot)
+        return self._slot_at(machine, slot, data, (machine, slot))
+
+    def _slot_at(self, machine: str, slot: str, data: Any, path: KeyPath) -> SlotChoice | None:
+        kind = self.kit.slot(slot)
         entry, found = self._level(slot, data, path, kind.level)
         if found is None:
             return None

@@ -7,7 +7,16 @@ import yaml
 from swath.sim.kit import KIT, Kit
 from swath.sim.metric_names import LIMITABLE_METRICS
 from swath.sim.schema import adopt
-from swath.sim.sections import Head, Limit, MachineCommon, Run, SlotCommon, StartAlongEdge, StartPose
+from swath.sim.sections import (
+    Head,
+    Limit,
+    MachineCommon,
+    RealTime,
+    Run,
+    SlotCommon,
+    StartAlongEdge,
+    StartPose,
+)
 
 Row = tuple[str, str, str, str]
 HEADER = """\
@@ -31,6 +40,12 @@ an installed one (entry point group `swath.levels`, name `slot.level`), or your 
 only the old one knew.
 """
 
+REALTIME = """\
+Only with this section, or `swath run --real-time`, a run waits for the clock: [realtime.md](realtime.md).
+`degrade` is a list of `{slot: machine.slot, level: name, ...}`, taken one after the other when `on_overrun`
+is `degrade`; keys of the present level that the cheaper one knows are kept.
+"""
+
 
 def reference(kit: Kit = KIT) -> str:
     """The whole page."""
@@ -40,9 +55,11 @@ def reference(kit: Kit = KIT) -> str:
     parts = [HEADER.format(example=example)]
     parts.append(_section("## Top level", Head))
     parts.append(
-        "Every other key than `name`, `summary`, `seed`, `run`, `field` and `expect` is a machine.\n"
+        "Every other key than `name`, `summary`, `seed`, `run`, `realtime`, `field` and `expect`\n"
+        "is a machine.\n"
     )
     parts.append(_section("## run", Run))
+    parts.append(_section("## realtime", RealTime, REALTIME))
     parts.append(_field(kit))
     parts.append(_machine(kit))
     names = ", ".join(f"`{m}`" for m in LIMITABLE_METRICS)

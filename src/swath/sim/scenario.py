@@ -15,7 +15,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.data.cards import card_names, find_card
-from swath.sim.choices import FieldSection, MachineSection
+from swath.sim.choices import FieldSection, MachineSection, RealTimeSection
 from swath.sim.hints import near_miss
 from swath.sim.kit import KIT, Kit
 from swath.sim.overrides import apply_overrides
@@ -35,12 +35,18 @@ class Scenario:
     field: FieldSection
     machines: Mapping[str, MachineSection]
     expect: Mapping[str, Limit]
+    realtime: RealTimeSection | None = None
     document: Document = dataclasses.field(default_factory=lambda: Document(None), repr=False)
 
     @property
     def file(self) -> Path | None:
         """Where it was read from."""
         return self.document.file
+
+    @property
+    def is_paced(self) -> bool:
+        """True when it is to run in step with the clock on the wall."""
+        return self.realtime is not None and self.realtime.common.pace == "real_time"
 
     def plain(self) -> dict[str, Any]:
         """Plain data with every default filled in and every path absolute."""
@@ -49,6 +55,7 @@ class Scenario:
             "summary": self.summary,
             "seed": self.seed,
             "run": self.run.model_dump(mode="json"),
+            **({} if self.realtime is None else {"realtime": self.realtime.plain()}),
             "field": self.field.plain(),
             **{name: machine.plain() for name, machine in self.machines.items()},
             "expect": {k: v.model_dump(mode="json", exclude_none=True) for k, v in self.expect.items()},

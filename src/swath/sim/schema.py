@@ -14,7 +14,16 @@ from swath.sim.check import schema_of
 from swath.sim.hints import split_unit
 from swath.sim.kit import KIT, Kit
 from swath.sim.metric_names import LIMITABLE_METRICS
-from swath.sim.sections import Head, Limit, MachineCommon, Run, SlotCommon, StartAlongEdge, StartPose
+from swath.sim.sections import (
+    Head,
+    Limit,
+    MachineCommon,
+    RealTime,
+    Run,
+    SlotCommon,
+    StartAlongEdge,
+    StartPose,
+)
 
 Node = dict[str, Any]
 FOREIGN = {"type": "string", "pattern": r"\.py:[A-Za-z_]\w*$"}
@@ -34,6 +43,7 @@ def scenario_schema(kit: Kit = KIT) -> Node:
         "properties": {
             **head,
             "run": adopt(Run, "run", defs),
+            "realtime": _realtime(defs),
             "field": _field(kit, defs),
             "expect": {
                 "type": "object",
@@ -138,6 +148,21 @@ def _machine(kit: Kit, defs: dict[str, Node]) -> Node:
         "properties": {**common, "start": start, **slots},
         "additionalProperties": False,
     }
+
+
+def _realtime(defs: dict[str, Node]) -> Node:
+    node = adopt(RealTime, "realtime", defs)
+    step = {
+        "type": "object",
+        "properties": {
+            "slot": {"type": "string", "description": "machine.slot"},
+            "level": {"type": "string", "description": "the level to take instead"},
+        },
+        "required": ["slot", "level"],
+        "description": "a cheaper level with its keys; those of the present one that it knows are kept",
+    }
+    degrade = {"type": "array", "items": step, "description": "cheaper levels, taken one after the other"}
+    return {**node, "properties": {**node["properties"], "degrade": degrade}}
 
 
 def _slot(kit: Kit, kind: str, defs: dict[str, Node]) -> Node:

@@ -27,6 +27,35 @@ class Run(BaseModel):
     max_duration_s: Annotated[float, Field(gt=0, le=1e6, description="simulated time [s]")] = 120.0
 
 
+class RealTime(BaseModel):
+    """A run in step with the clock on the wall. Without the section a run goes as fast as it can."""
+
+    model_config = STRICT
+    pace: Annotated[
+        Literal["real_time", "free"], Field(description="free: as fast as it can, the section rests")
+    ] = "real_time"
+    factor: Annotated[float, Field(ge=0.01, le=100, description="simulated seconds per second")] = 1.0
+    on_overrun: Annotated[
+        Literal["fail", "slip", "degrade"],
+        Field(description="stop with an error, shift the deadlines, or also take the cheaper levels listed"),
+    ] = "slip"
+    tolerance_ms: Annotated[
+        float, Field(ge=0, le=1e5, description="lateness that is caught up; beyond it is an overrun [ms]")
+    ] = 20.0
+    grace_s: Annotated[
+        float,
+        Field(ge=0, le=1e4, description="simulated time after a start in which lateness is no overrun [s]"),
+    ] = 1.0
+    patience: Annotated[
+        int, Field(ge=1, le=10_000, description="overruns within window_s before a cheaper level is taken")
+    ] = 3
+    window_s: Annotated[float, Field(gt=0, le=1e4, description="simulated time [s]")] = 2.0
+    spin_ms: Annotated[float, Field(ge=0, le=100, description="busy wait before a deadline [ms]")] = 0.5
+    priority: Annotated[
+        int | None, Field(ge=1, le=99, description="SCHED_FIFO, asked of the system; default: not asked")
+    ] = None
+
+
 class Limit(BaseModel):
     """Bounds of a metric; both included."""
 

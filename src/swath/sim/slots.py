@@ -158,6 +158,8 @@ SLOTS: tuple[SlotKind, ...] = (
 SLOT_NAMES = tuple(s.name for s in SLOTS)
 TRUTH = (MachineState, ScanTruth)  # what control never sees
 CONTROL = ("edge", "ahead", "steer", "speed")  # these are told the machine's geometry, never the truth
+# Whose level may change while a run goes on: they keep nothing of the machine's motion and masses.
+EXCHANGEABLE = ("lidar", "odometry", "crop_flow", "edge", "ahead", "steer", "speed")
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
     "terrain": ("swath.field.terrain",),

@@ -1,5 +1,6 @@
 """From a scenario to something that runs: the field, the machines in it, their parts and connections."""
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,7 @@ from swath.sim.ground import build_field
 from swath.sim.messages import RecordedMachine
 from swath.sim.scenario import Scenario
 from swath.sim.sections import StartPose
-from swath.sim.slots import CONTROL, SLOTS, TRUTH
+from swath.sim.slots import CONTROL, EXCHANGEABLE, SLOTS, TRUTH
 
 LOOK_AHEAD_M = 5.0  # the edge must go on this far beyond where the header ends up
 
@@ -35,30 +36,37 @@ class Machine:
     """A machine in the world. parts: slot -> component; mountings: sensor slot -> pose_machine_sensor
 
     overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
+    retired: parts that others replaced while running
     """
 
     name: str
     card: MachineCard
     edge_side: str
-    parts: Mapping[str, Any]
+    parts: dict[str, Any]
     mountings: Mapping[str, Pose]
     overlap: float
+    retired: list[Any] = dataclasses.field(default_factory=list)
+
+    @property
+    def all_parts(self) -> list[Any]:
+        """The parts at work and the retired ones."""
+        return [*self.parts.values(), *self.retired]
 
     @property
     def ray_count(self) -> int:
         """Rays cast by all sensors so far."""
-        return sum(int(getattr(part, "ray_count", 0)) for part in self.parts.values())
+        return sum(int(getattr(part, "ray_count", 0)) for part in self.all_parts)
 
     def coverage(self) -> dict[str, float]:
         """`unmeasured_beam_share` of a machine that replays measured scans, nothing of any other."""
-        told = [part for part in self.parts.values() if hasattr(part, "unmeasured_count")]
+        told = [part for part in self.all_parts if hasattr(part, "unmeasured_count")]
         beams = sum(int(part.beam_count) for part in told)
         return {"unmeasured_beam_share": sum(int(p.unmeasured_count) for p in told) / beams} if beams else {}
 
     @property
     def notes(self) -> list[str]:
         """What the parts want the user to know about the run, each once."""
-        return [f"{self.name}: {n}" for part in self.parts.values() for n in getattr(part, "notes", ())]
+        return [f"{self.name}: {n}" for part in self.all_parts for n in getattr(part, "notes", ())]
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
@@ -95,7 +103,7 @@ class World:
     def close(self) -> None:
         """Let go of what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
         for machine in self.machines.values():
-            for part in machine.parts.values():
+            for part in machine.all_parts:
                 if callable(close := getattr(part, "close", None)):
                     close()
 
@@ -121,6 +129,7 @@ def _assemble(scenario: Scenario) -> World:
     machines, nodes = {}, []
     for section in scenario.machines.values():
         machine, own_nodes = _build_machine(section, site)
+        _check_pace(scenario, machine)
         machines[section.name] = machine
         nodes += own_nodes
         _check_room(scenario, section, field, machine.card)
@@ -147,37 +156,83 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
     mountings: dict[str, Pose] = {}
     for slot in _build_order(section.slots):
         choice = section.slots[slot]
-        period = from_hz(choice.common.rate_hz)
-        setup: Any = SiteSetup(
-            field=site.field,
-            machine=card,
-            start=start,
-            edge_side=section.common.edge_side,
-            period=period * 1e-9,
-            name=section.name,
-            obstacles=site.obstacles,
-            bodies=site.bodies,
-            base=site.base,
-        )
-        if slot in CONTROL and not choice.found.sees_truth:
-            mounting = mountings.get("lidar", Pose.from_euler((card.knife_x, 0.0, 2.0)))
-            setup = ControlSetup(card, mounting, section.common.edge_side, period * 1e-9)
-        if choice.found.is_link:
-            setup = _link_setup(section, slot, card, mountings, site.base)
+        setup = _setup(section, slot, choice, card, start, mountings, site)
         parts[slot] = _make(section.name, slot, choice, setup)
         if isinstance(getattr(parts[slot], "mounting", None), Pose):
             mountings[slot] = parts[slot].mounting
-    nodes = [_node(section, slot, parts[slot]) for slot in section.slots]
+    nodes = [_node(section, slot, choice, parts[slot]) for slot, choice in section.slots.items()]
     steer = section.slots.get("steer")
     overlap = float(getattr(steer.params, "overlap_m", 0.0)) if steer is not None else 0.0
     return Machine(section.name, card, section.common.edge_side, parts, mountings, overlap), nodes
 
 
+def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[str, tuple[str, str]]]:
+    """A component for the slot `name`, such as `combine.lidar`, of a standing world, and its wires.
+
+    InputError or WiringError where it cannot be had. `exchange` puts it into the slot.
+    """
+    machine_name, _, slot = name.partition(".")
+    section, machine = world.scenario.machines[machine_name], world.machines[machine_name]
+    file = world.scenario.file
+    site = Site(world.field, world.obstacles, world.bodies, file.parent if file is not None else Path.cwd())
+    start = _start(section, world.field, machine.card)
+    setup = _setup(section, slot, choice, machine.card, start, machine.mountings, site)
+    component = _make(machine_name, slot, choice, setup)
+    return component, _node(section, slot, choice, component).wires
+
+
+def exchange(world: World, name: str, component: Any, wires: Mapping[str, tuple[str, str]]) -> None:
+    """From its next step on, another component plays the slot `name`; the old one is kept as retired.
+
+    Only slots in `EXCHANGEABLE` can: the state of the others is the machine's own. InputError, WiringError.
+    """
+    machine_name, _, slot = name.partition(".")
+    if slot not in EXCHANGEABLE:
+        raise InputError("slot", name, f"expected one of {', '.join(EXCHANGEABLE)} to exchange")
+    world.graph.exchange(name, component, wires)
+    machine = world.machines[machine_name]
+    machine.retired.append(machine.parts[slot])
+    machine.parts[slot] = component
+
+
+def _setup(
+    section: MachineSection,
+    slot: str,
+    choice: SlotChoice,
+    card: MachineCard,
+    start: Pose,
+    mountings: Mapping[str, Pose],
+    site: Site,
+) -> Any:
+    """What the level of a slot is told: the site, or for control and links less."""
+    if choice.found.is_link:
+        return _link_setup(section, slot, choice, card, mountings, site.base)
+    period = from_hz(choice.common.rate_hz) * 1e-9
+    if slot in CONTROL and not choice.found.sees_truth:
+        mounting = mountings.get("lidar", Pose.from_euler((card.knife_x, 0.0, 2.0)))
+        return ControlSetup(card, mounting, section.common.edge_side, period)
+    return SiteSetup(
+        field=site.field,
+        machine=card,
+        start=start,
+        edge_side=section.common.edge_side,
+        period=period,
+        name=section.name,
+        obstacles=site.obstacles,
+        bodies=site.bodies,
+        base=site.base,
+    )
+
+
 def _link_setup(
-    section: MachineSection, slot: str, card: MachineCard, mountings: Mapping[str, Pose], base: Path
+    section: MachineSection,
+    slot: str,
+    choice: SlotChoice,
+    card: MachineCard,
+    mountings: Mapping[str, Pose],
+    base: Path,
 ) -> LinkSetup:
     """The face of a slot: what its wires bring, without the truth where it is control, and what it gives."""
-    choice = section.slots[slot]
     kind = next(s for s in SLOTS if s.name == slot)
     gives = {s.name: {p.name: p for p in s.outputs} for s in SLOTS}
     offered = []
@@ -212,8 +267,7 @@ def _make(machine: str, slot: str, choice: SlotChoice, setup: Any) -> Any:
         raise InputError(f"{machine}.{slot}.level", choice.level, what) from error
 
 
-def _node(section: MachineSection, slot: str, component: Any) -> Node:
-    choice = section.slots[slot]
+def _node(section: MachineSection, slot: str, choice: SlotChoice, component: Any) -> Node:
     common = choice.common
     ports = {p.name for p in component.inputs}
     wires = {port: wire for port, wire in choice.wires.items() if port in ports or port in choice.wired}
@@ -240,6 +294,13 @@ def _start(section: MachineSection, field: Field, card: MachineCard) -> Pose:
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         x, y = end - turn @ np.array(card.header_end(section.common.edge_side))
     return Pose.from_euler((x, y, float(field.ground_height(x, y))), yaw=float(yaw))
+
+
+def _check_pace(scenario: Scenario, machine: Machine) -> None:
+    """Parts that answer by the clock on the wall need a run that goes by it."""
+    for slot, part in machine.parts.items():
+        if (why := getattr(part, "needs_real_time", "")) and not scenario.is_paced:
+            raise InputError(f"{machine.name}.{slot}", None, f"{why}: expected a run with --real-time")
 
 
 def _check_side(section: MachineSection, field: Field) -> None:

@@ -1,0 +1,100 @@
+"""Runs in step with a clock: results stay, unless a cheaper level takes over, which is reported."""
+
+import json
+
+import pytest
+from fake_clock import FakeClock
+from small import small
+
+from swath.cli import main
+from swath.core.errors import InputError
+from swath.link.realtime import make_pacer, paced
+from swath.sim.digest import Digest
+from swath.sim.loop import drive
+from swath.sim.world import assemble
+
+MS = 1_000_000
+CHEAP = "realtime.degrade=[{slot: combine.lidar, level: empirical}, {slot: combine.edge, level: truth}]"
+
+
+def digest_of(*sets, clock=None):
+    world, digest = assemble(small("run.max_duration_s=1.5", *sets)), Digest()
+    pacer = make_pacer(world, clock=clock)
+    with paced(world.graph, pacer):
+        drive(world, [digest])
+    return digest.hex, pacer, world
+
+
+def test_the_clock_changes_no_result_unless_a_level_is_exchanged():
+    plain, none, _ = digest_of()
+    assert none is None
+    slow = FakeClock()
+    slow.work = 8 * MS
+    slipped, pacer, world = digest_of("realtime.pace=real_time", "realtime.grace_s=0", clock=slow)
+    assert slipped == plain
+    assert pacer.overruns.total() > 10
+    assert world.graph.before_tick == []
+
+    dear = FakeClock()
+    dear.work = 8 * MS
+    sets = ["realtime.on_overrun=degrade", "realtime.grace_s=0", CHEAP]
+    changed, pacer, world = digest_of(*sets, clock=dear)
+    assert changed != plain
+    done = pacer.report()["degraded"]
+    assert [(d["slot"], d["from"], d["to"]) for d in done] == [
+        ("combine.lidar", "plants", "empirical"),
+        ("combine.edge", "max_likelihood", "truth"),
+    ]
+    leader = world.leader
+    assert type(leader.parts["lidar"]).__name__ == "EmpiricalLidar"
+    assert type(leader.retired[0]).__name__ == "PlantsLidar"
+    before = leader.retired[0].ray_count
+    assert leader.ray_count == before + leader.parts["lidar"].ray_count > before > 0
+    assert world.graph.latest("combine.lidar", "scan").t > done[0]["t_s"] * 1e9
+    assert digest_of(*sets, clock=_like(dear))[0] == changed
+
+
+def _like(clock):
+    again = FakeClock()
+    again.work = clock.work
+    return again
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("realtime.on_overrun=degrade", r"realtime.on_overrun = degrade: expected a list"),
+        ("realtime.degrade=[{slot: combine.motion, level: kinematic}]", r"degrade.0.slot = combine.motion"),
+        ("realtime.degrade=[{slot: cart.lidar, level: empirical}]", r"degrade.0.slot = cart.lidar"),
+        ("realtime.degrade=[{slot: combine.lidar}]", r"degrade.0.level: expected a level"),
+        ("realtime.degrade=[{slot: combine.lidar, level: emprical}]", r"did you mean 'empirical'"),
+        ("realtime.degrade=[{slot: combine.lidar, level: empirical, sub_rays: 3}]", r"sub_rays: unknown key"),
+        ("realtime.factor=0", r"realtime.factor = 0: expected"),
+        ("realtime.speed=1", r"realtime.speed: unknown key"),
+    ],
+)
+def test_bad_sections_are_refused(setting, said):
+    with pytest.raises(InputError, match=said):
+        small(setting)
+
+
+def test_the_section_is_written_only_where_it_is_and_reads_back():
+    from swath.sim.scenario import parse_scenario
+
+    assert "realtime" not in small().plain()
+    scenario = small(CHEAP, "realtime.pace=free")
+    assert not scenario.is_paced
+    kept = dict(scenario.realtime.cheaper)["combine.lidar"].params
+    assert kept.sector_deg == (-40, 40)
+    assert parse_scenario(scenario.resolved()) == scenario
+
+
+def test_a_paced_run_reports_itself(tmp_path, capsys):
+    file = tmp_path / "s.yaml"
+    file.write_text(small("run.max_duration_s=1").resolved())
+    sets = ["--set", "realtime.factor=50", "--set", "combine.lidar=off", "--set", "combine.edge=truth"]
+    assert main(["run", str(file), "--real-time", "--out", str(tmp_path / "out"), *sets]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["realtime"]["ticks"] == 200
+    assert summary["realtime"]["factor"] == 50.0
+    assert "note    real time: latest tick" in capsys.readouterr().out
