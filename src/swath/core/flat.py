@@ -97,6 +97,7 @@ UNITS: dict[type[Signal], dict[str, str]] = {
 
 
 _FOUND: dict[type[Signal], dict[str, "FlatField"]] = {}
+_HINTS: dict[type[Signal], dict[str, Any]] = {}
 
 
 @dataclass(frozen=True)
@@ -116,8 +117,14 @@ def flat_fields(signal: type[Signal]) -> dict[str, FlatField]:
     return _FOUND[signal]
 
 
+def _hints(signal: type[Signal]) -> dict[str, Any]:
+    if signal not in _HINTS:
+        _HINTS[signal] = get_type_hints(signal)
+    return _HINTS[signal]
+
+
 def _fields_of(signal: type[Signal]) -> dict[str, FlatField]:
-    hints = get_type_hints(signal)
+    hints = _hints(signal)
     units = UNITS.get(signal, {})
     kinds = {float: "real", int: "int", bool: "bool", F64: "array", F32: "array"}
     found: dict[str, FlatField] = {}
@@ -156,7 +163,7 @@ def build(signal: type[Signal], t: int, values: Mapping[str, Value]) -> Signal:
     missing = [f.name for f in known.values() if f.default is None and f.name not in values]
     if missing:
         raise InputError(signal.__name__, None, f"expected a value for {', '.join(missing)}")
-    hints = get_type_hints(signal)
+    hints = _hints(signal)
     made: dict[str, Any] = {}
     for field in fields(signal):
         if field.name == "t":

@@ -32,11 +32,15 @@ class Graph:
     observers are called with (slot name, time [ns], outputs) after every step, in order; they must not
     change anything that a component reads. before_tick: called with the time [ns] of a tick before its steps
     run, for those who wait (a real clock, a paused run); they change no result.
+    outside: slots that are not in this graph -> their outputs; whoever runs it puts their samples in
     """
 
-    def __init__(self, nodes: list[Node], seed: int) -> None:
+    def __init__(
+        self, nodes: list[Node], seed: int, *, outside: Mapping[str, Mapping[str, Port]] | None = None
+    ) -> None:
         self.nodes = nodes
         self.seed = seed
+        self.outside = dict(outside or {})
         self.t = 0
         self.plan: Plan = make_plan([n.slot for n in nodes])
         self.observers: list[Observer] = []
@@ -80,6 +84,13 @@ class Graph:
             if stop is not None and stop():
                 return
         self.t = max(self.t, until)
+
+    def put(self, slot: str, output: str, sample: Signal) -> None:
+        """A sample from outside: components that step from now on see it."""
+        self._latest[(slot, output)] = sample
+        for listened, key in self._listeners.get(slot, ()):
+            if listened == output:
+                self._queues[key].append(sample)
 
     def latest(self, slot: str, output: str) -> Signal | None:
         """The newest sample of an output, None before there is one."""
@@ -153,9 +164,11 @@ class Graph:
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"
-        if source not in self._names:
+        if source not in self._names and source not in self.outside:
             raise WiringError(f"{end}: there is no slot {source}; there are {sorted(self._names)}")
-        ports = {p.name: p for p in self._names[source].component.outputs}
+        ports = dict(self.outside.get(source, {}))
+        if source in self._names:
+            ports = {p.name: p for p in self._names[source].component.outputs}
         if output not in ports:
             raise WiringError(f"{end}: {source} has no output {output}; it has {sorted(ports)}")
         return ports[output]

@@ -1,7 +1,7 @@
 """From a scenario to something that runs: the field, the machines in it, their parts and connections."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -113,28 +113,56 @@ class World:
             self.bodies.place(slot.partition(".")[0], state.pose)
 
 
-def assemble(scenario: Scenario) -> World:
-    """Build the world. InputError or WiringError, with file and line, where something cannot work."""
+def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> World:
+    """Build the world. InputError or WiringError, with file and line, where something cannot work.
+
+    only: full names of slots, such as `combine.process`: nothing else runs in the graph, and what comes from
+    elsewhere is put in from outside (`Graph.put`)
+    """
     try:
-        return _assemble(scenario)
+        return _assemble(scenario, only)
     except InputError as error:
         raise scenario.locate(error) from error
 
 
-def _assemble(scenario: Scenario) -> World:
+def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
     base = scenario.file.parent if scenario.file is not None else Path.cwd()
     ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
     field = ground.field
     site = Site(field, ground.obstacles, Bodies(), base)
     machines, nodes = {}, []
     for section in scenario.machines.values():
-        machine, own_nodes = _build_machine(section, site)
-        _check_pace(scenario, machine)
+        machine, own_nodes = _build_machine(_reduced(section, only), site)
+        if only is None:
+            _check_pace(scenario, machine)
         machines[section.name] = machine
-        nodes += own_nodes
+        nodes += [n for n in own_nodes if only is None or n.slot.name in only]
         _check_room(scenario, section, field, machine.card)
-    graph = Graph(nodes, scenario.seed)
+    graph = Graph(nodes, scenario.seed, outside=None if only is None else _outside(nodes))
     return World(scenario, field, ground.obstacles, ground.driven, site.bodies, graph, machines)
+
+
+def _reduced(section: MachineSection, only: Collection[str] | None) -> MachineSection:
+    """The machine with the slots asked for, and the scanner whose mounting control is told."""
+    if only is None:
+        return section
+    named = {slot for slot in section.slots if f"{section.name}.{slot}" in only}
+    kept = named | ({"lidar"} if named & set(CONTROL) else set())
+    return dataclasses.replace(section, slots={s: c for s, c in section.slots.items() if s in kept})
+
+
+def _outside(nodes: list[Node]) -> dict[str, dict[str, Port]]:
+    """What the wires of these nodes bring from elsewhere, as the inputs want it."""
+    inside = {node.slot.name for node in nodes}
+    found: dict[str, dict[str, Port]] = {}
+    for node in nodes:
+        ports = {port.name: port for port in node.component.inputs}
+        for name, (source, output) in node.wires.items():
+            if source not in inside and name in ports:
+                port = ports[name]
+                sent = Port(output, port.signal, port.unit, port.shape)
+                found.setdefault(source, {}).setdefault(output, sent)
+    return found
 
 
 @dataclass(frozen=True)
