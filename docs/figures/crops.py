@@ -15,6 +15,7 @@ from swath.field.weeds import Weeds, weed_crop
 from swath.view.stand3d import COLOURS, NAMES
 
 INK, GRID = "#33373d", "#d9dbde"
+MESH = Path(__file__).resolve().parents[2] / "examples" / "meshes" / "sunflower.yaml"
 WIDTH, DEPTH = 1.5, 0.45  # of the strip, across and into the picture [m]
 VIEW_DOWN = np.radians(6.0)
 PICTURES = {
@@ -24,6 +25,7 @@ PICTURES = {
     "rape": ("rape", None),
     "maize": ("maize", None),
     "weed": ("stubble", Weeds(plants_per_m2=25, height_m=0.35)),
+    "mesh": (str(MESH), None),
 }
 
 
@@ -47,7 +49,8 @@ def strip(library: PlantLibrary, depth: float) -> tuple[np.ndarray, ...]:
         side = np.cross(b - a, into)
         side *= (library.radius[mine] / np.maximum(np.linalg.norm(side, axis=1), 1e-9))[:, None]
         half = np.where((library.shape[mine] == Shape.CAPSULE)[:, None], side, w)
-        corners = np.stack([a - half, a + half, b + half, b - half], axis=1)
+        tip = np.where((library.shape[mine] == Shape.TRIANGLE)[:, None], 0.0, half)
+        corners = np.stack([a - half, a + half, b + tip, b - tip], axis=1)
         quads.append(np.stack([corners @ right, corners @ up], axis=-1))
         back.append((0.5 * (a + b)) @ into)
         shade.append(0.5 * (a + b)[:, 2] / library.height_max)
@@ -66,7 +69,7 @@ def draw(path: Path, crop: Crop, weeds: Weeds | None) -> None:
         tile_count=3,
         weeds=None if weeds is None else weed_crop(weeds),
     )
-    depth = 0.8 if crop.habit == "maize" else DEPTH
+    depth = 0.8 if crop.habit in ("maize", "mesh") else DEPTH
     quads, height, organ, _ = strip(library, depth)
     table = np.array([to_rgb(COLOURS.get(k, "#999999")) for k in range(len(Organ))])
     rgb = table[organ] * (0.55 + 0.45 * np.clip(height, 0, 1))[:, None]

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from swath.field.layout import MIRROR_X, MIRROR_Y, STANDING, Organ, Pages, PlantLibrary
+from swath.field.layout import MIRROR_X, MIRROR_Y, STANDING, Organ, Pages, PlantLibrary, Shape
 
 BIG = 1e30
 
@@ -59,6 +59,18 @@ def ribbon_hit(o, d, a, b, w):
     return np.where(hit, t, BIG)
 
 
+def triangle_hit(o, d, a, b, w):
+    """Distance to triangles a - w, a + w, b: the plane's, where all three sides have the point inside."""
+    corners = np.stack([a - w, a + w, b], axis=1)
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    with np.errstate(all="ignore"):
+        t = ((a - o) * n).sum(1) / (n @ d)
+        q = (o + t[:, None] * d)[:, None] - corners
+        inside = (np.cross(np.roll(corners, -1, axis=1) - corners, q) * n[:, None]).sum(2)
+        hit = (inside >= 0).all(axis=1) & np.isfinite(t)
+    return np.where(hit, t, BIG)
+
+
 def cell_code(pages: Pages, cell_x: int, cell_y: int) -> int:
     i, j = cell_x // 512 - pages.table_x, cell_y // 512 - pages.table_y
     if not (0 <= i < pages.table.shape[1] and 0 <= j < pages.table.shape[0]) or pages.table[j, i] < 0:
@@ -96,7 +108,8 @@ def tile_hit(library: PlantLibrary, pages: Pages, tx, ty, o, d, t0, t1):
             move = np.array([nx * size, ny * size, 0.0])
             a, b = library.a[mine] + move, library.b[mine] + move
             r, w = library.radius[mine].astype(float), library.width[mine].astype(float)
-            t = first_hits(po, pd, a, b, r, w, t0)
+            kind_of = library.shape[mine]
+            t = first_hits(po, pd, a, b, r, w, t0, kind_of)
             for i in np.argsort(t):
                 if t[i] > min(t1, best[0]):
                     break
@@ -108,32 +121,36 @@ def tile_hit(library: PlantLibrary, pages: Pages, tx, ty, o, d, t0, t1):
                     tx * 64 + int(np.floor(foot[0] * 64 / size)),
                     ty * 64 + int(np.floor(foot[1] * 64 / size)),
                 )
-                found = clipped(po, pd, a[i], b[i], r[i], w[i], t[i], t0, code, 0.01 * code / scale)
+                found = clipped(
+                    po, pd, a[i], b[i], r[i], w[i], t[i], t0, code, 0.01 * code / scale, kind_of[i]
+                )
                 if found < min(best[0], t1):
                     organ = Organ(int(library.organ[mine[i]]))
                     best = (found, Organ.STUBBLE if code != STANDING and organ == Organ.STEM else organ)
     return best
 
 
-def first_hits(o, d, a, b, r, w, t0):
+def first_hits(o, d, a, b, r, w, t0, kind):
     enter, leave = capsule_span(o, d, a, b, r)
     inside = (enter < t0) & (leave >= t0) & (t0 > 0)
     capsule = np.where(inside, t0, np.where(enter >= t0, enter, BIG))
-    ribbon = ribbon_hit(o, d, a, b, w)
+    ribbon = np.where(kind == Shape.TRIANGLE, triangle_hit(o, d, a, b, w), ribbon_hit(o, d, a, b, w))
     return np.where(r > 0, capsule, np.where(ribbon >= t0, ribbon, BIG))
 
 
-def clipped(o, d, a, b, r, w, t, t0, code, top):
+def clipped(o, d, a, b, r, w, t, t0, code, top, kind):
     if code == STANDING:
         return t
-    if code == 0 or min(a[2], b[2]) > top:
+    if code == 0:
+        return BIG
+    if kind == Shape.CAPSULE and min(a[2], b[2]) > top:
         return BIG
     if r == 0:
         return BIG if o[2] + t * d[2] > top else t
     low, high = (a, b) if a[2] <= b[2] else (b, a)
     if high[2] > top:
         high = low + (top - low[2]) / (high[2] - low[2]) * (high - low)
-    return first_hits(o, d, low[None], high[None], np.array([r]), w[None], t0)[0]
+    return first_hits(o, d, low[None], high[None], np.array([r]), w[None], t0, np.array([kind]))[0]
 
 
 def patch_hit(h, o, d, gap, t0, t1):

@@ -56,11 +56,14 @@ class Card:
 
     def entry(self, key: str) -> Any:
         """Raw entry of a dotted key. InputError when it is missing."""
-        node: Any = self.data
-        for part in key.split("."):
-            if not isinstance(node, Mapping) or part not in node:
+        node, rest = self.data, key
+        while rest:
+            names = node if isinstance(node, Mapping) else {}
+            fits = [n for n in map(str, names) if rest == n or rest.startswith(f"{n}.")]
+            if not fits:
                 raise InputError(key, None, "missing", file=self.path)
-            node = node[part]
+            part = max(fits, key=len)  # a name may have dots itself
+            node, rest = names[part], rest[len(part) + 1 :]
         return node
 
     def has(self, key: str) -> bool:

@@ -9,6 +9,7 @@ from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.data.cards import Card, find_card
 from swath.field.facts import LENGTH, RATIO, number, section
+from swath.field.mesh_crop import MeshFacts, mesh_facts
 from swath.field.organs import (
     AWN,
     BRANCH,
@@ -24,13 +25,14 @@ from swath.field.organs import (
     TasselFacts,
 )
 
-Habit = Literal["cereal", "branched", "maize", "weed", "stubble"]
+Habit = Literal["cereal", "branched", "maize", "weed", "stubble", "mesh"]
 REFLECTIVE = {
     "cereal": ("ear", "leaf"),
     "branched": ("branch", "pod"),
     "maize": ("leaf", "branch", "cob"),
     "weed": (),
     "stubble": (),
+    "mesh": (),
 }
 SEEDS = {"cereal": "grains_per_ear", "branched": "seeds_per_pod", "maize": "grains_per_cob"}
 
@@ -129,7 +131,8 @@ class YieldFacts:
 class Crop:
     """One crop. reflectance: organ name (lower case, as in `layout.Organ`) -> reflectance at 905 nm.
 
-    habit: how its plants are built, a module of `field/plants`; says which of the organs it has
+    habit: how its plants are built, a module of `field/plants`; says which of the organs it has; plants of
+    habit `mesh` have no facts of a stem, theirs are zero
     """
 
     name: str
@@ -146,6 +149,7 @@ class Crop:
     pod: PodFacts | None = None
     tassel: TasselFacts | None = None
     cob: CobFacts | None = None
+    mesh: MeshFacts | None = None
 
     def straw_below(self, relative_height: float) -> float:
         """Share of a stem's straw mass below a height given as a fraction of the plant's height."""
@@ -161,31 +165,25 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     """
     card = Card(find_card("crops", name, base))
     habit = _habit(card)
+    mesh = mesh_facts(card) if habit == "mesh" else None
     stand = StandFacts(
         density=number(card, "stand.density", ("1/m2",), 1.0, 3000.0),
         row_spacing=number(card, "stand.row_spacing", LENGTH, 0.0, 1.0),
         stems_per_plant=number(card, "stand.stems_per_plant", RATIO, 1.0, 20.0),
         tiller_spread=number(card, "stand.tiller_spread", LENGTH, 0.0, 0.2),
-        height=number(card, "stand.height", LENGTH, 0.05, 4.0),
+        height=number(card, "stand.height", LENGTH, 0.05, 4.0) if mesh is None else mesh.height,
         height_cv=number(card, "stand.height_cv", RATIO, 0.0, 0.5),
         stubble_height=number(card, "stand.stubble_height", LENGTH, 0.0, 2.0),
         sowing_jitter=number(card, "stand.sowing_jitter", RATIO, 0.0, 1.0)
         if "sowing_jitter" in card.entry("stand")
         else 1.0,
     )
-    stem = StemFacts(
-        diameter_base=number(card, "stem.diameter_base", LENGTH, 1e-4, 0.1),
-        diameter_top=number(card, "stem.diameter_top", LENGTH, 1e-4, 0.1),
-        diameter_cv=number(card, "stem.diameter_cv", RATIO, 0.0, 0.5),
-        lean_mean=number(card, "stem.lean_mean", ("deg",), 0.0, 45 * DEG),
-        lean_sd=number(card, "stem.lean_sd", ("deg",), 0.0, 45 * DEG),
-    )
     leafy = habit in ("cereal", "maize", "weed")
     return Crop(
         name=card.text("name"),
         habit=habit,
         stand=stand,
-        stem=stem,
+        stem=_stem(card) if mesh is None else StemFacts(0.0, 0.0, 0.0, 0.0, 0.0),
         ear=_ear(card) if habit == "cereal" else None,
         leaf=_leaf(card) if leafy else None,
         neck=section(card, "neck", NeckFacts, NECK) if "neck" in card.data else None,
@@ -195,7 +193,8 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
         tassel=section(card, "tassel", TasselFacts, TASSEL) if habit == "maize" else None,
         cob=section(card, "cob", CobFacts, COB) if habit == "maize" else None,
         yields=_yields(card, habit, stand.height),
-        reflectance=_reflectance(card, habit),
+        reflectance=_reflectance(card, habit) | ({} if mesh is None else mesh.reflectances()),
+        mesh=mesh,
     )
 
 
@@ -205,6 +204,16 @@ def _habit(card: Card) -> Habit:
         if name == habit:
             return habit  # type: ignore[no-any-return]
     raise InputError("habit", name, f"expected one of {', '.join(get_args(Habit))}", file=card.path)
+
+
+def _stem(card: Card) -> StemFacts:
+    return StemFacts(
+        diameter_base=number(card, "stem.diameter_base", LENGTH, 1e-4, 0.1),
+        diameter_top=number(card, "stem.diameter_top", LENGTH, 1e-4, 0.1),
+        diameter_cv=number(card, "stem.diameter_cv", RATIO, 0.0, 0.5),
+        lean_mean=number(card, "stem.lean_mean", ("deg",), 0.0, 45 * DEG),
+        lean_sd=number(card, "stem.lean_sd", ("deg",), 0.0, 45 * DEG),
+    )
 
 
 def _ear(card: Card) -> EarFacts:
@@ -242,6 +251,8 @@ def _yields(card: Card, habit: Habit, height: float) -> YieldFacts:
     share = number(card, "yield.straw_below_share", RATIO, 0.01, 0.9)
     below = number(card, "yield.straw_below_height", LENGTH, 0.01, 0.9 * height) / height
     has_grain = habit in SEEDS
+    if habit == "mesh":
+        return _mesh_yields(card, math.log(1.0 - share) / math.log(1.0 - below))
     return YieldFacts(
         grain_mass=_grain_mass(card, habit) if has_grain else 0.0,
         straw_to_grain=number(card, "yield.straw_to_grain", RATIO, 0.05, 10.0) if has_grain else 0.0,
@@ -250,6 +261,21 @@ def _yields(card: Card, habit: Habit, height: float) -> YieldFacts:
         swath_density=number(card, "yield.swath_density", ("kg/m3",), 1.0, 500.0),
         grain_moisture=number(card, "yield.grain_moisture", RATIO, 0.0, 0.6),
         bare_mass=0.0 if has_grain else number(card, "yield.stem_mass", ("g",), 1e-6, 1.0),
+    )
+
+
+def _mesh_yields(card: Card, straw_exponent: float) -> YieldFacts:
+    """Masses of a mean plant as they are."""
+    grain = number(card, "yield.grain_mass", ("g",), 0.0, 10.0)
+    straw = number(card, "yield.straw_mass", ("g",), 1e-6, 10.0)
+    return YieldFacts(
+        grain_mass=grain,
+        straw_to_grain=straw / grain if grain > 0.0 else 0.0,
+        straw_exponent=straw_exponent,
+        grain_density=number(card, "yield.grain_density", ("kg/m3",), 100.0, 1500.0),
+        swath_density=number(card, "yield.swath_density", ("kg/m3",), 1.0, 500.0),
+        grain_moisture=number(card, "yield.grain_moisture", RATIO, 0.0, 0.6),
+        bare_mass=straw,
     )
 
 
@@ -263,6 +289,7 @@ def _grain_mass(card: Card, habit: Habit) -> float:
 
 
 def _reflectance(card: Card, habit: Habit) -> dict[str, float]:
-    names = ["ground", "straw", "stem", *REFLECTIVE[habit], "stubble", "weed"]
+    stem = [] if habit == "mesh" else ["stem"]
+    names = ["ground", "straw", *stem, *REFLECTIVE[habit], "stubble", "weed"]
     names += ["awn"] if "awn" in card.data else []
     return {name: number(card, f"reflectance.{name}", RATIO, 0.0, 1.0) for name in names}

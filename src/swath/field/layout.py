@@ -50,6 +50,7 @@ class Shape(IntEnum):
 
     CAPSULE = 0
     RIBBON = 1
+    TRIANGLE = 2
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,8 @@ class PlantLibrary:
 
     Primitives (m of them), sorted by tile, each copied to every tile side it overlaps (periodic tile):
     shape: Shape; organ: Organ; a, b: ends [m], (m, 3); capsule: radius [m], width unused; ribbon:
-    parallelogram with corners a - w, a + w, b + w, b - w, w = width (m, 3) [m]
+    parallelogram with corners a - w, a + w, b + w, b - w, w = width (m, 3) [m]; triangle: corners a - w,
+    a + w, b
     owner: index of the stem; base: (m, 2) base of that stem as seen from this copy [m]; may lie outside
     [0, T) for copies
 
@@ -73,6 +75,9 @@ class PlantLibrary:
     + iz, column side T / columns, bin height bin_height [m] from zeta = 0; cell c lists primitives
     cell_items[cell_start[c]:cell_start[c + 1]]. Everything that overlaps a cell is listed in it; what reaches
     below zeta = 0 is listed in bin 0.
+
+    reflectance: of each Organ at 905 nm; own_reflectance: of a primitive where parts of one organ differ
+    (meshes), (m,), 0 = its organ's; empty = none has its own
     """
 
     tile_size: float
@@ -100,6 +105,7 @@ class PlantLibrary:
     cell_start: NDArray[np.int32]
     cell_items: NDArray[np.int32]
     reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(len(Organ), np.float32))
+    own_reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
 
 @dataclass

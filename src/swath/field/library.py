@@ -9,13 +9,17 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.layout import Organ, PlantLibrary
+from swath.field.layout import Organ, PlantLibrary, Shape
 from swath.field.plants import Plants, make_plants
 from swath.field.plants.parts import joined
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 FEW = 100  # plants per tile: below, a whole number of them would miss the density by a percent and more
+MESH_TRIANGLES = 300_000  # of all prototypes; fewer prototypes are made rather than more triangles
+MESH_TRIANGLES_MAX = 1_200_000  # some 300 MB
+MESH_TILES_MIN = 3
+MESH_FINE = 15_000  # triangles in a prototype from which on its cells are halved
 PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays never miss a listed cell [m]
 
 
@@ -25,9 +29,9 @@ def make_library(
     density_max: float,
     row_spacing: float,
     seed: Stream,
-    tile_count: int = 16,
-    columns: int = 20,
-    bins: int = 16,
+    tile_count: int | None = None,
+    columns: int | None = None,
+    bins: int | None = None,
     leaves: bool = True,
     ears: bool = True,
     upright: bool = False,
@@ -35,6 +39,8 @@ def make_library(
 ) -> PlantLibrary:
     """Draw `tile_count` prototypes and index them.
 
+    tile_count, columns, bins: None = 16, 20 and 16; of meshes with many triangles fewer prototypes with
+    finer cells; InputError when three do not fit into some 300 MB
     density_max: stems/m2 in the prototypes (the densest place of the field), made a little more where a tile
     holds few, to be a whole number; row_spacing [m], 0 = stems anywhere, even and independent (Poisson but
     for the exact count per tile). The tile's side is the whole number of rows nearest to 1 m, two rows at
@@ -50,6 +56,7 @@ def make_library(
     if density_max * size * size < FEW:
         per_tile = math.ceil(density_max * size * size * (1.0 - 1e-9))
         density_max = max(density_max, per_tile / size**2)
+    tile_count, columns, bins = resolution(crop, per_tile, tile_count, columns, bins)
     count = per_tile * tile_count
     rng = seed.child("plants").at()
     xy = _places(crop, tile_count, per_tile, size, row_spacing, rng)
@@ -63,6 +70,7 @@ def make_library(
     pieces = _copies(plants, xy, tile, size)
     pieces = pieces.take(np.lexsort((index.locality(pieces), pieces.tile)))
     cell_start, cell_items = index.fill(pieces)
+    own = plants.own_reflectance()
     reflectance = np.zeros(len(Organ), np.float32)
     for name, value in crop.reflectance.items():
         reflectance[Organ[name.upper()]] = value
@@ -94,12 +102,15 @@ def make_library(
         cell_start=cell_start,
         cell_items=cell_items,
         reflectance=reflectance,
+        own_reflectance=own[pieces.source].astype(np.float32) if own.any() else np.zeros(0, np.float32),
     )
 
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed."""
+    """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed;
+    half: `width` in the plants; pointed: triangles, which have no width at b.
+    """
 
     source: Ints
     tile: Ints
@@ -108,6 +119,7 @@ class _Pieces:
     half: Array
     radius: Array
     base: Array
+    pointed: NDArray[np.bool_]
 
     def take(self, order: Ints) -> "_Pieces":
         """The same pieces in another order."""
@@ -119,12 +131,31 @@ class _Pieces:
             self.half[order],
             self.radius[order],
             self.base[order],
+            self.pointed[order],
         )
 
 
 def _top(plants: Plants) -> float:
-    tip = np.maximum(plants.a[:, 2], plants.b[:, 2]) + plants.radius + np.abs(plants.width[:, 2])
-    return float(tip.max()) + 1e-4
+    wide = plants.radius + np.abs(plants.width[:, 2])
+    at_b = np.where(plants.shape == Shape.TRIANGLE, 0.0, wide)
+    return float(np.maximum(plants.a[:, 2] + wide, plants.b[:, 2] + at_b).max()) + 1e-4
+
+
+def resolution(
+    crop: Crop, per_tile: int, tile_count: int | None, columns: int | None, bins: int | None
+) -> tuple[int, int, int]:
+    """Prototypes, columns and bins for so many plants per tile; what is given stays. See `make_library`."""
+    usual = (16, 20, 16)
+    if crop.mesh is not None:
+        mean = float(np.mean([len(v.organ) for v in crop.mesh.variants]))
+        triangles = per_tile * mean
+        if MESH_TILES_MIN * triangles > MESH_TRIANGLES_MAX:
+            limit = MESH_TRIANGLES_MAX / MESH_TILES_MIN / per_tile
+            expected = f"expected at most {limit:.0f} triangles per plant at this density, it has {mean:.0f}"
+            raise InputError("mesh.files", crop.name, expected)
+        cells = (40, 32) if triangles > MESH_FINE else (20, 16)
+        usual = (int(np.clip(MESH_TRIANGLES // triangles, MESH_TILES_MIN, 16)), *cells)
+    return tile_count or usual[0], columns or usual[1], bins or usual[2]
 
 
 def _places(
@@ -193,6 +224,7 @@ def _copies(plants: Plants, xy: Array, tile: Ints, size: float) -> _Pieces:
         plants.width[source],
         plants.radius[source],
         xy[owner] + move[:, :2],
+        plants.shape[source] == Shape.TRIANGLE,
     )
 
 
@@ -217,8 +249,9 @@ class _Index:
     def fill(self, pieces: _Pieces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """cell_start and cell_items: for each cell the pieces that overlap it, capsules first."""
         cells, items = [], []
-        for first in range(0, len(pieces.source), 200_000):
-            part = np.arange(first, min(first + 200_000, len(pieces.source)))
+        part_size = 20_000 if pieces.pointed.any() else 200_000
+        for first in range(0, len(pieces.source), part_size):
+            part = np.arange(first, min(first + part_size, len(pieces.source)))
             cell, item = self._overlaps(pieces.take(part))
             cells.append(cell)
             items.append(item + first)
@@ -248,7 +281,13 @@ class _Index:
         bottom = cell[:, 2] == 0  # bin 0 also holds what reaches below zeta = 0
         middle[bottom, 2] -= 0.5
         box[bottom, 2] += 0.5
-        keep = _boxes_meet(pieces, item, middle, box)
+        keep = np.ones(len(item), bool)
+        pointed = pieces.pointed[item]
+        for which, meet in ((~pointed, _boxes_meet), (pointed, _triangles_meet)):
+            if which.all():
+                keep = meet(pieces, item, middle, box)
+            elif which.any():
+                keep[which] = meet(pieces, item[which], middle[which], box[which])
         cell, item = cell[keep], item[keep]
         flat = ((pieces.tile[item] * self.columns + cell[:, 1]) * self.columns + cell[:, 0]) * self.bins
         return flat + cell[:, 2], item
@@ -272,4 +311,30 @@ def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArr
         reach = np.abs((e1 * axis).sum(1)) + np.abs((e2 * axis).sum(1)) + (np.abs(axis) * box).sum(1)
         reach += radius * np.linalg.norm(axis, axis=1)
         meets &= np.abs((offset * axis).sum(1)) <= reach
+    return meets
+
+
+def _triangles_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
+    """As `_boxes_meet`, for triangles: on each axis the span of three corners against that of the box.
+
+    What one axis tells apart is not looked at on the next.
+    """
+    corners = np.stack([pieces.a - pieces.half, pieces.a + pieces.half, pieces.b])
+    sides = np.roll(corners, -1, axis=0) - corners
+    normal = np.cross(sides[0], sides[1])
+    left = np.arange(len(item))
+    unit = np.eye(3)
+    axes = [unit[0], unit[1], unit[2], normal]
+    axes += [np.cross(side, unit[k]) for side in sides for k in range(3)]
+    for axis in axes:
+        own = np.broadcast_to(axis, normal.shape)
+        at = np.einsum("knj,nj->kn", corners, own)
+        low, high = at.min(axis=0), at.max(axis=0)
+        pad = PAD * np.linalg.norm(own, axis=1)
+        of, where = item[left], own[item[left]]
+        centre = np.einsum("nj,nj->n", where, middle[left])
+        reach = np.einsum("nj,nj->n", np.abs(where), box[left]) + pad[of]
+        left = left[(low[of] - centre <= reach) & (high[of] - centre >= -reach)]
+    meets = np.zeros(len(item), bool)
+    meets[left] = True
     return meets

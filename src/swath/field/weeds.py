@@ -6,6 +6,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
+from swath.core.errors import InputError
 from swath.field.crop import Crop, load_crop
 
 
@@ -25,6 +26,8 @@ def weed_crop(weeds: Weeds, folder: Path | None = None) -> Crop:
     so that mass goes with the square (length times width squared).
     """
     crop = load_crop(weeds.crop, folder)
+    if crop.mesh is not None:
+        raise InputError("weeds.crop", weeds.crop, "expected a card of another habit than mesh")
     ratio = weeds.height_m / crop.stand.height
     wide = ratio**0.5
     stem = replace(

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swath.field.layout import Pages, PlantLibrary, Solids
+from swath.field.layout import Pages, PlantLibrary, Shape, Solids
 from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import pack_solids
@@ -236,7 +236,10 @@ def pack_primitives(library: PlantLibrary) -> F32:
     packed[:, 0, :3], packed[:, 0, 3] = library.a, library.radius
     packed[:, 1, :3], packed[:, 1, 3] = library.b, library.stem_rank[library.owner]
     packed[:, 2, :3], packed[:, 2, 3] = library.width, library.organ
+    packed[:, 0, 3] -= library.shape == Shape.TRIANGLE
     packed[:, 3, :2] = library.base
+    if len(library.own_reflectance):
+        packed[:, 3, 2] = library.own_reflectance
     result: F32 = packed.reshape(-1, 4)
     return result
 

@@ -19,6 +19,8 @@ def own_primitives(library: PlantLibrary, tile: int) -> tuple[NDArray[np.int64],
     foot = np.c_[library.base[index].astype(float), np.zeros(len(index))]
     a, b = library.a[index] - foot, library.b[index] - foot
     key = np.c_[library.owner[index], library.organ[index], a[:, 2], b[:, 2]]  # what copies share to the bit
+    flat = (library.shape[index] == Shape.TRIANGLE)[:, None]  # meshes have many of the same heights
+    key = np.c_[key, np.where(flat, library.width[index], 0.0), np.where(flat, np.round(a, 4), 0.0)]
     _, first = np.unique(key, axis=0, return_index=True)
     first = np.sort(first)
     move = np.c_[library.stem_xy[library.owner[index[first]]].astype(float), np.zeros(len(first))]
@@ -66,15 +68,22 @@ def ribbon_triangles(a: Array, b: Array, width: Array) -> Array:
     return np.concatenate([first, second])
 
 
+def facet_triangles(a: Array, b: Array, width: Array) -> Array:
+    """Triangles as they are, (m, 3, 3) [m]."""
+    result: Array = np.stack([a - width, a + width, b], axis=1)
+    return result
+
+
 def tile_triangles(library: PlantLibrary, tile: int, *, sides: int, rings: int) -> Array:
     """Whole plants of a tile in prototype coordinates, (k, 3, 3) [m]."""
     index, a, b = own_primitives(library, tile)
-    rod = library.shape[index] == Shape.CAPSULE
+    rod, ribbon, facet = (library.shape[index] == kind for kind in Shape)
     radius, width = library.radius[index].astype(float), library.width[index].astype(float)
     return np.concatenate(
         [
             capsule_triangles(a[rod], b[rod], radius[rod], sides=sides, rings=rings),
-            ribbon_triangles(a[~rod], b[~rod], width[~rod]),
+            ribbon_triangles(a[ribbon], b[ribbon], width[ribbon]),
+            facet_triangles(a[facet], b[facet], width[facet]),
         ]
     )
 

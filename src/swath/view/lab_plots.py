@@ -127,19 +127,15 @@ def _plot_square(ax: Any, stand: Field, camera: Camera, crop_height: float) -> N
     from matplotlib.colors import to_rgb
 
     found = organs_near(stand, 0.0, 0.0, HALF * 1.6)
-    keep = (np.abs(found.a[:, :2]) < HALF).all(axis=1)
-    a, b, half, radius = found.a[keep], found.b[keep], found.half[keep], found.radius[keep]
-    view = camera.eye - 0.5 * (a + b)
-    wide = np.cross(b - a, view)
-    wide *= (radius / np.maximum(np.linalg.norm(wide, axis=1), 1e-9))[:, None]
-    half = np.where(radius[:, None] > 0.0, wide, half)
-    image, _ = camera.project(np.stack([a - half, a + half, b + half, b - half], axis=1))
+    found = found.take(np.asarray(np.abs(found.a[:, :2]).max(axis=1) < HALF))
+    a, b = found.a, found.b
+    image, _ = camera.project(found.quads(camera.eye))
     table = np.full((len(Organ), 3), 0.6)
     for organ, colour in COLOURS.items():
         table[organ] = to_rgb(colour)
     lit = 0.5 + 0.5 * np.clip(0.5 * (a[:, 2] + b[:, 2]) / (0.9 * crop_height), 0.0, 1.0)
-    colours = table[found.organ[keep]] * lit[:, None]
-    order = np.argsort(-np.linalg.norm(view, axis=1))
+    colours = table[found.organ] * lit[:, None]
+    order = np.argsort(-np.linalg.norm(camera.eye - 0.5 * (a + b), axis=1))
     corner = HALF * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     ground, _ = camera.project(corner)
     ax.fill(*ground.T, color=GROUND, lw=0)

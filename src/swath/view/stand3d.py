@@ -4,7 +4,7 @@ Reads the field's pages and plant library (see field/layout.py) and undoes the t
 A plant is drawn whole where it reaches over the side of its tile; rays see it continued by the next tile's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -68,7 +68,8 @@ class Stand(Protocol):
 @dataclass(frozen=True)
 class Organs:
     """Pieces of plants in the world. a, b: ends [m], (n, 3); half: half width [m], (n, 3), zero for capsules;
-    radius [m], (n,), zero for ribbons; organ: Organ, (n,)
+    radius [m], (n,), zero for ribbons and triangles; organ: Organ, (n,); tip: width at b relative to that at
+    a, (n,), zero for triangles
     """
 
     a: F64
@@ -76,6 +77,19 @@ class Organs:
     half: F64
     radius: F64
     organ: NDArray[np.uint8]
+    tip: F64
+
+    def take(self, which: NDArray[np.bool_]) -> "Organs":
+        """Some of them."""
+        return Organs(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    def quads(self, eye: F64) -> F64:
+        """Corners (n, 4, 3) as seen from a point: capsules flat, towards it."""
+        wide = np.cross(self.b - self.a, eye - 0.5 * (self.a + self.b))
+        wide *= (self.radius / np.maximum(np.linalg.norm(wide, axis=1), 1e-9))[:, None]
+        half = np.where(self.radius[:, None] > 0.0, wide, self.half)
+        tip = self.tip[:, None] * half
+        return np.stack([self.a - half, self.a + half, self.b + tip, self.b - tip], axis=1)
 
 
 def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
@@ -93,9 +107,9 @@ def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
     ]
     if not parts:
         none = np.zeros((0, 3))
-        return Organs(none, none, none, np.zeros(0), np.zeros(0, np.uint8))
-    a, b, half, radius, organ = (np.concatenate([p[i] for p in parts]) for i in range(5))
-    return Organs(turn.apply(a), turn.apply(b), turn.turn(half), radius, organ)
+        return Organs(none, none, none, np.zeros(0), np.zeros(0, np.uint8), np.zeros(0))
+    a, b, half, radius, organ, tip = (np.concatenate([p[i] for p in parts]) for i in range(6))
+    return Organs(turn.apply(a), turn.apply(b), turn.turn(half), radius, organ, tip)
 
 
 def _tile(
@@ -126,7 +140,7 @@ def _tile(
     near = np.linalg.norm(foot + corner - centre, axis=1) < reach
     own, foot = own[near], foot[near]
     a, b = library.a[own] * flip + shift, library.b[own] * flip + shift
-    half = np.where((library.shape[own] == Shape.RIBBON)[:, None], library.width[own] * flip, 0.0)
+    half = np.where((library.shape[own] != Shape.CAPSULE)[:, None], library.width[own] * flip, 0.0)
     organ = library.organ[own].copy()
     limit = _cut_height(pages, at, foot, size) / scale
     keep = np.minimum(a[:, 2], b[:, 2]) < limit
@@ -140,7 +154,8 @@ def _tile(
         p[:, 2] = plane + scale * zeta
         p[:, :2] += corner
     radius = np.where(library.shape[own] == Shape.CAPSULE, library.radius[own], 0.0)
-    return a[keep], b[keep], half[keep], radius[keep], organ[keep]
+    tip = np.where(library.shape[own] == Shape.TRIANGLE, 0.0, 1.0)
+    return a[keep], b[keep], half[keep], radius[keep], organ[keep], tip[keep]
 
 
 def _cut_height(pages: Pages, at: tuple[int, int, int], foot: F64, size: float) -> F64:
@@ -239,18 +254,13 @@ class _Box:
 
 def _painted(field: Stand, organs: Organs, box: _Box, camera: Camera) -> tuple[F64, F64]:
     """Quads (n, 4, 2) in the image and their colours (n, 4), in painting order: ground, then far to near."""
-    keep = box.holds(organs.a)
-    a, b, half = organs.a[keep], organs.b[keep], organs.half[keep]
-    view = camera.eye - 0.5 * (a + b)
-    wide = np.cross(b - a, view)
-    wide *= (organs.radius[keep] / np.maximum(np.linalg.norm(wide, axis=1), 1e-9))[:, None]
-    half = np.where(organs.radius[keep][:, None] > 0, wide, half)
-    corners = np.stack([a - half, a + half, b + half, b - half], axis=1)
-    image, _ = camera.project(corners)
-    depth = np.linalg.norm(view, axis=1)
+    seen = organs.take(box.holds(organs.a))
+    a, b = seen.a, seen.b
+    image, _ = camera.project(seen.quads(camera.eye))
+    depth = np.linalg.norm(camera.eye - 0.5 * (a + b), axis=1)
     height = 0.5 * (a[:, 2] + b[:, 2]) - np.asarray(field.ground_height(a[:, 0], a[:, 1]), dtype=float)
     order = np.argsort(-depth)
-    colours = _shaded(organs.organ[keep], height, depth)
+    colours = _shaded(seen.organ, height, depth)
     ground, soil = _ground(field, box, camera)
     return np.concatenate([ground, image[order]]), np.concatenate([soil, colours[order]])
 

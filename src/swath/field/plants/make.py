@@ -6,6 +6,7 @@ from swath.field.crop import Crop
 from swath.field.plants.branched import make as make_branched
 from swath.field.plants.cereal import make as make_cereal
 from swath.field.plants.maize import make as make_maize
+from swath.field.plants.mesh import make as make_mesh
 from swath.field.plants.parts import Plants
 from swath.field.plants.weed import make as make_weed
 
@@ -30,6 +31,8 @@ def make_plants(
     """
     if crop.habit == "branched":
         return make_branched(crop, count, rng, ears=ears, upright=upright, stalk_parts=2 * stalk_parts)
+    if crop.habit == "mesh":
+        return make_mesh(crop, count, rng, leaves=leaves, ears=ears)
     if crop.habit == "weed":
         return make_weed(crop, count, rng, leaves=leaves, stalk_parts=stalk_parts, leaf_parts=leaf_parts)
     make = make_maize if crop.habit == "maize" else make_cereal

@@ -19,6 +19,7 @@ class Plants:
 
     height: (n,) ground to the tip [m]; grain_kg, straw_kg: (n,) masses
     shape, organ: (m,); a, b, width: (m, 3) [m]; radius: (m,) [m], as in `layout.PlantLibrary`; owner: (m,)
+    reflectance: (m,) of the primitive itself, 0 = that of its organ; None = so for all
     """
 
     height: Array
@@ -31,6 +32,11 @@ class Plants:
     radius: Array
     width: Array
     owner: NDArray[np.int32]
+    reflectance: Array | None = None
+
+    def own_reflectance(self) -> Array:
+        """`reflectance` as numbers."""
+        return np.zeros(len(self.owner)) if self.reflectance is None else self.reflectance
 
 
 @dataclass(frozen=True)
@@ -68,10 +74,13 @@ class Stalks:
 
 
 def silhouette_area(plants: Plants) -> dict[Organ, float]:
-    """Summed side silhouette of each organ [m2]: capsule length times diameter; half the face of a ribbon."""
+    """Summed side silhouette of each organ [m2]: capsule length times diameter; half the face of a ribbon or
+    triangle.
+    """
     span = np.linalg.norm(plants.b - plants.a, axis=1)
     capsule = plants.shape == Shape.CAPSULE
-    face = 0.5 * span * 2.0 * np.linalg.norm(plants.width, axis=1)
+    face = np.linalg.norm(np.cross(plants.b - plants.a, plants.width), axis=1)
+    face = np.where(plants.shape == Shape.TRIANGLE, 0.5 * face, face)
     is_fruit = np.isin(plants.organ, (Organ.EAR, Organ.POD, Organ.COB))
     rod = 2.0 * plants.radius * span + np.where(is_fruit, np.pi * plants.radius**2, 0.0)
     area = np.where(capsule, rod, face)
@@ -220,4 +229,5 @@ def joined(one: Plants, two: Plants, order: NDArray[np.int64]) -> Plants:
         of_pieces(one.radius, two.radius),
         of_pieces(one.width, two.width),
         owner[pieces].astype(np.int32),
+        of_pieces(one.own_reflectance(), two.own_reflectance()),
     )

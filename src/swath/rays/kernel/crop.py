@@ -3,7 +3,7 @@
 import warp as wp
 
 from swath.rays.kernel.scene import Hit, Ray, Scene, cut_code, plane_offset, plane_slope
-from swath.rays.kernel.shapes import MISS, axis_point, hit_capsule, hit_ribbon
+from swath.rays.kernel.shapes import MISS, axis_point, hit_capsule, hit_facet
 
 STANDING = wp.constant(255)
 STEM = wp.constant(3)
@@ -119,13 +119,13 @@ def foot_code(scene: Scene, ray: Ray, tile: Tile, r: Local, foot: wp.vec4, size:
 
 @wp.func
 def cut_back(r: Local, touch: Touch, radius: float) -> Touch:
-    """What the knife left of a primitive: capsules end at the cut, ribbons are not hit above it."""
+    """What the knife left of a primitive: capsules end at the cut, flat ones are not hit above it."""
     top = 0.01 * float(touch.code) * r.squeeze
     a = touch.a
     b = touch.b
-    if touch.code == 0 or wp.min(a[2], b[2]) > top:
+    if touch.code == 0 or (radius >= 0.0 and wp.min(a[2], b[2]) > top):
         touch.t = MISS
-    elif radius == 0.0:
+    elif radius <= 0.0:
         if r.o[2] + touch.t * r.d[2] > top:
             touch.t = MISS
     else:
@@ -161,6 +161,7 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
     d = r.d
     low = r.low
     organ = int(0)
+    own = float(0.0)  # reflectance of the primitive itself
     normal = wp.vec3(0.0, 0.0, 1.0)
     columns = scene.columns
     bins = scene.bins
@@ -203,22 +204,25 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
                         t = from_low(r, a, b, p0[3], t)
                 else:
                     p2 = scene.prims[p + 2]
-                    t = hit_ribbon(o, d, a, b, wp.vec3(p2[0], p2[1], p2[2]))
+                    t = hit_facet(o, d, a, b, wp.vec3(p2[0], p2[1], p2[2]), -p0[3])
                     if t < low:
                         t = MISS
                 if t < best:
-                    touch = Touch(t, a, b, foot_code(scene, ray, tile, r, scene.prims[p + 3], size))
+                    p3 = scene.prims[p + 3]
+                    touch = Touch(t, a, b, foot_code(scene, ray, tile, r, p3, size))
                     if touch.code != STANDING:
                         touch = cut_back(r, touch, p0[3])
                     if touch.t < best:
                         best = touch.t
                         p2 = scene.prims[p + 2]
                         organ = int(p2[3])
+                        own = p3[2]
                         if touch.code != STANDING and organ == STEM:
                             organ = STUBBLE
+                            own = 0.0
                         q = o + best * d
                         normal = q - axis_point(q, touch.a, touch.b)
-                        if p0[3] == 0.0:
+                        if p0[3] <= 0.0:
                             normal = wp.cross(b - a, wp.vec3(p2[0], p2[1], p2[2]))
         if best <= leave or leave >= end:
             break
@@ -247,4 +251,6 @@ def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hi
         hit.organ = organ
         hit.cosine = world_cosine(ray, tile, r, normal)
         hit.reflectance = scene.reflectance[organ]
+        if own > 0.0:
+            hit.reflectance = own
     return hit

@@ -9,8 +9,8 @@ from swath.rays.kernel.shapes import MISS
 class Scene:
     """Library and pages, see `field/layout.py`.
 
-    prims: four vectors per primitive, one cache line: (a, radius; 0 = ribbon), (b, rank of the owner),
-    (width of a ribbon, organ), (foot of the owner, 0, 0)
+    prims: four vectors per primitive, one cache line: (a, radius; 0 = ribbon, -1 = triangle), (b, rank of the
+    owner), (width of a ribbon or triangle, organ), (foot of the owner, its own reflectance or 0, 0)
     page_top: highest thing in a page [m]
     sways: 1 = wind moves the stand (`field/wind.py`); toward: where to; slopes: steady, of the first wave, of
     the second; wave, gust: cycles per tile in x and y, cycles at the middle of tile 0, 0

@@ -57,10 +57,11 @@ def axis_point(p: wp.vec3, a: wp.vec3, b: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def hit_ribbon(o: wp.vec3, d: wp.vec3, a: wp.vec3, b: wp.vec3, w: wp.vec3) -> float:
-    """Parallelogram a - w, a + w, b + w, b - w.
+def hit_facet(o: wp.vec3, d: wp.vec3, a: wp.vec3, b: wp.vec3, w: wp.vec3, taper: float) -> float:
+    """Parallelogram a - w, a + w, b + w, b - w (taper 0) or triangle a - w, a + w, b (taper 1).
 
-    Moeller and Trumbore 1997, doi:10.1080/10867651.1997.10487468, with the bounds of a parallelogram.
+    Moeller and Trumbore 1997, doi:10.1080/10867651.1997.10487468, in coordinates s along a b and v across:
+    0 <= s <= 1, |v| <= 1 - taper s.
     """
     u = b - a
     m = o - a
@@ -73,9 +74,15 @@ def hit_ribbon(o: wp.vec3, d: wp.vec3, a: wp.vec3, b: wp.vec3, w: wp.vec3) -> fl
     if s < 0.0 or s > det:
         return MISS
     q = wp.cross(m, u)
-    if wp.abs(wp.dot(d, q)) > det or det < 1.0e-20:
+    if wp.abs(wp.dot(d, q)) > det - taper * s or det < 1.0e-20:
         return MISS
     return wp.dot(w, q) / wp.dot(u, p)
+
+
+@wp.func
+def hit_ribbon(o: wp.vec3, d: wp.vec3, a: wp.vec3, b: wp.vec3, w: wp.vec3) -> float:
+    """Parallelogram a - w, a + w, b + w, b - w."""
+    return hit_facet(o, d, a, b, w, 0.0)
 
 
 @wp.func
