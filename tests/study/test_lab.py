@@ -291,10 +291,15 @@ def test_a_larger_spot_sees_higher_crop():
             assert found[density, SENSORS[1], degrees][0] > found[density, SENSORS[0], degrees][0] + 0.01
 
 
-def test_replay_of_passes_aside_agrees():
-    """The lab records passes 0.3 m aside for replay. 1312 beams: within 2 cm of plants."""
+@pytest.mark.parametrize(("density", "degrees"), [(600.0, 45.0), (200.0, 30.0), (200.0, 60.0)])
+def test_replay_of_passes_aside_agrees(density, degrees):
+    """The lab records passes 0.3 m aside for replay. 1312 beams: within 2 cm of plants, in thin crop too."""
     settings = Settings(
-        densities=(600.0,), sensors=SENSORS[:1], depressions_deg=(45.0,), levels=("plants", "replay"), seeds=1
+        densities=(density,),
+        sensors=SENSORS[:1],
+        depressions_deg=(degrees,),
+        levels=("plants", "replay"),
+        seeds=1,
     )
     heights = run_lab(settings).cases[0].heights
     assert wasserstein1(heights["replay"][0], heights["plants"][0]) < 0.02

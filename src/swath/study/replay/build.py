@@ -44,7 +44,7 @@ class Settings:
     """
 
     cell_m: float = 0.05
-    along_m: float = 0.5
+    along_m: float = 1.0
     across_m: float = 0.05
     fill_m: float = 0.1
     per_cell: int = 32
