@@ -1,0 +1,110 @@
+"""rclpy: found, started and stopped.
+
+One context for the process, without rclpy's signal handlers: Ctrl-C stays swath's.
+"""
+
+import importlib.util
+from typing import Any
+
+from swath.core.errors import MissingExtra, SwathError
+
+STREAM_DEPTH = 100  # messages that a slow reader may lag behind before it loses some
+LATCHED_DEPTH = 100
+
+_context: Any = None
+_users = 0
+
+
+def need_rclpy(what: str) -> None:
+    """Raises MissingExtra without rclpy, SwathError where it is there but does not load."""
+    if importlib.util.find_spec("rclpy") is None:
+        raise MissingExtra("ros2", what)
+    try:
+        import rclpy.executors  # noqa: F401
+    except ImportError as error:
+        raise SwathError(
+            f"{what}: rclpy is installed but does not load ({error}); of a system ROS 2 its setup.bash must "
+            "be sourced, of wheels this Python must be started by its own name (venv/bin/python)"
+        ) from error
+
+
+def has_type(msgtype: str) -> bool:
+    """True when a message type such as `tf2_msgs/msg/TFMessage` is installed."""
+    package = msgtype.split("/")[0]
+    return importlib.util.find_spec(package) is not None and _find(msgtype) is not None
+
+
+def type_of(msgtype: str) -> Any:
+    """The rclpy class of `package/msg/Name`. SwathError when it is not installed."""
+    found = _find(msgtype) if importlib.util.find_spec(msgtype.split("/")[0]) is not None else None
+    if found is None:
+        raise SwathError(f"{msgtype}: this message type is not installed")
+    return found
+
+
+def _find(msgtype: str) -> Any:
+    package, _, name = msgtype.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name, None)
+    except ImportError:
+        return None
+
+
+def open_node(name: str, what: str, **options: Any) -> Any:
+    """A node in the context of this process; give it back with `close_node`. what: for the error message."""
+    need_rclpy(what)
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.node import Node
+    from rclpy.signals import SignalHandlerOptions
+
+    global _context, _users
+    if _context is None:
+        _context = Context()
+        rclpy.init(args=[], context=_context, signal_handler_options=SignalHandlerOptions.NO)
+    _users += 1
+    return Node(name, context=_context, enable_rosout=False, **options)
+
+
+def close_node(node: Any) -> None:
+    """Destroy a node; the last one takes the context along."""
+    global _context, _users
+    node.destroy_node()
+    _users -= 1
+    if _users == 0:
+        _context.try_shutdown()
+        _context = None
+
+
+def stream_qos() -> Any:
+    """Reliable, so that best-effort and reliable readers both match; for topics that never rest."""
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=STREAM_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+def latched_qos() -> Any:
+    """Reliable, and what was sent is given to who comes later: as /tf_static wants it."""
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=LATCHED_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def stamp_ns(stamp: Any) -> int:
+    """builtin_interfaces/Time as simulated time [ns]."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def set_stamp(stamp: Any, t: int) -> None:
+    """Simulated time [ns] into a builtin_interfaces/Time; times before 0 count as 0."""
+    stamp.sec, stamp.nanosec = divmod(max(int(t), 0), 1_000_000_000)

@@ -1,0 +1,200 @@
+"""Our end of a slot that a node plays: asks per step, collects the answer with the same stamp."""
+
+import time
+from typing import Any
+
+from swath.core.component import Inputs, Outputs, Port
+from swath.core.errors import SwathError
+from swath.core.schedule import NS
+from swath.core.setup import LinkSetup
+from swath.core.signals import Scan, Signal
+from swath.link.ros2.beams import fill_cloud, scan_of
+from swath.link.ros2.middleware import close_node, latched_qos, open_node, set_stamp, stamp_ns, type_of
+from swath.link.ros2.record import check_names, numbers_of_inputs, numbers_of_setup, sample_of
+
+JOINT_STATE, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
+DEPTH = 10
+POLL_S = 0.5
+
+
+class NodeSilent(SwathError):
+    """A node that plays a slot did not answer in time."""
+
+
+def topic_name(*parts: str) -> str:
+    """`/combine/steer/step`, with what ROS 2 does not allow in a name replaced by `_`."""
+    return "/" + "/".join(part.replace("-", "_") for part in parts)
+
+
+class SlotNode:
+    """Publisher of a slot's inputs, subscriber of its outputs.
+
+    Raises MissingExtra without rclpy.
+    """
+
+    def __init__(self, setup: LinkSetup, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> None:
+        self._setup, self._outputs = setup, outputs
+        machine, slot = setup.machine_name, setup.slot
+        self._records = tuple(p for p in outputs if p.signal is not Scan)
+        self._clouds = tuple(p for p in outputs if p.signal is Scan)
+        self.step_topic = topic_name(machine, slot, "step")
+        self.answer_topic = topic_name(machine, slot, "answer")
+        name = f"swath_{machine}_{slot}".replace("-", "_")
+        self._node = open_node(name, setup.name, start_parameter_services=False)
+        from rclpy.executors import SingleThreadedExecutor
+
+        self._record, self._cloud = type_of(JOINT_STATE), type_of(CLOUD)
+        self._point_field = type_of("sensor_msgs/msg/PointField")
+        self._asking = self._node.create_publisher(self._record, self.step_topic, DEPTH)
+        self._sending = {
+            p.name: self._node.create_publisher(self._cloud, f"{self.step_topic}/{p.name}", latched_qos())
+            for p in inputs
+            if p.signal is Scan
+        }
+        self._answers: dict[str, Any] = {}  # "" (the record) or port (a cloud) -> newest message
+        self._wanted = self._subscribe()
+        self._executor = SingleThreadedExecutor(context=self._node.context)
+        self._executor.add_node(self._node)
+        self._names: list[str] = []
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.remove_node(self._node)
+        self._executor.shutdown()
+        close_node(self._node)
+
+    def find(self, deadline: float) -> None:
+        """Wait until a node listens and answers, at most until `deadline` (time.monotonic).
+
+        Raises NodeSilent when none came, SwathError when more than one would answer.
+        """
+        topics = list(self._wanted)
+        self._answers.clear()
+        while True:
+            listens = self._asking.get_subscription_count() > 0
+            talks = all(self._node.count_publishers(topic) > 0 for topic in topics)
+            if listens and talks:
+                break
+            if time.monotonic() > deadline:
+                missing = self.step_topic if not listens else topics[0]
+                what = "listens on" if not listens else "publishes on"
+                raise NodeSilent(
+                    f"{self._setup.name}: no node {what} {missing}; one must play this slot (docs/ros2.md), "
+                    "with the same ROS_DOMAIN_ID"
+                )
+            time.sleep(0.01)
+        self._names = self._speakers()
+        if len(self._names) > 1:
+            raise SwathError(
+                f"{self._setup.name}: expected one node that publishes on {topics[0]}, "
+                f"there are {', '.join(self._names)}"
+            )
+
+    def ask(self, t: int, dt: int, inputs: Inputs, *, is_reset: bool = False) -> None:
+        """Publish the inputs of the step that ends at t [ns]."""
+        for port, publisher in self._sending.items():
+            value = inputs.get(port)
+            for scan in value if isinstance(value, tuple) else (() if value is None else (value,)):
+                self._send_scan(publisher, scan)
+        numbers = {"step.dt": dt / NS, "step.reset": float(is_reset)}
+        numbers |= numbers_of_setup(self._setup) if is_reset else numbers_of_inputs(inputs)
+        message = self._record()
+        set_stamp(message.header.stamp, t)
+        message.header.frame_id = self._setup.name
+        message.name, message.position = list(numbers), list(numbers.values())
+        self._asking.publish(message)
+
+    def answer(self, t: int, deadline: float) -> Outputs | None:
+        """The outputs with stamp t [ns], None when they are not there by `deadline` (time.monotonic)."""
+        while True:
+            if all(self._is_for(key, t) for key in self._wanted.values()):
+                return self._outputs_of(t)
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                return None
+            self._executor.spin_once(timeout_sec=min(left, POLL_S))
+
+    def newest(self) -> Outputs | None:
+        """The newest complete answer that came since the last call, of whatever step; None without one."""
+        before = dict(self._answers)
+        for _ in range(DEPTH * len(self._wanted)):
+            self._executor.spin_once(timeout_sec=0.0)
+        found = [self._answers.get(key) for key in self._wanted.values()]
+        times = {stamp_ns(message.header.stamp) for message in found if message is not None}
+        if None in found or len(times) != 1 or self._answers == before:
+            return None
+        return self._outputs_of(times.pop())
+
+    def why_silent(self, t: int, waited_s: float) -> str:
+        """One line: who did not answer what."""
+        present = self._speakers()
+        if self._names and not present:
+            who = f"the node {self._names[0]} is gone"
+        elif names := present or self._names:
+            who = f"the node {names[0]} is silent"
+        else:
+            who = "no node publishes there"
+        late = [topic for topic, key in self._wanted.items() if not self._is_for(key, t)]
+        stamps = [stamp_ns(m.header.stamp) / NS for m in self._answers.values()]
+        last = f"; its last answer was for {max(stamps):g} s" if stamps else "; it never answered"
+        where = " and ".join(late)
+        return f"{self._setup.name}: no answer for {t / NS:g} s on {where} within {waited_s:g} s: {who}{last}"
+
+    def _subscribe(self) -> dict[str, str]:
+        """topic -> key in `_answers`, of everything that makes an answer complete."""
+        wanted: dict[str, str] = {}
+        if self._records:
+            wanted[self.answer_topic] = ""
+            self._node.create_subscription(self._record, self.answer_topic, self._taker(""), DEPTH)
+        for port in self._clouds:
+            topic = f"{self.answer_topic}/{port.name}"
+            wanted[topic] = port.name
+            self._node.create_subscription(self._cloud, topic, self._taker(port.name), DEPTH)
+        return wanted
+
+    def _taker(self, key: str) -> Any:
+        def take(message: Any) -> None:
+            self._answers[key] = message
+
+        return take
+
+    def _is_for(self, key: str, t: int) -> bool:
+        message = self._answers.get(key)
+        return message is not None and stamp_ns(message.header.stamp) == t
+
+    def _outputs_of(self, t: int) -> Outputs:
+        try:
+            made = self._records_of(t) | {p.name: scan_of(self._answers[p.name], t) for p in self._clouds}
+        except SwathError as error:
+            names = ", ".join(self._names) or "a node"
+            raise SwathError(
+                f"{self._setup.name}: the answer of {names} for {t / NS:g} s: {error}"
+            ) from error
+        return made
+
+    def _records_of(self, t: int) -> Outputs:
+        if not self._records:
+            return {}
+        message = self._answers[""]
+        if len(message.name) != len(message.position):
+            raise SwathError(f"{len(message.name)} names, but {len(message.position)} positions")
+        numbers = dict(zip(message.name, message.position, strict=True))
+        check_names(self._records, numbers)
+        made: dict[str, Signal] = {}
+        for port in self._records:
+            sample = sample_of(port, t, numbers)
+            if sample is None:
+                raise SwathError(f"expected names that start with {port.name}.")
+            made[port.name] = sample
+        return made
+
+    def _send_scan(self, publisher: Any, scan: Scan) -> None:
+        message = self._cloud()
+        set_stamp(message.header.stamp, scan.t)
+        message.header.frame_id = f"{self._setup.machine_name}/lidar"
+        publisher.publish(fill_cloud(message, scan, self._point_field))
+
+    def _speakers(self) -> list[str]:
+        """Full names of the nodes that publish answers."""
+        infos = self._node.get_publishers_info_by_topic(next(iter(self._wanted)))
+        return sorted({f"{i.node_namespace.rstrip('/')}/{i.node_name}" for i in infos})

@@ -1,0 +1,84 @@
+"""A slot played by a node in another process, which is written only with rclpy and standard messages."""
+
+import json
+import os
+import signal
+import threading
+import time
+
+import pytest
+from mcap.reader import make_reader
+from pyarrow.parquet import read_table
+from ros2_rig import CHEAP, EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
+
+from swath.core.errors import InputError, SwathError
+from swath.job import run_job
+from swath.sim.scenario import parse_scenario
+from swath.sim.world import assemble
+
+pytestmark = needs_ros2
+IN_PROCESS = f"level: {HERE / 'law_level.py'}:LawInProcess"
+
+
+def scenario(steer="level: ros2", seconds=60.0):
+    return parse_scenario(CHEAP.format(steer=steer, seconds=seconds), base=HERE)
+
+
+@pytest.mark.usefixtures("domain")
+def test_a_node_in_lock_step_gives_the_bytes_of_the_law_in_process(tmp_path):
+    with node(EXAMPLES / "steering_node.py"):
+        played = run_job(scenario(), tmp_path / "node", report=False).summary
+    alone = run_job(scenario(IN_PROCESS), tmp_path / "alone", report=False).summary
+    assert played["simulated_s"] == 60.0
+    assert played["cost"]["combine.steer"]["steps"] == 3000
+    assert played["lateral_p95_m"] < 0.3
+    assert played["digest"] == alone["digest"]
+
+
+@pytest.mark.usefixtures("domain")
+def test_a_killed_node_ends_the_run_with_its_name_and_a_whole_folder(tmp_path):
+    with node(EXAMPLES / "steering_node.py") as process:
+
+        def kill():
+            end = time.monotonic() + 60.0
+            file = tmp_path / "run" / "run.mcap"
+            while time.monotonic() < end and not (file.exists() and file.stat().st_size > 50_000):
+                time.sleep(0.01)
+            os.kill(process.pid, signal.SIGKILL)
+
+        killer = threading.Thread(target=kill, daemon=True)
+        killer.start()
+        started = time.monotonic()
+        with pytest.raises(SwathError, match="/combine/steer/answer") as caught:
+            run_job(scenario("level: ros2, timeout_s: 1.0", 3600.0), tmp_path / "run", report=False)
+        waited = time.monotonic() - started
+        killer.join()
+    assert "combine.steer: no answer for" in str(caught.value)
+    assert "within 1 s: the node /my_steering" in str(caught.value)
+    assert waited < 30.0
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["incomplete"] is True
+    end = summary["simulated_s"]
+    assert read_table(tmp_path / "run" / "tracks.parquet")["t_s"][-1].as_py() == pytest.approx(end, abs=0.03)
+    with (tmp_path / "run" / "run.mcap").open("rb") as file:
+        last = max(m.log_time for _, _, m in make_reader(file).iter_messages())
+    assert last * 1e-9 == pytest.approx(end, abs=0.03)
+
+
+@pytest.mark.usefixtures("domain")
+def test_without_a_node_the_run_says_which_topic_waits():
+    world = assemble(scenario("level: ros2, start_timeout_s: 0.3"))
+    try:
+        with pytest.raises(SwathError, match=r"combine\.steer: no node listens on /combine/steer/step"):
+            world.graph.reset()
+    finally:
+        world.close()
+        world.close()
+
+
+@pytest.mark.usefixtures("domain")
+def test_a_history_of_an_input_that_is_not_there_is_refused():
+    with pytest.raises(
+        InputError, match=r"combine\.steer\.history\.0 = scan: expected one of edge, odometry"
+    ):
+        assemble(scenario("level: ros2, history: [scan]"))
