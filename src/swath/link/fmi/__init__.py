@@ -1,0 +1,1 @@
+"""Functional Mock-up Units (FMI 2 and 3, co-simulation) as parts of a machine."""

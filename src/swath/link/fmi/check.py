@@ -1,0 +1,144 @@
+"""Try an FMU out in a process of its own: read it, step it, save and go back; report what was found."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+from swath.core.errors import SwathError
+from swath.link.fmi.description import Description, Variable, read_fmu
+from swath.link.fmi.errors import FmuError
+from swath.link.fmi.own import OwnProcess
+
+Row = tuple[str, str, str]  # what was looked at, verdict (ok, note or bad), what was found
+SHOWN_FAULTS = 20
+
+
+@dataclass(frozen=True)
+class Finding:
+    """rows: one per thing looked at; is_usable: it can fill a slot."""
+
+    rows: tuple[Row, ...]
+
+    @property
+    def is_usable(self) -> bool:
+        """True when nothing is bad."""
+        return all(verdict != "bad" for _, verdict, _ in self.rows)
+
+
+def check_fmu(
+    file: Path, *, step_s: float = 0.1, duration_s: float = 1.0, timeout_s: float = 10.0
+) -> Finding:
+    """Run an FMU with its inputs at their start values. InputError for a file that is none at all."""
+    fmu = read_fmu(file)
+    rows: list[Row] = [("description", "ok", f"FMI {fmu.version}, {fmu.tool or 'unknown tool'}")]
+    rows += [("standard", "note", fault) for fault in fmu.faults[:SHOWN_FAULTS]]
+    if len(fmu.faults) > SHOWN_FAULTS:
+        rows.append(("standard", "note", f"and {len(fmu.faults) - SHOWN_FAULTS} more"))
+    rows += _units(fmu)
+    if fmu.needs_tool:
+        rows.append(("tool", "note", "it says that it needs the tool that exported it"))
+    if fmu.one_per_process:
+        rows.append(("process", "note", "one instance per process; further ones get their own"))
+    if fmu.library is None:
+        has = ", ".join(fmu.platforms) or "none"
+        rows.append(("binary", "bad", f"none for this system; it has: {has}"))
+        return Finding(tuple(rows))
+    rows.append(("binary", "ok", fmu.library))
+    trial = _Trial(fmu, step_s, round(duration_s / step_s), timeout_s)
+    try:
+        trial.run()
+    finally:
+        trial.unit.close()
+    return Finding((*rows, *trial.rows))
+
+
+def usable(fmu: Description, *causalities: str) -> list[Variable]:
+    """Variables of these causalities that are numbers."""
+    return [v for v in fmu.of(*causalities) if v.kind in ("real", "int", "bool")]
+
+
+def _units(fmu: Description) -> list[Row]:
+    both = usable(fmu, "input", "output")
+    strange = sorted({v.unit_name for v in both if v.unit is None and v.unit_name is not None})
+    without = [v.name for v in both if v.unit_name is None and v.kind == "real"]
+    rows = [("units", "note", f"not defined: {name}; write it under `units`") for name in strange]
+    if without:
+        rows.append(("units", "note", f"{len(without)} of {len(both)} variables have none: taken as SI"))
+    return rows or [("units", "ok", f"of all {len(both)} inputs and outputs")]
+
+
+class _Trial:
+    """Starts, steps, saves, goes back and resets; stops at the first thing that is bad."""
+
+    def __init__(self, fmu: Description, step_s: float, count: int, timeout_s: float) -> None:
+        self.fmu, self.step_s, self.count = fmu, step_s, max(count, 1)
+        self.inputs, self.outputs = usable(fmu, "input"), usable(fmu, "output")
+        self.numbers = [x for v in self.inputs for x in start_of(v)]
+        self.unit = OwnProcess(fmu, "check", self.inputs, self.outputs, timeout_s)
+        self.rows: list[Row] = []
+
+    def run(self) -> None:
+        """Fill the rows."""
+        for what, look in (("start", self._start), ("steps", self._steps), ("state", self._state)):
+            try:
+                look()
+            except SwathError as error:
+                self.rows.append((what, "bad", str(error)))
+                return
+        self._reset()
+
+    def _start(self) -> None:
+        self.first = self.unit.start({})
+        self._look(self.first, 0.0)
+        counts = f"{len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        self.rows.append(("start", "ok", counts))
+
+    def _steps(self) -> None:
+        started = time.perf_counter()
+        for k in range(self.count):
+            try:
+                values = self.unit.step(k * self.step_s, self.step_s, self.numbers)
+            except FmuError as error:
+                raise FmuError(f"at t = {k * self.step_s:g} s: {error}") from error
+            self._look(values, (k + 1) * self.step_s)
+        cost = (time.perf_counter() - started) / self.count * 1e6
+        text = f"{self.count} of {self.step_s:g} s, {cost:.0f} us each, in its own process"
+        self.rows.append(("steps", "ok", text))
+
+    def _state(self) -> None:
+        if not self.fmu.saves_state:
+            self.rows.append(("state", "note", "cannot be saved, nor can a run with it"))
+            return
+        t = self.count * self.step_s
+        how = "as bytes" if self.fmu.serializes else "in memory only"
+        state = self.unit.save()
+        ahead = self.unit.step(t, self.step_s, self.numbers)
+        self.unit.load(state)
+        if self.unit.step(t, self.step_s, self.numbers) != ahead:
+            raise FmuError(f"saved {how}, but going back gives other outputs")
+        self.rows.append(("state", "ok", f"saved {how}, going back gives the same outputs"))
+
+    def _reset(self) -> None:
+        try:
+            same = self.unit.start({}) == self.first
+        except SwathError as error:
+            self.rows.append(("reset", "note", f"{error}; every run takes a new instance"))
+            return
+        found = ("ok", "same outputs as at first") if same else ("note", "other outputs than at first")
+        self.rows.append(("reset", *found))
+
+    def _look(self, values: Sequence[float], t: float) -> None:
+        at = 0
+        for variable in self.outputs:
+            if not all(map(isfinite, values[at : at + variable.size])):
+                raise FmuError(f"{variable.name} is not a finite number at t = {t:g} s")
+            at += variable.size
+
+
+def start_of(variable: Variable) -> list[float]:
+    """Start values of a variable, one per element; 0 where it has none."""
+    value = variable.start
+    numbers = value if isinstance(value, list) else [value or 0.0]
+    return list(numbers) if len(numbers) == variable.size else [numbers[0]] * variable.size

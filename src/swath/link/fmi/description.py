@@ -1,0 +1,325 @@
+"""What an FMU says about itself: variables, units, capabilities, and the faults of its exporter."""
+
+import re
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError, MissingExtra
+from swath.link.fmi.units import BASE, Unit, parse_unit
+
+KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
+_INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable, or an array.
+
+    kind: real, int, bool, string or other; type: as FMI names it, e.g. Float64
+    unit: None where the FMU names none; unit_name: as written
+    start: value in the FMU's unit, None where it has none
+    refs: value references, one for a scalar or an array of FMI 3, one per element for `name[i]` of FMI 2
+    size: count of numbers; is_array: also true for an array of one
+    dimensions: (reference of the structural parameter that says it, -1 for none; length as the file has it)
+    """
+
+    name: str
+    kind: str
+    type: str
+    causality: str
+    variability: str
+    unit_name: str | None
+    unit: Unit | None
+    start: Any
+    refs: tuple[int, ...]
+    size: int = 1
+    is_array: bool = False
+    dimensions: tuple[tuple[int, int], ...] = ()
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Description:
+    """One FMU. library: its binary for this system inside the archive, None where there is none.
+
+    fixed_step, default_step [s]; faults: where it breaks the standard without harm, one line each
+    """
+
+    file: Path
+    version: str
+    name: str
+    tool: str
+    token: str
+    identifier: str
+    platforms: tuple[str, ...]
+    library: str | None
+    one_per_process: bool
+    needs_tool: bool
+    saves_state: bool
+    serializes: bool
+    variable_step: bool
+    has_events: bool
+    returns_early: bool
+    fixed_step: float | None
+    default_step: float | None
+    log_categories: tuple[str, ...]
+    variables: dict[str, Variable] = field(repr=False)
+    clocks: tuple["Clock", ...]
+    faults: tuple[str, ...]
+
+    @property
+    def major(self) -> int:
+        """2 or 3."""
+        return int(self.version.partition(".")[0])
+
+    def of(self, *causalities: str) -> list[Variable]:
+        """Variables of these causalities, in the order of the file; elements of arrays are not repeated."""
+        inside = {r for v in self.variables.values() if v.is_array and len(v.refs) > 1 for r in v.refs}
+        return [
+            v
+            for v in self.variables.values()
+            if v.causality in causalities and (v.is_array or not (len(v.refs) == 1 and v.refs[0] in inside))
+        ]
+
+    def sized(self, starts: Mapping[str, Any]) -> "Description":
+        """The same FMU with its arrays as long as these values of structural parameters make them."""
+        lengths = {
+            v.refs[0]: int(starts.get(v.name, v.start or 0))
+            for v in self.of("structuralParameter")
+            if v.kind == "int"
+        }
+        if not any(name in self.variables for name in starts) or not lengths:
+            return self
+        variables = {n: _resized(v, lengths) for n, v in self.variables.items()}
+        return replace(self, variables=variables)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A periodic input clock: it ticks at shift + k * interval [s]."""
+
+    name: str
+    ref: int
+    interval: float
+    shift: float
+
+
+def read_fmu(file: Path, key: str = "file") -> Description:
+    """Read an FMU without unpacking it. InputError names what makes it unusable, `faults` what does not."""
+    try:
+        import fmpy
+    except ImportError as error:
+        raise MissingExtra("fmi", "an FMU") from error
+    try:
+        with zipfile.ZipFile(file) as archive:
+            names = archive.namelist()
+    except (OSError, zipfile.BadZipFile) as error:
+        raise InputError(key, str(file), f"expected an FMU, a zip archive: {error}") from error
+    if "modelDescription.xml" not in names:
+        raise InputError(key, str(file), "expected an FMU, it has no modelDescription.xml")
+    model, faults = _model(file, key)
+    side = model.coSimulation
+    if side is None:
+        has = "model exchange" if model.modelExchange is not None else "scheduled execution"
+        raise InputError(key, str(file), f"expected an FMU for co-simulation, this one is for {has} only")
+    library, misplaced = _library(names, side.modelIdentifier, model.fmiMajorVersion, fmpy)
+    units = {u.name: _unit(u) for u in model.unitDefinitions}
+    variables = _variables(model, units, faults)
+    return Description(
+        file=file,
+        version=model.fmiVersion,
+        name=model.modelName or file.stem,
+        tool=model.generationTool or "",
+        token=model.guid or "",
+        identifier=side.modelIdentifier,
+        platforms=_platforms(names),
+        library=library,
+        one_per_process=side.canBeInstantiatedOnlyOncePerProcess,
+        needs_tool=side.needsExecutionTool,
+        saves_state=side.canGetAndSetFMUstate,
+        serializes=side.canSerializeFMUstate,
+        variable_step=side.canHandleVariableCommunicationStepSize,
+        has_events=side.hasEventMode,
+        returns_early=side.mightReturnEarlyFromDoStep,
+        fixed_step=None if side.fixedInternalStepSize is None else float(side.fixedInternalStepSize),
+        default_step=_number(getattr(model.defaultExperiment, "stepSize", None)),
+        log_categories=tuple(c.name for c in model.logCategories if c.name),
+        variables=variables,
+        clocks=_clocks(file) if model.fmiMajorVersion == 3 else (),
+        faults=tuple(faults + misplaced),
+    )
+
+
+def _model(file: Path, key: str) -> tuple[Any, list[str]]:
+    """The description, read strictly, or leniently with what the strict reading found."""
+    from fmpy import read_model_description
+    from fmpy.model_description import ValidationError
+
+    strict = {"validate_variable_names": False, "validate_model_structure": True}
+    faults: list[str] = []
+    try:
+        return read_model_description(str(file), **strict), faults
+    except ValidationError as error:
+        faults = [" ".join(str(p).split()) for p in error.problems]
+    except Exception as error:
+        faults = [" ".join(str(error).split())]
+    try:
+        return read_model_description(str(file), validate=False), faults
+    except Exception as error:
+        reason = " ".join(str(error).split())
+        text = f"expected an FMU of FMI 2 or 3, its description cannot be read: {reason}"
+        raise InputError(key, str(file), text) from error
+
+
+def _variables(model: Any, units: dict[str | None, Unit | None], faults: list[str]) -> dict[str, Variable]:
+    found: dict[str, Variable] = {}
+    for v in model.modelVariables:
+        if v.name in found:
+            faults.append(f"two variables have the name {v.name}; the first one counts")
+            continue
+        found[v.name] = _variable(v, units)
+    return found | _arrays(found) if model.fmiMajorVersion == 2 else found
+
+
+def _variable(v: Any, units: dict[str | None, Unit | None]) -> Variable:
+    kind = KINDS.get(v.type) or (
+        "real" if v.type.startswith("Float") else "int" if v.type.startswith(("Int", "UInt")) else "other"
+    )
+    name = v.unit or (v.declaredType.unit if v.declaredType is not None else None)
+    return Variable(
+        name=v.name,
+        kind=kind,
+        type=v.type,
+        causality=v.causality or "local",
+        variability=v.variability or "",
+        unit_name=name,
+        unit=None if name is None else units.get(name) or _known(name),
+        start=_start(v.start, kind, bool(v.dimensions)),
+        refs=(v.valueReference,),
+        size=prod(v.shape or ()),
+        is_array=bool(v.dimensions),
+        dimensions=tuple(
+            (-1 if d.valueReference is None else d.valueReference, length)
+            for d, length in zip(v.dimensions, v.shape or (), strict=True)
+        ),
+        description=v.description or "",
+    )
+
+
+def _resized(variable: Variable, lengths: Mapping[int, int]) -> Variable:
+    if not variable.dimensions:
+        return variable
+    sizes = [lengths.get(ref, length) for ref, length in variable.dimensions]
+    return replace(variable, size=prod(sizes))
+
+
+def _start(text: str | None, kind: str, is_array: bool) -> Any:
+    if text is None or kind in ("string", "other"):
+        return text
+    values = [_truth(w) if kind == "bool" else float(w) for w in str(text).split()]
+    return values if is_array else values[0] if values else None
+
+
+def _truth(word: str) -> float:
+    return 1.0 if word in ("true", "1", "1.0") else 0.0
+
+
+def _arrays(scalars: dict[str, Variable]) -> dict[str, Variable]:
+    """Arrays of FMI 2: all of `name[i]` or `name[i,j]`, rows first, as one variable `name`."""
+    groups: dict[str, list[tuple[tuple[int, ...], Variable]]] = {}
+    for variable in scalars.values():
+        if (match := _INDEXED.match(variable.name)) and variable.kind in ("real", "int", "bool"):
+            index = tuple(int(i) for i in match["index"].split(","))
+            groups.setdefault(match["base"], []).append((index, variable))
+    made = {}
+    for base, members in groups.items():
+        members.sort(key=lambda m: m[0])
+        first = members[0][1]
+        if base in scalars or any(m.type != first.type or m.causality != first.causality for _, m in members):
+            continue
+        starts = [m.start for _, m in members]
+        made[base] = Variable(
+            name=base,
+            kind=first.kind,
+            type=first.type,
+            causality=first.causality,
+            variability=first.variability,
+            unit_name=first.unit_name,
+            unit=first.unit,
+            start=None if None in starts else starts,
+            refs=tuple(m.refs[0] for _, m in members),
+            size=len(members),
+            is_array=True,
+            description=first.description,
+        )
+    return made
+
+
+def _unit(u: Any) -> Unit | None:
+    """A unit as the FMU defines it; one without definition by its name, None where that says nothing."""
+    base = u.baseUnit
+    if base is None:
+        return _known(u.name)
+    return Unit(u.name, tuple(int(getattr(base, b)) for b in BASE), float(base.factor), float(base.offset))
+
+
+def _known(name: str) -> Unit | None:
+    try:
+        return parse_unit(name)
+    except InputError:
+        return None
+
+
+def _clocks(file: Path) -> tuple[Clock, ...]:
+    """Periodic input clocks of FMI 3, which fmpy does not read in full."""
+    from xml.etree import ElementTree
+
+    with zipfile.ZipFile(file) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    found = []
+    for node in root.iterfind("ModelVariables/Clock"):
+        interval = _number(node.get("intervalDecimal"))
+        is_fixed = node.get("intervalVariability") in ("constant", "fixed", "tunable")
+        if node.get("causality") == "input" and is_fixed and interval:
+            shift = _number(node.get("shiftDecimal")) or 0.0
+            found.append(Clock(node.get("name", ""), int(node.get("valueReference", "0")), interval, shift))
+    return tuple(found)
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def _platforms(names: list[str]) -> tuple[str, ...]:
+    parts = [n.split("/") for n in names if n.startswith("binaries/") and not n.endswith("/")]
+    return tuple(dict.fromkeys(p[1] for p in parts if len(p) > 2))
+
+
+def _library(names: list[str], identifier: str, major: int, fmpy: Any) -> tuple[str | None, list[str]]:
+    """The binary for this system, and what is odd about where it lies."""
+    folders = [fmpy.platform, fmpy.platform_tuple]
+    right = folders[0] if major == 2 else folders[1]
+    for folder in sorted(folders, key=lambda f: f != right):
+        name = f"binaries/{folder}/{identifier}{fmpy.sharedLibraryExtension}"
+        if name in names:
+            odd = (
+                [] if folder == right else [f"the binary lies in binaries/{folder}, not in binaries/{right}"]
+            )
+            return name, odd
+    return None, []
+
+
+def need_library(description: Description, key: str = "file") -> str:
+    """The binary's name. InputError where the FMU has none for this system."""
+    if description.library is not None:
+        return description.library
+    import fmpy
+
+    has = ", ".join(description.platforms) or "none"
+    wanted = fmpy.platform if description.major == 2 else fmpy.platform_tuple
+    text = f"expected an FMU with a binary for {wanted}, this one has {has}"
+    raise InputError(key, str(description.file), text)

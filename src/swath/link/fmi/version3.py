@@ -1,0 +1,166 @@
+"""FMI 3: co-simulation with event mode, early return and periodic clocks (FMI 3.0, sections 4.2, 2.3.5)."""
+
+import ctypes
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from swath.link.fmi.calls import fill, log_categories, logger3
+from swath.link.fmi.errors import FmuError
+from swath.link.fmi.instance import Instance, Numbers, is_close
+
+MOST_EVENTS = 10_000
+
+
+class Instance3(Instance):
+    """An FMU of FMI 3 in this process."""
+
+    _next_event = math.inf
+    _ticks: tuple[int, ...] = ()
+    _discrete: tuple[float, ...] | None = None
+
+    def _instantiate(self) -> int | None:
+        make = self.library.function("InstantiateCoSimulation")
+        make.restype = ctypes.c_void_p
+        self._logger = logger3(self.library)
+        made: int | None = make(
+            self.name.encode(),
+            self.description.token.encode(),
+            f"{self.folder / 'resources'}/".encode(),
+            ctypes.c_bool(False),
+            ctypes.c_bool(False),
+            ctypes.c_bool(self.description.has_events),
+            ctypes.c_bool(self.description.returns_early),
+            None,
+            ctypes.c_size_t(0),
+            None,
+            self._logger,
+            None,
+        )
+        return made
+
+    def _initialise(self, starts: Mapping[str, Any]) -> None:
+        if categories := log_categories(self.description):
+            names = (ctypes.c_char_p * len(categories))(*(c.encode() for c in categories))
+            log = self.library.function("SetDebugLogging")
+            log(self.handle, ctypes.c_bool(True), ctypes.c_size_t(len(categories)), names)
+        variables = self.description.variables
+        if any(variables[name].causality == "structuralParameter" for name in starts):
+            self.library.call("EnterConfigurationMode", self.handle)
+            self.set_starts(starts, "structuralParameter")
+            self.library.call("ExitConfigurationMode", self.handle)
+        others = {n: v for n, v in starts.items() if variables[n].causality != "structuralParameter"}
+        self.set_starts(others)
+        no, zero = ctypes.c_bool(False), ctypes.c_double(0.0)
+        self.library.call("EnterInitializationMode", self.handle, no, zero, zero, no, zero)
+        self.library.call("ExitInitializationMode", self.handle)
+        self._next_event = math.inf
+        self._ticks = tuple(0 for _ in self.description.clocks)
+        self._discrete = None
+        if self.description.has_events:
+            self._update(0.0)
+
+    def _advance(self, t: float, h: float, inputs: Numbers) -> None:
+        self._set_inputs(t, inputs)
+        at, end = t, t + h
+        for _ in range(MOST_EVENTS):
+            stop = min(end, self._next_event, self._next_tick())
+            needs_event = is_close(stop, at) and stop < end
+            if not needs_event:
+                stop = end if is_close(stop, end) else stop
+                at, needs_event = self._do_step(at, h if at == t and stop == end else stop - at)
+            if needs_event or (self.description.has_events and self._is_due(at)):
+                self._event(at)
+            if is_close(at, end):
+                return
+        raise FmuError(f"more than {MOST_EVENTS} events within one step")
+
+    def _do_step(self, at: float, h: float) -> tuple[float, bool]:
+        """Where the step came to [s], and whether the FMU asks for an event there."""
+        event, ends, early = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
+        reached = ctypes.c_double(at + h)
+        self.library.call(
+            "DoStep",
+            self.handle,
+            ctypes.c_double(at),
+            ctypes.c_double(h),
+            ctypes.c_bool(not self.description.saves_state),
+            ctypes.byref(event),
+            ctypes.byref(ends),
+            ctypes.byref(early),
+            ctypes.byref(reached),
+        )
+        to = reached.value if early.value else at + h
+        if ends.value:
+            raise FmuError(f"it ended the simulation at {to:g} s of its own accord")
+        asks = event.value and self.description.has_events
+        if early.value and not to > at and not asks:
+            raise FmuError(f"fmi3DoStep returned at once at {at:g} s and asked for no event")
+        return to, asks
+
+    def _set_inputs(self, t: float, inputs: Numbers) -> None:
+        """Continuous inputs as they are; discrete ones at an event when they changed, if there are events."""
+        if not self.description.has_events:
+            for group in self._inputs:
+                fill(group, inputs)
+                self.set(group)
+            return
+        for group in self._inputs:
+            if not group.is_discrete:
+                fill(group, inputs)
+                self.set(group)
+        discrete = [g for g in self._inputs if g.is_discrete]
+        values = tuple(x for g in discrete for x in inputs[g.start : g.stop])
+        if discrete and values != self._discrete:
+            self.library.call("EnterEventMode", self.handle)
+            for group in discrete:
+                fill(group, inputs)
+                self.set(group)
+            self._discrete = values
+            self._update(t)
+
+    def _event(self, at: float) -> None:
+        self.library.call("EnterEventMode", self.handle)
+        self._update(at)
+
+    def _update(self, at: float) -> None:
+        """In event mode at a time [s]: tick the clocks that are due, settle, back to step mode."""
+        due = [k for k in range(len(self._ticks)) if _is_past(self._time_of(k), at)]
+        if due:
+            refs = (ctypes.c_uint * len(due))(*(self.description.clocks[k].ref for k in due))
+            active = (ctypes.c_bool * len(due))(*(True for _ in due))
+            self.library.call("SetClock", self.handle, refs, ctypes.c_size_t(len(due)), active)
+            self._ticks = tuple(n + (k in due) for k, n in enumerate(self._ticks))
+        for _ in range(MOST_EVENTS):
+            again, ends, has_next = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
+            nominals, values, then = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+            args = (again, ends, nominals, values, has_next, then)
+            self.library.call("UpdateDiscreteStates", self.handle, *(ctypes.byref(a) for a in args))
+            if ends.value:
+                raise FmuError(f"it ended the simulation at {at:g} s of its own accord")
+            if not again.value:
+                break
+        else:
+            raise FmuError(f"its discrete states do not settle at {at:g} s")
+        self._next_event = then.value if has_next.value else math.inf
+        self.library.call("EnterStepMode", self.handle)
+
+    def _is_due(self, at: float) -> bool:
+        return _is_past(min(self._next_event, self._next_tick()), at)
+
+    def _next_tick(self) -> float:
+        return min((self._time_of(k) for k in range(len(self._ticks))), default=math.inf)
+
+    def _time_of(self, k: int) -> float:
+        clock = self.description.clocks[k]
+        return clock.shift + self._ticks[k] * clock.interval
+
+    def _extra(self) -> Any:
+        return self._next_event, self._ticks, self._discrete
+
+    def _set_extra(self, extra: Any) -> None:
+        self._next_event, self._ticks, self._discrete = extra
+
+
+def _is_past(when: float, now: float) -> bool:
+    return when <= now or is_close(when, now)

@@ -1,0 +1,319 @@
+"""Which number of which port an FMU variable is: as the scenario says, else by name, with units checked."""
+
+import difflib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from swath.core.component import Port
+from swath.core.errors import InputError
+from swath.core.flat import FlatField, flat_fields
+from swath.core.setup import LinkSetup
+from swath.core.signals import CropFlow, Signal
+from swath.link.fmi.description import Description, Variable
+from swath.link.fmi.units import Scale, Unit, describe, parse_unit, scale
+
+# What adds up over time: samples of these are amounts of one step, not states.
+AMOUNTS: dict[type[Signal], tuple[str, ...]] = {
+    CropFlow: ("grain", "straw", "area", "stem_count", "dt", "lost_grain", "left_grain")
+}
+RATES = ("/s", " per second")
+Value = Any  # number, boolean, list of numbers
+
+
+@dataclass(frozen=True)
+class Into:
+    """An FMU input and the number it gets. mode: last value, `sum` or `rate` (sum / time) over a step."""
+
+    variable: Variable
+    port: str
+    field: FlatField
+    mode: str
+    scale: Scale
+
+
+@dataclass(frozen=True)
+class Out:
+    """A number of an output port and the FMU variable it comes from."""
+
+    port: str
+    field: FlatField
+    variable: Variable
+    scale: Scale
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """How an FMU fills its slot.
+
+    inputs, outputs: in the order in which its numbers are passed; constants: port -> field -> value
+    inputs_ports, output_ports: those that it needs and gives; starts: FMU variable -> start value
+    notes: what the user should know
+    """
+
+    inputs: tuple[Into, ...]
+    outputs: tuple[Out, ...]
+    constants: Mapping[str, Mapping[str, Value]]
+    input_ports: tuple[Port, ...]
+    output_ports: tuple[Port, ...]
+    starts: Mapping[str, Value]
+    notes: tuple[str, ...]
+
+
+def make_wiring(fmu: Description, setup: LinkSetup, params: Any) -> Wiring:
+    """The wiring of an FMU in a slot. params: `inputs`, `outputs`, `constants`, `parameters`, `units` as in
+    the level. InputError where a name, a unit or a value does not fit, or something is missing.
+    """
+    return _Maker(fmu, setup, params).make()
+
+
+class _Maker:
+    def __init__(self, fmu: Description, setup: LinkSetup, params: Any) -> None:
+        self.fmu, self.setup, self.params = fmu, setup, params
+        self.unitless: list[str] = []
+        self.notes: list[str] = []
+
+    def make(self) -> Wiring:
+        self._check_names()
+        inputs = self._inputs()
+        outputs, constants, ports = self._outputs()
+        if self.unitless:
+            listed = ", ".join(self.unitless)
+            self.notes.append(f"variables without a unit are taken in SI units: {listed}")
+        used = {i.port for i in inputs}
+        return Wiring(
+            inputs=tuple(sorted(inputs, key=lambda i: (i.variable.type, i.variable.variability))),
+            outputs=tuple(sorted(outputs, key=lambda o: (o.variable.type, o.variable.variability))),
+            constants=constants,
+            input_ports=tuple(
+                replace(p, history=True) if p.signal in AMOUNTS else p
+                for p in self.setup.inputs
+                if p.name in used
+            ),
+            output_ports=tuple(ports),
+            starts=self._starts(),
+            notes=tuple(self.notes),
+        )
+
+    # names
+
+    def _check_names(self) -> None:
+        for key in ("inputs", "parameters", "units"):
+            for name in getattr(self.params, key):
+                self._variable(name, f"{key}.{name}", name)
+        for name, unit in self.params.units.items():
+            _parsed(name, unit)
+        for name, source in self.params.outputs.items():
+            self._variable(source, f"outputs.{name}", source)
+
+    def _variable(self, name: str, key: str, value: str) -> Variable:
+        found = self.fmu.variables.get(name)
+        if found is None:
+            near = difflib.get_close_matches(name, list(self.fmu.variables), n=1)
+            hint = f", did you mean {near[0]}?" if near else ""
+            text = f"expected a variable of {self.fmu.file.name}{hint} (swath fmu show lists them)"
+            raise InputError(key, value, text)
+        return found
+
+    def _starts(self) -> dict[str, Value]:
+        for name, value in self.params.parameters.items():
+            self._check_start(self.fmu.variables[name], value)
+        return dict(self.params.parameters)
+
+    def _check_start(self, variable: Variable, value: Value) -> None:
+        key = f"parameters.{variable.name}"
+        if variable.kind == "other" or variable.causality in ("calculatedParameter", "independent"):
+            raise InputError(
+                key, value, f"expected a variable that can be set, it is of causality {variable.causality}"
+            )
+        if (variable.kind == "string") != isinstance(value, str):
+            raise InputError(
+                key, value, "expected text" if variable.kind == "string" else "expected a number"
+            )
+        if isinstance(value, list) and len(value) != variable.size:
+            raise InputError(key, value, f"expected {variable.size} numbers")
+
+    # inputs
+
+    def _inputs(self) -> list[Into]:
+        given: dict[str, str] = dict(self.params.inputs)
+        open_ones = []
+        for variable in self.fmu.of("input"):
+            if variable.name in given or variable.name in self.params.parameters or variable.kind == "other":
+                continue
+            guess = self._guess(variable)
+            if guess is None:
+                open_ones.append(variable.name)
+            else:
+                given[variable.name] = guess
+        if open_ones:
+            listed = ", ".join(open_ones)
+            self.notes.append(f"inputs of the FMU that nothing feeds stay at their start values: {listed}")
+        return [self._into(self.fmu.variables[name], target) for name, target in given.items()]
+
+    def _guess(self, variable: Variable) -> str | None:
+        """The one number whose name fits that of an input."""
+        wanted = _plain(variable.name)
+        hits = []
+        for port in self.setup.inputs:
+            for name in flat_fields(port.signal):
+                names = [name] if port.signal not in AMOUNTS else [name, f"{name}/s"]
+                for target in names:
+                    spellings = _spellings(port.name, target)
+                    if wanted in spellings:
+                        hits.append((spellings.index(wanted), f"{port.name}.{target}"))
+        best = [t for rank, t in hits if rank == min(r for r, _ in hits)]
+        if len(best) > 1:
+            choices = " or ".join(best)
+            text = f"expected one of {choices}; the name fits each of them"
+            raise InputError(f"inputs.{variable.name}", None, text)
+        return best[0] if best else None
+
+    def _into(self, variable: Variable, target: str) -> Into:
+        key = f"inputs.{variable.name}"
+        if variable.causality != "input" and variable.variability != "tunable":
+            text = f"expected an input of the FMU, it is of causality {variable.causality}"
+            raise InputError(key, target, text)
+        bare = target
+        for suffix in RATES:
+            bare = bare.removesuffix(suffix)
+        port, field = self._field(key, bare, target, self.setup.inputs)
+        if variable.is_array != (field.kind == "array"):
+            what = "an array" if variable.is_array else "a single number"
+            raise InputError(key, target, f"expected {what}, like {variable.name} of the FMU")
+        adds_up = field.name in AMOUNTS.get(port.signal, ())
+        if bare != target and not adds_up:
+            raise InputError(key, target, f"expected {bare}: only amounts have a rate")
+        mode = "rate" if bare != target else "sum" if adds_up else "last"
+        unit = self._unit(variable)
+        ours = parse_unit(field.unit)
+        if unit is not None and mode == "sum" and unit.fits(ours.per_second) and not unit.fits(ours):
+            mode = "rate"
+        ours = ours.per_second if mode == "rate" else ours
+        return Into(variable, port.name, field, mode, self._scale(key, target, variable, unit, ours))
+
+    # outputs
+
+    def _outputs(self) -> tuple[list[Out], dict[str, dict[str, Value]], list[Port]]:
+        outs: dict[tuple[str, str], Out] = {}
+        for target, source in self.params.outputs.items():
+            key = f"outputs.{target}"
+            port, field = self._field(key, target, target, self.setup.outputs)
+            outs[port.name, field.name] = self._out(key, port, field, self.fmu.variables[source])
+        constants = self._constants()
+        for port in self.setup.outputs:
+            for field in flat_fields(port.signal).values():
+                is_given = (port.name, field.name) in outs or field.name in constants.get(port.name, {})
+                if not is_given and (variable := self._guess_output(port, field)) is not None:
+                    key = f"outputs.{port.name}.{field.name}"
+                    outs[port.name, field.name] = self._out(key, port, field, variable)
+        ports = []
+        for port in self.setup.outputs:
+            has = {f for p, f in outs if p == port.name} | set(constants.get(port.name, {}))
+            if has:
+                self._check_whole(port, has)
+                ports.append(port)
+        if not ports:
+            first = self.setup.outputs[0]
+            text = f"expected outputs of the FMU for {_listed(first)}; none of its names fits"
+            raise InputError("outputs", None, text)
+        return list(outs.values()), constants, ports
+
+    def _constants(self) -> dict[str, dict[str, Value]]:
+        found: dict[str, dict[str, Value]] = {}
+        for target, value in self.params.constants.items():
+            key = f"constants.{target}"
+            port, field = self._field(key, target, target, self.setup.outputs)
+            if (field.kind == "array") != isinstance(value, list):
+                what = "a list of numbers" if field.kind == "array" else "a number"
+                raise InputError(key, value, f"expected {what}")
+            found.setdefault(port.name, {})[field.name] = float("nan") if value == "nan" else value
+        return found
+
+    def _guess_output(self, port: Port, field: FlatField) -> Variable | None:
+        names = _spellings(port.name, field.name)
+        found = [v for v in self.fmu.of("output") if _plain(v.name) in names and v.kind != "other"]
+        found.sort(key=lambda v: names.index(_plain(v.name)))
+        fits = [v for v in found if v.is_array == (field.kind == "array")]
+        return fits[0] if fits else None
+
+    def _out(self, key: str, port: Port, field: FlatField, variable: Variable) -> Out:
+        if variable.kind not in ("real", "int", "bool"):
+            raise InputError(
+                key, variable.name, f"expected a number, {variable.name} is of type {variable.type}"
+            )
+        if variable.is_array != (field.kind == "array"):
+            what = "an array" if field.kind == "array" else "a single number"
+            raise InputError(key, variable.name, f"expected {what}")
+        ours = parse_unit(field.unit)
+        unit = self._unit(variable)
+        return Out(port.name, field, variable, self._scale(key, variable.name, variable, unit, ours))
+
+    def _check_whole(self, port: Port, has: set[str]) -> None:
+        fields = flat_fields(port.signal).values()
+        if missing := [f"{port.name}.{f.name}" for f in fields if f.default is None and f.name not in has]:
+            listed = ", ".join(missing)
+            text = f"expected an FMU variable under outputs, or a value under constants, for {listed}"
+            raise InputError("outputs", None, text)
+
+    # units
+
+    def _unit(self, variable: Variable) -> Unit | None:
+        override = self.params.units.get(variable.name)
+        if override is not None:
+            return _parsed(variable.name, override)
+        if variable.unit is None and variable.unit_name is not None:
+            text = (
+                f"expected a unit that the FMU defines, {variable.unit_name!r} says nothing; write one here"
+            )
+            raise InputError(f"units.{variable.name}", None, text)
+        return variable.unit
+
+    def _scale(self, key: str, value: str, variable: Variable, theirs: Unit | None, ours: Unit) -> Scale:
+        if theirs is None:
+            if ours.name and variable.kind == "real":
+                self.unitless.append(f"{variable.name} [{ours.name}]")
+            return Scale()
+        found = scale(theirs, ours)
+        if found is None:
+            text = (
+                f"expected {ours.name or 'a plain number'}, but {variable.name} is in {theirs.name} "
+                f"({describe(theirs)}); units: {{{variable.name}: ...}} overrides what the FMU says"
+            )
+            raise InputError(key, value, text)
+        return found
+
+    def _field(self, key: str, name: str, value: str, ports: tuple[Port, ...]) -> tuple[Port, FlatField]:
+        port_name, _, field = name.partition(".")
+        for port in ports:
+            if port.name == port_name and field in flat_fields(port.signal):
+                return port, flat_fields(port.signal)[field]
+        choices = [f"{p.name}.{f}" for p in ports for f in flat_fields(p.signal)]
+        near = difflib.get_close_matches(name, choices, n=1)
+        hint = f", did you mean {near[0]}?" if near else ""
+        listed = "; ".join(_listed(p) for p in ports) or "nothing, the slot has no such ports"
+        raise InputError(key, value, f"expected port.field of {listed}{hint}")
+
+
+def _listed(port: Port) -> str:
+    fields = ", ".join(flat_fields(port.signal))
+    return f"{port.name} ({fields})"
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+
+
+def _spellings(port: str, field: str) -> list[str]:
+    """Names that an FMU variable may have for a field, the surest first."""
+    bare = field.removesuffix("/s")
+    names = [bare] if bare == field else [f"{bare}_flow", f"{bare}_rate"]
+    return [_plain(f"{port}.{n}") for n in names] + [_plain(n) for n in names]
+
+
+def _parsed(name: str, unit: str) -> Unit:
+    try:
+        return parse_unit(unit)
+    except InputError as error:
+        raise InputError(f"units.{name}", unit, error.expected) from error

@@ -1,0 +1,95 @@
+"""Level `fmu` of any slot: a model from Simulink, Modelica or elsewhere, exported as a co-simulation FMU.
+
+What it needs and gives is mapped to ports by name or in the scenario; docs/fmi.md has the rules.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from swath.core.errors import InputError
+from swath.core.registry import Level
+from swath.core.setup import LinkSetup
+from swath.link.fmi.description import Description, read_fmu
+from swath.link.fmi.part import FmuPart
+from swath.link.fmi.runner import Runner
+from swath.link.fmi.wiring import make_wiring
+
+
+@dataclass(frozen=True)
+class Params:
+    """file: the FMU (FMI 2 or 3, co-simulation)
+    inputs: variable of the FMU -> port.field that feeds it; where the names fit, it need not be written.
+    `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s]
+    outputs: port.field -> variable of the FMU, likewise
+    constants: port.field -> value, for what the FMU does not give; `nan` where nan means nothing
+    parameters: variable of the FMU -> start value, in the FMU's own unit
+    units: variable of the FMU -> unit such as km/h, where the FMU names none or a wrong one
+    step_ms: step of the FMU within the slot's period; null = the whole period
+    process: `here`, or `own` = a process of its own, whose crash or hang is an error that names it
+    timeout_s: for an answer of its own process
+    """
+
+    file: str
+    inputs: dict[str, str] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+    constants: dict[str, bool | float | Literal["nan"] | list[float]] = field(default_factory=dict)
+    parameters: dict[str, bool | float | str | list[float]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    step_ms: Annotated[float, Gt(0), Le(1e6)] | None = None
+    process: Literal["here", "own"] = "here"
+    timeout_s: Annotated[float, Gt(0), Ge(0.1), Le(3600)] = 10.0
+
+
+def make_part(params: Params, setup: LinkSetup) -> FmuPart:
+    """The component. InputError where the FMU, a name, a unit or a step does not fit."""
+    file = setup.base / params.file
+    fmu = read_fmu(file).sized(params.parameters)
+    wiring = make_wiring(fmu, setup, params)
+    step = _step(params, fmu, setup.control.period)
+    runner = Runner(
+        fmu,
+        setup.name,
+        [i.variable for i in wiring.inputs],
+        [o.variable for o in wiring.outputs],
+        own=params.process == "own",
+        timeout_s=params.timeout_s,
+    )
+    return FmuPart(wiring, runner, setup, Path(file), step, _notes(fmu))
+
+
+def _step(params: Params, fmu: Description, period: float) -> int:
+    """Step of the FMU [ns]. InputError where it cannot take such steps."""
+    whole = round(period * 1e9)
+    step = whole if params.step_ms is None else min(round(params.step_ms * 1e6), whole)
+    if whole % step and not fmu.variable_step:
+        text = f"expected a whole part of the slot's period of {whole * 1e-6:g} ms, the FMU has a fixed step"
+        raise InputError("step_ms", params.step_ms, text)
+    if fmu.fixed_step and not fmu.variable_step:
+        own = round(fmu.fixed_step * 1e9)
+        if step % own:
+            text = f"expected a multiple of the FMU's fixed step of {own * 1e-6:g} ms"
+            raise InputError("step_ms", step * 1e-6, text)
+    return step
+
+
+def _notes(fmu: Description) -> list[str]:
+    notes = []
+    if fmu.faults:
+        more = f" (and {len(fmu.faults) - 1} more, see swath fmu check)" if len(fmu.faults) > 1 else ""
+        notes.append(f"its description breaks the standard, used all the same: {fmu.faults[0]}{more}")
+    if fmu.needs_tool:
+        notes.append("it says that it needs the tool that exported it")
+    return notes
+
+
+LEVEL = Level(
+    make_part,
+    Params,
+    summary="a co-simulation FMU (FMI 2 or 3), or a system of several (SSP)",
+    cost="the FMU's own, and about 10 us per step; 100 us in a process of its own",
+    tolerance="the FMU's own; masses reach it without loss",
+    is_link=True,
+)
