@@ -141,13 +141,24 @@ class Pages:
     revision: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class SolidMesh:
+    """The surface of a thing, in a frame of its own whose origin is the middle of its box.
+
+    corners: (n, 3, 3) [m]; never changed, so that what was made of it (a search tree) can be kept
+    """
+
+    corners: NDArray[np.float32]
+
+
 @dataclass
 class Solids:
     """Things that are not crop, world frame. Any count may be 0.
 
     boxes: box_centre (n, 3) [m], box_axes (n, 3, 3) columns are the box axes in the world, box_half (n, 3)
     half sizes [m]; capsules (posts): capsule_a, capsule_b (m, 3) [m], capsule_radius (m,) [m]; ellipsoids
-    (stones): ellipsoid_centre (k, 3), ellipsoid_axes (k, 3, 3), ellipsoid_half (k, 3) [m]
+    (stones): ellipsoid_centre (k, 3), ellipsoid_axes (k, 3, 3), ellipsoid_half (k, 3) [m]; meshes:
+    mesh_shape, one or several times the same, mesh_centre (j, 3) [m] and mesh_axes (j, 3, 3) of their frames
     reflectance of each at 905 nm
     """
 
@@ -163,3 +174,7 @@ class Solids:
     ellipsoid_axes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
     ellipsoid_half: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     ellipsoid_reflectance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    mesh_shape: tuple[SolidMesh, ...] = ()
+    mesh_centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    mesh_axes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    mesh_reflectance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))

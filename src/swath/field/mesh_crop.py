@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.units import CM, MM
 from swath.data.cards import Card
 from swath.field.facts import LENGTH, RATIO, number
 from swath.field.layout import Organ
-from swath.field.mesh_file import UP, MeshPart, file_up, read_mesh
+from swath.field.mesh_file import UNITS, UP, MeshPart, base_middle, file_up, read_mesh
 
 Array = NDArray[np.float64]
-UNITS = {"m": 1.0, "cm": CM, "mm": MM, "inch": 0.0254}
 ORGANS = ("stem", "ear", "leaf", "awn", "branch", "pod", "cob", "weed")
 HEIGHT = (0.02, 6.0)  # of a plant [m]
 REACH_MAX = 1.2  # of a plant from its foot, sideways [m]; tiles are 1 to 1.5 m wide
 TRIANGLES_MAX = 20_000  # of a plant
-FOOT_SHARE = 0.02  # the lowest part of a mesh, of its height, that its foot is the middle of
 ANY = "*"  # the part that stands for all that are not named
 
 
@@ -149,12 +146,8 @@ def _placed(
         raise InputError("parts", None, f"expected an organ for some part of {path.name}", file=card.path)
     up = _choice(card, "up", tuple(UP), file_up(path))
     points = np.concatenate(corners) @ UP[up].T
-    flat = points.reshape(-1, 3)
-    low, high = flat.min(axis=0), flat.max(axis=0)
     if _choice(card, "foot", ("base", "origin"), "base") == "base":
-        base = flat[flat[:, 2] <= low[2] + FOOT_SHARE * (high[2] - low[2])]
-        foot = np.append(0.5 * (base.min(axis=0) + base.max(axis=0))[:2], low[2])
-        points = points - foot
+        points = points - base_middle(points)
     height = float(points[..., 2].max())
     return MeshPlant(points, np.concatenate(organ), np.concatenate(reflectance), height)
 

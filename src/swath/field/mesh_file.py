@@ -15,10 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.units import CM, MM
 
 Array = NDArray[np.float64]
 TRIANGLES_MAX = 2_000_000
 SIZE_MAX = 1e6  # coordinates beyond this are taken for a broken file [file units]
+UNITS = {"m": 1.0, "cm": CM, "mm": MM, "inch": 0.0254}
+FOOT_SHARE = 0.02  # the lowest part of a mesh, of its height, that its foot is the middle of
 UP = {  # rows: x, y, z of the world from those of the file, right-handed
     "z": np.eye(3),
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -55,6 +58,14 @@ def read_mesh(path: Path, *, key: str, file: Path | None = None) -> tuple[MeshPa
 def file_up(path: Path) -> str:
     """The axis that points up unless one is told: y in GLB and glTF, which say so, else z."""
     return "y" if path.suffix.lower() in (".glb", ".gltf") else "z"
+
+
+def base_middle(corners: Array) -> Array:
+    """Middle of the lowest part of triangles (n, 3, 3), at the height of the lowest corner, (3,)."""
+    flat = corners.reshape(-1, 3)
+    low, high = flat[:, 2].min(), flat[:, 2].max()
+    base = flat[flat[:, 2] <= low + FOOT_SHARE * (high - low)]
+    return np.append(0.5 * (base.min(axis=0) + base.max(axis=0))[:2], low)
 
 
 class _BadMesh(Exception):

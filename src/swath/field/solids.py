@@ -1,6 +1,7 @@
 """Obstacles and machine bodies: boxes, posts and stones that a ray can hit."""
 
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -12,11 +13,13 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose, rotation_matrix
 from swath.core.setup import MachineGeometry
 from swath.core.units import DEG
-from swath.field.layout import Solids
+from swath.field.layout import SolidMesh, Solids
+from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
 
 Array = NDArray[np.float64]
 PLACE = 1e5  # farthest coordinate of an obstacle [m]
 WOOD, PAINT, STONE = 0.4, 0.3, 0.3  # reflectance at 905 nm, assumed; a user can set each
+MESH_SIZE = (0.01, 200.0)  # of a mesh [m]
 KNIFE_CLEARANCE = 0.1  # of the header's body above ground [m], assumed
 
 Metres = Annotated[float, Ge(-PLACE), Le(PLACE)]
@@ -64,13 +67,40 @@ class StoneObstacle:
     reflectance: Share = STONE
 
 
-Obstacle = Annotated[PostObstacle | BoxObstacle | StoneObstacle, PydanticField(discriminator="kind")]
+@dataclass(frozen=True)
+class MeshObstacle:
+    """A thing from a mesh file (OBJ, PLY, GLB; extra `mesh`). x_m, y_m: its foot.
+
+    file: the mesh; unit: of its coordinates; up: its axis that points up, none = y in GLB, else z
+    scale: on top of the unit; foot: what stands at x_m, y_m: the middle of the mesh's `base` or its `origin`
+    z_m: of the foot above ground; heading_deg, pitch_deg, roll_deg: of its x axis from east to the left, nose
+    down, right side down, about the foot
+    """
+
+    x_m: Metres
+    y_m: Metres
+    file: str
+    kind: Literal["mesh"] = "mesh"
+    unit: Literal["m", "cm", "mm", "inch"] = "m"
+    up: Literal["x", "y", "z"] | None = None
+    scale: Annotated[float, Gt(0.0), Le(1000.0)] = 1.0
+    foot: Literal["base", "origin"] = "base"
+    z_m: Annotated[float, Ge(-100.0), Le(100.0)] = 0.0
+    heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    pitch_deg: Annotated[float, Ge(-90.0), Le(90.0)] = 0.0
+    roll_deg: Annotated[float, Ge(-180.0), Le(180.0)] = 0.0
+    reflectance: Share = PAINT
+
+
+Obstacle = Annotated[
+    PostObstacle | BoxObstacle | StoneObstacle | MeshObstacle, PydanticField(discriminator="kind")
+]
 
 
 def make_obstacles(obstacles: Any, field: Any) -> Solids:
     """Solids of obstacle parameters, each standing on the ground of a field (its `ground_height` is asked).
 
-    Raises InputError for an obstacle outside the boundary of the field.
+    Raises InputError for an obstacle outside the boundary of the field, or whose mesh cannot be used.
     """
     made = []
     for index, o in enumerate(obstacles):
@@ -81,6 +111,9 @@ def make_obstacles(obstacles: Any, field: Any) -> Solids:
         foot = np.array([o.x_m, o.y_m, float(field.ground_height(o.x_m, o.y_m))])
         if isinstance(o, PostObstacle):
             made.append(post(foot, o.height_m, o.diameter_m, o.reflectance))
+            continue
+        if isinstance(o, MeshObstacle):
+            made.append(_mesh_obstacle(o, foot, f"field.obstacles.{index}.file"))
             continue
         size = (o.length_m, o.width_m, o.height_m)
         shape = box_on_ground if isinstance(o, BoxObstacle) else stone
@@ -123,6 +156,37 @@ def stone(foot: Any, size: Any, heading: float = 0.0, reflectance: float = STONE
     )
 
 
+def mesh(corners: Any, pose: Pose, reflectance: float = PAINT) -> Solids:
+    """A thing with a surface of triangles (n, 3, 3) [m] given in the frame of a pose."""
+    corners = np.asarray(corners, dtype=float)
+    flat = corners.reshape(-1, 3)
+    middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+    return Solids(
+        mesh_shape=(SolidMesh((corners - middle).astype(np.float32)),),
+        mesh_centre=pose.apply(middle)[None],
+        mesh_axes=pose.rotation[None],
+        mesh_reflectance=np.array([reflectance]),
+    )
+
+
+def _mesh_obstacle(o: MeshObstacle, ground: Array, key: str) -> Solids:
+    path = Path(o.file)
+    parts = read_mesh(path, key=key)
+    corners = np.concatenate([p.corners for p in parts]) @ UP[o.up or file_up(path)].T
+    corners = corners * (UNITS[o.unit] * o.scale)
+    if o.foot == "base":
+        corners = corners - base_middle(corners)
+    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    if not MESH_SIZE[0] <= size <= MESH_SIZE[1]:
+        expected = (
+            f"expected a thing of {MESH_SIZE[0]:g} to {MESH_SIZE[1]:g} m, it is {size:.3g} m: unit, scale?"
+        )
+        raise InputError(key, path.name, expected)
+    foot = ground + np.array([0.0, 0.0, o.z_m])
+    turn = Pose.from_euler(foot, roll=o.roll_deg * DEG, pitch=o.pitch_deg * DEG, yaw=o.heading_deg * DEG)
+    return mesh(corners, turn, o.reflectance)
+
+
 def machine_body(machine: MachineGeometry, reflectance: float = PAINT) -> Solids:
     """Chassis and header of a machine as two boxes in the machine frame."""
     rear, front, half_width, bottom, top = machine.body
@@ -143,8 +207,9 @@ NOTHING = Solids()
 
 
 def solid_count(solids: Solids) -> int:
-    """Boxes, capsules and ellipsoids."""
-    return len(solids.box_half) + len(solids.capsule_radius) + len(solids.ellipsoid_half)
+    """Boxes, capsules, ellipsoids and meshes."""
+    round_ = len(solids.capsule_radius) + len(solids.ellipsoid_half)
+    return len(solids.box_half) + round_ + len(solids.mesh_shape)
 
 
 def merge(*solids: Solids) -> Solids:
@@ -152,7 +217,9 @@ def merge(*solids: Solids) -> Solids:
     some = [s for s in solids if solid_count(s)]
     if len(some) < 2:
         return some[0] if some else NOTHING
-    return Solids(**{f.name: np.concatenate([getattr(s, f.name) for s in some]) for f in fields(Solids)})
+    names = [f.name for f in fields(Solids) if f.name != "mesh_shape"]
+    arrays = {name: np.concatenate([getattr(s, name) for s in some]) for name in names}
+    return Solids(mesh_shape=tuple(m for s in some for m in s.mesh_shape), **arrays)
 
 
 def moved(solids: Solids, pose: Pose) -> Solids:
@@ -170,4 +237,8 @@ def moved(solids: Solids, pose: Pose) -> Solids:
         ellipsoid_axes=pose.rotation @ solids.ellipsoid_axes,
         ellipsoid_half=solids.ellipsoid_half,
         ellipsoid_reflectance=solids.ellipsoid_reflectance,
+        mesh_shape=solids.mesh_shape,
+        mesh_centre=pose.apply(solids.mesh_centre),
+        mesh_axes=pose.rotation @ solids.mesh_axes,
+        mesh_reflectance=solids.mesh_reflectance,
     )

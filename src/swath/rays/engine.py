@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from swath.field.layout import Pages, PlantLibrary, Shape, Solids
 from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.device import start_warp, thread_count
-from swath.rays.geometry import pack_solids
+from swath.rays.geometry import make_things
 
 F32 = NDArray[np.float32]
 CHUNK_MIN = 1024  # fewer rays than this are not worth another thread
@@ -150,20 +150,7 @@ class RayCaster:
         return wp.array(array, dtype=dtype, device=self.device, copy=self.device != "cpu")
 
     def _things(self, wp: Any, solids: Solids) -> Any:
-        from swath.rays.kernel.scene import Things
-
-        packed = pack_solids(solids)
-        things = Things()
-        things.count = len(packed.kind)
-        if things.count == 0:
-            return things
-        things.kind = self._share(wp, packed.kind, wp.int32)
-        things.centre = self._share(wp, packed.centre, wp.vec3d)
-        things.axes = self._share(wp, packed.axes, wp.mat33)
-        things.half = self._share(wp, packed.half, wp.vec3)
-        things.bound = self._share(wp, packed.bound, wp.float32)
-        things.reflectance = self._share(wp, packed.reflectance, wp.float32)
-        return things
+        return make_things(wp, solids, self.device)
 
     def _blow(self, wp: Any, scene: Any, t: int) -> None:
         """The wind at a time [ns]."""

@@ -1,13 +1,16 @@
-"""Solids of all kinds as one list of boxes, capsules and ellipsoids with a frame each."""
+"""Solids of all kinds as one list of boxes, capsules, ellipsoids and meshes with a frame each."""
 
 from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.layout import Solids
+from swath.field.layout import SolidMesh, Solids
 
-BOX, CAPSULE, ELLIPSOID = 0, 1, 2
+BOX, CAPSULE, ELLIPSOID, MESH = 0, 1, 2, 3
+_TREES: WeakKeyDictionary[SolidMesh, dict[str, Any]] = WeakKeyDictionary()  # search tree on each device
 
 
 @dataclass(frozen=True)
@@ -15,7 +18,8 @@ class SolidList:
     """k solids in the world frame.
 
     kind: (k,); centre: (k, 3) [m]; axes: (k, 3, 3), columns are the axes; half: (k, 3) half sizes [m], of a
-    capsule radius, radius, half length of its axis; bound: (k,) radius of a ball around it [m]; reflectance
+    capsule radius, radius, half length of its axis, of a mesh its box; bound: (k,) radius of a ball around it
+    [m]; reflectance; mesh: (k,), None for all other kinds
     """
 
     kind: NDArray[np.int32]
@@ -24,37 +28,84 @@ class SolidList:
     half: NDArray[np.float32]
     bound: NDArray[np.float32]
     reflectance: NDArray[np.float32]
+    mesh: tuple[SolidMesh | None, ...]
 
 
 def pack_solids(solids: Solids) -> SolidList:
-    """One list: boxes, then capsules, then ellipsoids."""
+    """One list: boxes, then capsules, ellipsoids and meshes."""
     along = solids.capsule_b - solids.capsule_a
     length = np.linalg.norm(along, axis=1)
     radius = solids.capsule_radius
     centre = np.concatenate(
-        [solids.box_centre, 0.5 * (solids.capsule_a + solids.capsule_b), solids.ellipsoid_centre]
+        [
+            solids.box_centre,
+            0.5 * (solids.capsule_a + solids.capsule_b),
+            solids.ellipsoid_centre,
+            solids.mesh_centre,
+        ]
     )
-    axes = np.concatenate([solids.box_axes, _frames(along), solids.ellipsoid_axes])
-    half = np.concatenate(
-        [solids.box_half, np.stack([radius, radius, 0.5 * length], axis=-1), solids.ellipsoid_half]
-    )
+    axes = np.concatenate([solids.box_axes, _frames(along), solids.ellipsoid_axes, solids.mesh_axes])
+    rods = np.stack([radius, radius, 0.5 * length], axis=-1)
+    shells = [np.abs(m.corners).max(axis=(0, 1)) for m in solids.mesh_shape]
+    half = np.concatenate([solids.box_half, rods, solids.ellipsoid_half, np.reshape(shells, (-1, 3))])
     bound = np.concatenate(
         [
             np.linalg.norm(solids.box_half, axis=1),
             radius + 0.5 * length,
             solids.ellipsoid_half.max(axis=1, initial=0.0),
+            np.linalg.norm(np.reshape(shells, (-1, 3)), axis=1),
         ]
     )
-    sizes = [len(solids.box_half), len(radius), len(solids.ellipsoid_half)]
-    reflectance = [solids.box_reflectance, solids.capsule_reflectance, solids.ellipsoid_reflectance]
+    sizes = [len(solids.box_half), len(radius), len(solids.ellipsoid_half), len(shells)]
+    reflectance = [
+        solids.box_reflectance,
+        solids.capsule_reflectance,
+        solids.ellipsoid_reflectance,
+        solids.mesh_reflectance,
+    ]
     return SolidList(
-        np.repeat([BOX, CAPSULE, ELLIPSOID], sizes).astype(np.int32),
+        np.repeat([BOX, CAPSULE, ELLIPSOID, MESH], sizes).astype(np.int32),
         np.ascontiguousarray(centre, np.float64),
         np.ascontiguousarray(axes, np.float32),
         np.ascontiguousarray(half, np.float32),
         (bound * 1.0001 + 1e-4).astype(np.float32),
         np.concatenate(reflectance).astype(np.float32),
+        (*(None,) * sum(sizes[:3]), *solids.mesh_shape),
     )
+
+
+def make_things(wp: Any, solids: Solids, device: str) -> Any:
+    """Solids as the kernels read them; on the CPU the arrays are those of the list, elsewhere copies."""
+    from swath.rays.kernel.scene import Things
+
+    things = Things()
+    packed = pack_solids(solids)
+    things.count = len(packed.kind)
+    if things.count == 0:
+        return things
+    tree = np.array([0 if m is None else _tree(wp, m, device).id for m in packed.mesh], np.uint64)
+    for name, array, dtype in (
+        ("kind", packed.kind, wp.int32),
+        ("centre", packed.centre, wp.vec3d),
+        ("axes", packed.axes, wp.mat33),
+        ("half", packed.half, wp.vec3),
+        ("bound", packed.bound, wp.float32),
+        ("reflectance", packed.reflectance, wp.float32),
+        ("tree", tree, wp.uint64),
+    ):
+        setattr(things, name, wp.array(array, dtype=dtype, device=device, copy=device != "cpu"))
+    return things
+
+
+def _tree(wp: Any, mesh: SolidMesh, device: str) -> Any:
+    """The mesh with a search tree on a device, made once."""
+    trees = _TREES.setdefault(mesh, {})
+    if device not in trees:
+        points = wp.array(mesh.corners.reshape(-1, 3), dtype=wp.vec3, device=device)
+        trees[device] = wp.Mesh(
+            points, wp.array(np.arange(3 * len(mesh.corners)), dtype=wp.int32, device=device)
+        )
+    return trees[device]
 
 
 def _frames(along: NDArray[np.float64]) -> NDArray[np.float64]:

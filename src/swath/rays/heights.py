@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import Solids
-from swath.field.solids import solid_count
 from swath.rays.device import start_warp
-from swath.rays.geometry import pack_solids
+from swath.rays.geometry import make_things
 from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
@@ -76,7 +75,7 @@ class HeightCaster:
         if not (np.isfinite(self._origins).all() and np.isfinite(self._directions).all()):
             raise ValueError("expected finite origins and directions")
         self._draw.seed, self._draw.share, self._draw.grain = seed & 0xFFFFFFFF, share, grain
-        things = _things(wp, solids)
+        things = make_things(wp, solids or Solids(), "cpu")
         if self._launch is None:
             inputs = [self._scene, things, self._draw, range_max, *self._shared]
             self._launch = wp.launch(
@@ -142,22 +141,3 @@ def surface(grid: HeightGrid, x: Any, y: Any, level: int) -> NDArray[np.float64]
     q = grid.quantiles.reshape(-1, LEVELS)[cell]
     height = np.where((cell >= 0) & (q[..., 0] != NONE), q[..., level] * 1e-3, np.nan)
     return np.asarray(grid.origin[2] + lattice_height(grid.ground, grid.node, u, v) + height)
-
-
-def _things(wp: Any, solids: Solids | None) -> Any:
-    from swath.rays.kernel.scene import Things
-
-    things = Things()
-    things.count = 0
-    if solids is None or solid_count(solids) == 0:
-        return things
-    packed = pack_solids(solids)
-    things.count = len(packed.kind)
-    if things.count:
-        things.kind = wp.array(packed.kind, dtype=wp.int32, device="cpu", copy=False)
-        things.centre = wp.array(packed.centre, dtype=wp.vec3d, device="cpu", copy=False)
-        things.axes = wp.array(packed.axes, dtype=wp.mat33, device="cpu", copy=False)
-        things.half = wp.array(packed.half, dtype=wp.vec3, device="cpu", copy=False)
-        things.bound = wp.array(packed.bound, dtype=wp.float32, device="cpu", copy=False)
-        things.reflectance = wp.array(packed.reflectance, dtype=wp.float32, device="cpu", copy=False)
-    return things

@@ -167,7 +167,7 @@ def straw_depth(field: Any, x: F64, y: F64) -> F64:
 def circles_of(solids: Solids) -> list[tuple[float, float, float]]:
     """x, y, radius [m] of obstacles as a map shows them; a box by its longer horizontal half side."""
     centres = np.concatenate([solids.box_centre, 0.5 * (solids.capsule_a + solids.capsule_b),
-                              solids.ellipsoid_centre])  # fmt: skip
+                              solids.ellipsoid_centre, solids.mesh_centre])  # fmt: skip
     flat = [
         np.abs(axes[:2] * half).max() for axes, half in zip(solids.box_axes, solids.box_half, strict=True)
     ]
@@ -175,5 +175,9 @@ def circles_of(solids: Solids) -> list[tuple[float, float, float]]:
         np.abs(axes[:2] * half).max()
         for axes, half in zip(solids.ellipsoid_axes, solids.ellipsoid_half, strict=True)
     ]
-    radius = [*flat, *solids.capsule_radius, *round_]
+    nets = [
+        float(np.hypot(*(mesh.corners.reshape(-1, 3) @ axes.T)[:, :2].T).max())
+        for mesh, axes in zip(solids.mesh_shape, solids.mesh_axes, strict=True)
+    ]
+    radius = [*flat, *solids.capsule_radius, *round_, *nets]
     return [(float(c[0]), float(c[1]), float(r)) for c, r in zip(centres, radius, strict=True)]

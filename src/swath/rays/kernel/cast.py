@@ -52,6 +52,11 @@ def hit_things(things: Things, o: wp.vec3d, d: wp.vec3, hit: Hit) -> Hit:
                 t = hit_capsule(p, v, a, b, half[0])
                 q = p + t * v
                 n = q - axis_point(q, a, b)
+            elif kind == 3:  # seen from both sides: it need not be closed
+                found = wp.mesh_query_ray(things.tree[i], p, v, wp.min(hit.t, along + bound))
+                if found.result:
+                    t = found.t
+                    n = found.normal
             else:
                 pe = wp.cw_div(p, half)
                 ve = wp.cw_div(v, half)

@@ -50,8 +50,8 @@ class Scene:
 class Things:
     """Solids of all kinds in one list, world frame.
 
-    kind: 0 box, 1 capsule along its z axis, 2 ellipsoid; axes: columns are the axes; half: half sizes [m],
-    of a capsule radius, radius, half axis; bound: radius of a ball around it [m]
+    kind: 0 box, 1 capsule along its z axis, 2 ellipsoid, 3 mesh; axes: columns are the axes; half: half sizes
+    [m], of a capsule radius, radius, half axis; bound: radius of a ball around it [m]; tree: Warp's of a mesh
     """
 
     count: int
@@ -61,6 +61,7 @@ class Things:
     half: wp.array(dtype=wp.vec3)
     bound: wp.array(dtype=float)
     reflectance: wp.array(dtype=float)
+    tree: wp.array(dtype=wp.uint64)
 
 
 @wp.struct
