@@ -11,12 +11,15 @@ typedef void (*Logger)(void *, const char *, int, const char *, const char *, ..
 typedef struct { Logger log; void *alloc, *free, *done, *env; } Callbacks;
 typedef struct { double r[REALS]; int mode; int flag; double reached; Callbacks *callbacks; char name[200]; } Model;
 
+#ifndef FIRST_MODE
+#define FIRST_MODE FINE
+#endif
 static int instances = 0;
 
 static void defaults(Model *m) {
   memset(m->r, 0, sizeof m->r);
   m->r[TIME_CONSTANT] = 1.0; m->r[LOSS] = 0.01; m->r[FAIL_AT] = 0.5;
-  m->mode = FINE; m->flag = 0;
+  m->mode = FIRST_MODE; m->flag = 0;
 }
 void *fmi2Instantiate(const char *name, int kind, const char *guid, const char *where, Callbacks *c, int v, int l) {
 #ifdef ONLY_ONE

@@ -246,3 +246,69 @@ def python_fmu(folder, text, package):
         [sys.executable, "-m", package, "build", "-f", script, "-d", folder], check=True, cwd=folder
     )
     return Path(folder) / f"{name}.fmu"
+
+
+SSD = """<?xml version="1.0" encoding="UTF-8"?>
+<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
+ xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon"
+ xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" name="works" version="1.0">
+{system}
+<ssd:Units><ssc:Unit name="kg/s"><ssc:BaseUnit kg="1" s="-1"/></ssc:Unit></ssd:Units>
+</ssd:SystemStructureDescription>"""
+
+
+def connector(name, kind, unit=None):
+    """A connector of a system."""
+    unit = "" if unit is None else f' unit="{unit}"'
+    return f'<ssd:Connector name="{name}" kind="{kind}"><ssc:Real{unit}/></ssd:Connector>'
+
+
+def component(name, file, **values):
+    """A component with parameter values."""
+    return (
+        f'<ssd:Component name="{name}" source="{file}" type="application/x-fmu-sharedlibrary">'
+        f"{parameters(**values)}</ssd:Component>"
+    )
+
+
+def parameters(**values):
+    """Parameter values in the file."""
+    made = "".join(
+        f'<ssv:Parameter name="{n}"><ssv:Real value="{v}"/></ssv:Parameter>' for n, v in values.items()
+    )
+    inner = (
+        f"<ssv:ParameterSet name='p' version='1.0'><ssv:Parameters>{made}</ssv:Parameters></ssv:ParameterSet>"
+    )
+    binding = (
+        f"<ssd:ParameterBinding><ssd:ParameterValues>{inner}</ssd:ParameterValues></ssd:ParameterBinding>"
+    )
+    return f"<ssd:ParameterBindings>{binding}</ssd:ParameterBindings>"
+
+
+def connection(start, end, inner="", **more):
+    """A connection from `element.connector` or `connector` to another."""
+    ends = []
+    for side, text in (("start", start), ("end", end)):
+        element, _, name = text.rpartition(".")
+        ends.append((f'{side}Element="{element}" ' if element else "") + f'{side}Connector="{name}"')
+    more = " ".join(f'{k}="{v}"' for k, v in more.items())
+    return f"<ssd:Connection {' '.join(ends)} {more}>{inner}</ssd:Connection>"
+
+
+def system(name, connectors, elements, connections, bindings=""):
+    """A system of elements."""
+    return (
+        f'<ssd:System name="{name}"><ssd:Connectors>{"".join(connectors)}</ssd:Connectors>{bindings}'
+        f"<ssd:Elements>{''.join(elements)}</ssd:Elements>"
+        f"<ssd:Connections>{''.join(connections)}</ssd:Connections></ssd:System>"
+    )
+
+
+def package(folder, name, text, *fmus):
+    """A System Structure Package."""
+    file = Path(folder) / name
+    with zipfile.ZipFile(file, "w") as made:
+        made.writestr("SystemStructure.ssd", SSD.format(system=text))
+        for fmu in fmus:
+            made.write(fmu, f"resources/{fmu.name}")
+    return file

@@ -63,8 +63,10 @@ TOTALS = ("tank_grain", "lost_grain", "dropped_straw")
 @needs_cc
 @pytest.mark.parametrize("more", [{}, {"step_ms": 10}, {"step_ms": 30}, {"process": "own"}], ids=str)
 def test_a_process_in_c_equals_the_built_in_one(store, as_built_in, more):
-    load, _, error = driven(assemble(scenario(process=store_keys(store, parameters=INSTANT, **more))))
+    world = assemble(scenario(process=store_keys(store, parameters=INSTANT, **more)))
+    load, _, error = driven(world)
     assert error < 1e-12
+    assert 0.5 * load.dropped_straw < world.field.straw_kg <= load.dropped_straw * (1 + 1e-9)
     assert as_built_in.tank_grain > 5.0
     for name in TOTALS:
         assert getattr(load, name) == pytest.approx(getattr(as_built_in, name), rel=1e-9), name

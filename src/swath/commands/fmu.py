@@ -10,7 +10,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("fmu", help="look at an FMU, try it out")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     shows = verbs.add_parser("show", help="variables, units and capabilities of an FMU")
-    shows.add_argument("file", type=Path, metavar="X.fmu", help="an FMU")
+    shows.add_argument("file", type=Path, metavar="X.fmu", help="an FMU, or a system of several (.ssp, .ssd)")
     shows.add_argument("--all", action="store_true", help="local variables too")
     shows.set_defaults(run=run_show)
     checks = verbs.add_parser("check", help="run an FMU in a process of its own and say what was found")
@@ -26,10 +26,10 @@ def add(parsers: Any) -> None:
 def run_show(args: argparse.Namespace) -> int:
     """Print what the FMU says about itself."""
     from swath.commands.output import table
-    from swath.link.fmi.description import read_fmu
+    from swath.link.fmi.composite import describe_file
     from swath.link.fmi.units import describe
 
-    fmu = read_fmu(args.file)
+    fmu = describe_file(args.file)
     can = {
         "state saved": fmu.saves_state,
         "state as bytes": fmu.serializes,

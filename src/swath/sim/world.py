@@ -23,6 +23,7 @@ from swath.field.solids import machine_body
 from swath.machine.card import MachineCard, load_machine
 from swath.sim.choices import MachineSection, SlotChoice
 from swath.sim.ground import build_field
+from swath.sim.laid_straw import LaidStraw
 from swath.sim.messages import RecordedMachine
 from swath.sim.scenario import Scenario
 from swath.sim.sections import StartPose
@@ -186,6 +187,8 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
         choice = section.slots[slot]
         setup = _setup(section, slot, choice, card, start, mountings, site)
         parts[slot] = _make(section.name, slot, choice, setup)
+        if slot == "process" and choice.found.is_link:
+            parts[slot] = LaidStraw(parts[slot], site.field, card)
         if isinstance(getattr(parts[slot], "mounting", None), Pose):
             mountings[slot] = parts[slot].mounting
     nodes = [_node(section, slot, choice, parts[slot]) for slot, choice in section.slots.items()]

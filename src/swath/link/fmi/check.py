@@ -10,6 +10,7 @@ from swath.core.errors import SwathError
 from swath.link.fmi.description import Description, Variable, read_fmu
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.own import OwnProcess
+from swath.link.fmi.ssp import SUFFIXES, read_system
 
 Row = tuple[str, str, str]  # what was looked at, verdict (ok, note or bad), what was found
 SHOWN_FAULTS = 20
@@ -30,8 +31,21 @@ class Finding:
 def check_fmu(
     file: Path, *, step_s: float = 0.1, duration_s: float = 1.0, timeout_s: float = 10.0
 ) -> Finding:
-    """Run an FMU with its inputs at their start values. InputError for a file that is none at all."""
-    fmu = read_fmu(file)
+    """Run an FMU with its inputs at their start values; of a system, one component after the other.
+
+    InputError for a file that is none at all.
+    """
+    if file.suffix.lower() not in SUFFIXES:
+        return Finding(tuple(_check(read_fmu(file), step_s, duration_s, timeout_s)))
+    rows: list[Row] = []
+    system = read_system(file)
+    for path, fmu in system.components.items():
+        found = _check(fmu, step_s, duration_s, timeout_s)
+        rows += [(f"{path}: {what}", verdict, text) for what, verdict, text in found]
+    return Finding(tuple(rows))
+
+
+def _check(fmu: Description, step_s: float, duration_s: float, timeout_s: float) -> list[Row]:
     rows: list[Row] = [("description", "ok", f"FMI {fmu.version}, {fmu.tool or 'unknown tool'}")]
     rows += [("standard", "note", fault) for fault in fmu.faults[:SHOWN_FAULTS]]
     if len(fmu.faults) > SHOWN_FAULTS:
@@ -44,14 +58,14 @@ def check_fmu(
     if fmu.library is None:
         has = ", ".join(fmu.platforms) or "none"
         rows.append(("binary", "bad", f"none for this system; it has: {has}"))
-        return Finding(tuple(rows))
+        return rows
     rows.append(("binary", "ok", fmu.library))
     trial = _Trial(fmu, step_s, round(duration_s / step_s), timeout_s)
     try:
         trial.run()
     finally:
         trial.unit.close()
-    return Finding((*rows, *trial.rows))
+    return [*rows, *trial.rows]
 
 
 def usable(fmu: Description, *causalities: str) -> list[Variable]:

@@ -47,6 +47,7 @@ class Description:
     """One FMU. library: its binary for this system inside the archive, None where there is none.
 
     fixed_step, default_step [s]; faults: where it breaks the standard without harm, one line each
+    package: what the file was unpacked from and must be kept for as long as the file is needed
     """
 
     file: Path
@@ -70,6 +71,7 @@ class Description:
     variables: dict[str, Variable] = field(repr=False)
     clocks: tuple["Clock", ...]
     faults: tuple[str, ...]
+    package: object = field(default=None, repr=False, compare=False)
 
     @property
     def major(self) -> int:

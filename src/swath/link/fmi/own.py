@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ class OwnProcess:
         outputs: Sequence[Variable],
         timeout_s: float,
     ) -> None:
-        self._spec = (description, name, tuple(inputs), tuple(outputs))
+        self._spec = (replace(description, package=None), name, tuple(inputs), tuple(outputs))
         self._timeout_s = timeout_s
         self._child: subprocess.Popen[bytes] | None = None
         self._pipe: Connection | None = None

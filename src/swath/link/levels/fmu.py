@@ -3,24 +3,27 @@
 What it needs and gives is mapped to ports by name or in the scenario; docs/fmi.md has the rules.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import InputError
 from swath.core.registry import Level
 from swath.core.setup import LinkSetup
+from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import Description, read_fmu
+from swath.link.fmi.instance import Unit
 from swath.link.fmi.part import FmuPart
 from swath.link.fmi.runner import Runner
+from swath.link.fmi.ssp import SUFFIXES, System, read_system
 from swath.link.fmi.wiring import make_wiring
 
 
 @dataclass(frozen=True)
 class Params:
-    """file: the FMU (FMI 2 or 3, co-simulation)
+    """file: the FMU (FMI 2 or 3, co-simulation), or a system of several (.ssp, .ssd)
     inputs: variable of the FMU -> port.field that feeds it; where the names fit, it need not be written.
     `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s]
     outputs: port.field -> variable of the FMU, likewise
@@ -28,6 +31,7 @@ class Params:
     parameters: variable of the FMU -> start value, in the FMU's own unit
     units: variable of the FMU -> unit such as km/h, where the FMU names none or a wrong one
     step_ms: step of the FMU within the slot's period; null = the whole period
+    component: of a system, the one FMU that fills this slot; null = the whole system
     process: `here`, or `own` = a process of its own, whose crash or hang is an error that names it
     timeout_s: for an answer of its own process
     """
@@ -39,6 +43,7 @@ class Params:
     parameters: dict[str, bool | float | str | list[float]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     step_ms: Annotated[float, Gt(0), Le(1e6)] | None = None
+    component: str | None = None
     process: Literal["here", "own"] = "here"
     timeout_s: Annotated[float, Gt(0), Ge(0.1), Le(3600)] = 10.0
 
@@ -46,18 +51,35 @@ class Params:
 def make_part(params: Params, setup: LinkSetup) -> FmuPart:
     """The component. InputError where the FMU, a name, a unit or a step does not fit."""
     file = setup.base / params.file
-    fmu = read_fmu(file).sized(params.parameters)
+    whole, params = _open(file, params)
+    fmu = describe_system(whole)[0] if isinstance(whole, System) else whole
     wiring = make_wiring(fmu, setup, params)
     step = _step(params, fmu, setup.control.period)
-    runner = Runner(
-        fmu,
-        setup.name,
-        [i.variable for i in wiring.inputs],
-        [o.variable for o in wiring.outputs],
-        own=params.process == "own",
-        timeout_s=params.timeout_s,
-    )
-    return FmuPart(wiring, runner, setup, Path(file), step, _notes(fmu))
+    inputs, outputs = [i.variable for i in wiring.inputs], [o.variable for o in wiring.outputs]
+    where: Any = {"own": params.process == "own", "timeout_s": params.timeout_s}
+    if isinstance(whole, System):
+        unit: Unit = Composite(whole, setup.name, inputs, outputs, **where)
+    else:
+        unit = Runner(whole, setup.name, inputs, outputs, **where)
+    return FmuPart(wiring, unit, setup, file, step, _notes(fmu))
+
+
+def _open(file: Path, params: Params) -> tuple[Description | System, Params]:
+    """The FMU, the system, or the one component of it that was named, with the start values it has there."""
+    if file.suffix.lower() not in SUFFIXES:
+        if params.component is not None:
+            raise InputError("component", params.component, f"expected a file {' or '.join(SUFFIXES)}")
+        return read_fmu(file).sized(params.parameters), params
+    system = read_system(file)
+    if params.component is None:
+        return system, params
+    if params.component not in system.components:
+        listed = ", ".join(system.components)
+        raise InputError("component", params.component, f"expected one of {listed}")
+    fmu = system.components[params.component]
+    own = {name: value for (path, name), value in system.starts.items() if path == params.component}
+    params = replace(params, parameters={**own, **params.parameters})
+    return replace(fmu.sized(params.parameters), package=system), params
 
 
 def _step(params: Params, fmu: Description, period: float) -> int:
