@@ -4,11 +4,11 @@ import dataclasses
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from swath import __version__
 from swath.core.errors import InputError
@@ -18,6 +18,7 @@ from swath.core.schedule import NS
 from swath.core.signals import F64, MachineState, Scan, ScanTruth
 from swath.link.realtime import Pacer, make_pacer, paced
 from swath.sim.digest import Digest
+from swath.sim.interventions import Interventions, Restart, Script
 from swath.sim.loop import Progress, drive
 from swath.sim.record import Recorder
 from swath.sim.runfolder import clear_run_folder
@@ -39,12 +40,50 @@ class JobResult:
     folder: Path
 
 
-def run_job(scenario: Scenario, out: Path, *, progress: bool = False, report: bool = True) -> JobResult:
+class Companion(Protocol):
+    """Somebody who goes along with a run: shows it elsewhere, acts on it.
+
+    join: before the start, again when the run begins anew; rest: to be told how long a pause was [ns]
+    leave: what summary.json is to say of it
+    """
+
+    def join(
+        self, world: World, changes: Interventions, recorder: Recorder, rest: Callable[[int], None]
+    ) -> None: ...
+    def leave(self) -> dict[str, Any]: ...
+
+
+def run_job(
+    scenario: Scenario,
+    out: Path,
+    *,
+    progress: bool = False,
+    report: bool = True,
+    events: Sequence[Mapping[str, Any]] = (),
+    companion: Companion | None = None,
+) -> JobResult:
     """Run a scenario into a folder.
+
+    events: changes on the way, as an earlier run's summary.json has them; companion: goes along
 
     The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C and
     crashes leave a valid folder marked incomplete; the exception goes on.
     """
+    while True:
+        try:
+            return _run_once(scenario, out, progress, report, events, companion)
+        except Restart:
+            continue
+
+
+def _run_once(
+    scenario: Scenario,
+    out: Path,
+    progress: bool,
+    report: bool,
+    events: Sequence[Mapping[str, Any]],
+    companion: Companion | None,
+) -> JobResult:
     world = assemble(scenario)
     pacer = make_pacer(world)
     out.mkdir(parents=True, exist_ok=True)
@@ -54,6 +93,7 @@ def run_job(scenario: Scenario, out: Path, *, progress: bool = False, report: bo
     started = time.perf_counter()
     try:
         with _progress_bar(world, progress) as show, watch.recorder, paced(world.graph, pacer):
+            watch.accompany(events, companion)
             drive(world, watch.observers, progress=show)
     except BaseException:
         watch.finish(time.perf_counter() - started, incomplete=True, report=False)
@@ -69,6 +109,8 @@ class Watch:
 
     def __init__(self, world: World, out: Path, pacer: Pacer | None = None) -> None:
         self.world, self.out, self.pacer = world, out, pacer
+        self.changes: Interventions | None = None
+        self.companion: Companion | None = None
         leader = world.leader
         recorded = {name: machine.recorded() for name, machine in world.machines.items()}
         self.digest = Digest()
@@ -81,6 +123,16 @@ class Watch:
         extra = {name: r.columns() for name, r in self.referees.items()}
         self.recorder = Recorder(out, list(recorded.values()), extra=extra)
         self.observers: list[Observer] = [self.digest, *self.referees.values(), self.keeper, self.recorder]
+
+    def accompany(self, events: Sequence[Mapping[str, Any]], companion: Companion | None) -> None:
+        """Let changes come, from a list and from a companion."""
+        if not events and companion is None:
+            return
+        self.changes, self.companion = Interventions(self.world), companion
+        if companion is not None:
+            rest = self.pacer.rest if self.pacer is not None else lambda duration: None
+            companion.join(self.world, self.changes, self.recorder, rest)
+        self.world.graph.before_tick.append(Script(self.changes, events))
 
     def finish(self, wall_s: float, *, incomplete: bool, report: bool) -> dict[str, Any]:
         """Judge, write summary.json and the report; returns the summary."""
@@ -109,6 +161,10 @@ class Watch:
             notes += self.pacer.notes
         if notes:
             summary["notes"] = notes
+        if self.changes is not None and self.changes.events:
+            summary["events"] = self.changes.events
+        if self.companion is not None:
+            summary |= self.companion.leave()
         write_summary(self.out, summary)
         if report:
             self._report(summary)

@@ -1,6 +1,8 @@
 """`swath run`: drive a scenario."""
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,13 @@ def add(parsers: Any) -> None:
     add_scenario_options(parser)
     parser.add_argument(
         "--real-time", action="store_true", help="in step with the clock on the wall (section realtime)"
+    )
+    parser.add_argument(
+        "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
+    )
+    parser.add_argument("--paused", action="store_true", help="with --ros2: wait at the start for ~/pause")
+    parser.add_argument(
+        "--events", type=Path, metavar="RUN", help="do the changes again that an earlier run's folder lists"
     )
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
@@ -50,12 +59,17 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
     from swath.sim.runfolder import choose_run_folder
 
+    if args.paused and not args.ros2:
+        raise InputError("--paused", None, "expected --ros2, who else would let the run go on")
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
     from swath.job import run_job
+    from swath.sim.interventions import read_events
 
+    events = read_events(args.events) if args.events is not None else []
     try:
-        result = run_job(scenario, out, progress=not args.quiet)
+        with _bridge(args) as bridge:
+            result = run_job(scenario, out, progress=not args.quiet, events=events, companion=bridge)
     except InputError as error:
         raise scenario.locate(error) from error
     except KeyboardInterrupt:
@@ -66,6 +80,21 @@ def run(args: argparse.Namespace) -> int:
     else:
         report(result.summary, out)
     return int(result.exit_code)
+
+
+@contextmanager
+def _bridge(args: argparse.Namespace) -> Iterator[Any]:
+    """The ROS 2 bridge, where it was asked for."""
+    if not args.ros2:
+        yield None
+        return
+    from swath.link.ros2.bridge import Bridge
+
+    bridge = Bridge(is_paused=args.paused)
+    try:
+        yield bridge
+    finally:
+        bridge.close()
 
 
 def report(summary: dict[str, Any], out: Path) -> None:

@@ -30,6 +30,11 @@ class Bodies:
         self._solids[name] = solids
         self._poses[name] = pose
 
+    def remove(self, name: str) -> None:
+        """Take one away; nothing where there is none of that name."""
+        self._solids.pop(name, None)
+        self._poses.pop(name, None)
+
     def place(self, name: str, pose: Pose) -> None:
         """Move a machine. Raises InputError for a name that was not added."""
         if name not in self._solids:

@@ -92,6 +92,13 @@ class Pacer:
             self._mark(now)
         self.max_late = max(self.max_late, late if t > self._grace_end else 0)
 
+    def rest(self, duration: int) -> None:
+        """The run was paused for `duration` [ns] on the wall: that is no lateness."""
+        if self._origin is not None:
+            first, began = self._origin
+            self._origin = (first, began + duration)
+            self._mark(self._clock.now())
+
     def report(self) -> dict[str, Any]:
         """What happened, for summary.json."""
         edges = [f"up to {step:g} ms" for step in STEPS_MS]

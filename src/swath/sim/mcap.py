@@ -5,6 +5,7 @@ types of a simulation that ROS 2 lacks are made from the fields of the sample it
 their definition travels in the file, so a viewer needs no package.
 """
 
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -16,6 +17,7 @@ from swath.core.schedule import NS
 from swath.core.signals import F32, F64, Signal
 
 CHUNK_BYTES = 256 * 1024
+Tap = Callable[[str, int, Any, bytes, bool], None]  # topic, t [ns], message, its CDR bytes, is_latched
 FIELD_TYPES = {
     float: "float64",
     int: "int64",
@@ -63,6 +65,7 @@ class McapFile:
         self._kinds: dict[str, dict[str, str]] = {}
         self._flushed = 0
         self._is_torn = False
+        self.taps: list[Tap] = []  # called with every message that is written
 
     def make(self, msgtype: str, **values: Any) -> Any:
         """A message, e.g. make("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)."""
@@ -78,6 +81,8 @@ class McapFile:
         self._is_torn = True  # until the message is whole: Ctrl-C may come in between
         self._writer.add_message(self._channels[topic], log_time=t, data=data, publish_time=t, sequence=count)
         self._is_torn = False
+        for tap in self.taps:
+            tap(topic, t, message, data, is_latched)
         if self._stream.tell() != self._flushed:  # a chunk was completed: hand it to the system now
             self._stream.flush()
             self._flushed = self._stream.tell()

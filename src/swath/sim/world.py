@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.component import Port
+from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
@@ -212,18 +212,32 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     return component, _node(section, slot, choice, component).wires
 
 
-def exchange(world: World, name: str, component: Any, wires: Mapping[str, tuple[str, str]]) -> None:
+def exchange(
+    world: World,
+    name: str,
+    component: Any,
+    wires: Mapping[str, tuple[str, str]],
+    *,
+    state: State | None = None,
+) -> None:
     """From its next step on, another component plays the slot `name`; the old one is kept as retired.
 
-    Only slots in `EXCHANGEABLE` can: the state of the others is the machine's own. InputError, WiringError.
+    state: of the component before, which is of the same level: it goes on where that one stood, and that one
+    is let go. Without it only slots in `EXCHANGEABLE` can: the state of the others is the machine's own.
+    InputError, WiringError.
     """
     machine_name, _, slot = name.partition(".")
-    if slot not in EXCHANGEABLE:
+    if slot not in EXCHANGEABLE and state is None:
         raise InputError("slot", name, f"expected one of {', '.join(EXCHANGEABLE)} to exchange")
     world.graph.exchange(name, component, wires)
     machine = world.machines[machine_name]
-    machine.retired.append(machine.parts[slot])
-    machine.parts[slot] = component
+    before, machine.parts[slot] = machine.parts[slot], component
+    if state is None:
+        machine.retired.append(before)
+        return
+    component.load(state)
+    if callable(close := getattr(before, "close", None)):
+        close()
 
 
 def _setup(

@@ -1,0 +1,160 @@
+"""The bridge: what is recorded goes out as topics, `/clock` runs, and services act on the run.
+
+    run_job(scenario, out, companion=Bridge())
+
+Node `/swath`. Services: `~/pause` (std_srvs/SetBool), `~/step`, `~/reset` (std_srvs/Trigger) and the
+parameter services that every node has: levels and parameters of the slots are its parameters, obstacles too.
+Requests are served between two ticks by the thread of the run; without requests it is the run without bridge.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from swath.core.errors import SwathError
+from swath.core.schedule import NS
+from swath.link.ros2.desk import Desk
+from swath.link.ros2.middleware import close_node, open_node, set_stamp, stream_qos, type_of
+from swath.link.ros2.parameters import RunParameters
+from swath.link.ros2.publisher import Publisher
+from swath.sim.interventions import Interventions, Restart
+from swath.sim.record import Recorder
+from swath.sim.world import World
+
+CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]
+POLL_S = 0.1
+STEP_S = 0.02
+
+
+class Bridge:
+    """Goes along with a run (`job.Companion`). is_paused: the run waits before its first tick.
+
+    Raises MissingExtra without rclpy.
+    """
+
+    def __init__(self, *, is_paused: bool = False, name: str = "swath") -> None:
+        self._node = open_node(name, "the ROS 2 bridge", allow_undeclared_parameters=True)
+        self._desk = Desk()
+        self._is_paused, self._until = is_paused, 0
+        self._stands = threading.Event()  # the run is paused and has got where it was to go
+        self._graph: Any = None
+        self._rest: Callable[[int], None] = lambda duration: None
+        self._next_clock = 0
+        clock_type = type_of("rosgraph_msgs/msg/Clock")
+        self._clock = self._node.create_publisher(clock_type, "/clock", stream_qos())
+        self._clock_message = clock_type()
+        self._publisher: Publisher | None = None
+        self._node.declare_parameter("step_s", STEP_S)
+        self._parameters = RunParameters(self._node, self._desk)
+        self._offer()
+        self._spinner = threading.Thread(target=self._spin, name="ros2", daemon=True)
+        self._spinner.start()
+
+    # the run's side
+
+    def join(
+        self,
+        world: World,
+        changes: Interventions,
+        recorder: Recorder,
+        rest: Callable[[int], None],
+    ) -> None:
+        """Go along with a world from its start; rest: told how long a pause was on the wall [ns]."""
+        assert recorder.file is not None
+        self._rest = rest
+        if self._publisher is not None:
+            self._publisher.close()
+        self._publisher = Publisher(self._node, recorder.file.store)
+        recorder.file.taps.append(self._publisher)
+        self._parameters.join(changes)
+        world.graph.before_tick.insert(0, self._before_tick)
+        self._graph = world.graph
+        self._until = self._next_clock = 0
+        self._tell_time(0)
+
+    def leave(self) -> dict[str, Any]:
+        """What summary.json says of the bridge."""
+        return {"ros2": {"messages": self._publisher.count if self._publisher is not None else 0}}
+
+    def close(self) -> None:
+        """Leave the graph of ROS 2."""
+        self._desk.close()
+        self._stands.set()
+        self._executor.shutdown(timeout_sec=2.0)
+        self._spinner.join(2.0)
+        close_node(self._node)
+
+    def _before_tick(self, t: int) -> None:
+        self._desk.serve(t)
+        self._hold(t)
+        if t >= self._next_clock:
+            self._tell_time(t)
+
+    def _hold(self, t: int) -> None:
+        """Stay before the tick at t [ns] for as long as the run is paused."""
+        if not self._is_paused:
+            return
+        began = time.monotonic_ns()
+        while self._is_paused and t > self._until:
+            self._stands.set()
+            self._desk.serve(t, wait_s=POLL_S)
+        self._rest(time.monotonic_ns() - began)
+
+    def _tell_time(self, t: int) -> None:
+        self._next_clock = t + CLOCK_PERIOD
+        set_stamp(self._clock_message.clock, t)
+        self._clock.publish(self._clock_message)
+
+    # the side of ROS 2, in a thread of its own
+
+    def _offer(self) -> None:
+        import rclpy.executors
+        from std_srvs.srv import SetBool, Trigger
+
+        for kind, name, serve in (
+            (SetBool, "~/pause", self._serve_pause),
+            (Trigger, "~/step", self._serve_step),
+            (Trigger, "~/reset", self._serve_reset),
+        ):
+            self._node.create_service(kind, name, serve)
+        self._executor = rclpy.executors.SingleThreadedExecutor(context=self._node.context)
+        self._executor.add_node(self._node)
+
+    def _spin(self) -> None:
+        from rclpy.executors import ExternalShutdownException, ShutdownException
+
+        try:
+            self._executor.spin()
+        except (ExternalShutdownException, ShutdownException):
+            return
+
+    def _serve_pause(self, request: Any, response: Any) -> Any:
+        def pause(t: int) -> str:
+            self._is_paused, self._until = bool(request.data), self._graph.t
+            return f"{'paused' if request.data else 'running'} at {self._graph.t / NS:g} s"
+
+        response.success, response.message = self._desk.ask(pause)
+        return response
+
+    def _serve_step(self, request: Any, response: Any) -> Any:
+        def step(t: int) -> str:
+            if not self._is_paused:
+                raise SwathError("expected a paused run: call ~/pause first")
+            length = float(self._node.get_parameter("step_s").value)
+            self._until = self._graph.t + max(1, round(length * NS))
+            self._stands.clear()
+            return ""
+
+        response.success, response.message = self._desk.ask(step)
+        if response.success:
+            self._stands.wait()
+            response.message = f"at {self._graph.t / NS:g} s"
+        return response
+
+    def _serve_reset(self, request: Any, response: Any) -> Any:
+        def restart(t: int) -> str:
+            raise Restart(f"reset at {self._graph.t / NS:g} s")
+
+        response.success, response.message = self._desk.ask(restart)
+        return response

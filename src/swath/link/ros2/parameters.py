@@ -1,0 +1,83 @@
+"""The parameters of the node `/swath`: levels and parameters of every slot, and the obstacles.
+
+ros2 param set /swath combine.speed.speed_kmh 5
+ros2 param set /swath combine.edge.level otsu
+ros2 param set /swath obstacles.pole "{kind: post, x_m: 12, y_m: 3}"
+ros2 param delete /swath obstacles.pole
+"""
+
+from typing import Any
+
+from swath.link.ros2.desk import Desk
+from swath.sim.interventions import Interventions
+
+
+class RunParameters:
+    """Turns what is set on a node into interventions. Runs in the node's thread, but for `join`."""
+
+    def __init__(self, node: Any, desk: Desk) -> None:
+        self._node, self._desk = node, desk
+        self._changes: Interventions | None = None
+        self._shown: set[str] = set()
+        self._is_own = False  # True while what is set is our own doing
+        node.add_on_set_parameters_callback(self._on_set)
+        node.add_post_set_parameters_callback(self._after_set)
+
+    def join(self, changes: Interventions) -> None:
+        """Show how a world stands at its start."""
+        self._is_own, self._changes = True, changes
+        try:
+            self._show()
+        finally:
+            self._is_own = False
+
+    def _on_set(self, parameters: list[Any]) -> Any:
+        from rcl_interfaces.msg import SetParametersResult
+
+        ours = [p for p in parameters if p.name not in ("step_s", "use_sim_time")]
+        if self._is_own or not ours:
+            return SetParametersResult(successful=True)
+        if len(parameters) > 1:
+            return SetParametersResult(successful=False, reason="expected one parameter at a time")
+        name, value = ours[0].name, _plain(ours[0].value)
+
+        def change(t: int) -> str:
+            assert self._changes is not None  # requests are served once a run has begun
+            stands = self._changes.values()
+            if name not in stands or stands[name] != value:
+                self._changes.set(t, name, value)
+            return ""
+
+        successful, reason = self._desk.ask(change)
+        return SetParametersResult(successful=successful, reason=reason)
+
+    def _after_set(self, parameters: list[Any]) -> None:
+        """Another level has other parameters."""
+        if self._is_own or not any(p.name.endswith(".level") for p in parameters):
+            return
+        self._is_own = True
+        try:
+            self._show()
+        finally:
+            self._is_own = False
+
+    def _show(self) -> None:
+        from rcl_interfaces.msg import ParameterDescriptor
+        from rclpy.parameter import Parameter
+
+        assert self._changes is not None
+        values = self._changes.values()
+        for name in self._shown - set(values):
+            if self._node.has_parameter(name):
+                self._node.undeclare_parameter(name)
+        self._shown = set(values)
+        for name, value in values.items():
+            if not self._node.has_parameter(name):
+                self._node.declare_parameter(name, value, ParameterDescriptor(dynamic_typing=True))
+            elif self._node.get_parameter(name).value != value:
+                self._node.set_parameters([Parameter(name, value=value)])
+
+
+def _plain(value: Any) -> Any:
+    """A parameter's value as plain data."""
+    return list(value) if isinstance(value, (list, tuple)) or hasattr(value, "tolist") else value

@@ -1,0 +1,130 @@
+"""Publishes what is recorded: the same topics, frames, times and bytes as run.mcap.
+
+A message whose type is installed goes out as the CDR bytes that are in the file. For types that are not there
+(the wheels have neither tf2_msgs nor ackermann_msgs, nobody has swath_msgs) a standard message steps in:
+
+    tf2_msgs/TFMessage on /tf, /tf_static        geometry_msgs/TransformStamped, one per transform, on
+                                                 /transforms, /transforms_static
+    ackermann_msgs/AckermannDriveStamped         sensor_msgs/JointState: steering angle and its rate
+    swath_msgs/<Class>                           sensor_msgs/JointState: fields by name
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from swath.link.ros2.middleware import has_type, latched_qos, stream_qos, type_of
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
+TRANSFORM_TOPICS = {"/tf": "/transforms", "/tf_static": "/transforms_static"}
+
+Substitute = Callable[[Any, Any], Iterator[Any]]
+Route = Callable[[Any, bytes], None]
+
+
+class Publisher:
+    """A tap of the recording (`McapFile.taps`). node: of rclpy; store: the recording's message types.
+
+    count: messages published so far
+    """
+
+    def __init__(self, node: Any, store: Any) -> None:
+        self._node, self._store = node, store
+        self._routes: dict[str, Route | None] = {}
+        self._publishers: dict[str, Any] = {}
+        self.count = 0
+
+    def __call__(self, topic: str, t: int, message: Any, data: bytes, is_latched: bool) -> None:
+        """Publish one message."""
+        if topic not in self._routes:
+            self._routes[topic] = self._route(topic, message, is_latched)
+        if (route := self._routes[topic]) is not None:
+            route(message, data)
+
+    def close(self) -> None:
+        """Withdraw every topic."""
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+        self._publishers.clear()
+        self._routes.clear()
+
+    def _route(self, topic: str, message: Any, is_latched: bool) -> Route | None:
+        msgtype = message.__msgtype__
+        if has_type(msgtype):
+            publisher = self._publisher(topic, msgtype, is_latched)
+            return lambda _, data: self._send(publisher, data)
+        found = _substitute_of(msgtype, message)
+        if found is None:
+            return None
+        other, make = found
+        publisher = self._publisher(TRANSFORM_TOPICS.get(topic, topic), other, is_latched)
+
+        def send(given: Any, _: bytes) -> None:
+            for made in make(self._store, given):
+                self._send(publisher, bytes(self._store.serialize_cdr(made, other)))
+
+        return send
+
+    def _publisher(self, topic: str, msgtype: str, is_latched: bool) -> Any:
+        if topic not in self._publishers:
+            qos = latched_qos() if is_latched else stream_qos()
+            name = topic.replace("-", "_")
+            self._publishers[topic] = self._node.create_publisher(type_of(msgtype), name, qos)
+        return self._publishers[topic]
+
+    def _send(self, publisher: Any, data: bytes) -> None:
+        publisher.publish(data)
+        self.count += 1
+
+
+def _substitute_of(msgtype: str, message: Any) -> tuple[str, Substitute] | None:
+    if msgtype == "tf2_msgs/msg/TFMessage":
+        return TRANSFORM, lambda store, given: iter(given.transforms)
+    if msgtype == "ackermann_msgs/msg/AckermannDriveStamped":
+        return JOINT_STATE, _steering
+    is_plain = all(_is_number(v) for name, v in vars(message).items() if not _is_frame(name))
+    return (JOINT_STATE, _numbers) if is_plain else None
+
+
+def _steering(store: Any, given: Any) -> Iterator[Any]:
+    drive = given.drive
+    angle, rate = np.array([drive.steering_angle]), np.array([drive.steering_angle_velocity])
+    yield _joint_state(store, given.header, ["steering"], angle, rate)
+
+
+def _numbers(store: Any, given: Any) -> Iterator[Any]:
+    names: list[str] = []
+    values: list[float] = []
+    for name, value in vars(given).items():
+        if _is_frame(name):
+            continue
+        if isinstance(value, np.ndarray):
+            names += [f"{name}.{i}" for i in range(value.size)]
+            values += [float(v) for v in value.ravel()]
+        else:
+            names.append(name)
+            values.append(float(value))
+    yield _joint_state(store, given.header, names, np.array(values))
+
+
+def _joint_state(store: Any, header: Any, names: list[str], position: Any, velocity: Any = None) -> Any:
+    none = np.zeros(0)
+    return store.types[JOINT_STATE](
+        header=header,
+        name=names,
+        position=position,
+        velocity=none if velocity is None else velocity,
+        effort=none,
+    )
+
+
+def _is_frame(name: str) -> bool:
+    return name == "header" or name.startswith("__")
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, np.ndarray):
+        return str(value.dtype) in ("float32", "float64")
+    return isinstance(value, (bool, int, float))

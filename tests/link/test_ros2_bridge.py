@@ -1,0 +1,175 @@
+"""The bridge against processes that are written only with rclpy and standard messages."""
+
+import hashlib
+import json
+import subprocess
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from pyarrow.parquet import read_table
+from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
+
+from swath.job import run_job
+from swath.sim.interventions import read_events
+from swath.sim.scenario import parse_scenario
+
+pytestmark = needs_ros2
+
+TEXT = """
+name: bridged
+seed: 3
+run: {distance_m: 100, max_duration_s: 2}
+field:
+  stand: {level: uniform, stems_per_m2: 300}
+  edge: {shape: straight}
+  obstacles: [{kind: post, x_m: -1.5, y_m: 12}]
+combine:
+  motion: {level: single_track, start_speed_kmh: 7}
+  lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 2.0, rate_hz: 50, echo: all, within: nearest}
+"""
+LISTENED = {
+    "/combine/lidar/scan": "sensor_msgs/LaserScan",
+    "/combine/lidar/scan_points": "sensor_msgs/PointCloud2",
+    "/combine/odometry/odometry": "nav_msgs/Odometry",
+    "/combine/motion/state": "nav_msgs/Odometry",
+}
+
+
+@pytest.fixture
+def bridge():
+    from swath.link.ros2.bridge import Bridge
+
+    made = Bridge(is_paused=True)
+    yield made
+    made.close()
+
+
+def recorded(folder, topic):
+    with (folder / "run.mcap").open("rb") as file:
+        return [(m.log_time, m.data) for _, _, m in make_reader(file).iter_messages(topics=[topic])]
+
+
+def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, bridge, tmp_path):  # noqa: F811
+    report, out = tmp_path / "report.json", tmp_path / "run"
+    pairs = [f"{topic}={kind}" for topic, kind in LISTENED.items()]
+    scenario = parse_scenario(TEXT)
+    with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
+        summary = run_job(scenario, out, report=False, companion=bridge).summary
+        listener.communicate("", timeout=60)
+    found = json.loads(report.read_text())
+    assert found["reply"] == "running at 0 s"
+    for topic, hashes in found["got"].items():
+        sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
+        assert hashes == sent, topic
+        assert len(hashes) == 100, topic
+    assert summary["ros2"]["messages"] > 700
+    clock = [t for t in found["clock"] if t > 0]
+    assert clock == list(range(10_000_000, 2_000_000_001, 10_000_000))
+    assert found["fired_in_pause"] == 0
+    gaps = np.diff(found["fired"]) * 1e-9
+    assert 15 <= len(gaps) <= 20
+    assert np.all((gaps > 0.08) & (gaps < 0.32))
+    alone = run_job(scenario, tmp_path / "alone", report=False).summary
+    assert alone["digest"] == summary["digest"]
+
+
+def padded(data):
+    """CDR bytes as they travel: a multiple of 4 long."""
+    return bytes(data) + bytes(-len(data) % 4)
+
+
+def shortest(data):
+    """The nearest echo of a LaserScan's CDR bytes [m]."""
+    from rclpy.serialization import deserialize_message
+    from sensor_msgs.msg import LaserScan
+
+    return float(np.min(deserialize_message(bytes(data), LaserScan).ranges))
+
+
+def act(bridge, tmp_path, *calls):
+    """The run under these calls; (summary, replies)."""
+    report, out = tmp_path / "replies.json", tmp_path / "run"
+    with node(HERE / "ros2_caller.py", report, json.dumps(calls)) as caller:
+        summary = run_job(parse_scenario(TEXT), out, report=False, companion=bridge).summary
+        assert caller.wait(60) == 0
+    return summary, json.loads(report.read_text())
+
+
+def test_services_act_on_the_run_and_what_they_did_can_be_done_again(domain, bridge, tmp_path):  # noqa: F811
+    wall = "{kind: box, x_m: 0, y_m: 5, length_m: 14, width_m: 1, height_m: 3}"
+    summary, replies = act(
+        bridge,
+        tmp_path,
+        ["step"],
+        ["set", "combine.speed.speed_kmh", 3],
+        ["step"],
+        ["reset"],
+        ["set", "step_s", 0.5],
+        ["step"],
+        ["set", "combine.speed.speed_kmh", 4],
+        ["set", "combine.edge.level", "otsu"],
+        ["set", "obstacles.wall", wall],
+        ["step"],
+        ["set", "obstacles.wall", None],
+        ["set", "obstacles.0", None],
+        ["get", "combine.edge.level"],
+        ["get", "combine.speed.speed_kmh"],
+        ["pause", False],
+    )
+    assert [done for done, *_ in replies[:12]] == [True] * 12
+    assert [text for _, text in (replies[0], replies[2], replies[3], replies[5], replies[9])] == [
+        "at 0.02 s",
+        "at 0.04 s",
+        "reset at 0.04 s",
+        "at 0.5 s",
+        "at 1 s",
+    ]
+    assert replies[12][1] == "otsu"
+    assert [(round(e["t_s"], 3), e["set"], e["value"]) for e in summary["events"]] == [
+        (0.505, "combine.speed.speed_kmh", 4),
+        (0.505, "combine.edge.level", "otsu"),
+        (0.505, "obstacles.wall", wall),
+        (1.005, "obstacles.wall", None),
+        (1.005, "obstacles.0", None),
+    ]
+    tracks = read_table(tmp_path / "run" / "tracks.parquet")
+    times, speeds = tracks["t_s"].to_numpy(), tracks["speed_m_s"].to_numpy()
+    assert times[0] == 0.0
+    assert np.all(np.diff(times) > 0)
+    assert speeds[-1] < 0.8 * speeds[20]
+    nearest = {}
+    for t, data in recorded(tmp_path / "run", "/combine/lidar/scan"):
+        nearest[t * 1e-9] = shortest(data)
+    assert (
+        max(r for t, r in nearest.items() if 0.51 < t <= 1.0)
+        < min(r for t, r in nearest.items() if t > 1.02) - 1.0
+    )
+    again = run_job(
+        parse_scenario(TEXT), tmp_path / "again", report=False, events=read_events(tmp_path / "run")
+    ).summary
+    assert again["digest"] == summary["digest"]
+    assert again["events"] == summary["events"]
+
+
+def test_what_cannot_be_done_is_refused_with_a_reason_and_changes_nothing(domain, bridge, tmp_path):  # noqa: F811
+    summary, replies = act(
+        bridge,
+        tmp_path,
+        ["set", "combine.speed.speed_kmhh", 3],
+        ["set", "combine.edge.level", "sharp"],
+        ["set", "combine.motion.level", "kinematic"],
+        ["set", "combine.lidar.rate_hz", 10],
+        ["set", "obstacles.pole", "{kind: post}"],
+        ["set", "obstacles.pole", None],
+        ["set", "seed", 3],
+        ["pause", False],
+        ["step"],
+    )
+    reasons = [text for done, text in replies[:-2]]
+    assert [done for done, *_ in replies[:-2]] == [False] * 7
+    expected = "speed_kmh'", "one of max_likelihood", "to exchange", "rhythm", "x_m", "there: 0", "slot.level"
+    for reason, words in zip(reasons, expected, strict=True):
+        assert words in reason, reason
+    assert replies[-1] == [False, "expected a paused run: call ~/pause first"]
+    assert "events" not in summary
