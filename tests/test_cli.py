@@ -38,7 +38,7 @@ class Job:
         self.exit_code = 0
         self.error = None
 
-    def run_job(self, scenario, out, progress):
+    def run_job(self, scenario, out, progress, events=(), companion=None):
         self.calls.append((scenario, out, progress))
         if self.error is not None:
             raise self.error

@@ -68,8 +68,9 @@ def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, brid
     assert clock == list(range(10_000_000, 2_000_000_001, 10_000_000))
     assert found["fired_in_pause"] == 0
     gaps = np.diff(found["fired"]) * 1e-9
-    assert 15 <= len(gaps) <= 20
-    assert np.all((gaps > 0.08) & (gaps < 0.32))
+    assert 10 <= len(gaps) <= 20  # in 2 simulated seconds; a slow listener may skip some, never add any
+    assert np.all(gaps > 0.05)
+    assert max(found["fired"]) <= 2_000_000_000
     alone = run_job(scenario, tmp_path / "alone", report=False).summary
     assert alone["digest"] == summary["digest"]
 
