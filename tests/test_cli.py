@@ -177,7 +177,7 @@ def test_interrupt_and_mistakes(job, capsys, monkeypatch):
 
 
 def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
-    def stopped(scenario, out, progress):
+    def stopped(scenario, out, progress, events=(), companion=None):
         out.mkdir(parents=True)
         (out / "summary.json").write_text("{}")
         raise KeyboardInterrupt
