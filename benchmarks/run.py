@@ -8,6 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import cutting
 import drive
+import fmi
 import lidar
 import machine
 import rays
@@ -20,6 +21,7 @@ BENCHMARKS = {
     "machine": machine.main,
     "lidar": lidar.main,
     "replay": replay.main,
+    "fmi": fmi.main,
 }
 
 

@@ -69,7 +69,7 @@ def held_of_b(folder, fmus, *links, steps=5, **more):
         chain(folder, fmus, *links, **more), ["feed"], ["held", "B.held_grain", "A.grain_flow"]
     ).unit
     made.start({})
-    rows = [made.step(0.1 * k, 0.1, [5.0]) for k in range(steps)]
+    rows = [made.run([(0.1 * k, 0.1, [5.0])]) for k in range(steps)]
     made.close()
     return rows
 
@@ -142,7 +142,7 @@ def test_systems_within_systems(tmp_path, fmus):
     )
     made = opened(package(tmp_path, "deep.ssp", text, *fmus), ["feed"], ["Inner.B.held_grain", "out"]).unit
     made.start({})
-    rows = [made.step(0.1 * k, 0.1, [5.0]) for k in range(5)]
+    rows = [made.run([(0.1 * k, 0.1, [5.0])]) for k in range(5)]
     made.close()
     assert [r[0] for r in rows] == pytest.approx([b for _, b, _ in by_hand(5, 3.0)], rel=1e-12)
 
@@ -151,11 +151,11 @@ def test_systems_within_systems(tmp_path, fmus):
 def test_a_state_goes_back(tmp_path, fmus, own):
     made = opened(chain(tmp_path, fmus, PLAIN), ["feed"], ["held", "B.held_grain"], own=own).unit
     made.start({})
-    made.step(0.0, 0.1, [5.0])
+    made.run([(0.0, 0.1, [5.0])])
     state = made.save()
-    ahead = made.step(0.1, 0.1, [3.0])
+    ahead = made.run([(0.1, 0.1, [3.0])])
     made.load(state)
-    assert made.step(0.1, 0.1, [3.0]) == ahead
+    assert made.run([(0.1, 0.1, [3.0])]) == ahead
     made.close()
 
 
@@ -168,7 +168,7 @@ def test_parameters_of_the_whole_reach_its_components(tmp_path, fmus):
         package(tmp_path, "bound.ssp", text, *fmus), ["feed"], ["A.held_grain", "B.held_grain"]
     ).unit
     made.start({"B.loss": 0.5})
-    rows = [made.step(0.1 * k, 0.1, [5.0]) for k in range(5)]
+    rows = [made.run([(0.1 * k, 0.1, [5.0])]) for k in range(5)]
     made.close()
     assert close(rows, [row[:2] for row in by_hand(5)])
 

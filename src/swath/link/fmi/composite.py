@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.link.fmi.description import Description, Variable, read_fmu
-from swath.link.fmi.instance import Numbers
+from swath.link.fmi.instance import Numbers, Steps
 from swath.link.fmi.runner import Runner
 from swath.link.fmi.ssp import SUFFIXES, Node, System, read_system
 from swath.link.fmi.units import Scale
@@ -164,16 +164,20 @@ class Composite:
         prefix = part.path + "."
         return own | {n.removeprefix(prefix): v for n, v in starts.items() if n.startswith(prefix)}
 
-    def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
-        """Every component in order from t to t + h [s]."""
+    def run(self, steps: Steps) -> list[float]:
+        """Every component in order, for one step after the other; the outputs after the last."""
+        for t, h, inputs in steps:
+            self._step(t, h, inputs)
+        return self._outputs()
+
+    def _step(self, t: float, h: float, inputs: Numbers) -> None:
         self._outside[:] = inputs
         for part in self._parts:
             for into, given, place, change in part.links:
                 part.numbers[into] = [
                     change.ours(x) for x in (self._outside if given is None else given)[place]
                 ]
-            part.given[:] = part.runner.step(t, h, part.numbers)
-        return self._outputs()
+            part.given[:] = part.runner.run([(t, h, part.numbers)])
 
     def save(self) -> Any:
         """State of every component."""

@@ -53,7 +53,7 @@ class Feed:
                 if overlap > 0:
                     total += self._readers[k](sample) * (overlap / (end - start))
             self._put(k, total * NS / (b - a) if into.mode == "rate" else total)
-        return self._numbers
+        return list(self._numbers)
 
     def save(self) -> list[float]:
         """The values held."""

@@ -19,6 +19,7 @@ from swath.link.fmi.description import Description, Variable, need_library
 from swath.link.fmi.errors import FmuError
 
 Numbers = Sequence[float]
+Steps = Sequence[tuple[float, float, Numbers]]  # t, length [s], inputs
 
 
 class Unit(Protocol):
@@ -30,7 +31,7 @@ class Unit(Protocol):
     @property
     def notes(self) -> list[str]: ...
     def start(self, starts: Mapping[str, Any]) -> list[float]: ...
-    def step(self, t: float, h: float, inputs: Numbers) -> list[float]: ...
+    def run(self, steps: Steps) -> list[float]: ...
     def save(self) -> Any: ...
     def load(self, state: Any) -> None: ...
     def close(self) -> None: ...
@@ -94,8 +95,13 @@ class Instance(ABC):
 
     def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
         """Set the inputs, go from t to t + h [s], get the outputs."""
+        return self.run([(t, h, inputs)])
+
+    def run(self, steps: Steps) -> list[float]:
+        """One step after the other; the outputs after the last."""
         try:
-            self._advance(t, h, inputs)
+            for t, h, inputs in steps:
+                self._advance(t, h, inputs)
         except FmuError:
             self.is_running = False
             raise

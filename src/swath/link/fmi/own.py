@@ -15,7 +15,7 @@ from typing import Any
 import swath
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.errors import FmuError
-from swath.link.fmi.instance import Numbers
+from swath.link.fmi.instance import Numbers, Steps
 
 START_TIMEOUT_S = 60.0  # of loading Python and the FMU, on a busy machine
 CLOSE_TIMEOUT_S = 2.0
@@ -47,7 +47,11 @@ class OwnProcess:
 
     def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
         """From t to t + h [s]."""
-        found: list[float] = self._ask("step", (t, h, inputs), doing="its step")
+        return self.run([(t, h, inputs)])
+
+    def run(self, steps: Steps) -> list[float]:
+        """One step after the other; the outputs after the last."""
+        found: list[float] = self._ask("run", steps, doing="its step")
         return found
 
     def save(self) -> Any:

@@ -67,13 +67,12 @@ class FmuPart:
 
     def _run(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         self._feed.take(t, dt, inputs)
-        numbers: list[float] = []
-        at, end = t, t + dt
+        steps, at, end = [], t, t + dt
         while at < end:
             to = min(at + self._step_ns, end)
-            numbers = self._unit.step(at / NS, (to - at) / NS, self._feed.numbers(at, to))
+            steps.append((at / NS, (to - at) / NS, self._feed.numbers(at, to)))
             at = to
-        return self._samples.build(end, numbers)
+        return self._samples.build(end, self._unit.run(steps))
 
     def _guarded(self, t: int | None, what: Any) -> Any:
         try:

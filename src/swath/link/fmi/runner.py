@@ -5,7 +5,7 @@ from typing import Any
 
 from swath.link.fmi.description import Description, Variable, need_library
 from swath.link.fmi.errors import FmuError
-from swath.link.fmi.instance import Instance, Numbers, make_instance
+from swath.link.fmi.instance import Instance, Steps, make_instance
 from swath.link.fmi.own import OwnProcess
 
 _LIVE: dict[str, int] = {}  # instances in this process of FMUs that allow only one, by their token
@@ -42,9 +42,9 @@ class Runner:
             self._unit = self._make()
         return self._unit.start(starts)
 
-    def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
-        """Outputs at t + h [s]."""
-        return self._started().step(t, h, inputs)
+    def run(self, steps: Steps) -> list[float]:
+        """One step after the other; the outputs after the last."""
+        return self._started().run(steps)
 
     def save(self) -> Any:
         """The state."""

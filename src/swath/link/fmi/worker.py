@@ -38,8 +38,8 @@ def serve(pipe: Connection) -> None:
 
 
 def _answer(instance: Instance, verb: str, what: Any) -> Any:
-    if verb == "step":
-        return instance.step(*what)
+    if verb == "run":
+        return instance.run(what)
     if verb == "start":
         return instance.start(what)
     if verb == "save":
