@@ -8,10 +8,23 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from swath import __version__
-from swath.commands import calibrate, compare, field, fmu, lab, levels, replay, run, scan, scenarios, schema
+from swath.commands import (
+    calibrate,
+    can,
+    compare,
+    field,
+    fmu,
+    lab,
+    levels,
+    replay,
+    run,
+    scan,
+    scenarios,
+    schema,
+)
 from swath.core.errors import SwathError
 
-COMMANDS = (run, scenarios, levels, field, lab, replay, calibrate, compare, scan, fmu, schema)
+COMMANDS = (run, scenarios, levels, field, lab, replay, calibrate, compare, scan, fmu, can, schema)
 BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 EXAMPLES = """\

@@ -275,7 +275,10 @@ def _drive_to_scan(scenario: Scenario, at_s: float) -> tuple[World, ScanKeeper]:
     referee = Referee(world.field, leader.recorded(), overlap=leader.overlap)
     keeper = ScanKeeper(leader.recorded(), referee)
     period_s = 1.0 / scenario.machines[leader.name].slots["lidar"].common.rate_hz
-    drive(world, [referee, keeper], until_s=max(at_s, 2.0 * period_s))
+    try:
+        drive(world, [referee, keeper], until_s=max(at_s, 2.0 * period_s))
+    finally:
+        world.close()
     return world, keeper
 
 

@@ -1,0 +1,141 @@
+"""One node on a CAN bus: sends and receives messages by name, under an address of its own."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.link.can import j1939
+from swath.link.can.codec import Codec, Values
+
+Option = str | int | float | bool
+CLAIM = "AddressClaimed"
+
+
+@dataclass(frozen=True)
+class Where:
+    """Which bus, in the words of python-can. options: further keys of its interface, e.g. bitrate, port."""
+
+    interface: str
+    channel: str
+    options: Mapping[str, Option] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.interface} {self.channel}"
+
+
+@dataclass(frozen=True)
+class Message:
+    """A received message. name: as in the DBC, or `AddressClaimed` with only `device_class`."""
+
+    name: str
+    values: Values
+    source: int
+    destination: int
+
+
+class Node:
+    """A control function with a fixed address. Its own frames, which some interfaces echo, are left out."""
+
+    def __init__(self, where: Where, address: int, *, device_class: int) -> None:
+        self.where, self.address = where, address
+        self._name = j1939.name(device_class=device_class, identity=address)
+        self._codec = Codec()
+        self._bus = open_bus(where)
+
+    def send(self, name: str, values: Mapping[str, float | None]) -> None:
+        """Send a message to everybody."""
+        pgn, priority = self._codec.header(name)
+        self._put(j1939.Header(pgn, priority, self.address), self._codec.encode(name, values))
+
+    def claim(self) -> None:
+        """Tell everybody whose this address is. Nobody is given way to: addresses here are fixed."""
+        self._put(j1939.Header(j1939.ADDRESS_CLAIMED, 6, self.address), self._name)
+
+    def ask_who_is_there(self) -> None:
+        """Ask everybody for their address claims."""
+        self._put(j1939.Header(j1939.REQUEST, 6, self.address), j1939.ADDRESS_CLAIMED.to_bytes(3, "little"))
+
+    def receive(self, timeout: float = 0.0) -> Message | None:
+        """The next message for us, None when there is none within `timeout` [s].
+
+        Requests for the address claim are answered on the way.
+        """
+        until = time.monotonic() + timeout
+        while True:
+            frame = self._get(max(0.0, until - time.monotonic()))
+            if frame is None:
+                return None
+            message = self._read(frame)
+            if message is not None:
+                return message
+
+    def close(self) -> None:
+        """Leave the bus. Calling it again does nothing."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.shutdown()
+
+    def _read(self, frame: Any) -> Message | None:
+        header, data = j1939.parse(frame.arbitration_id), bytes(frame.data)
+        is_other = frame.is_extended_id and not frame.is_error_frame and header.source != self.address
+        if not is_other or header.destination not in (self.address, j1939.GLOBAL):
+            return None
+        if header.pgn == j1939.REQUEST and int.from_bytes(data[:3], "little") == j1939.ADDRESS_CLAIMED:
+            self.claim()
+            return None
+        if header.pgn == j1939.ADDRESS_CLAIMED and len(data) == 8:
+            values: Values = {"device_class": float(j1939.device_class(data))}
+            return Message(CLAIM, values, header.source, header.destination)
+        decoded = self._codec.decode(header.pgn, data)
+        return None if decoded is None else Message(*decoded, header.source, header.destination)
+
+    def _put(self, header: j1939.Header, data: bytes) -> None:
+        import can
+
+        frame = can.Message(arbitration_id=header.identifier, data=data, is_extended_id=True)
+        try:
+            self._open().send(frame)
+        except (can.CanError, OSError) as error:
+            raise SwathError(f"CAN bus {self.where}: could not send: {error}") from error
+
+    def _get(self, timeout: float) -> Any:
+        import can
+
+        try:
+            return self._open().recv(timeout)
+        except (can.CanError, OSError) as error:
+            raise SwathError(f"CAN bus {self.where}: could not receive: {error}") from error
+
+    def _open(self) -> Any:
+        if self._bus is None:
+            raise SwathError(f"CAN bus {self.where}: it is closed")
+        return self._bus
+
+
+def check_bus(where: Where) -> None:
+    """InputError when python-can has no such interface, MissingExtra when it is not there."""
+    try:
+        import can
+        import cantools  # noqa: F401
+    except ImportError:
+        raise MissingExtra("can", "a CAN bus") from None
+    names = sorted(can.VALID_INTERFACES)
+    if where.interface not in names:
+        raise InputError("interface", where.interface, f"expected one of {', '.join(names)}")
+
+
+def open_bus(where: Where) -> Any:
+    """The python-can bus. SwathError with the reason when it cannot be had."""
+    check_bus(where)
+    import can
+
+    options = dict(where.options)
+    if where.interface == "udp_multicast":
+        options.setdefault("fd", False)
+    try:
+        keys: dict[str, Any] = {"interface": where.interface, "channel": where.channel, **options}
+        return can.Bus(**keys)
+    except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+        raise SwathError(f"CAN bus {where}: could not be opened: {error}") from error

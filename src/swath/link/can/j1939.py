@@ -1,0 +1,58 @@
+"""Identifiers and names of J1939, on which ISO 11783 is built.
+
+A 29-bit identifier (ISO 11783-3, SAE J1939-21): 3 bits priority, 18 bits that hold the parameter group number
+(PGN), 8 bits source address. A PDU format below 240 makes a message for one destination, whose address then
+stands in the low byte of those 18 bits and is no part of the PGN.
+"""
+
+from dataclasses import dataclass
+
+GLOBAL = 255  # destination: everybody
+REQUEST = 0xEA00  # ask for a parameter group, 3 bytes: its PGN
+ADDRESS_CLAIMED = 0xEE00  # ISO 11783-5: whose address the source is, 8 bytes: its NAME
+TRACTOR_ECU = 240  # preferred addresses, ISO 11783-1
+NAVIGATION = 28
+HARVESTER = 7  # device classes, ISO 11783-1
+NO_CLASS = 0
+
+
+@dataclass(frozen=True)
+class Header:
+    """What an identifier says."""
+
+    pgn: int
+    priority: int
+    source: int
+    destination: int = GLOBAL
+
+    @property
+    def identifier(self) -> int:
+        """The 29 bits."""
+        low = self.destination if _is_addressed(self.pgn) else 0
+        return self.priority << 26 | (self.pgn | low) << 8 | self.source
+
+
+def parse(identifier: int) -> Header:
+    """The header of a 29-bit identifier."""
+    pgn, source = identifier >> 8 & 0x3FFFF, identifier & 0xFF
+    if _is_addressed(pgn):
+        return Header(pgn & 0x3FF00, identifier >> 26 & 7, source, pgn & 0xFF)
+    return Header(pgn, identifier >> 26 & 7, source)
+
+
+def name(*, device_class: int, identity: int) -> bytes:
+    """NAME of a control function (ISO 11783-5): agriculture, function not available, address not negotiable.
+
+    The manufacturer code is 0: a real one is given out by SAE.
+    """
+    number = identity & 0x1FFFFF | 255 << 40 | device_class << 49 | 2 << 60
+    return number.to_bytes(8, "little")
+
+
+def device_class(name_bytes: bytes) -> int:
+    """Device class in a NAME."""
+    return int.from_bytes(name_bytes, "little") >> 49 & 0x7F
+
+
+def _is_addressed(pgn: int) -> bool:
+    return pgn >> 8 & 0xFF < 240

@@ -1,0 +1,50 @@
+"""The box that goes with a scenario: which law, for which machine, on which bus."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.setup import ControlSetup
+from swath.link.can import j1939
+from swath.link.can.box import make_law
+from swath.link.can.bus import Where
+from swath.link.levels.can import Params
+from swath.machine.card import load_machine
+from swath.sim.check import adapter_of
+from swath.sim.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class BoxPlan:
+    """law: the component; address: of the box; period: of a cycle [ns]; wheelbase [m]"""
+
+    law: Any
+    where: Where
+    address: int
+    period: int
+    wheelbase: float
+
+
+def plan_box(scenario: Scenario) -> BoxPlan:
+    """The box of a scenario's first machine.
+
+    Its slot `steer` is either of level `can`, which says bus and law, or a law itself, which then runs every
+    100 ms on the default bus. The box knows the machine's data sheet; where a sensor sits it is not told.
+    InputError where there is no such law.
+    """
+    section = next(iter(scenario.machines.values()))
+    steer = section.slots.get("steer")
+    if steer is None:
+        raise InputError(f"{section.name}.steer", "off", "expected a steering law for the box to run")
+    card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
+    knife = Pose.from_euler((card.knife_x, 0.0, 2.0))
+    params = steer.params if isinstance(steer.params, Params) else Params()
+    setup = ControlSetup(card, knife, section.common.edge_side, params.period * 1e-9)
+    if isinstance(steer.params, Params):
+        law = make_law(params.law, params.all_law_keys(), setup, period=params.period)
+    else:
+        keys = adapter_of(steer.params.__class__).dump_python((steer.params,), mode="json")[0]
+        law = make_law(steer.level, keys, setup, period=params.period)
+    address = params.box_address or j1939.NAVIGATION
+    return BoxPlan(law, params.where, address, params.period, card.wheelbase)
