@@ -17,6 +17,7 @@ class Feed:
     """Holds the newest values, and spreads amounts over the sub-steps in which they arose.
 
     A sample of amounts covers the time (t - dt, t]. What lies before the step of the FMU counts at its start.
+    silent: ports of which nothing came
     """
 
     def __init__(self, inputs: Sequence[Into], starts: Sequence[float]) -> None:
@@ -31,11 +32,14 @@ class Feed:
         """Start values, nothing fed."""
         self._numbers = list(self._starts)
         self._samples: dict[str, list[tuple[int, int, Signal]]] = {}
+        self.silent: list[str] = []
 
     def take(self, t: int, dt: int, inputs: Inputs) -> None:
         """The inputs of a step from t to t + dt [ns]."""
         for k, into in enumerate(self._inputs):
             sample = inputs.get(into.port) if into.mode == "last" else None
+            if into.mode == "last" and sample is None and into.port not in self.silent:
+                self.silent.append(into.port)
             if isinstance(sample, tuple):
                 sample = sample[-1] if sample else None
             if sample is not None:

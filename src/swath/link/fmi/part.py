@@ -36,7 +36,9 @@ class FmuPart:
     @property
     def notes(self) -> list[str]:
         """What the user should know about the run."""
-        return [f"{self._slot}: {self._file}: {note}" for note in (*self._notes, *self._unit.notes)]
+        silent = [f"nothing comes from {port}, its slot is off or silent" for port in self._feed.silent]
+        told = (*self._notes, *self._unit.notes, *silent)
+        return [f"{self._slot}: {self._file}: {note}" for note in told]
 
     def reset(self, stream: Stream) -> Outputs:
         """The FMU initialised with its start values; its outputs at t = 0."""
