@@ -2,6 +2,7 @@
 
 import logging
 import struct
+import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -396,3 +397,9 @@ def test_bad_keys_are_refused(keys, slot, said):
 def test_a_bus_that_cannot_be_opened_says_why():
     with pytest.raises(SwathError, match=r"CAN bus socketcan nowhere0: could not be opened: "):
         open_bus(Where("socketcan", "nowhere0"))
+
+
+def test_without_the_extra_the_level_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "can", None)
+    with pytest.raises(SwathError, match=r"pip install 'swath\[can\]'"):
+        CanSteering(Params(), setup())

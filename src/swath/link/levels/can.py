@@ -11,6 +11,7 @@ steering.
 
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
@@ -168,11 +169,10 @@ class CanSteering:
         """Switch the machine off and leave the bus. Calling it again does nothing."""
         node, self._node = self._node, None
         if node is not None:
-            try:
-                off = guidance.speed_values("Wheel", 0.0, self._distance)
+            off = guidance.speed_values("Wheel", 0.0, self._distance)
+            with suppress(SwathError):  # a bus that is gone needs no farewell
                 node.send(guidance.WHEEL, {**off, "KeySwitch": 0})
-            finally:
-                node.close()
+            node.close()
         box, self._box_node = self._box_node, None
         if box is not None:
             box.close()
