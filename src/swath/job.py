@@ -224,7 +224,8 @@ def scan_job(
 
 
 def converge_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> tuple[list[dict[str, Any]], str]:
-    """How the heights of a scan settle with the number of sub-rays, here and with the next seed.
+    """How the heights of a scan settle with the number of sub-rays, here, with the next seed, and with plants
+    of the other detail.
 
     Writes scan.converge.png and scan.converge.csv into `out`; returns the rows of the table and a sentence.
     """
@@ -233,9 +234,25 @@ def converge_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> tuple[l
 
     runs = [_settling(dataclasses.replace(scenario, seed=scenario.seed + k), at_s) for k in range(2)]
     verdict = judge(*runs)
+    other = _other_detail(scenario)
+    if other is not None:
+        runs.append(_settling(other, at_s))
     out.mkdir(parents=True, exist_ok=True)
     write_converge(out, runs, verdict)
     return table(runs), sentence(verdict, runs)
+
+
+def _other_detail(scenario: Scenario) -> Scenario | None:
+    """The scenario with `reduced` plants, or with full ones when it has those; None where a stand has no
+    such choice.
+    """
+    stand = scenario.field.stand
+    detail = None if stand is None else getattr(stand.params, "detail", None)
+    if stand is None or detail is None:
+        return None
+    params = dataclasses.replace(stand.params, detail="full" if detail == "reduced" else "reduced")
+    changed = dataclasses.replace(scenario.field, stand=dataclasses.replace(stand, params=params))
+    return dataclasses.replace(scenario, field=changed)
 
 
 def _settling(scenario: Scenario, at_s: float) -> Settling:
@@ -263,7 +280,8 @@ def _settling(scenario: Scenario, at_s: float) -> Settling:
     state = world.graph.latest(f"{leader.name}.motion", "state")
     assert isinstance(state, MachineState)
     pose = state.pose @ lidar.mounting
-    return settle(look, world.field, pose, seed=scenario.seed, beams=len(lidar.azimuth))
+    detail = getattr(world.field.stand, "detail", "full")
+    return settle(look, world.field, pose, seed=scenario.seed, beams=len(lidar.azimuth), detail=detail)
 
 
 def _drive_to_scan(scenario: Scenario, at_s: float) -> tuple[World, ScanKeeper]:

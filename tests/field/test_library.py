@@ -101,6 +101,25 @@ def test_reproducible_and_seeded():
 
 
 @pytest.mark.parametrize(
+    ("name", "share"), [("wheat", 0.75), ("barley", 0.85), ("maize", 1.0), ("rape", 1.0)]
+)
+def test_reduced_plants_are_the_same_ones_of_fewer_primitives(name, share):
+    """Feet, heights and masses to the bit; stems and ears too; leaves keep their area."""
+    crop = load_crop(name)
+    full, less = (
+        make_library(
+            crop, density_max=40, row_spacing=0.125, seed=Stream(1, "test"), tile_count=2, detail=detail
+        )
+        for detail in ("full", "reduced")
+    )
+    for kept in ("stem_xy", "stem_rank", "stem_height", "grain_kg", "straw_kg"):
+        assert getattr(full, kept).tobytes() == getattr(less, kept).tobytes()
+    assert len(less.owner) / len(full.owner) == pytest.approx(share, abs=0.04)
+    rest = [lib.a[lib.organ != Organ.LEAF] for lib in (full, less)]
+    assert sorted(rest[0].tolist()) == sorted(rest[1].tolist())
+
+
+@pytest.mark.parametrize(
     ("density", "spacing"), [(-5.0, 0.1), (0.0, 0.1), (float("nan"), 0.1), (100.0, -1.0)]
 )
 def test_bad_stands_are_refused(density, spacing):

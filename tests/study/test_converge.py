@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.study.converge import COUNTS, Settling, judge, settle, table
+from swath.study.converge import COUNTS, Settling, judge, settle, table, wasserstein
 
 
 def settling(seed, means, sd=0.05, beams=2000):
@@ -30,6 +30,19 @@ def test_change_is_that_of_single_beams():
     rows = table([run])
     assert [row["beams"] for row in rows] == [2] * 5
     assert rows[0]["ground_share"] == 1.0
+
+
+def test_the_distance_of_histograms_is_scipy_s():
+    stats = pytest.importorskip("scipy.stats", reason="scipy is not installed")
+    rng = np.random.default_rng(1)
+    a, b = rng.normal(0.8, 0.05, 300), rng.normal(0.82, 0.08, 211)
+    assert wasserstein(a, b) == pytest.approx(stats.wasserstein_distance(a, b), rel=1e-12)
+    assert wasserstein(a, a + 0.003) == pytest.approx(0.003)
+    assert wasserstein(np.r_[a, np.nan], a) == 0.0
+    assert np.isnan(wasserstein(a, np.full(3, np.nan)))
+    one, other = settling(1, [0.7, 0.8, 0.8, 0.8, 0.8]), settling(2, [0.7, 0.8, 0.8, 0.8, 0.81])
+    assert other.away(one)[-1] == pytest.approx(judge(one, other).seeds_m)
+    assert judge(one, other).seeds_m == pytest.approx(0.01, abs=0.002)
 
 
 def test_sweeps_go_ahead_and_only_the_crop_counts():

@@ -116,14 +116,22 @@ def test_several_echoes_reach_the_files_of_a_scan(tmp_path):
 
 def test_heights_settle_with_the_number_of_sub_rays(tmp_path):
     rows, sentence = converge_job(small(), tmp_path / "scan")
-    assert [(r["seed"], r["sub_rays"]) for r in rows] == [(s, n) for s in (3, 4) for n in (1, 7, 19, 37, 61)]
+    runs = [(3, "full"), (4, "full"), (3, "reduced")]
+    counts = (1, 7, 19, 37, 61)
+    assert [(r["seed"], r["detail"], r["sub_rays"]) for r in rows] == [
+        (*run, n) for run in runs for n in counts
+    ]
     assert {f.name for f in (tmp_path / "scan").iterdir()} == {"scan.converge.png", "scan.converge.csv"}
-    for seed in (3, 4):
-        own = [r for r in rows if r["seed"] == seed]
+    for run in runs:
+        own = [r for r in rows if (r["seed"], r["detail"]) == run]
         change = [r["change_rms_m"] for r in own]
         assert change[0] > change[1] > change[2] > change[-1] == 0.0
         assert abs(own[2]["mean_m"] - own[-1]["mean_m"]) < 0.01
     assert "sub-rays" in sentence
+    assert "detail `reduced` move the heights by W1" in sentence
+    at_most = {(r["seed"], r["detail"]): r["w1_mm"] for r in rows if r["sub_rays"] == 61}
+    assert at_most[3, "full"] == 0.0
+    assert 0.0 < at_most[3, "reduced"] < 0.5 * at_most[4, "full"]
 
 
 def test_scan_writes_a_picture_and_files(tmp_path):

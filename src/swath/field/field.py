@@ -290,6 +290,7 @@ def make_field(
             row_spacing=stand.row_spacing,
             seed=stream.child("library"),
             weeds=None if stand.weeds is None else weed_crop(stand.weeds),
+            detail=getattr(stand, "detail", "full"),
         )
     return Field(
         terrain,

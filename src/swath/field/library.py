@@ -10,8 +10,9 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
 from swath.field.layout import Organ, PlantLibrary, Shape
-from swath.field.plants import Plants, make_plants
+from swath.field.plants import Plants, leaf_parts_of, make_plants
 from swath.field.plants.parts import joined
+from swath.field.setup import Detail
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,6 +37,7 @@ def make_library(
     ears: bool = True,
     upright: bool = False,
     weeds: Crop | None = None,
+    detail: Detail = "full",
 ) -> PlantLibrary:
     """Draw `tile_count` prototypes and index them.
 
@@ -45,7 +47,7 @@ def make_library(
     holds few, to be a whole number; row_spacing [m], 0 = stems anywhere, even and independent (Poisson but
     for the exact count per tile). The tile's side is the whole number of rows nearest to 1 m, two rows at
     least. leaves, ears, upright: see `plants.make_plants`. weeds: a second stand of its own density, of rank
-    0, so that it is there wherever anything stands.
+    0, so that it is there wherever anything stands. detail: `reduced` = the same plants of fewer primitives
     """
     if not density_max > 0.0:
         raise InputError("density_max", density_max, "expected > 0 stems/m2")
@@ -62,7 +64,8 @@ def make_library(
     xy = _places(crop, tile_count, per_tile, size, row_spacing, rng)
     order = np.argsort(rng.random((tile_count, per_tile)), axis=1)
     rank = ((order + rng.random((tile_count, 1))) / per_tile).ravel()
-    plants = make_plants(crop, count, rng, leaves=leaves, ears=ears, upright=upright)
+    leaf_parts = leaf_parts_of(crop, detail)
+    plants = make_plants(crop, count, rng, leaves=leaves, ears=ears, upright=upright, leaf_parts=leaf_parts)
     tile = np.repeat(np.arange(tile_count), per_tile)
     if weeds is not None:
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)

@@ -9,7 +9,7 @@ directions are counter-clockwise from east.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from swath.field.crop import load_crop
 from swath.field.weeds import Weeds
 
 Array = NDArray[np.float64]
+Detail = Literal["full", "reduced"]  # of the plants that rays meet
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Stand(Protocol):
 
     crop: name of the crop; density_max [stems/m2]: nowhere exceeded; row_spacing [m], 0 = no rows;
     row_heading [rad]: direction of the rows in the world, counter-clockwise from east; weeds: under the crop
-    It may have a `wind` too (`field/wind.py`).
+    It may have a `wind` (`field/wind.py`) and a `detail` too.
     """
 
     crop: str

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swath.field.layout import Solids
 from swath.field.solids import solid_count
+from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp
 from swath.rays.engine import Castable, Hits, RayCaster
 from swath.rays.spread import SpreadTable, double_log
@@ -63,6 +64,7 @@ class BodyCaster(RayCaster):
         """Hits of beams within range_max [m].
 
         origins [m], directions (unit): (n, 3), world; scores: (n,) standard normal numbers, low = high up
+        Raises as `RayCaster.cast`.
         """
         o = np.asarray(origins, dtype=np.float64).reshape(-1, 3)
         d = np.asarray(directions, dtype=np.float64).reshape(-1, 3)
@@ -71,6 +73,8 @@ class BodyCaster(RayCaster):
             raise ValueError(f"origins {o.shape}, directions {d.shape}, scores {z.shape}: expected one each")
         if not math.isfinite(o.sum() + d.sum() + z.sum()):  # one bad number spoils the sum
             raise ValueError("expected finite origins, directions and scores")
+        check_range(range_max)
+        check_origins(self.field, o)
         wp = start_warp()
         if self._desk is None or len(self._desk.out) != len(o):
             self._desk = _Desk(wp, self, len(o))

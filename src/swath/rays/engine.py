@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swath.field.layout import Pages, PlantLibrary, Shape, Solids
 from swath.field.wind import GUST_SHARE, Sway
+from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import make_things
 
@@ -86,16 +87,19 @@ class RayCaster:
 
         origins [m], directions (unit): (n, 3), world frame. A ray that starts inside an organ or a solid does
         not see it; a ray that leaves the known pages sees only solids. Raises ValueError on rays that are
-        not finite or not of unit length.
+        not finite or not of unit length; InputError on a range that is not > 0 and on rays that start under
+        the ground or where no page is in memory.
         """
         o = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
         d = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
         if o.shape != d.shape:
             raise ValueError(f"origins {o.shape} and directions {d.shape}: expected the same shape")
-        if not (np.isfinite(o).all() and np.isfinite(d).all() and np.isfinite(range_max)):
-            raise ValueError("expected finite origins, directions and range_max")
+        check_range(range_max)
+        if not (np.isfinite(o).all() and np.isfinite(d).all()):
+            raise ValueError("expected finite origins and directions")
         if len(d) and np.abs(np.einsum("ij,ij->i", d, d) - 1.0).max() > 1e-3:
             raise ValueError("expected unit directions")
+        check_origins(self.field, o)
         n = len(o)
         hits = Hits(
             np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)

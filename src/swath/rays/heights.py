@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import Solids
+from swath.rays.checks import check_range
 from swath.rays.device import start_warp
 from swath.rays.geometry import make_things
 from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid, lattice_height
@@ -63,6 +64,7 @@ class HeightCaster:
         the measured heights is still below it, or < 0: drawn by a hash of the seed and the cell of side
         `grain` [m] in which the ray would end on the ground.
         """
+        check_range(range_max)
         wp = start_warp()
         from swath.rays.kernel.heights import cast_heights
 

@@ -3,12 +3,15 @@
 import csv
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from swath.core.signals import F64
 from swath.study.converge import GROUND_M, Settling, Verdict, table
 from swath.view import plots
 
+COLOURS = (plots.BLUE, plots.ORANGE, plots.GREEN)
 PANELS = (
     ("mean_m", "mean height [m]"),
     ("sd_m", "standard deviation [m]"),
@@ -33,45 +36,72 @@ def _picture(path: Path, runs: Sequence[Settling], verdict: Verdict) -> Path:
     import matplotlib
 
     with matplotlib.rc_context(plots.STYLE):
-        fig = plots.figure(11.0, 6.2)
-        axes = fig.subplots(2, 3).ravel()
-        colours = (plots.BLUE, plots.ORANGE, plots.GREEN)
+        fig = plots.figure(14.0, 6.2)
+        axes = fig.subplots(2, 4).ravel()
         counts = runs[0].counts
         for ax, (name, label) in zip(axes, PANELS, strict=False):
-            for run, colour in zip(runs, colours, strict=False):
-                ax.plot(counts, run.statistics()[name], "o-", color=colour, label=f"seed {run.seed}", ms=4)
-            last = [run.statistics()[name][-1] for run in runs]
+            _lines(ax, [(run, run.statistics()[name]) for run in runs], label)
+            last = [run.statistics()[name][-1] for run in runs[:2]]
             ax.axhspan(min(last), max(last), color=plots.FAINT, zorder=0)
-            ax.set_title(label, loc="left", fontsize=9.5)
-        for run, colour in zip(runs, colours, strict=False):
-            axes[4].plot(counts[:-1], run.change()[:-1], "o-", color=colour, ms=4)
-        axes[4].set_title(f"rms change of single beams to {counts[-1]} [m]", loc="left", fontsize=9.5)
         axes[3].set_ylim(0.0, max(0.02, axes[3].get_ylim()[1]))
-        axes[4].set_ylim(bottom=0.0)
-        for ax in axes[:5]:
-            ax.set_xscale("log")
-            ax.set_xticks(counts, [str(n) for n in counts])
-            ax.minorticks_off()
-            ax.set_xlabel("sub-rays per beam")
-        for k, shade in zip(range(len(counts)), np.linspace(0.75, 0.0, len(counts)), strict=True):
-            heights = np.sort(runs[0].heights[k][np.isfinite(runs[0].heights[k])])
-            part = (np.arange(len(heights)) + 0.5) / max(len(heights), 1)
-            axes[5].plot(heights, part, color=str(shade), lw=1.4, label=str(counts[k]))
-        axes[5].set_title(f"share of beams below a height, seed {runs[0].seed}", loc="left", fontsize=9.5)
-        axes[5].set_xlabel("height of the echo [m]")
-        axes[5].legend(title="sub-rays", loc="upper left")
         axes[0].legend(loc="best")
-        fig.suptitle(sentence(verdict, runs), x=0.01, ha="left", fontsize=10.5)
+        changes = [(run, np.r_[run.change()[:-1], np.nan]) for run in runs]
+        _lines(axes[4], changes, f"rms change of single beams to {counts[-1]} [m]")
+        away = [(run, 1e3 * run.away(runs[0])) for run in runs]
+        _lines(axes[5], away, f"W1 of heights from seed {runs[0].seed} with {counts[-1]} [mm]")
+        axes[5].axhspan(0.0, 1e3 * verdict.seeds_m, color=plots.FAINT, zorder=0)
+        for ax in axes[4:6]:
+            ax.set_ylim(bottom=0.0)
+        for k, shade in zip(range(len(counts)), np.linspace(0.75, 0.0, len(counts)), strict=True):
+            _distribution(axes[6], runs[0].heights[k], str(shade), str(counts[k]))
+        axes[6].set_title(f"share of beams below a height, seed {runs[0].seed}", loc="left", fontsize=9.5)
+        axes[6].legend(title="sub-rays", loc="upper left")
+        for run, colour in zip(runs, COLOURS, strict=False):
+            _distribution(axes[7], run.heights[-1], colour, _label(run))
+        axes[7].set_title(f"the same with {counts[-1]} sub-rays", loc="left", fontsize=9.5)
+        said = sentence(verdict, runs).replace(". ", ".\n")
+        fig.suptitle(said, x=0.01, ha="left", fontsize=10.5)
         fig.savefig(path, dpi=120, metadata={"Software": None})
     return path
+
+
+def _lines(ax: Any, curves: list[tuple[Settling, F64]], title: str) -> None:
+    """A curve per run over the number of sub-rays."""
+    for (run, values), colour in zip(curves, COLOURS, strict=False):
+        ax.plot(run.counts, values, "o-", color=colour, label=_label(run), ms=4)
+    ax.set_title(title, loc="left", fontsize=9.5)
+    ax.set_xscale("log")
+    ax.set_xticks(curves[0][0].counts, [str(n) for n in curves[0][0].counts])
+    ax.minorticks_off()
+    ax.set_xlabel("sub-rays per beam")
+
+
+def _distribution(ax: Any, heights: F64, colour: str, label: str) -> None:
+    heights = np.sort(heights[np.isfinite(heights)])
+    part = (np.arange(len(heights)) + 0.5) / max(len(heights), 1)
+    ax.plot(heights, part, color=colour, lw=1.4, label=label)
+    ax.set_xlabel("height of the echo [m]")
+
+
+def _label(run: Settling) -> str:
+    return f"seed {run.seed}" if run.detail == "full" else f"seed {run.seed}, {run.detail}"
 
 
 def sentence(verdict: Verdict, runs: Sequence[Settling]) -> str:
     """What came out, in words."""
     most = runs[0].counts[-1]
     if verdict.enough is None:
-        return f"No fewer than {most} sub-rays give what {most} give to within the difference of two seeds"
+        said = f"No fewer than {most} sub-rays give what {most} give to within the difference of two seeds"
+    else:
+        said = (
+            f"From {verdict.enough} sub-rays on the heights differ from those with {most} by less than 1 cm, "
+            "or by less than other plants make (grey: two seeds)"
+        )
+    other = next((run for run in runs if run.detail != runs[0].detail), None)
+    if other is None:
+        return said
+    moved = 1e3 * float(other.away(runs[0])[-1])
     return (
-        f"From {verdict.enough} sub-rays on the heights differ from those with {most} by less than 1 cm, "
-        "or by less than other plants make (grey: two seeds)"
+        f"{said}. Plants of detail `{other.detail}` move the heights by W1 {moved:.1f} mm, "
+        f"another seed by {1e3 * verdict.seeds_m:.1f} mm"
     )

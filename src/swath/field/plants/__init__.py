@@ -4,7 +4,7 @@ Every stem stands with its foot at the origin; z up. The library moves them to t
 habit makes them: `cereal` (also stubble), `branched` (oilseed rape), `maize`, `weed`.
 """
 
-from swath.field.plants.make import make_plants
+from swath.field.plants.make import leaf_parts_of, make_plants
 from swath.field.plants.parts import CUTOFF, Plants, silhouette_area
 
-__all__ = ["CUTOFF", "Plants", "make_plants", "silhouette_area"]
+__all__ = ["CUTOFF", "Plants", "leaf_parts_of", "make_plants", "silhouette_area"]

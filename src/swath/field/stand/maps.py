@@ -17,7 +17,7 @@ from swath.core.units import DEG, PERCENT
 from swath.field.crop import load_crop
 from swath.field.hashing import hash_uniform
 from swath.field.raster import Raster
-from swath.field.setup import FieldSetup, drilled, from_azimuth
+from swath.field.setup import Detail, FieldSetup, drilled, from_azimuth
 from swath.field.waves import Waves, make_random_field
 from swath.field.weeds import Weeds
 from swath.field.wind import Wind
@@ -83,7 +83,7 @@ class Params:
     """As `uniform`, changed by maps. density_file: stems per m2; height_file: height of the crop [m]; both
     GeoTIFF; where they hold nothing, nothing grows, or the crop has its own height. height_variation,
     density_variation: smooth random change on top. patches, lodging: lodged places. tramlines: bare tracks.
-    wind: that sways the crop.
+    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives (docs/crops.md).
     """
 
     crop: str = "wheat"
@@ -102,6 +102,7 @@ class Params:
     tramlines: Tramlines | None = None
     weeds: Weeds | None = None
     wind: Wind | None = None
+    detail: Detail = "full"
 
 
 class Maps:
@@ -128,7 +129,7 @@ class Maps:
         self._stems, self.row_spacing = drilled(
             params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
         )
-        self.weeds, self.wind = params.weeds, params.wind
+        self.weeds, self.wind, self.detail = params.weeds, params.wind, params.detail
         self.row_heading = from_azimuth(params.row_azimuth_deg)
         self._density, self._height = density, height
         stream = setup.stream.child("stand")

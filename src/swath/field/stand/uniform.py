@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.registry import Level
 from swath.core.units import DEG
-from swath.field.setup import FieldSetup, drilled, from_azimuth
+from swath.field.setup import Detail, FieldSetup, drilled, from_azimuth
 from swath.field.weeds import Weeds
 from swath.field.wind import Wind
 
@@ -23,7 +23,7 @@ class Params:
     row_spacing_m: 0 = no rows, none = the crop's own; row_azimuth_deg: direction of the rows, clockwise from
     north; height_factor: plant length relative to the crop's own; lean_deg, lean_azimuth_deg: mean lean of
     all stems on top of their own, and where to, clockwise from north; weeds: under the crop;
-    wind: that sways the crop.
+    wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives (docs/crops.md).
     """
 
     crop: str = "wheat"
@@ -35,6 +35,7 @@ class Params:
     lean_azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
     weeds: Weeds | None = None
     wind: Wind | None = None
+    detail: Detail = "full"
 
 
 class Uniform:
@@ -45,7 +46,7 @@ class Uniform:
         self.density_max, self.row_spacing = drilled(
             params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
         )
-        self.weeds, self.wind = params.weeds, params.wind
+        self.weeds, self.wind, self.detail = params.weeds, params.wind, params.detail
         self.row_heading = from_azimuth(params.row_azimuth_deg)
         self._factor = params.height_factor
         self._lean = params.lean_deg * DEG, from_azimuth(params.lean_azimuth_deg)
