@@ -93,6 +93,8 @@ def _dispatch(argv: list[str]) -> int:
         near = difflib.get_close_matches(argv[0], names, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
         raise UsageError(f"{argv[0]}: no such command, {hint}")
+    if argv[0] == "replay":
+        argv = replay.with_verb(argv)
     args = parser.parse_args(argv)
     code: int = args.run(args)
     return code

@@ -53,6 +53,13 @@ class Companion(Protocol):
     def leave(self) -> dict[str, Any]: ...
 
 
+class Judge(Protocol):
+    """An observer of a run that has something to say about it in summary.json."""
+
+    def __call__(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None: ...
+    def verdict(self, t: int) -> dict[str, Any]: ...
+
+
 def run_job(
     scenario: Scenario,
     out: Path,
@@ -61,17 +68,19 @@ def run_job(
     report: bool = True,
     events: Sequence[Mapping[str, Any]] = (),
     companion: Companion | None = None,
+    judge: Judge | None = None,
 ) -> JobResult:
     """Run a scenario into a folder.
 
-    events: changes on the way, as an earlier run's summary.json has them; companion: goes along
+    events: changes on the way, as an earlier run's summary.json has them; companion: goes along; judge: looks
+    on, and adds to the summary
 
     The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C and
     crashes leave a valid folder marked incomplete; the exception goes on.
     """
     while True:
         try:
-            return _run_once(scenario, out, progress, report, events, companion)
+            return _run_once(scenario, out, progress, report, events, companion, judge)
         except Restart:
             continue
 
@@ -83,13 +92,15 @@ def _run_once(
     report: bool,
     events: Sequence[Mapping[str, Any]],
     companion: Companion | None,
+    judge: Judge | None,
 ) -> JobResult:
     world = assemble(scenario)
+    _spare_what_is_read(world, out)
     pacer = make_pacer(world)
     out.mkdir(parents=True, exist_ok=True)
     clear_run_folder(out)
     (out / "scenario.yaml").write_text(scenario.resolved(), encoding="utf-8")
-    watch = Watch(world, out, pacer)
+    watch = Watch(world, out, pacer, judge)
     started = time.perf_counter()
     try:
         with _progress_bar(world, progress) as show, watch.recorder, paced(world.graph, pacer):
@@ -104,11 +115,24 @@ def _run_once(
     return JobResult(summary, 1 if is_broken(summary["expect"]) else 0, out)
 
 
+def _spare_what_is_read(world: World, out: Path) -> None:
+    """A run must not be written over the recording that it plays."""
+    for machine in world.machines.values():
+        for part in machine.parts.values():
+            for file in getattr(part, "reads", ()):
+                if file.resolve().parent == out.resolve():
+                    raise InputError(
+                        "--out", str(out), f"expected another folder, {file.name} in it is played"
+                    )
+
+
 class Watch:
     """Everything that looks on while a world runs: digest, referee, recorder, keeper of scans."""
 
-    def __init__(self, world: World, out: Path, pacer: Pacer | None = None) -> None:
-        self.world, self.out, self.pacer = world, out, pacer
+    def __init__(
+        self, world: World, out: Path, pacer: Pacer | None = None, judge: Judge | None = None
+    ) -> None:
+        self.world, self.out, self.pacer, self.judge = world, out, pacer, judge
         self.changes: Interventions | None = None
         self.companion: Companion | None = None
         leader = world.leader
@@ -121,8 +145,15 @@ class Watch:
         referee = self.referees[leader.name]
         self.keeper = ScanKeeper(recorded[leader.name], referee)
         extra = {name: r.columns() for name, r in self.referees.items()}
-        self.recorder = Recorder(out, list(recorded.values()), extra=extra)
+        self.recorder = Recorder(
+            out,
+            list(recorded.values()),
+            extra=extra,
+            detail=world.scenario.run.record,
+            scenario=world.scenario.resolved(),
+        )
         self.observers: list[Observer] = [self.digest, *self.referees.values(), self.keeper, self.recorder]
+        self.observers += [] if judge is None else [judge]
 
     def accompany(self, events: Sequence[Mapping[str, Any]], companion: Companion | None) -> None:
         """Let changes come, from a list and from a companion."""
@@ -156,6 +187,8 @@ class Watch:
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
         notes = [note for machine in world.machines.values() for note in machine.notes]
+        if world.graph.ended:
+            notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
         if self.pacer is not None:
             summary["realtime"] = self.pacer.report()
             notes += self.pacer.notes
@@ -165,6 +198,8 @@ class Watch:
             summary["events"] = self.changes.events
         if self.companion is not None:
             summary |= self.companion.leave()
+        if self.judge is not None:
+            summary |= self.judge.verdict(world.graph.t)
         write_summary(self.out, summary)
         if report:
             self._report(summary)

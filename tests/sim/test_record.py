@@ -29,6 +29,19 @@ def recorded(tmp_path_factory):
     return folder, samples
 
 
+EXACT = (
+    "motion/state",
+    "header/flow",
+    "process/load",
+    "lidar/scan",
+    "odometry/odometry",
+    "edge/edge",
+    "steer/command",
+    "speed/command",
+    "steering/steering",
+)
+
+
 def read_mcap(path):
     """topic -> [(log time, decoded message)], by the mcap project's own ROS 2 decoder."""
     from mcap.reader import make_reader
@@ -87,7 +100,7 @@ def test_every_topic_is_there_and_types_are_the_standard_ones(recorded):
         "/combine/steer/command": "swath_msgs/msg/SteerCommand",
         "/combine/speed/command": "geometry_msgs/msg/TwistStamped",
         "/combine/steering/steering": "ackermann_msgs/msg/AckermannDriveStamped",
-    }
+    } | {f"/combine/{output}_exact": "swath_msgs/msg/Samples" for output in EXACT}
 
 
 def test_poses_and_transforms_agree_with_the_truth(recorded):
@@ -114,8 +127,10 @@ def test_a_cloud_holds_the_true_points(recorded):
     truth = [s for _, _, o in samples for n, s in o.items() if n == "truth"][20]
     _, cloud = read_mcap(folder / "run.mcap")["/combine/lidar/truth"][20]
     assert [f.name for f in cloud.fields] == ["x", "y", "z", "beam", "echo"]
-    kinds = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("beam", "<u2"), ("echo", "<u2")]
-    table = np.frombuffer(bytes(cloud.data), dtype=kinds)
+    kinds = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("beam", "<u4"), ("echo", "<u2")]
+    table = np.frombuffer(bytes(cloud.data), dtype=np.dtype(kinds, align=True))
+    assert [f.offset for f in cloud.fields] == [table.dtype.fields[n][1] for n in table.dtype.names]
+    assert cloud.point_step == table.dtype.itemsize == 20
     points = truth.points[:, 0]
     seen = np.isfinite(points[:, 0])
     np.testing.assert_array_equal(table["beam"], np.nonzero(seen)[0])
@@ -176,8 +191,10 @@ def test_several_echoes_are_kept_in_a_cloud(tmp_path):
         recorder("combine.lidar", 0, {"scan": Scan(0, a - 1, a, 0 * a, ranges, ranges / 10)})
     topics = read_mcap(tmp_path / "run.mcap")
     _, cloud = topics["/combine/lidar/scan_points"][0]
-    kinds = [(n, "<f4") for n in ("x", "y", "z", "intensity", "time")] + [("beam", "<u2"), ("echo", "<u2")]
-    table = np.frombuffer(bytes(cloud.data), dtype=kinds)
+    kinds = [(n, "<f4") for n in ("x", "y", "z", "intensity", "time")]
+    kinds += [("beam", "<u4"), ("ring", "<u2"), ("echo", "<u2")]
+    table = np.frombuffer(bytes(cloud.data), dtype=np.dtype(kinds, align=True))
+    assert cloud.point_step == 28
     assert [f.name for f in cloud.fields] == list(table.dtype.names)
     assert [(int(r["beam"]), int(r["echo"])) for r in table] == [(0, 0), (0, 1), (1, 0), (3, 0), (3, 1)]
     np.testing.assert_allclose(np.hypot(table["x"], table["y"]), [1, 2, 3, 4, 5], rtol=1e-6)
@@ -275,3 +292,25 @@ def test_a_killed_run_leaves_a_readable_file(tmp_path):
     assert done.returncode == -signal.SIGKILL
     assert read_until_torn(tmp_path / "run.mcap") > 100
     assert not (tmp_path / "tracks.parquet").exists()
+
+
+def test_layers_of_a_scanner_become_rings_as_its_driver_numbers_them(tmp_path):
+    """velodyne_pointcloud: `ring` counts from the lowest laser, UINT16; `time` and `intensity` FLOAT32."""
+    elevation = np.radians(np.tile([15.0, -15.0, 1.0], 70_000))
+    azimuth = np.linspace(-3, 3, len(elevation))
+    ranges = np.full((len(elevation), 1), 10.0, dtype=np.float32)
+    with Recorder(tmp_path, [machine()]) as recorder:
+        scan = Scan(0, azimuth / 100 - 0.03, azimuth, elevation, ranges, ranges / 100)
+        recorder("combine.lidar", 0, {"scan": scan})
+    _, cloud = read_mcap(tmp_path / "run.mcap")["/combine/lidar/scan_points"][0]
+    by_name = {f.name: (f.datatype, f.offset) for f in cloud.fields}
+    assert {n: kind for n, (kind, _) in by_name.items()} == {
+        **dict.fromkeys(("x", "y", "z", "intensity", "time"), 7),
+        **dict.fromkeys(("ring", "echo"), 4),
+        "beam": 6,
+    }
+    raw = np.frombuffer(bytes(cloud.data), np.uint8).reshape(-1, cloud.point_step)
+    ring = raw[:, by_name["ring"][1] :][:, :2].copy().view("<u2")[:, 0]
+    beam = raw[:, by_name["beam"][1] :][:, :4].copy().view("<u4")[:, 0]
+    np.testing.assert_array_equal(ring, np.tile([2, 0, 1], 70_000))
+    np.testing.assert_array_equal(beam, np.arange(210_000))  # more than 16 bits

@@ -15,7 +15,7 @@ from swath.core.units import DEG
 from swath.rays.height_grid import NONE, load_height_grid
 from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster, surface
 from swath.sim.mcap import McapFile
-from swath.study.replay.bag import CUT_OFF
+from swath.sim.recorded.files import CUT_OFF
 from swath.study.replay.build import Settings, build_replay, open_source
 from swath.study.replay.gather import Gatherer, Samples, pool
 from swath.study.replay.passing import Passing, stop_weights
@@ -164,7 +164,11 @@ def test_a_recording_that_breaks_off_is_read_up_to_there(tmp_path):
     path = tmp_path / "cut.mcap"
     path.write_bytes(data[: int(0.6 * len(data))])
     grid = build_replay(open_source(path, Wanted()), Settings(reach_m=8.0))
-    assert grid.about["notes"] == {CUT_OFF: 1}
+    [(note, count)] = grid.about["notes"].items()
+    assert note.startswith(f"{CUT_OFF} after ")
+    assert note.endswith(" s")
+    assert 6.0 < float(note.split()[-2]) < 16.0
+    assert count == 1
     full = build_replay(open_source(tmp_path / "big.mcap", Wanted()), Settings(reach_m=8.0))
     assert 0.3 * full.about["scans"] < grid.about["scans"] < full.about["scans"]
     path.write_bytes(whole[:40])
@@ -206,8 +210,9 @@ def test_topics_and_mounting_are_asked_for_when_they_are_not_clear(tmp_path):
     path = write_mcap(tmp_path / "s.mcap")
     with pytest.raises(InputError, match=r"--scans = /nothing: expected one of /scan"):
         open_source(path, Wanted(scans="/nothing"))
-    with pytest.raises(InputError, match="expected a run folder or a rosbag folder"):
-        open_source(tmp_path, Wanted())
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=r"expected a run folder, an \.mcap"):
+        open_source(tmp_path / "empty", Wanted())
     with pytest.raises(InputError, match=r"expected a run folder, \.mcap"):
         open_source(tmp_path / "no.mcap", Wanted())
     (tmp_path / "x.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(50))

@@ -1,4 +1,4 @@
-"""`swath replay`: measured scans become what the LiDAR level `replay` looks at."""
+"""`swath replay`: a recorded run again, or measured scans as what the LiDAR level `replay` looks at."""
 
 import argparse
 from pathlib import Path
@@ -6,9 +6,14 @@ from typing import Any
 
 
 def add(parsers: Any) -> None:
-    """Add the command and its verb."""
-    parser = parsers.add_parser("replay", help="make measured scans into a field of heights to drive past")
+    """Add the command and its verbs."""
+    parser = parsers.add_parser(
+        "replay",
+        help="a recorded run again; or recorded scans made into a field of heights",
+        description="`swath replay RUN` is short for `swath replay play RUN`.",
+    )
     verbs = parser.add_subparsers(metavar="VERB", required=True)
+    _add_play(verbs)
     made = verbs.add_parser("build", help="heights in a grid from recorded scans", description=_DESCRIPTION)
     made.add_argument("source", type=Path, metavar="SOURCE", help="run folder, .mcap, rosbag, .npz or .csv")
     made.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="the file to make")
@@ -38,6 +43,59 @@ def add(parsers: Any) -> None:
     made.add_argument("--per-cell", type=int, metavar="N", help="heights kept of a cell (default 32)")
     made.add_argument("--picture", type=Path, metavar="PNG", help="the picture (default: beside the file)")
     made.set_defaults(run=run_build)
+
+
+def _add_play(verbs: Any) -> None:
+    from swath.commands.run import add_scenario_options
+
+    played = verbs.add_parser("play", help="a recorded run with recorded signals", description=_PLAY)
+    played.add_argument("source", type=Path, metavar="RUN", help="a run folder, or its run.mcap")
+    played.add_argument(
+        "--slots",
+        metavar="LIST",
+        help="slots that play the log, e.g. combine.lidar,odometry (default: motion and all sensors)",
+    )
+    add_scenario_options(played)
+    played.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
+    played.set_defaults(run=run_play)
+
+
+def with_verb(argv: list[str]) -> list[str]:
+    """`replay runs/x` as `replay play runs/x`."""
+    is_short = len(argv) > 1 and argv[1] not in ("play", "build", "-h", "--help")
+    return [argv[0], "play", *argv[1:]] if is_short else argv
+
+
+def run_play(args: argparse.Namespace) -> int:
+    """Exit code as of `swath run`; 0 too where slots came out otherwise than recorded."""
+    from swath.again import plan_again
+    from swath.commands.run import report
+    from swath.sim.runfolder import choose_run_folder
+
+    slots = None if args.slots is None else [s.strip() for s in args.slots.split(",") if s.strip()]
+    again = plan_again(args.source, slots=slots, sets=args.sets, seed=args.seed)
+    scenario = again.scenario
+    out = choose_run_folder(scenario.name, scenario.seed, args.out, what="replay")
+    result = again.run(out, progress=not args.quiet)
+    if args.quiet:
+        print(out)
+        return int(result.exit_code)
+    report(result.summary, out)
+    _report_play(result.summary["replay"])
+    return int(result.exit_code)
+
+
+def _report_play(replay: dict[str, Any]) -> None:
+    from swath.commands.output import table
+
+    rows = []
+    for slot, told in replay["slots"].items():
+        result = "identical"
+        if not told["identical"]:
+            result = f"differs from {told['differs_from_s']:.3f} s on ({told['differs_in']})"
+        rows.append((slot, str(told["samples"]), told["digest"][:12], told["recorded_digest"][:12], result))
+    print(f"played from the log: {', '.join(replay['played']) or 'nothing'}")
+    table("", ("slot", "samples", "digest", "recorded", "against the recording"), rows)
 
 
 def run_build(args: argparse.Namespace) -> int:
@@ -120,3 +178,7 @@ def _bar(name: str) -> Any:
 
 _DESCRIPTION = """Measured scans and the poses of the machine become plant heights above ground in a grid that
 keeps their distribution in every cell. The LiDAR level `replay` looks at it: docs/replay.md."""
+
+_PLAY = """A recorded run again, with the recorded signals in the place of the chosen slots: the open-loop
+test of a detector (`--set combine.edge.level=otsu`). Says which of the other slots came out as recorded:
+docs/replay-log.md."""

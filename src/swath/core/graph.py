@@ -26,12 +26,17 @@ class Node:
     step_count: int = 0
 
 
+class EndOfRun(Exception):
+    """Raised by a `before_tick`: the run ends before that tick. Its text says why."""
+
+
 class Graph:
     """Runs the components of a scenario by their plan.
 
     observers are called with (slot name, time [ns], outputs) after every step, in order; they must not
     change anything that a component reads. before_tick: called with the time [ns] of a tick before its steps
-    run, for those who wait (a real clock, a paused run); they change no result.
+    run, for those who wait (a real clock, a paused run); they change no result, but may raise EndOfRun
+    ended: why a run stopped before its end, empty where it did not
     outside: slots that are not in this graph -> their outputs; whoever runs it puts their samples in
     """
 
@@ -42,6 +47,7 @@ class Graph:
         self.seed = seed
         self.outside = dict(outside or {})
         self.t = 0
+        self.ended = ""
         self.plan: Plan = make_plan([n.slot for n in nodes])
         self.observers: list[Observer] = []
         self.before_tick: list[Callable[[int], None]] = []
@@ -58,6 +64,7 @@ class Graph:
     def reset(self) -> None:
         """Bring every component to t = 0 and collect the outputs valid there."""
         self.t = 0
+        self.ended = ""
         self._latest.clear()
         for key in self._queues:
             self._queues[key] = []
@@ -69,8 +76,12 @@ class Graph:
     def run(self, until: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance to time `until` [ns], or to the first tick after which `stop()` is true."""
         for t, due in self.plan.walk(self.t, until):
-            for wait in self.before_tick:
-                wait(t)
+            try:
+                for wait in self.before_tick:
+                    wait(t)
+            except EndOfRun as end:
+                self.ended = str(end)
+                return
             self._before = dict(self._latest) if any(self.nodes[i].slot.latch for i in due) else self._latest
             for index in due:
                 node = self.nodes[index]

@@ -14,6 +14,8 @@ import numpy as np
 
 from swath.core.signals import Signal
 
+_LAYOUTS: dict[tuple[str, str, Any], tuple[bytes, tuple[str, ...]]] = {}
+
 
 class Digest:
     """Observer of a graph that folds every sample of every slot, in order, into one value.
@@ -23,18 +25,15 @@ class Digest:
 
     def __init__(self) -> None:
         self.value = bytes(32)
-        self._layouts: dict[tuple[str, str, type], tuple[bytes, tuple[str, ...]]] = {}
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what `slot` published at t [ns]."""
         for output, signal in outputs.items():
-            key = (slot, output, type(signal))
-            if key not in self._layouts:
-                self._layouts[key] = _layout(slot, output, signal)
-            head, names = self._layouts[key]
-            parts = [self.value, head, struct.pack("<q", t)]
-            parts += [_encode(getattr(signal, name)) for name in names]
-            self.value = hashlib.sha256(b"".join(parts)).digest()
+            self.add(sample_bytes(slot, output, t, signal))
+
+    def add(self, sample: bytes) -> None:
+        """Take in the bytes of one sample."""
+        self.value = hashlib.sha256(self.value + sample).digest()
 
     @property
     def hex(self) -> str:
@@ -50,12 +49,21 @@ class Digest:
         self.value = np.asarray(state["value"], dtype=np.uint8).tobytes()
 
 
-def _layout(slot: str, output: str, signal: Signal) -> tuple[bytes, tuple[str, ...]]:
-    names = tuple(f.name for f in fields(signal))
-    return "/".join((slot, output, type(signal).__name__, *names)).encode() + b"\n", names
+def sample_bytes(slot: str, output: str, t: int, signal: Signal) -> bytes:
+    """Canonical bytes of a sample published at t [ns]."""
+    head, names = _layout(slot, output, type(signal))
+    return b"".join([head, struct.pack("<q", t), *(encode(getattr(signal, name)) for name in names)])
 
 
-def _encode(value: Any) -> bytes:
+def _layout(slot: str, output: str, kind: Any) -> tuple[bytes, tuple[str, ...]]:
+    key = (slot, output, kind)
+    if key not in _LAYOUTS:
+        names = tuple(f.name for f in fields(kind))
+        _LAYOUTS[key] = "/".join((slot, output, kind.__name__, *names)).encode() + b"\n", names
+    return _LAYOUTS[key]
+
+
+def encode(value: Any) -> bytes:
     """Canonical bytes of a field: a letter for its kind, then little-endian content."""
     if isinstance(value, bool | np.bool_):
         return b"t" if value else b"f"
@@ -71,9 +79,9 @@ def _encode(value: Any) -> bytes:
         data = value.encode()
         return b"s" + struct.pack("<q", len(data)) + data
     if is_dataclass(value):
-        return b"(" + b"".join(_encode(getattr(value, f.name)) for f in fields(value)) + b")"
+        return b"(" + b"".join(encode(getattr(value, f.name)) for f in fields(value)) + b")"
     if isinstance(value, tuple | list):
-        return b"[" + struct.pack("<q", len(value)) + b"".join(_encode(v) for v in value)
+        return b"[" + struct.pack("<q", len(value)) + b"".join(encode(v) for v in value)
     raise TypeError(f"a sample field of type {type(value).__name__} has no canonical bytes")
 
 

@@ -35,7 +35,7 @@ def drive(
         graph.reset()
     limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
     end = round(limit_s * NS)
-    while graph.t < end and not has_arrived(world):
+    while graph.t < end and not has_arrived(world) and not graph.ended:
         graph.run(min(graph.t + BREATH, end), stop=lambda: has_arrived(world))
         if progress is not None:
             progress(driven_m(world), graph.t / NS)

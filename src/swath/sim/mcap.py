@@ -15,6 +15,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.signals import F32, F64, Signal
+from swath.sim.exact import DEFINITION, MSGTYPE
 
 CHUNK_BYTES = 256 * 1024
 Tap = Callable[[str, int, Any, bytes, bool], None]  # topic, t [ns], message, its CDR bytes, is_latched
@@ -27,8 +28,9 @@ FIELD_TYPES = {
     F32: "float32[]",
     Pose: "geometry_msgs/Pose",
 }
-# Public definitions of ROS packages that rosbags' Jazzy set lacks.
-ACKERMANN = {
+# Public definitions of ROS packages that rosbags' Jazzy set lacks, and our own that no sample type gives.
+OWN_TYPES = {
+    MSGTYPE: DEFINITION,
     "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\nfloat32 steering_angle_velocity\n"
     "float32 speed\nfloat32 acceleration\nfloat32 jerk\n",
     "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\n"
@@ -53,7 +55,7 @@ class McapFile:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         self.store = get_typestore(Stores.ROS2_JAZZY)
-        for name, text in ACKERMANN.items():
+        for name, text in OWN_TYPES.items():
             self.store.register(get_types_from_msg(text, name))
         self.path = path
         self._stream = path.open("wb")
@@ -72,7 +74,9 @@ class McapFile:
         return self.store.types[msgtype](**values)
 
     def write(self, topic: str, t: int, message: Any, *, is_latched: bool = False) -> None:
-        """Append a message, logged at simulated time t [ns]."""
+        """Append a message, logged at simulated time t [ns]; nothing after an interruption within one."""
+        if self._is_torn:
+            return
         msgtype = message.__msgtype__
         if topic not in self._channels:
             self._declare(topic, msgtype, is_latched)
@@ -86,6 +90,12 @@ class McapFile:
         if self._stream.tell() != self._flushed:  # a chunk was completed: hand it to the system now
             self._stream.flush()
             self._flushed = self._stream.tell()
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Put a file into the file, readable from here on."""
+        self._writer.add_attachment(0, 0, name, media_type, data)
+        self._stream.flush()
+        self._flushed = self._stream.tell()
 
     def close(self) -> None:
         """Write the index and close. Calling it again does nothing.

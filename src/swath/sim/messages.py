@@ -28,8 +28,9 @@ from swath.core.signals import (
 from swath.sim.mcap import McapFile
 
 POINT_FIELDS = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"))
-BEAM_FIELDS = (("time", "<f4"), ("beam", "<u2"), ("echo", "<u2"))
-ROS_KINDS = {"<f4": 7, "<u2": 4}  # sensor_msgs/PointField FLOAT32, UINT16
+# As the drivers of rotating scanners name and type them (velodyne_pointcloud: `ring`, `time`), then our own.
+BEAM_FIELDS = (("time", "<f4"), ("beam", "<u4"), ("ring", "<u2"), ("echo", "<u2"))
+ROS_KINDS = {"<f4": 7, "<u2": 4, "<u4": 6}  # sensor_msgs/PointField FLOAT32, UINT16, UINT32
 EDGE_BEHIND, EDGE_AHEAD = 4.0, 6.0  # drawn length of the edge line about its reference [m]
 
 
@@ -122,6 +123,7 @@ class Messenger:
             echo, beam = beams["echo"], beams["beam"]
             cloud: dict[str, NDArray[Any]] = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2]}
             cloud |= {"intensity": scan.intensity[beam, echo], "time": scan.beam_t[beam], **beams}
+            cloud["ring"] = rings(scan)[beam]
             self.file.write(f"{topic}_points", t, self._cloud(scan.t, frame, cloud))
 
     def _laser_scan(self, scan: Scan, frame: str) -> Any:
@@ -147,7 +149,7 @@ class Messenger:
     def _cloud(self, t: int, frame: str, columns: Mapping[str, NDArray[Any]]) -> Any:
         """sensor_msgs/PointCloud2 of equally long columns."""
         layout = [(name, kind) for name, kind in (*POINT_FIELDS, *BEAM_FIELDS) if name in columns]
-        table = np.zeros(len(columns["x"]), dtype=layout)
+        table = np.zeros(len(columns["x"]), dtype=np.dtype(layout, align=True))
         for name, _ in layout:
             table[name] = columns[name]
         described = [
@@ -259,6 +261,12 @@ def is_laser_scan(scan: Scan) -> bool:
         return False
     steps = np.diff(scan.azimuth)
     return bool(np.all(np.abs(steps - steps.mean()) < 1e-3 * abs(steps.mean()) + 1e-12))
+
+
+def rings(scan: Scan) -> NDArray[np.int64]:
+    """The layer that each beam belongs to, 0 = the lowest, (beam_count,); all 0 for a single plane."""
+    _, layer = np.unique(np.round(scan.elevation, 6), return_inverse=True)
+    return np.asarray(layer, dtype=np.int64).reshape(-1)
 
 
 def _flatten(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], dict[str, NDArray[np.int64]]]:

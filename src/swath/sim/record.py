@@ -1,16 +1,21 @@
 """The recorder: an observer of the graph that writes tracks.parquet and run.mcap."""
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
+from swath import __version__
 from swath.core.schedule import NS
-from swath.core.signals import MachineState, Signal, SteerState
+from swath.core.signals import MachineState, ScanTruth, Signal, SteerState
+from swath.sim.exact import Blocks, can_keep
 from swath.sim.mcap import McapFile
 from swath.sim.messages import Messenger, RecordedMachine
 from swath.sim.tracks import Column, Tracks, write_tracks
 
-THINNED = (MachineState, SteerState)  # fast, smooth signals: recorded at the track rate
+THINNED = (MachineState, SteerState)  # fast, smooth signals: their messages come at the track rate
+ABOUT, SCENARIO = "recording.json", "scenario.yaml"  # attachments of run.mcap
+FORMAT = "swath recording 1"
 
 
 class Recorder:
@@ -18,7 +23,9 @@ class Recorder:
 
     folder: exists already. machines: whose slots (`name.slot`) are recorded; slots of other names are not
     extra: per machine name, further columns of tracks.parquet
-    rate_hz: of tracks.parquet and of the thinned signals in run.mcap; mcap: write run.mcap
+    rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
+    detail: `standard` messages only, `exact` samples beside them, `full`: of ScanTruth too
+    scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
     Used as a context manager, it closes on an exception and on Ctrl-C too.
@@ -32,6 +39,8 @@ class Recorder:
         extra: Mapping[str, Sequence[Column]] | None = None,
         rate_hz: float = 50.0,
         mcap: bool = True,
+        detail: str = "exact",
+        scenario: str = "",
     ) -> None:
         self.folder = folder
         self._period = round(NS / rate_hz)
@@ -40,7 +49,13 @@ class Recorder:
         self.file = McapFile(folder / "run.mcap") if mcap else None
         self._messengers = {m.name: Messenger(m, self.file) for m in machines} if self.file else {}
         self._due: dict[tuple[str, str], int] = {}
+        self._detail = detail
+        self._blocks: dict[tuple[str, str], Blocks | None] = {}
         self._is_closed = False
+        if self.file is not None:
+            self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
+            if scenario:
+                self.file.attach(SCENARIO, "application/yaml", scenario.encode())
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
@@ -49,8 +64,12 @@ class Recorder:
             return
         for output, signal in outputs.items():
             self.tracks[name].take(t, signal)
-            if name in self._messengers and self._is_due(slot, output, t, signal):
+            if name not in self._messengers:
+                continue
+            if self._is_due(slot, output, t, signal):
                 self._messengers[name].write(part, output, t, signal)
+            if self._detail != "standard":
+                self._keep(slot, output, t, signal)
 
     def close(self) -> None:
         """Complete both files. Calling it again does nothing."""
@@ -61,7 +80,12 @@ class Recorder:
             write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
         finally:
             if self.file is not None:
-                self.file.close()
+                try:
+                    for blocks in self._blocks.values():
+                        if blocks is not None:
+                            blocks.flush()
+                finally:
+                    self.file.close()
 
     def __enter__(self) -> "Recorder":
         return self
@@ -71,6 +95,16 @@ class Recorder:
     ) -> None:
         self.close()
 
+    def _keep(self, slot: str, output: str, t: int, signal: Signal) -> None:
+        """The sample as it is, into its block."""
+        key = (slot, output)
+        if key not in self._blocks:
+            is_kept = can_keep(signal) and (self._detail == "full" or not isinstance(signal, ScanTruth))
+            topic = f"/{slot.replace('.', '/')}/{output}"
+            self._blocks[key] = Blocks(self.file, topic) if is_kept else None
+        if (blocks := self._blocks[key]) is not None:
+            blocks.add(t, signal)
+
     def _is_due(self, slot: str, output: str, t: int, signal: Signal) -> bool:
         if not isinstance(signal, THINNED):
             return True
@@ -78,3 +112,14 @@ class Recorder:
             return False
         self._due[(slot, output)] = (t // self._period + 1) * self._period
         return True
+
+
+def _about(machines: Sequence[RecordedMachine], detail: str) -> str:
+    """recording.json: what the messages do not say exactly, the mountings (pose_machine_sensor)."""
+    mounting = {
+        f"{m.name}.{slot}": {"position": pose.position.tolist(), "rotation": pose.rotation.tolist()}
+        for m in machines
+        for slot, pose in m.mounting.items()
+    }
+    about = {"format": FORMAT, "swath": __version__, "detail": detail, "mounting": mounting}
+    return json.dumps(about, indent=2)

@@ -7,14 +7,14 @@ from swath.core.errors import InputError
 RUN_FILES = ("summary.json", "tracks.parquet", "run.mcap", "report.html", "scenario.yaml")
 
 
-def choose_run_folder(name: str, seed: int, out: Path | None = None) -> Path:
+def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
     """The folder for a run; it is not made here.
 
-    Without `out` a fresh one, `runs/<name>-<seed>`, with -2, -3 ... when that exists. A given `out` must be
-    new, empty, or an earlier run of the scenario `name`; InputError otherwise.
+    Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists. A given
+    `out` must be new, empty, or an earlier run of the scenario `name`; InputError otherwise.
     """
     if out is None:
-        return _fresh(f"{name}-{seed}")
+        return _fresh(f"{name}-{seed}-{what}" if what else f"{name}-{seed}")
     if not _is_free(out) and run_name(out) != name:
         expected = f"expected a new or empty folder, or an earlier run of {name}"
         raise InputError("--out", str(out), expected)

@@ -25,6 +25,10 @@ class Run(BaseModel):
     model_config = STRICT
     distance_m: Annotated[float, Field(gt=0, le=1e6, description="driven by the first machine [m]")] = 120.0
     max_duration_s: Annotated[float, Field(gt=0, le=1e6, description="simulated time [s]")] = 120.0
+    record: Annotated[
+        Literal["standard", "exact", "full"],
+        Field(description="run.mcap: standard messages; and every sample exactly; and the scans' truth too"),
+    ] = "exact"
 
 
 class RealTime(BaseModel):

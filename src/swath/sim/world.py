@@ -11,7 +11,7 @@ import numpy as np
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
-from swath.core.graph import Graph, Node
+from swath.core.graph import EndOfRun, Graph, Node
 from swath.core.random import Stream
 from swath.core.schedule import Slot, from_hz
 from swath.core.setup import ControlSetup, LinkSetup
@@ -108,6 +108,13 @@ class World:
                 if callable(close := getattr(part, "close", None)):
                     close()
 
+    def end_with_parts(self, t: int) -> None:
+        """Before the tick at t [ns]: a part that has nothing to give any more ends the run."""
+        for machine in self.machines.values():
+            for slot, part in machine.parts.items():
+                if (end := getattr(part, "ends_at", None)) is not None and t >= end:
+                    raise EndOfRun(f"{machine.name}.{slot}: {part.ending}")
+
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
         """Observer of the graph: the bodies of the machines stand where the machines do."""
         if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
@@ -140,7 +147,10 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
         nodes += [n for n in own_nodes if only is None or n.slot.name in only]
         _check_room(scenario, section, field, machine.card)
     graph = Graph(nodes, scenario.seed, outside=None if only is None else _outside(nodes))
-    return World(scenario, field, ground.obstacles, ground.driven, site.bodies, graph, machines)
+    world = World(scenario, field, ground.obstacles, ground.driven, site.bodies, graph, machines)
+    if any(hasattr(part, "ends_at") for machine in machines.values() for part in machine.parts.values()):
+        graph.before_tick.append(world.end_with_parts)
+    return world
 
 
 def _reduced(section: MachineSection, only: Collection[str] | None) -> MachineSection:

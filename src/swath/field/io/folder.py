@@ -60,6 +60,11 @@ class FieldFolder:
     info: dict[str, Any]
 
 
+def read_origin(path: Path) -> Origin:
+    """Only where the local metres of a field folder count from."""
+    return _origin(_read_info(path / "field.yaml"), path / "field.yaml")
+
+
 def read(path: Path | str) -> FieldFolder:
     """Read a field folder. Raises InputError naming the file that is missing or wrong."""
     path = Path(path)

@@ -7,7 +7,7 @@ or PoseWithCovarianceStamped. Mounting: from /tf_static, between the pose's fram
 An MCAP file that ends in the middle is read up to there; so is whatever else breaks off while it is read.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.sim.recorded.files import BROKEN, Log, open_log
+from swath.sim.recorded.messages import cloud_table
 from swath.study.replay.poses import PoseTrack, euler_of, make_track, pose_of
 from swath.study.replay.source import Echoes, Source, Wanted, polar_points
 
@@ -27,14 +29,11 @@ POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )
 WORLD = ("map", "world", "odom")
-KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}  # sensor_msgs/PointField
-CUT_OFF = "recording broke off"
-BROKEN = "messages not readable"
 
 
 def open_bag(path: Path, wanted: Wanted) -> Source:
     """A recording. InputError says which topics there are when it is not clear which to take."""
-    reader = make_reader(path)
+    reader = open_log(path)
     topics = reader.topics()
     if not topics:
         raise InputError("recording", path.name, "expected messages, there are none", file=path)
@@ -73,13 +72,13 @@ def _choose(
 
 
 def _first_pass(
-    reader: Any, scans: str, poses: str, path: Path
+    reader: Log, scans: str, poses: str, path: Path
 ) -> tuple[PoseTrack, str, dict[str, tuple[str, Pose]], str]:
     """Track, its frame, static transforms (child -> parent, pose_parent_child), the frame of the scans."""
     rows: list[tuple[float, ...]] = []
     body, frame = "", ""
     mounts: dict[str, tuple[str, Pose]] = {}
-    for topic, message in reader.messages((poses, "/tf_static"), also_first=scans):
+    for topic, _, message in reader.messages((poses, "/tf_static"), also_first=scans):
         if topic == scans:
             frame = frame or message.header.frame_id.lstrip("/")
         elif topic == "/tf_static":
@@ -113,9 +112,9 @@ def _mounting(mounts: dict[str, tuple[str, Pose]], body: str, frame: str, path: 
     raise InputError("--mount", None, expected, file=path)
 
 
-def _sweeps(reader: Any, topic: str, source: Source, wanted: Wanted) -> Iterator[Echoes]:
+def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator[Echoes]:
     reader.notes.clear()
-    for _, message in reader.messages((topic,)):
+    for _, _, message in reader.messages((topic,)):
         try:
             is_plane = message.__msgtype__ == SCANS[0]
             echoes = _of_scan(message) if is_plane else _of_cloud(message)
@@ -148,21 +147,12 @@ def _of_scan(message: Any) -> Echoes:
 
 
 def _of_cloud(message: Any) -> Echoes:
-    names = {f.name: f for f in message.fields}
-    order = ">" if message.is_bigendian else "<"
-    layout = np.dtype(
-        {
-            "names": list(names),
-            "formats": [order + KINDS[f.datatype] for f in names.values()],
-            "offsets": [f.offset for f in names.values()],
-            "itemsize": message.point_step,
-        }
-    )
-    count = message.width * message.height
-    table = np.frombuffer(np.asarray(message.data).tobytes(), dtype=layout, count=count)
+    table = cloud_table(message)
+    names = table.dtype.names or ()
+    count = len(table)
     points = np.stack([table[n].astype(np.float64) for n in ("x", "y", "z")], axis=1)
     time = np.full(count, _seconds(message.header.stamp))
-    if "time" in names and layout["time"].kind == "f":
+    if "time" in names and table.dtype["time"].kind == "f":
         time += table["time"]
     known = "intensity" in names
     intensity = table["intensity"].astype(np.float64) if known else np.full(count, np.nan)
@@ -171,138 +161,3 @@ def _of_cloud(message: Any) -> Echoes:
 
 def _seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-
-
-class McapReader:
-    """Reads an MCAP file from its beginning, message by message, without its index."""
-
-    def __init__(self, path: Path) -> None:
-        from rosbags.typesys import Stores, get_typestore
-
-        self.path = path
-        self.store = get_typestore(Stores.ROS2_JAZZY)
-        self.notes: dict[str, int] = {}
-        with path.open("rb") as file:
-            if file.read(8) != b"\x89MCAP0\r\n":
-                raise InputError("recording", path.name, "expected an MCAP file", file=path)
-
-    def topics(self) -> dict[str, str]:
-        """Topic -> type; from the channels, which stand before their first message."""
-        found: dict[str, str] = {}
-        for schema, channel, _ in self._records():
-            found[channel.topic] = schema.name if schema is not None else ""
-        return found
-
-    def messages(self, wanted: Sequence[str], also_first: str = "") -> Iterator[tuple[str, Any]]:
-        """(topic, message) of some topics, and the first one of another."""
-        rest = also_first
-        for schema, channel, message in self._records():
-            if channel.topic not in wanted and channel.topic != rest:
-                continue
-            if channel.topic == rest:
-                rest = ""
-            try:
-                made = self.store.deserialize_cdr(message.data, schema.name)
-            except Exception:
-                self.notes[BROKEN] = self.notes.get(BROKEN, 0) + 1
-                continue
-            yield channel.topic, made
-
-    def _records(self) -> Iterator[tuple[Any, Any, Any]]:
-        from mcap.exceptions import McapError
-        from mcap.records import Channel, Message, Schema
-        from mcap.stream_reader import StreamReader
-
-        schemas: dict[int, Any] = {}
-        channels: dict[int, Any] = {}
-        with self.path.open("rb") as file:
-            try:
-                records: Any = StreamReader(file).records
-                for record in records:
-                    if isinstance(record, Schema):
-                        schemas[record.id] = record
-                    elif isinstance(record, Channel):
-                        channels[record.id] = record
-                    elif isinstance(record, Message) and record.channel_id in channels:
-                        channel = channels[record.channel_id]
-                        yield schemas.get(channel.schema_id), channel, record
-            except (McapError, *_read_errors()):
-                self.notes[CUT_OFF] = 1
-
-
-class BagReader:
-    """Reads a rosbag 1 or 2 with its index."""
-
-    def __init__(self, path: Path) -> None:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-
-        self.path = path
-        self.notes: dict[str, int] = {}
-        self._make: Callable[[], Any] = lambda: AnyReader(
-            [path], default_typestore=get_typestore(Stores.ROS2_JAZZY)
-        )
-        try:
-            with self._make() as reader:
-                self._topics = {c.topic: c.msgtype for c in reader.connections}
-        except Exception as error:
-            expected = f"expected a readable rosbag ({error}); a broken one needs a new index first"
-            raise InputError("recording", path.name, expected, file=path) from error
-
-    def topics(self) -> dict[str, str]:
-        """Topic -> type."""
-        return dict(self._topics)
-
-    def messages(self, wanted: Sequence[str], also_first: str = "") -> Iterator[tuple[str, Any]]:
-        """(topic, message) of some topics, and the first one of another."""
-        rest = also_first
-        with self._make() as reader:
-            connections = [c for c in reader.connections if c.topic in wanted or c.topic == also_first]
-            records = iter(reader.messages(connections=connections))
-            while True:
-                try:
-                    connection, _, raw = next(records)
-                except StopIteration:
-                    return
-                except Exception:  # what breaks off differs from format to format
-                    self.notes[CUT_OFF] = 1
-                    return
-                if connection.topic not in wanted:
-                    if connection.topic != rest:
-                        continue
-                    rest = ""
-                try:
-                    made = reader.deserialize(raw, connection.msgtype)
-                except Exception:
-                    self.notes[BROKEN] = self.notes.get(BROKEN, 0) + 1
-                    continue
-                yield connection.topic, made
-
-
-def make_reader(path: Path) -> McapReader | BagReader:
-    """The reader of a file or bag folder. A run folder is its run.mcap."""
-    if (path / "run.mcap").is_file():
-        path = path / "run.mcap"
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise InputError("recording", path.name, "expected a run folder or a rosbag folder", file=path)
-    return McapReader(path) if path.suffix == ".mcap" and path.is_file() else BagReader(path)
-
-
-def _read_errors() -> tuple[type[Exception], ...]:
-    import struct
-    import zlib
-
-    errors: tuple[type[Exception], ...] = (OSError, EOFError, ValueError, struct.error, zlib.error, KeyError)
-    try:
-        import zstandard
-
-        errors = (*errors, zstandard.ZstdError)
-    except ImportError:
-        pass
-    try:
-        import lz4.frame  # type: ignore[import-not-found,import-untyped,unused-ignore]  # noqa: F401
-
-        errors = (*errors, RuntimeError)
-    except ImportError:
-        pass
-    return errors

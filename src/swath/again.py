@@ -1,0 +1,91 @@
+"""A recorded run made again, with recorded signals in the place of some of its slots."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from swath.core.errors import InputError
+from swath.job import JobResult, run_job
+from swath.sim.recorded.feed import own_outputs
+from swath.sim.recorded.files import Log, open_log
+from swath.sim.recorded.same import SameAsRecorded
+from swath.sim.scenario import Scenario, load_scenario, parse_scenario
+from swath.sim.slots import CONTROL, SLOTS
+
+SENSING = "swath.sensing."
+
+
+@dataclass(frozen=True)
+class Again:
+    """scenario: that was recorded, changed so that `played` slots (full names) play the log."""
+
+    log: Log
+    scenario: Scenario
+    played: tuple[str, ...]
+
+    def run(self, out: Path, *, progress: bool = False, report: bool = True) -> JobResult:
+        """Make the run; summary.json says under `replay` which of the other slots came out the same."""
+        slots = [f"{m.name}.{s}" for m in self.scenario.machines.values() for s in m.slots]
+        judge = SameAsRecorded(self.log, [s for s in slots if s not in self.played], played=self.played)
+        return run_job(self.scenario, out, progress=progress, report=report, judge=judge)
+
+
+def plan_again(
+    source: Path, *, slots: Sequence[str] | None = None, sets: Sequence[str] = (), seed: str | None = None
+) -> Again:
+    """What to run for a run folder or a run.mcap.
+
+    slots: `combine.lidar`, or `lidar` in every machine; None = the sensors and the motion that carried them
+    sets, seed: changes to the scenario, as of `swath run`. InputError where the source or a slot will not do
+    """
+    log = open_log(source)
+    recorded = _scenario(log, source, ())
+    has = {s: own_outputs(log, s) for s in _slots(recorded)}
+    exact = [s for s, outputs in has.items() if any(outputs.values())]
+    if not exact:
+        held = "expected a run.mcap of swath with every sample (run.record: exact), it has messages only"
+        raise InputError("recording", log.path.name, held, file=log.path)
+    played = _usual(exact) if slots is None else _named(slots, exact)
+    changes = []
+    for slot in played:
+        changes += [f"{slot}.level=log", f"{slot}.wires={{}}", f"{slot}.file={_quoted(log.path.resolve())}"]
+    flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
+    return Again(log, _scenario(log, source, [*changes, *sets], flags), tuple(played))
+
+
+def _scenario(log: Log, source: Path, sets: Sequence[str], flags: dict[str, str] | None = None) -> Scenario:
+    """The scenario beside the recording, or the one within it."""
+    for folder in (source, log.path.parent):
+        if (folder / "scenario.yaml").is_file():
+            return load_scenario(folder / "scenario.yaml", sets=sets, flags=flags)
+    text = log.attachment("scenario.yaml")
+    if text is None:
+        expected = "expected a recording of swath; for any other, make a scenario with level: log"
+        raise InputError("recording", log.path.name, expected, file=log.path)
+    more = [f"{change}" for change in (flags or {}).values()]
+    return parse_scenario(text.decode(), base=log.path.resolve().parent, sets=[*sets, *more])
+
+
+def _slots(scenario: Scenario) -> list[str]:
+    return [f"{m.name}.{s}" for m in scenario.machines.values() for s in m.slots]
+
+
+def _usual(exact: Sequence[str]) -> list[str]:
+    """Sensors, and the motion: with another path under it, what the sensors saw would be out of place."""
+    sensors = [
+        s.name for s in SLOTS if s.name not in CONTROL and all(p.startswith(SENSING) for p in s.packages)
+    ]
+    return [s for s in exact if s.rpartition(".")[2] in ("motion", *sensors)]
+
+
+def _named(slots: Sequence[str], exact: Sequence[str]) -> list[str]:
+    chosen = [s for s in exact if any(name in (s, s.rpartition(".")[2]) for name in slots)]
+    for name in slots:
+        if not any(name in (s, s.rpartition(".")[2]) for s in exact):
+            raise InputError("--slots", name, f"expected some of {', '.join(exact)}")
+    return chosen
+
+
+def _quoted(path: Path) -> str:
+    """A path as a YAML value."""
+    return "'" + str(path).replace("'", "''") + "'"

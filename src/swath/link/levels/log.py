@@ -1,0 +1,431 @@
+"""Level `log`: a slot plays what was recorded, from a run.mcap or from anybody's bag.
+
+From our own run.mcap every sample comes back bit for bit at the moment it was published. From any other
+recording, messages become samples as `sim/recorded/messages.py` says; a sample comes out at the first step
+after its message was received.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.errors import InputError
+from swath.core.flat import build, flat_fields
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.setup import LinkSetup
+from swath.core.signals import MachineState, Scan, Signal
+from swath.sensing.mount import Mount
+from swath.sim.recorded import feed as feeds
+from swath.sim.recorded.feed import Demux, Feed, Timed
+from swath.sim.recorded.files import Log, open_log
+from swath.sim.recorded.fixes import TangentPlane, ToLocal, read_fixes, states_of_fixes
+from swath.sim.recorded.frames import own_mounting, static_mounting
+from swath.sim.recorded.messages import Context, maker_for, message_names, number_at, stamp_of
+
+FIX = "sensor_msgs/msg/NavSatFix"
+LATE_S = 1.0  # the first sample may come this much after the start [s]
+
+
+@dataclass(frozen=True)
+class GeoOrigin:
+    """Where local (0, 0, 0) lies: lat_deg, lon_deg on WGS 84, height_m above its ellipsoid."""
+
+    lat_deg: Annotated[float, Ge(-90), Le(90)]
+    lon_deg: Annotated[float, Ge(-180), Le(180)]
+    height_m: Annotated[float, Ge(-1000), Le(10000)] = 0.0
+
+
+@dataclass(frozen=True)
+class Params:
+    """file: .mcap, .bag or .db3; folder: a run folder or the folder of a rosbag 2; one of the two
+
+    slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
+    topics: output: topic, or output.number: topic:path.in.message (other recordings)
+    values: output.number: value, for numbers that no topic has
+    scale: output.number: factor, where a message has other units than SI and radians
+    start_s: where in the recording the run starts, from its first message
+    clock: a sample comes out when its message was received, or at its stamp
+    between: two samples the older one is held, or plain numbers are interpolated
+    end: the run ends after the last sample of a topic, or holds it until the log ends
+    gap_s: longer ones are reported (default: three times the usual interval)
+    mount: of the sensor (default: as recorded)
+    origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
+    antenna_m: x, y, z of the receiver on the machine
+    """
+
+    file: str | None = None
+    folder: str | None = None
+    slot: str | None = None
+    topics: dict[str, str] = field(default_factory=dict)
+    values: dict[str, float] = field(default_factory=dict)
+    scale: dict[str, float] = field(default_factory=dict)
+    start_s: Annotated[float, Ge(0), Le(1e7)] = 0.0
+    clock: Literal["received", "stamp"] = "received"
+    between: Literal["hold", "interpolate"] = "hold"
+    end: Literal["topic", "log"] = "topic"
+    gap_s: Annotated[float, Gt(0), Le(1e6)] | None = None
+    mount: Mount | None = None
+    origin: GeoOrigin | None = None
+    field_folder: str | None = None
+    antenna_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where an output comes from. topics: one, or those of its numbers; numbers: name -> (topic, path)."""
+
+    port: Port
+    topics: tuple[str, ...]
+    is_exact: bool = False
+    numbers: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+
+class LogPlayer:
+    """Plays the outputs of a slot.
+
+    mounting: pose_machine_sensor, where it is known; ends_at: the time [ns] from which on there is nothing to
+    play, None while there is; ending: says so; notes: what the user should know
+    """
+
+    inputs: tuple[Port, ...] = ()
+
+    def __init__(self, params: Params, setup: LinkSetup) -> None:
+        self.params, self.setup = params, setup
+        self.log: Log = open_log(_path(params, setup.base))
+        self.recorded = params.slot or setup.name
+        self._types = self.log.topics()
+        self._sources = _chosen(params, setup, self.log, self._types, self.recorded)
+        self.outputs = tuple(s.port for s in self._sources)
+        self._shift = self.log.begin() if any(not s.is_exact for s in self._sources) else 0
+        self._shift += round(params.start_s * NS)
+        self._period = round(setup.control.period * NS)
+        self._context = Context(setup.control.machine.wheelbase)
+        self._fixes: dict[str, list[Timed]] = {}
+        self._demux: Demux | None = None
+        self.mounting = self._mounting()
+        self._log_end = self.log.end() - self._shift if params.end == "log" else 0
+        self._check()
+        self._rewind()
+        self._first()
+        self.close()
+
+    @property
+    def notes(self) -> list[str]:
+        """What was played and how, gaps, what was left out."""
+        p, name = self.params, self.setup.slot
+        found = [
+            f"{name}: plays {self.recorded if self._is_own else ', '.join(self._topics)} of {self.log.path}"
+        ]
+        if self._is_own and not all(s.is_exact for s in self._sources):
+            rounded = ", ".join(s.port.name for s in self._sources if not s.is_exact)
+            found.append(f"{name}: {rounded} from standard messages, which round and leave out")
+        if p.between == "interpolate":
+            found.append(f"{name}: interpolated between recorded samples")
+        if self._skipped:
+            found.append(f"{name}: {self._skipped} samples came faster than rate_hz and were left out")
+        for source, made in zip(self._sources, self._feeds, strict=True):
+            if made.gaps:
+                begin, length = max(made.gaps, key=lambda g: g[1])
+                longest = f"the longest {length / NS:.2f} s at {begin / NS:.2f} s"
+                found.append(f"{name}.{source.port.name}: {len(made.gaps)} gaps in the log, {longest}")
+            if made.unordered_count:
+                text = f"{made.unordered_count} samples out of order were left out"
+                found.append(f"{name}.{source.port.name}: {text}")
+        return found + [f"{name}: {note} ({n})" for note, n in self.log.notes.items()]
+
+    def reset(self, stream: Stream) -> Outputs:
+        """What was published up to the start; the first sample, where it comes a little later."""
+        self._rewind()
+        return self._first()
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """What was published in (t, t + dt], the newest; nothing where nothing was."""
+        self._t = t + dt
+        outputs: Outputs = {}
+        for source, made in zip(self._sources, self._feeds, strict=True):
+            found = made.until(self._t)
+            self._skipped += max(len(found) - 1, 0)
+            if self.params.between == "interpolate" and made.last is not None and made.next is not None:
+                outputs[source.port.name] = feeds.between(made.last[1], made.next[1], self._t)
+            elif found:
+                outputs[source.port.name] = found[-1][1]
+        self._look_ahead()
+        return outputs
+
+    def save(self) -> State:
+        """How far it has come."""
+        return {"t": self._t, "skipped": self._skipped}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment; the recording is read again from its beginning."""
+        self._rewind()
+        self._t, self._skipped = state["t"], state["skipped"]
+        for made in self._feeds:
+            made.until(self._t)
+        self._look_ahead()
+
+    def close(self) -> None:
+        """Close the recording."""
+        if self._demux is not None:
+            self._demux.close()
+
+    @property
+    def reads(self) -> tuple[Path, ...]:
+        """The recording."""
+        return (self.log.path,)
+
+    @property
+    def _is_own(self) -> bool:
+        return not self.params.topics
+
+    @property
+    def _topics(self) -> list[str]:
+        return list(dict.fromkeys(t for s in self._sources for t in s.topics))
+
+    def _check(self) -> None:
+        """InputError for what can be known to be wrong before anything is read."""
+        for source in self._sources:
+            kind = source.port.signal
+            arrays = [f.name for f in flat_fields(kind).values() if f.kind == "array"]
+            if self.params.between == "interpolate" and arrays:
+                expected = (
+                    f"expected hold, the {', '.join(arrays)} of a {kind.__name__} cannot be interpolated"
+                )
+                raise InputError("between", "interpolate", expected)
+        outputs = {s.port.name: s.port.signal for s in self._sources}
+        for name in self.params.scale:
+            port, _, number = name.partition(".")
+            if port not in outputs or number not in flat_fields(outputs[port]) or "." in number:
+                raise InputError("scale", name, f"expected output.number; outputs: {', '.join(outputs)}")
+
+    def _rewind(self) -> None:
+        self.close()
+        self._t = self._skipped = 0
+        self.ends_at: int | None = None
+        self.ending = ""
+        demux = self._demux = Demux(self.log.messages(self._topics))
+        limit = None if self.params.gap_s is None else round(self.params.gap_s * NS)
+        streams = [self._samples(source, demux) for source in self._sources]
+        self._feeds = [Feed(s, shift=self._shift, gap_limit=limit) for s in streams]
+
+    def _first(self) -> Outputs:
+        """Every output at t = 0."""
+        outputs: Outputs = {}
+        late = round((self.params.gap_s or LATE_S) * NS)
+        for source, made in zip(self._sources, self._feeds, strict=True):
+            found = made.until(0)
+            chosen = found[-1] if found else made.next
+            where = ", ".join(source.topics)
+            if chosen is None:
+                raise InputError("topics", where, "expected messages in the recording", file=self.log.path)
+            if chosen[0] > late:
+                expected = (
+                    f"expected a first message on {where} near the start, it comes {chosen[0] / NS:.2f} s on"
+                )
+                raise InputError("start_s", self.params.start_s, expected)
+            sample = chosen[1]
+            at = 0 if not found else max(sample.t, 0)
+            outputs[source.port.name] = sample if sample.t == at else replace(sample, t=at)
+        self._look_ahead()
+        return outputs
+
+    def _look_ahead(self) -> None:
+        """When nothing comes after this step, the run ends before the next one."""
+        if self.ends_at is not None:
+            return
+        done = [s for s, made in zip(self._sources, self._feeds, strict=True) if made.next is None]
+        if self.params.end == "log":
+            done = done if len(done) == len(self._sources) and self._t >= self._log_end else []
+        if done:
+            self.ends_at = self._t + self._period
+            last = min(made.last[0] for made in self._feeds if made.next is None and made.last is not None)
+            self.ending = f"the log of {', '.join(s.port.name for s in done)} ended at {last / NS:.2f} s"
+
+    def _samples(self, source: Source, demux: Demux) -> Iterator[Timed]:
+        """The samples of an output on the clock of the log."""
+        records = demux.read(*source.topics)
+        if source.is_exact:
+            samples = feeds.exact_samples(records)
+        elif source.numbers:
+            samples = self._from_numbers(source, records)
+        elif self._types[source.topics[0]] == FIX:
+            samples = iter(self._track(source.topics[0]))
+        else:
+            make = maker_for(source.port.signal, self._types[source.topics[0]], self._context)
+            assert make is not None
+            samples = ((t, make(message, t)) for _, t, message in records)
+        if self.params.clock == "stamp" and not source.is_exact:
+            samples = ((sample.t, sample) for _, sample in samples)
+        if source.port.signal is MachineState and self.params.start_s > 0:
+            samples = feeds.rebased(samples, self._shift)
+        factors = {
+            k.partition(".")[2]: v
+            for k, v in self.params.scale.items()
+            if k.partition(".")[0] == source.port.name
+        }
+        return _scaled(samples, factors) if factors and not source.numbers else samples
+
+    def _from_numbers(self, source: Source, records: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
+        """A sample whenever one of its numbers came, once all have."""
+        name = source.port.name
+        known: dict[str, Any] = {
+            k.partition(".")[2]: v for k, v in self.params.values.items() if k.partition(".")[0] == name
+        }
+        for topic, t, message in records:
+            for number, (where, path) in source.numbers.items():
+                if where == topic:
+                    try:
+                        value = number_at(message, path)
+                    except (AttributeError, TypeError, ValueError):
+                        expected = f"expected a number at {path!r} of {self._types[topic]}"
+                        raise InputError("topics", f"{topic}:{path}", expected, file=self.log.path) from None
+                    known[number] = value * self.params.scale.get(f"{name}.{number}", 1.0)
+            if all(number in known for number in source.numbers):
+                yield t, build(source.port.signal, stamp_of(message, t), known)
+
+    def _track(self, topic: str) -> list[Timed]:
+        if topic not in self._fixes:
+            fixes = read_fixes(self.log.messages((topic,)))
+            antenna, wheelbase = self.params.antenna_m, self._context.wheelbase
+            self._fixes[topic] = states_of_fixes(fixes, self._to_local(), antenna, wheelbase)
+        return self._fixes[topic]
+
+    def _to_local(self) -> ToLocal | None:
+        if self.params.field_folder is not None:
+            from swath.field.io.folder import read_origin
+
+            origin = read_origin(self.setup.base / self.params.field_folder)
+            return lambda p: np.column_stack([origin.to_local(p[:, :2]), p[:, 2] - origin.height])
+        o = self.params.origin
+        return None if o is None else TangentPlane(o.lon_deg, o.lat_deg, o.height_m)
+
+    def _mounting(self) -> Pose | None:
+        scans = [s for s in self._sources if s.port.signal is Scan]
+        if not scans:
+            return None
+        if self.params.mount is not None:
+            return self.params.mount.pose(self.setup.control.machine, self.setup.control.edge_side)
+        found = own_mounting(self.log, self.recorded)
+        if found is None and not scans[0].is_exact:
+            found = static_mounting(self.log, scans[0].topics[0], self.setup.machine_name)
+        if found is None:
+            expected = "expected where the sensor sits, /tf_static of the recording does not say"
+            raise InputError("mount", None, expected)
+        return found
+
+
+def _path(params: Params, base: Path) -> Path:
+    given = [text for text in (params.file, params.folder) if text is not None]
+    if len(given) != 1:
+        raise InputError("file", params.file, "expected either file or folder")
+    return base / given[0]
+
+
+def _chosen(
+    params: Params, setup: LinkSetup, log: Log, types: Mapping[str, str], recorded: str
+) -> list[Source]:
+    """What the outputs come from. InputError where the recording has nothing for them."""
+    if params.topics:
+        return _mapped(params, setup, types)
+    found: list[Source] = []
+    ports = {p.name: p for p in setup.outputs}
+    context = Context(setup.control.machine.wheelbase)
+    outputs = feeds.own_outputs(log, recorded)
+    for name, is_exact in outputs.items():
+        if is_exact:
+            port = ports.get(name) or feeds.exact_port(log, recorded, name)
+            found.append(Source(port, (feeds.exact_topic(recorded, name),), is_exact=True))
+        elif name in ports:
+            near = [f"{name}_points", name] if ports[name].signal is Scan else [name]
+            topic = next(f"/{recorded.replace('.', '/')}/{n}" for n in near if n in outputs)
+            if maker_for(ports[name].signal, types[topic], context) is not None:
+                found.append(Source(ports[name], (topic,)))
+    if not found:
+        listed = ", ".join(f"{t} ({k.rpartition('/')[2]})" for t, k in types.items()) or "nothing"
+        expected = f"expected topics for {', '.join(ports)}, the recording has no {recorded}; it has {listed}"
+        raise InputError("topics", None, expected, file=log.path)
+    return found
+
+
+def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[Source]:
+    """The outputs that `topics` names, in the slot's order."""
+    ports = {p.name: p for p in setup.outputs}
+    context = Context(setup.control.machine.wheelbase)
+    whole: dict[str, str] = {}
+    numbers: dict[str, dict[str, tuple[str, str]]] = {}
+    for key in (*params.topics, *params.values):
+        name, _, number = key.partition(".")
+        if name not in ports:
+            raise InputError("topics", key, f"expected output or output.number; outputs: {', '.join(ports)}")
+        if number and number not in flat_fields(ports[name].signal):
+            listed = ", ".join(flat_fields(ports[name].signal))
+            raise InputError("topics", key, f"expected one of {listed} after {name}.")
+    for key, text in params.topics.items():
+        topic, _, path = text.partition(":")
+        name, _, number = key.partition(".")
+        if topic not in types:
+            raise InputError("topics", topic, f"expected one of {', '.join(types) or 'none'}")
+        if number:
+            numbers.setdefault(name, {})[number] = (topic, path or "data")
+        else:
+            signal = ports[name].signal
+            is_fix = types[topic] == FIX and signal is MachineState
+            if not is_fix and maker_for(signal, types[topic], context) is None:
+                expected = (
+                    f"expected a topic of {', '.join(message_names(signal))}, or {name}.NUMBER: TOPIC:PATH"
+                )
+                raise InputError("topics", f"{topic} ({types[topic]})", expected)
+            whole[name] = topic
+    if both := sorted(set(whole) & set(numbers)):
+        raise InputError("topics", both[0], "expected a topic for the output or for its numbers, not both")
+    for name, given in numbers.items():
+        fixed = [k.partition(".")[2] for k in params.values if k.partition(".")[0] == name]
+        lacking = [
+            f.name
+            for f in flat_fields(ports[name].signal).values()
+            if f.default is None and f.name not in given and f.name not in fixed
+        ]
+        if lacking:
+            raise InputError("topics", name, f"expected topics or values for {', '.join(lacking)} too")
+    made = {n: Source(ports[n], (t,)) for n, t in whole.items()}
+    made |= {
+        n: Source(ports[n], tuple(dict.fromkeys(t for t, _ in given.values())), numbers=given)
+        for n, given in numbers.items()
+    }
+    return [made[name] for name in ports if name in made]
+
+
+def _scaled(samples: Iterator[Timed], factors: Mapping[str, float]) -> Iterator[Timed]:
+    for published, sample in samples:
+        changed = {name: getattr(sample, name) * factor for name, factor in factors.items()}
+        yield published, _retyped(sample, changed)
+
+
+def _retyped(sample: Signal, changed: Mapping[str, Any]) -> Signal:
+    """The sample with other values, arrays in the type that they had."""
+    typed = {
+        f.name: changed[f.name].astype(getattr(sample, f.name).dtype)
+        if isinstance(changed[f.name], np.ndarray)
+        else changed[f.name]
+        for f in fields(sample)
+        if f.name in changed
+    }
+    return replace(sample, **typed)
+
+
+LEVEL = Level(
+    LogPlayer,
+    Params,
+    "what was recorded: run.mcap, MCAP, rosbag 1 and 2",
+    cost="20 us per sample",
+    tolerance="from run.mcap bit for bit; from other messages as exact as these",
+    is_link=True,
+)

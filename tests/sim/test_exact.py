@@ -1,0 +1,224 @@
+"""Samples in run.mcap come back bit for bit, and every message as it was published."""
+
+from dataclasses import dataclass, fields, is_dataclass
+
+import numpy as np
+import pytest
+from fake_run import ArcEdge, GridField, drive, machine
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.signals import F64, Scan, ScanTruth, Signal
+from swath.sim.exact import can_keep, signal_type, unpack
+from swath.sim.mcap import McapFile
+from swath.sim.record import Recorder
+from swath.sim.recorded.feed import exact_samples, exact_topic, own_outputs
+from swath.sim.recorded.files import McapLog
+
+
+@dataclass(frozen=True)
+class Odd(Signal):
+    """Everything a sample may hold."""
+
+    pose: Pose
+    real: float
+    whole: int
+    flag: bool
+    array: F64
+    scalar: float  # a number of numpy, in fact
+
+
+def same_bits(a, b):
+    if is_dataclass(a):
+        return type(a) is type(b) and all(
+            same_bits(getattr(a, f.name), getattr(b, f.name)) for f in fields(a)
+        )
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if isinstance(a, float):
+        return type(a) is type(b) and np.float64(a).tobytes() == np.float64(b).tobytes()
+    return type(a) is type(b) and a == b
+
+
+def read_exact(path, slot, output):
+    log = McapLog(path)
+    topic = exact_topic(slot, output)
+    return list(exact_samples(log.messages((topic,))))
+
+
+reals = st.floats(width=64, allow_nan=True, allow_infinity=True)
+arrays = st.one_of(
+    st.lists(reals, max_size=4).map(lambda v: np.array(v, dtype=np.float64)),
+    st.lists(st.floats(width=32), min_size=2, max_size=2).map(lambda v: np.array([v], dtype=np.float32)),
+)
+samples = st.builds(
+    Odd,
+    t=st.integers(0, 10**12),
+    pose=st.lists(reals, min_size=12, max_size=12).map(
+        lambda v: Pose(np.array(v[:3]), np.array(v[3:]).reshape(3, 3))
+    ),
+    real=reals,
+    whole=st.integers(-(2**63), 2**63 - 1),
+    flag=st.booleans(),
+    array=arrays,
+    scalar=reals.map(np.float64),
+)
+
+
+@given(st.lists(st.tuples(st.integers(0, 2 * 10**9), samples), min_size=1, max_size=12))
+@settings(max_examples=40, deadline=None)
+def test_any_sample_comes_back_to_the_last_bit(tmp_path_factory, given_samples):
+    folder = tmp_path_factory.mktemp("odd")
+    given_samples.sort(key=lambda pair: pair[0])
+    with Recorder(folder, [machine()]) as recorder:
+        for t, sample in given_samples:
+            recorder("combine.odd", t, {"odd": sample})
+    found = read_exact(folder / "run.mcap", "combine.odd", "odd")
+    assert [t for t, _ in found] == [t for t, _ in given_samples]
+    for (_, made), (_, sample) in zip(found, given_samples, strict=True):
+        assert same_bits(made, sample), (made, sample)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Whole recording with the truth, every sample, and every message that was handed to the file."""
+    folder = tmp_path_factory.mktemp("run")
+    kept, written = [], []
+    whole = McapFile.write
+
+    def write(self, topic, t, message, **more):
+        written.append((topic, t, message))
+        whole(self, topic, t, message, **more)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(McapFile, "write", write)
+        with Recorder(folder, [machine()], detail="full") as recorder:
+            drive([lambda *s: kept.append(s), recorder], GridField(ArcEdge(40.0)), seconds=2.0)
+    return folder / "run.mcap", kept, written
+
+
+def test_every_sample_of_every_slot_is_there_from_zero_on(run):
+    path, kept, _ = run
+    log = McapLog(path)
+    for slot in dict.fromkeys(s for s, _, _ in kept):
+        for output in own_outputs(log, slot):
+            wanted = [(t, o[output]) for s, t, o in kept if s == slot and output in o]
+            if not wanted:
+                continue  # a companion for the eye, such as edge_marker
+            found = read_exact(path, slot, output)
+            assert found[0][0] == 0
+            assert len(found) == len(wanted)
+            assert all(t == at and same_bits(a, b) for (t, a), (at, b) in zip(found, wanted, strict=True)), (
+                slot,
+                output,
+            )
+
+
+def test_the_scans_truth_is_a_choice(run, tmp_path):
+    path, kept, _ = run
+    assert own_outputs(McapLog(path), "combine.lidar")["truth"] is True
+    for detail, outputs in (
+        ("exact", {"scan": True, "truth": False}),
+        ("standard", {"scan": False, "truth": False}),
+    ):
+        folder = tmp_path / detail
+        folder.mkdir()
+        with Recorder(folder, [machine()], detail=detail) as recorder:
+            for sample in kept[:200]:
+                recorder(*sample)
+        assert own_outputs(McapLog(folder / "run.mcap"), "combine.lidar") == outputs
+
+
+def names_of(message):
+    """Fields of a message, whichever library made it."""
+    names = getattr(message, "__dataclass_fields__", None) or getattr(message, "__slots__", ())
+    return sorted({n.lstrip("_") for n in names if not n.startswith("__") and n == n.lower()})
+
+
+def equal(read, published):
+    """Field by field; a float32 field holds what was published, rounded."""
+    if names_of(published):
+        return names_of(read) == names_of(published) and all(
+            equal(getattr(read, n), getattr(published, n)) for n in names_of(published)
+        )
+    if isinstance(published, np.ndarray | list | bytes):
+        a, b = list(read), list(published)
+        if len(a) == len(b) > 8 and not names_of(b[0]) and not isinstance(b[0], str):
+            return np.array_equal(np.array(a, float), np.array(b, float), equal_nan=True)
+        return len(a) == len(b) and all(equal(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(published, float | np.floating):
+        return read in (published, np.float32(published)) or (np.isnan(read) and np.isnan(published))
+    return read == published
+
+
+def test_the_decoder_of_the_mcap_project_reads_every_message_as_it_was_published(run):
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    path, _, written = run
+    left = {}
+    for topic, t, message in written:
+        left.setdefault(topic, []).append((t, message))
+    count = 0
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False):
+            t, original = left[channel.topic].pop(0)
+            assert message.log_time == message.publish_time == t
+            assert equal(decoded, original), channel.topic
+            count += 1
+    assert count == len(written) > 1400
+    assert not any(left.values())
+
+
+def test_rosbags_reads_every_message_as_it_was_published(run):
+    from rosbags.highlevel import AnyReader
+
+    path, _, written = run
+    left = {}
+    for topic, t, message in written:
+        left.setdefault(topic, []).append((t, message))
+    with AnyReader([path]) as reader:
+        count = 0
+        for connection, t, raw in reader.messages():
+            at, original = left[connection.topic].pop(0)
+            assert t == at
+            assert equal(reader.deserialize(raw, connection.msgtype), original), connection.topic
+            count += 1
+    assert count == len(written)
+
+
+def test_what_cannot_be_kept_is_not(tmp_path):
+    @dataclass(frozen=True)
+    class Worded(Signal):
+        word: str
+
+    assert not can_keep(Worded(0, "x"))
+    with Recorder(tmp_path, [machine()]) as recorder:
+        recorder("combine.word", 0, {"word": Worded(0, "x")})
+    assert own_outputs(McapLog(tmp_path / "run.mcap"), "combine.word") == {"word": False}
+
+
+def test_an_unknown_type_is_named():
+    with pytest.raises(KeyError):
+        signal_type("Nothing")
+    assert signal_type("Scan") is Scan
+    assert signal_type("ScanTruth") is ScanTruth
+
+    class Block:
+        signal, t = "Nothing", ()
+        data = published = names = kinds = held = ()
+
+    with pytest.raises(InputError, match="block of samples"):
+        list(unpack(Block()))
+
+
+def test_a_file_within_the_file(tmp_path):
+    with Recorder(tmp_path, [machine()], scenario="name: x\n"):
+        pass
+    log = McapLog(tmp_path / "run.mcap")
+    assert log.attachment("scenario.yaml") == b"name: x\n"
+    assert b"swath recording 1" in log.attachment("recording.json")
+    assert log.attachment("nothing") is None
