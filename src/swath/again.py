@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from swath.core.errors import InputError
 from swath.job import JobResult, run_job
+from swath.sim.interventions import read_events
 from swath.sim.recorded.feed import own_outputs
 from swath.sim.recorded.files import Log, open_log
 from swath.sim.recorded.same import SameAsRecorded
@@ -27,7 +29,15 @@ class Again:
         """Make the run; summary.json says under `replay` which of the other slots came out the same."""
         slots = [f"{m.name}.{s}" for m in self.scenario.machines.values() for s in m.slots]
         judge = SameAsRecorded(self.log, [s for s in slots if s not in self.played], played=self.played)
-        return run_job(self.scenario, out, progress=progress, report=report, judge=judge)
+        return run_job(
+            self.scenario, out, progress=progress, report=report, events=self._events(), judge=judge
+        )
+
+    def _events(self) -> list[dict[str, Any]]:
+        """What was changed while it was recorded, but for the slots that play the log."""
+        folder = self.log.path.parent
+        events = read_events(folder) if (folder / "summary.json").is_file() else []
+        return [e for e in events if ".".join(str(e["set"]).split(".")[:2]) not in self.played]
 
 
 def plan_again(
