@@ -384,7 +384,9 @@ def test_a_box_lets_go_when_asked_and_starts_anew_with_a_new_machine():
         ({"interface": "sockcan"}, "steer", r"interface = sockcan: expected one of .*socketcan"),
         ({}, "speed", r"level = can: expected in the slot steer"),
         ({"cycle_ms": 50.0}, "steer", r"cycle_ms = 50.0: expected a multiple of the slot's 20 ms"),
-        ({"box": "inside", "law": "preveiw"}, "steer", r"did you mean 'preview'"),
+        ({"box": "inside", "law": "preveiw"}, "steer", r"^law = preveiw: .*did you mean 'preview'"),
+        ({"box": "inside", "law": "can"}, "steer", r"law = can: expected a steering law that needs only"),
+        ({"box": "inside", "law": "gone.py:Law"}, "steer", r"law = gone.py:Law: .*there is no file"),
         ({"box": "inside", "law_keys": {"lookahed_m": 3}}, "steer", r"did you mean 'lookahead_m'"),
         ({"box": "inside", "law_keys": {"lookahead_m": -3}}, "steer", r"law_keys.lookahead_m = -3"),
     ],
@@ -403,3 +405,41 @@ def test_without_the_extra_the_level_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "can", None)
     with pytest.raises(SwathError, match=r"pip install 'swath\[can\]'"):
         CanSteering(Params(), setup())
+
+
+OWN_LAW = """
+from swath.core.component import Port
+from swath.core.signals import CropEdge, Odometry, SteerCommand
+
+
+class Law:
+    inputs = (Port("edge", CropEdge), Port("odometry", Odometry))
+    outputs = (Port("command", SteerCommand),)
+
+    def __init__(self, params, setup):
+        self.gain = 0.01 / setup.period
+
+    def reset(self, stream):
+        return {"command": SteerCommand(0, 0.0, False)}
+
+    def step(self, t, dt, inputs):
+        edge = inputs["edge"]
+        bend = self.gain * (edge.offset - 6.0) if edge.is_found else 0.0
+        return {"command": SteerCommand(t + dt, bend, edge.is_found)}
+"""
+
+
+def test_a_law_from_a_file_of_the_user_can_be_the_box(tmp_path):
+    (tmp_path / "law.py").write_text(OWN_LAW)
+    keys = Params(interface="virtual", box="inside", lock_step=True, law="law.py:Law")
+    part = CanSteering(keys, replace(setup(), base=tmp_path))
+    part.reset(Stream(0, "part"))
+    edge = CropEdge(0, 6.2, 0.0, 0.0, 8.0, 0.9, 0.9, 0.1)
+    try:
+        for k in range(5):
+            inputs = {"edge": edge, "odometry": Odometry(0, 2.0, 0.0, 0.0)}
+            got = part.step(k * 20 * MS, 20 * MS, inputs)["command"]
+    finally:
+        part.close()
+    assert got.is_engaged
+    assert got.curvature == pytest.approx(0.02, abs=1e-9)  # 0.1 /s over the cycle's 0.1 s, not the slot's

@@ -6,6 +6,7 @@ It answers every cycle of the machine with one guidance command, at once, so tha
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
@@ -96,20 +97,36 @@ class ControllerBox:
         self._law.load(state["law"])
 
 
-def make_law(level: str, keys: Mapping[str, Any], setup: ControlSetup, *, period: int) -> Any:
-    """A steering law by the name of its level, which runs every `period` [ns]. InputError where it cannot be.
+def make_law(
+    level: str,
+    keys: Mapping[str, Any],
+    setup: ControlSetup,
+    *,
+    period: int,
+    base: Path | None = None,
+    overlap: float | None = None,
+) -> Any:
+    """A steering law by the name of its level, or `file.py:Class`, which runs every `period` [ns].
 
-    keys: its parameters; those that it does not know are errors
+    keys: its parameters, those that it does not know are errors; base: where a relative file name starts
+    overlap [m]: its `overlap_m`, where it has such a key and `keys` does not say
+    InputError where it cannot be had.
     """
-    found = REGISTRY.get("steer", level)
+    try:
+        found = REGISTRY.get("steer", level, base=base)
+    except InputError as error:
+        raise InputError("law", level, error.expected) from error
     if found.is_link or found.sees_truth:
         raise InputError("law", level, "expected a steering law that needs only edge and odometry")
     known = known_keys(found.params)
     if unknown := [key for key in keys if key not in known]:
         raise InputError(f"law_keys.{unknown[0]}", keys[unknown[0]], unknown_key(unknown[0], known))
-    params, errors = validate(found.params, dict(keys), ("law_keys",), Document(None))
-    if errors:
-        raise errors[0]
+    given = {"overlap_m": overlap} if overlap is not None and "overlap_m" in known else {}
+    params = None
+    if found.params is not None:
+        params, errors = validate(found.params, {**given, **keys}, ("law_keys",), Document(None))
+        if errors:
+            raise errors[0]
     law = found.component(params, replace(setup, period=period / NS))
     if missing := [p.name for p in law.inputs if p.name not in ("edge", "odometry") and not p.optional]:
         raise InputError("law", level, f"expected edge and odometry to be enough, it needs {missing[0]}")

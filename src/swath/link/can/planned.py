@@ -42,7 +42,8 @@ def plan_box(scenario: Scenario) -> BoxPlan:
     params = steer.params if isinstance(steer.params, Params) else Params()
     setup = ControlSetup(card, knife, section.common.edge_side, params.period * 1e-9)
     if isinstance(steer.params, Params):
-        law = make_law(params.law, params.all_law_keys(), setup, period=params.period)
+        base = scenario.file.parent if scenario.file is not None else None
+        law = params.make_law(setup, base)
     else:
         keys = adapter_of(steer.params.__class__).dump_python((steer.params,), mode="json")[0]
         law = make_law(steer.level, keys, setup, period=params.period)

@@ -10,9 +10,9 @@ steering.
 """
 
 import time
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
@@ -22,7 +22,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.setup import LinkSetup
+from swath.core.setup import ControlSetup, LinkSetup
 from swath.core.signals import CropEdge, Odometry, SteerCommand
 from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
@@ -45,7 +45,8 @@ class Params:
     options: further keys of that interface, such as bitrate or port
     box: outside = another process or a real controller; inside = a stand-in within the run
     lock_step: simulated time waits for every answer of the box; without it the run has to be paced
-    law: steering level that a stand-in runs, inside or by `swath can box`; law_keys: its keys
+    law: steering level, or file.py:Class, that a stand-in runs, inside or by `swath can box`; law_keys: its
+    keys
     overlap_m: how far the box keeps the header end outside the crop; given to the law and to the metrics
     cycle_ms: how often the machine sends; the standard says 100
     timeout_ms: without lock_step: so long without a command, and the steering is released
@@ -80,9 +81,10 @@ class Params:
         """Of a cycle [ns]."""
         return round(self.cycle_ms * 1e6)
 
-    def all_law_keys(self) -> Mapping[str, Any]:
-        """Parameters of the stand-in's law."""
-        return {"overlap_m": self.overlap_m, **self.law_keys}
+    def make_law(self, control: ControlSetup, base: Path | None) -> Any:
+        """What a stand-in runs; InputError where it cannot be had."""
+        more: dict[str, Any] = {"period": self.period, "base": base, "overlap": self.overlap_m}
+        return make_law(self.law, self.law_keys, control, **more)
 
 
 class CanSteering:
@@ -98,7 +100,7 @@ class CanSteering:
             raise InputError("cycle_ms", params.cycle_ms, expected)
         self._law = None
         if params.box == "inside":
-            self._law = make_law(params.law, params.all_law_keys(), setup.control, period=params.period)
+            self._law = params.make_law(setup.control, setup.base)
         wanted = {"edge": CropEdge, "odometry": Odometry}
         self.inputs = tuple(p for p in setup.inputs if wanted.get(p.name) is p.signal)
         self.outputs = (Port("command", SteerCommand),)
