@@ -35,6 +35,33 @@ def test_a_node_in_lock_step_gives_the_bytes_of_the_law_in_process(tmp_path):
     assert played["digest"] == alone["digest"]
 
 
+SCANNED = """
+name: scanned
+run: {{distance_m: 100, max_duration_s: 4}}
+field: {{stand: {{level: uniform, stems_per_m2: 300}}, edge: {{shape: straight}}}}
+combine:
+  motion: {{level: single_track, start_speed_kmh: 7}}
+  lidar: {{sub_rays: 1, sector_deg: [-60, 60], step_deg: 2.0}}
+  edge: {{{edge}}}
+"""
+
+
+@pytest.mark.usefixtures("domain")
+def test_a_detector_as_a_node_sees_the_scan_to_the_last_bit(tmp_path):
+    levels = {
+        "node": "level: ros2, history: [odometry]",
+        "alone": f"level: {HERE / 'law_level.py'}:DetectorInProcess",
+    }
+    with node(EXAMPLES / "edge_detector_node.py"):
+        found = {
+            name: run_job(parse_scenario(SCANNED.format(edge=level)), tmp_path / name, report=False).summary
+            for name, level in levels.items()
+        }
+    assert found["node"]["digest"] == found["alone"]["digest"]
+    assert found["node"]["detection_availability"] > 0.9
+    assert found["node"]["edge_rmse_m"] < 0.3
+
+
 @pytest.mark.usefixtures("domain")
 def test_a_killed_node_ends_the_run_with_its_name_and_a_whole_folder(tmp_path):
     with node(EXAMPLES / "steering_node.py") as process:
