@@ -17,6 +17,7 @@ from swath.commands import (
     lab,
     levels,
     replay,
+    ros2,
     run,
     scan,
     scenarios,
@@ -24,7 +25,7 @@ from swath.commands import (
 )
 from swath.core.errors import SwathError
 
-COMMANDS = (run, scenarios, levels, field, lab, replay, calibrate, compare, scan, fmu, can, schema)
+COMMANDS = (run, scenarios, levels, field, lab, replay, calibrate, compare, scan, fmu, ros2, can, schema)
 BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 EXAMPLES = """\

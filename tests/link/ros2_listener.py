@@ -1,6 +1,6 @@
 """A process written only with rclpy and standard messages: listens to a run, and lets it go.
 
-    python ros2_listener.py REPORT.json TOPIC=package/Type ...
+    python ros2_listener.py REPORT.json [--no-pause] TOPIC=package/Type ...
 
 Takes every message as its raw bytes until its standard input ends. Beside that a timer by ROS time, with
 use_sim_time, notes when it fires.
@@ -32,7 +32,7 @@ def call(node, executor, kind, name, request):
     return future.result()
 
 
-def main(report, wanted):
+def main(report, wanted, has_pause):
     rclpy.init()
     simulated = Parameter("use_sim_time", value=True)
     node = Node("listener", parameter_overrides=[simulated])
@@ -58,7 +58,9 @@ def main(report, wanted):
     before = len(fired)
     for messages in got.values():
         messages.clear()
-    reply = call(node, executor, SetBool, "/swath/pause", SetBool.Request(data=False))
+    reply = SetBool.Response()
+    if has_pause:
+        reply = call(node, executor, SetBool, "/swath/pause", SetBool.Request(data=False))
     over = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), over.set()), daemon=True).start()
     while not over.is_set():
@@ -78,4 +80,5 @@ def main(report, wanted):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], [pair.split("=") for pair in sys.argv[2:]])
+    pairs = [pair.split("=") for pair in sys.argv[2:] if "=" in pair]
+    main(sys.argv[1], pairs, has_pause="--no-pause" not in sys.argv)

@@ -174,3 +174,20 @@ def test_what_cannot_be_done_is_refused_with_a_reason_and_changes_nothing(domain
         assert words in reason, reason
     assert replies[-1] == [False, "expected a paused run: call ~/pause first"]
     assert "events" not in summary
+
+
+def test_a_recorded_run_is_published_again(domain, tmp_path):  # noqa: F811
+    from swath.link.ros2.player import play
+
+    out, report = tmp_path / "run", tmp_path / "report.json"
+    run_job(parse_scenario(TEXT, sets=["run.max_duration_s=1"]), out, report=False)
+    pairs = [f"{topic}={kind}" for topic, kind in LISTENED.items()]
+    with node(HERE / "ros2_listener.py", report, "--no-pause", *pairs, stdin=subprocess.PIPE) as listener:
+        count = play(out / "run.mcap", factor=0.5, wait_s=4.0)
+        listener.communicate("", timeout=60)
+    found = json.loads(report.read_text())
+    assert count > 350
+    for topic, hashes in found["got"].items():
+        sent = [hashlib.sha256(padded(data)).hexdigest() for _, data in recorded(out, topic)]
+        assert hashes == sent, topic
+    assert found["clock"] == list(range(0, 1_000_000_001, 10_000_000))

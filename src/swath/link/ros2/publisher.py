@@ -38,10 +38,14 @@ class Publisher:
 
     def __call__(self, topic: str, t: int, message: Any, data: bytes, is_latched: bool) -> None:
         """Publish one message."""
-        if topic not in self._routes:
-            self._routes[topic] = self._route(topic, message, is_latched)
+        self.declare(topic, message, is_latched)
         if (route := self._routes[topic]) is not None:
             route(message, data)
+
+    def declare(self, topic: str, message: Any, is_latched: bool) -> None:
+        """Make the topic of such messages known; nothing where it is already."""
+        if topic not in self._routes:
+            self._routes[topic] = self._route(topic, message, is_latched)
 
     def close(self) -> None:
         """Withdraw every topic."""

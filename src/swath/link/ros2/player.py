@@ -1,0 +1,94 @@
+"""A recorded run as topics: run.mcap is published again at its pace, with `/clock`."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.schedule import NS
+from swath.link.ros2.middleware import close_node, open_node, set_stamp, stream_qos, type_of
+from swath.link.ros2.publisher import Publisher
+
+CLOCK_PERIOD = 10_000_000  # [ns]
+LATCHED = "transient_local"
+
+
+def recording_of(source: str) -> Path | None:
+    """The run.mcap of a run folder, or the .mcap file itself; None when the source is something else."""
+    path = Path(source)
+    if path.is_dir() and (path / "run.mcap").is_file():
+        return path / "run.mcap"
+    return path if path.suffix == ".mcap" and path.is_file() else None
+
+
+def play(file: Path, *, factor: float = 1.0, wait_s: float = 1.0, name: str = "swath") -> int:
+    """Publish a recording; the number of messages published.
+
+    factor: simulated seconds per second; wait_s: between all topics being there and the first message, for
+    readers to find them. Raises InputError for a file that is no recording, MissingExtra without rclpy.
+    """
+    node = open_node(name, "swath ros2 bridge", start_parameter_services=False)
+    try:
+        store, firsts = _open(file)
+        publisher = Publisher(node, store)
+        for topic, (message, is_latched) in firsts.items():
+            publisher.declare(topic, message, is_latched)
+        clock_type = type_of("rosgraph_msgs/msg/Clock")
+        clock, now = node.create_publisher(clock_type, "/clock", stream_qos()), clock_type()
+        time.sleep(wait_s)
+        began, next_clock = time.monotonic(), 0
+        for topic, t, kind, data, is_latched in _messages(file):
+            while next_clock <= t:
+                _wait(began, next_clock, factor)
+                set_stamp(now.clock, next_clock)
+                clock.publish(now)
+                next_clock += CLOCK_PERIOD
+            _wait(began, t, factor)
+            publisher(topic, t, store.deserialize_cdr(data, kind), data, is_latched)
+        time.sleep(min(wait_s, 0.5))
+        return publisher.count
+    finally:
+        close_node(node)
+
+
+def _wait(began: float, t: int, factor: float) -> None:
+    left = began + t / NS / factor - time.monotonic()
+    if left > 0.0:
+        time.sleep(left)
+
+
+def _open(file: Path) -> tuple[Any, dict[str, tuple[Any, bool]]]:
+    """The types of a recording, and the first message of each topic."""
+    from mcap.reader import make_reader
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    try:
+        with file.open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+    except Exception as error:
+        raise InputError("recording", str(file), f"expected a whole MCAP file: {error}") from error
+    if summary is None:
+        raise InputError("recording", str(file), "expected a whole MCAP file, `mcap recover` mends a cut one")
+    for schema in summary.schemas.values():
+        found = get_types_from_msg(schema.data.decode(), schema.name)
+        store.register({name: kind for name, kind in found.items() if name not in store.types})
+    firsts: dict[str, tuple[Any, bool]] = {}
+    for topic, _, kind, data, is_latched in _messages(file):
+        if topic not in firsts:
+            firsts[topic] = store.deserialize_cdr(data, kind), is_latched
+            if len(firsts) == len(summary.channels):
+                break
+    return store, firsts
+
+
+def _messages(file: Path) -> Iterator[tuple[str, int, str, bytes, bool]]:
+    """(topic, t [ns], type, CDR bytes, is_latched) in order of time."""
+    from mcap.reader import make_reader
+
+    with file.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            is_latched = LATCHED in channel.metadata.get("offered_qos_profiles", "")
+            kind = schema.name if schema is not None else ""
+            yield channel.topic, message.log_time, kind, bytes(message.data), is_latched
