@@ -13,6 +13,7 @@ import lidar
 import machine
 import rays
 import replay
+import ros2
 
 BENCHMARKS = {
     "rays": rays.main,
@@ -22,6 +23,7 @@ BENCHMARKS = {
     "lidar": lidar.main,
     "replay": replay.main,
     "fmi": fmi.main,
+    "ros2": ros2.main,
 }
 
 
