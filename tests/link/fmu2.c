@@ -107,3 +107,8 @@ int fmi2CancelStep(void *m) { return 3; }
 int fmi2GetStatus(void *m, int kind, int *v) { return 3; }
 int fmi2GetIntegerStatus(void *m, int kind, int *v) { return 3; }
 int fmi2GetStringStatus(void *m, int kind, const char **v) { return 3; }
+#ifndef NO_DERIVATIVES
+int fmi2GetDirectionalDerivative(void *m, const unsigned *a, size_t n, const unsigned *b, size_t k, const double *x, double *y) { return 3; }
+int fmi2SetRealInputDerivatives(void *m, const unsigned *a, size_t n, const int *o, const double *v) { return 3; }
+int fmi2GetRealOutputDerivatives(void *m, const unsigned *a, size_t n, const int *o, double *v) { return 3; }
+#endif

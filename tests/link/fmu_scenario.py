@@ -1,5 +1,14 @@
 """A short drive on stems without a LiDAR, whose process and powertrain are what a test puts there."""
 
+import json
+from functools import cache
+from pathlib import Path
+
+from swath.core.component import Port
+from swath.core.frames import Pose
+from swath.core.setup import ControlSetup, LinkSetup
+from swath.core.signals import CropFlow, EngineState, MachineLoad, MachineState
+from swath.machine.card import load_machine
 from swath.sim.scenario import parse_scenario
 
 TEXT = """
@@ -24,11 +33,21 @@ def scenario(*sets, process=None, powertrain=None):
     text = TEXT
     for slot, keys in (("process", process), ("powertrain", powertrain)):
         if keys is not None:
-            text += f"  {slot}: {_flow(keys)}\n"
+            text += f"  {slot}: {json.dumps(keys)}\n"
     return parse_scenario(text, sets=list(sets))
 
 
-def _flow(value):
-    import json
+@cache
+def process_setup():
+    """What a part in the process slot is told, without a world around it."""
+    signals = {"state": MachineState, "flow": CropFlow, "engine": EngineState}
+    ports = tuple(Port(name, signal, optional=True) for name, signal in signals.items())
+    control = ControlSetup(load_machine("lexion-700-class"), Pose.identity(), "left", 0.1)
+    return LinkSetup("combine", "process", ports, (Port("load", MachineLoad),), control, Path())
 
-    return json.dumps(value)
+
+def process_part(**keys):
+    """An FMU in that slot."""
+    from swath.link.levels.fmu import Params, make_part
+
+    return make_part(Params(**keys), process_setup())

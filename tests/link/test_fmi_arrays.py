@@ -84,7 +84,7 @@ def test_a_scanner_that_is_an_fmu(tmp_path):
       scan.elevation: [0, 0, 0, 0]
       scan.intensity: [1, 1, 1, 1]
 """
-    made = parse_scenario(text(keys, "  edge: truth"))
+    made = parse_scenario(text(keys, "  edge: truth"), sets=["run.distance_m=0.5"])
     run_job(made, tmp_path / "run")
     world = assemble(made)
     drive(world, until_s=0.1)

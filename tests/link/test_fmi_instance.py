@@ -3,7 +3,7 @@
 from math import exp
 
 import pytest
-from made_fmus import engine_fmu, needs_cc, store_fmu
+from made_fmus import engine_fmu, needs_cc, python_fmu, store_fmu
 
 from swath.link.fmi.description import read_fmu
 from swath.link.fmi.errors import FmuError
@@ -198,3 +198,44 @@ def test_missing_functions_are_no_harm_until_they_are_needed(tmp_path):
     part.step(0.0, 0.1, [3.0])
     assert part.start({}) == first
     part.close()
+
+
+TYPES_PY = '''
+from pythonfmu3 import Boolean, Float64, Int32, Int64, String, UInt64
+from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Status, Fmi3StepResult, Fmi3Variability
+
+
+class PyTypes(Fmi3Slave):
+    """Gives back what it is given, one of every type."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.time, self.word = 0.0, "none"
+        cause, kind = Fmi3Causality, Fmi3Variability
+        self.register_variable(Float64("time", causality=cause.independent, variability=kind.continuous))
+        self.register_variable(String("word", causality=cause.parameter, variability=kind.tunable))
+        for type_, start in ((Int32, 0), (Int64, 0), (UInt64, 0), (Boolean, False), (Float64, 0.0)):
+            name = type_.__name__.lower()
+            change = kind.continuous if type_ is Float64 else kind.discrete
+            for end, causality in (("in", cause.input), ("out", cause.output)):
+                setattr(self, f"{name}_{end}", start)
+                self.register_variable(type_(f"{name}_{end}", causality=causality, variability=change))
+        self.length = 0.0
+        self.register_variable(Float64("length", causality=cause.output, variability=kind.continuous))
+
+    def do_step(self, t, h):
+        for name in ("int32", "int64", "uint64", "boolean", "float64"):
+            setattr(self, name + "_out", getattr(self, name + "_in"))
+        self.length = float(len(self.word))
+        return Fmi3StepResult(status=Fmi3Status.ok)
+'''
+
+
+def test_every_type_of_number_and_text(tmp_path):
+    fmu = read_fmu(python_fmu(tmp_path, TYPES_PY, "pythonfmu3"))
+    names = ("int32", "int64", "uint64", "boolean", "float64")
+    part = opened(fmu, [f"{n}_in" for n in names], [*(f"{n}_out" for n in names), "length"])
+    part.start({"word": "wheat"})
+    numbers = part.step(0.0, 0.1, [-7.4, 2.0**40, 3.6, 1.0, 0.25])
+    part.close()
+    assert numbers == [-7, 2**40, 4, True, 0.25, 5.0]

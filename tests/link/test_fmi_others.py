@@ -1,5 +1,6 @@
-"""FMUs and systems of another tool's making, the containers of the FMU Manipulation Toolbox, against ours."""
+"""Against other tools: fmpy's own stepping, FMUs and systems made and run by the FMU Manipulation Toolbox."""
 
+import importlib.util
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,9 @@ from swath.sim.loop import drive
 from swath.sim.world import assemble
 
 pytest.importorskip("fmpy")
-pytest.importorskip("fmu_manipulation_toolbox")
+toolbox = pytest.mark.skipif(
+    importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="needs fmu-manipulation-toolbox"
+)
 pytestmark = needs_cc
 RULES = """rule;from_fmu;from_port;to_fmu;to_port
 FMU;store.fmu;;;
@@ -33,6 +36,7 @@ def container(folder, source, step, version=2):
     return folder / f"{source.stem}.fmu"
 
 
+@toolbox
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_container_as_the_process(tmp_path, version):
     """It steps the same model in tenths of the slot's period; its units are lost, the scenario gives them."""
@@ -54,6 +58,7 @@ def test_a_container_as_the_process(tmp_path, version):
         assert getattr(boxed, name) == pytest.approx(getattr(own, name), rel=1e-9), name
 
 
+@toolbox
 def test_a_system_as_another_tool_runs_it(tmp_path):
     """B before A in both: each sees what the other gave in the step before, to the bit."""
     store = store_fmu(tmp_path)
@@ -80,3 +85,30 @@ def test_a_system_as_another_tool_runs_it(tmp_path):
     assert all(a == b for a, b in rows)
     assert rows[-1][0][1] > 1.0
     shutil.rmtree(tmp_path / "two.dir", ignore_errors=True)
+
+
+def test_every_number_is_that_of_fmpy(tmp_path):
+    from fmpy import extract
+    from fmpy.fmi2 import FMU2Slave
+
+    fmu = read_fmu(store_fmu(tmp_path))
+    folder = extract(str(fmu.file), tmp_path / "unpacked")
+    theirs = FMU2Slave(
+        guid=fmu.token, unzipDirectory=str(folder), modelIdentifier=fmu.identifier, instanceName="theirs"
+    )
+    outputs = [v for v in fmu.of("output") if v.kind == "real"]
+    ours = make_instance(fmu, "ours", [fmu.variables[n] for n in ("grain_in", "straw_in")], outputs)
+    ours.start({"time_constant": 0.7})
+    theirs.instantiate()
+    theirs.setupExperiment()
+    theirs.setReal([2], [0.7])
+    theirs.enterInitializationMode()
+    theirs.exitInitializationMode()
+    refs = [v.refs[0] for v in outputs]
+    for k in range(50):
+        theirs.setReal([0, 1], [5.0 + k, 3.0])
+        theirs.doStep(0.1 * k, 0.1)
+        assert ours.step(0.1 * k, 0.1, [5.0 + k, 3.0]) == theirs.getReal(refs)
+    ours.close()
+    theirs.terminate()
+    theirs.freeInstance()

@@ -1,10 +1,11 @@
 """FMUs as process and engine of a machine that really drives: masses, states, faults, failures."""
 
 import json
+import sys
 import zipfile
 
 import pytest
-from fmu_scenario import NO_POWERS, scenario
+from fmu_scenario import NO_POWERS, process_part, scenario
 from made_fmus import (
     CAN,
     ENGINE_PY,
@@ -16,9 +17,10 @@ from made_fmus import (
     store_fmu,
 )
 
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError, MissingExtra, SwathError
 from swath.job import run_job
 from swath.sim.loop import drive
+from swath.sim.scenario import load_scenario
 from swath.sim.world import assemble
 from swath.study.referee import Referee
 
@@ -207,8 +209,8 @@ def test_what_is_no_fmu_for_this_system_is_refused(tmp_path):
     with zipfile.ZipFile(bare, "w") as made:
         made.writestr("modelDescription.xml", process_xml())
         made.writestr("binaries/win64/store.dll", b"")
-    with pytest.raises(InputError, match=r"expected an FMU with a binary for linux64, this one has win64"):
-        assemble(scenario(process=store_keys(bare)))
+    with pytest.raises(InputError, match=r"file = .*expected an FMU with a binary for linux64, .* has win64"):
+        process_part(file=str(bare), inputs=FEED)
     for text, message in (
         (process_xml().replace("CoSimulation", "ModelExchange"), "this one is for model exchange only"),
         (process_xml().replace('fmiVersion="2.0"', 'fmiVersion="4.0"'), "expected an FMU of FMI 2 or 3"),
@@ -217,10 +219,10 @@ def test_what_is_no_fmu_for_this_system_is_refused(tmp_path):
         with zipfile.ZipFile(bare, "w") as made:
             made.writestr("modelDescription.xml", text)
         with pytest.raises(InputError, match=message):
-            assemble(scenario(process=store_keys(bare)))
+            process_part(file=str(bare))
     bare.write_bytes(b"not a zip")
     with pytest.raises(InputError, match="expected an FMU, a zip archive"):
-        assemble(scenario(process=store_keys(bare)))
+        process_part(file=str(bare))
 
 
 MISTAKES = [
@@ -236,9 +238,6 @@ MISTAKES = [
     ({"parameters": {"losses": 1.0}}, r"did you mean loss"),
     ({"parameters": {"loss": "much"}}, r"parameters\.loss = much: expected a number"),
     ({"units": {"grain_in": "bushel"}}, r"units\.grain_in = bushel: expected a unit such as"),
-    ({"step_ms": 0}, r"step_ms = 0: expected > 0"),
-    ({"process": "there"}, r"process = there: expected one of here, own"),
-    ({"file": "nowhere.fmu"}, r"file = nowhere\.fmu: there is no such file"),
 ]
 
 
@@ -246,7 +245,31 @@ MISTAKES = [
 @pytest.mark.parametrize(("keys", "message"), MISTAKES, ids=lambda v: str(v)[:40])
 def test_mistakes_name_the_key(store, keys, message):
     with pytest.raises(InputError, match=message):
-        assemble(scenario(process={"level": "fmu", "file": str(store), **keys}))
+        process_part(file=str(store), **keys)
+
+
+@needs_cc
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"step_ms": 0}, r"combine\.process\.step_ms = 0: expected > 0"),
+        ({"process": "there"}, r"process\.process = there: expected one of here, own"),
+        ({"file": "nowhere.fmu"}, r"process\.file = nowhere\.fmu: there is no such file"),
+        ({"input": {}}, r"process\.input: unknown key, did you mean 'inputs'"),
+    ],
+    ids=str,
+)
+def test_mistakes_of_the_file(store, keys, message):
+    with pytest.raises(InputError, match=message):
+        scenario(process={"level": "fmu", "file": str(store), **keys})
+
+
+@needs_cc
+def test_a_mistake_has_its_full_key_and_its_line(store):
+    keys = store_keys(store, inputs={"gran_in": "flow.grain"})
+    message = r"^combine\.process\.inputs\.gran_in = gran_in: .* \(text:13\)$"
+    with pytest.raises(InputError, match=message):
+        assemble(scenario(process=keys))
 
 
 @needs_cc
@@ -264,6 +287,23 @@ def test_missing_outputs_are_listed(folder):
     lean = [v if v[0] != "held_straw" else ("other", *v[1:]) for v in _process()]
     file = store_fmu(folder, "lean.fmu", variables=lean)
     with pytest.raises(InputError, match=r"outputs: expected .* for load\.held_straw"):
-        assemble(scenario(process=store_keys(file)))
+        process_part(file=str(file), inputs=FEED)
     world = assemble(scenario(process=store_keys(file, outputs={"load.held_straw": "other"})))
     assert driven(world)[2] < 1e-12
+
+
+@needs_cc
+def test_the_scenario_of_a_run_gives_the_same_digest(store, tmp_path):
+    keys = store_keys(store, step_ms=20, constants={"load.return_flow": 0.25})
+    first = run_job(scenario(process=keys), tmp_path / "a", report=False)
+    again = run_job(load_scenario(str(tmp_path / "a")), tmp_path / "b", report=False)
+    assert again.summary["digest"] == first.summary["digest"]
+
+
+def test_without_the_extra_one_line_says_so(monkeypatch, tmp_path):
+    file = tmp_path / "x.fmu"
+    with zipfile.ZipFile(file, "w") as made:
+        made.writestr("modelDescription.xml", "")
+    monkeypatch.setitem(sys.modules, "fmpy", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'swath\[fmi\]'"):
+        process_part(file=str(file))

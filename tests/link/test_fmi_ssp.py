@@ -4,7 +4,7 @@ from math import exp
 from types import SimpleNamespace
 
 import pytest
-from fmu_scenario import scenario
+from fmu_scenario import process_part, scenario
 from made_fmus import (
     PROCESS,
     SSD,
@@ -240,17 +240,38 @@ REFUSED = [
 @pytest.mark.parametrize(("link", "message"), REFUSED, ids=lambda v: v[:30])
 def test_what_cannot_be_connected(tmp_path, fmus, link, message):
     with pytest.raises(InputError, match=message):
-        run(chain(tmp_path, fmus, link), outputs={"load.tank_grain": "out"})
+        process_part(file=str(chain(tmp_path, fmus, link)), outputs={"load.tank_grain": "out"})
 
 
 def test_files_that_are_none(tmp_path, fmus):
     with pytest.raises(InputError, match=r"component = C: expected one of A, B"):
-        run(chain(tmp_path, fmus, PLAIN), component="C")
+        process_part(file=str(chain(tmp_path, fmus, PLAIN)), component="C")
     with pytest.raises(InputError, match=r"expected a file \.ssp or \.ssd"):
-        run(fmus[0], component="A")
+        process_part(file=str(fmus[0]), component="A")
     missing = package(tmp_path, "m.ssp", system("s", [], [component("A", "resources/a.fmu")], []))
     with pytest.raises(InputError, match=r"expected an FMU for component A, its source is resources/a\.fmu"):
-        run(missing)
+        process_part(file=str(missing))
     (tmp_path / "x.ssp").write_bytes(b"no zip")
     with pytest.raises(InputError, match="expected a System Structure Package"):
-        run(tmp_path / "x.ssp")
+        process_part(file=str(tmp_path / "x.ssp"))
+
+
+SSV = """<?xml version="1.0" encoding="UTF-8"?>
+<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+ name="p" version="1.0">
+<ssv:Parameters><ssv:Parameter name="time_constant"><ssv:Real value="500" unit="ms"/></ssv:Parameter>
+</ssv:Parameters></ssv:ParameterSet>"""
+
+
+def test_parameters_in_a_file_of_their_own(tmp_path, fmus):
+    """In another unit than the variable's, under a prefix."""
+    binding = '<ssd:ParameterBinding source="p.ssv" prefix="A."/>'
+    bindings = f"<ssd:ParameterBindings>{binding}</ssd:ParameterBindings>"
+    folder = tmp_path / "resources"
+    folder.mkdir()
+    (folder / "store.fmu").write_bytes(fmus[0].read_bytes())
+    (tmp_path / "p.ssv").write_text(SSV, encoding="utf-8")
+    ends = [connection("feed", "A.grain_in")]
+    text = system("works", [connector("feed", "input")], [component("A", FILES[0])], ends, bindings)
+    (tmp_path / "works.ssd").write_text(SSD.format(system=text), encoding="utf-8")
+    assert read_system(tmp_path / "works.ssd").starts == {("A", "time_constant"): 0.5}

@@ -3,7 +3,7 @@
 import itertools
 
 import pytest
-from fmu_scenario import scenario
+from fmu_scenario import process_part, scenario
 from made_fmus import PROCESS, needs_cc, store_fmu
 
 from swath.core.errors import InputError
@@ -23,8 +23,7 @@ def wiring_of(folder, **names):
     """The wiring of a process FMU whose variables are renamed."""
     variables = [(names.get(n, n), c, u, s) for n, c, u, s in PROCESS]
     file = store_fmu(folder, variables=variables)
-    world = assemble(scenario(process={"level": "fmu", "file": str(file)}))
-    return world.leader.parts["process"].part._wiring
+    return process_part(file=str(file))._wiring
 
 
 @needs_cc
@@ -53,7 +52,7 @@ def test_a_name_that_fits_two_is_an_error(tmp_path):
     variables = [("speed", "input", "m/s", 0.0), *PROCESS[1:]]
     file = store_fmu(tmp_path, variables=variables)
     with pytest.raises(InputError, match=r"inputs\.speed: expected one of state\.speed or engine\.speed"):
-        assemble(scenario(process={"level": "fmu", "file": str(file)}))
+        process_part(file=str(file))
 
 
 @needs_cc
