@@ -25,6 +25,17 @@ def add(parsers: Any) -> None:
         help="where the scanner sits [m, deg], seen from the poses (default: from /tf_static, or 0)",
     )
     made.add_argument(
+        "--field", type=Path, metavar="DIR", help="positions (NavSatFix) become local metres of this folder"
+    )
+    made.add_argument(
+        "--origin",
+        metavar="LAT,LON[,HEIGHT]",
+        help="or those of the plane that touches the ellipsoid there [deg, m] (default: the first fix)",
+    )
+    made.add_argument(
+        "--antenna", metavar="X,Y,Z", help="where the receiver sits on the machine [m] (default: 0,0,0)"
+    )
+    made.add_argument(
         "--ground",
         choices=("pose", "echoes"),
         default="pose",
@@ -111,7 +122,14 @@ def run_build(args: argparse.Namespace) -> int:
     settings = Settings(**{k: v for k in keys if (v := getattr(args, k)) is not None})
     ranges = {k: v for k in ("range_min", "range_max") if (v := getattr(args, f"{k}_m")) is not None}
     table = Path(args.poses) if args.poses and args.poses.endswith(".csv") else None
-    wanted = Wanted(scans=args.scans, poses=None if table else args.poses, mount=_mount(args.mount), **ranges)
+    wanted = Wanted(
+        scans=args.scans,
+        poses=None if table else args.poses,
+        mount=_mount(args.mount),
+        to_local=_to_local(args.field, args.origin),
+        antenna=_antenna(args.antenna),
+        **ranges,
+    )
     source = open_source(args.source, wanted, table)
     args.out.parent.mkdir(parents=True, exist_ok=True)
     with _bar(source.name) as progress:
@@ -127,21 +145,47 @@ def run_build(args: argparse.Namespace) -> int:
 
 
 def _mount(text: str | None) -> Any:
-    import numpy as np
-
-    from swath.core.errors import InputError
     from swath.core.frames import Pose
     from swath.core.units import DEG
 
     if text is None:
         return None
+    numbers = _numbers("--mount", text, (6,), "x,y,z,roll,pitch,yaw [m, deg]")
+    return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
+
+
+def _antenna(text: str | None) -> tuple[float, float, float]:
+    x, y, z = (0.0, 0.0, 0.0) if text is None else _numbers("--antenna", text, (3,))
+    return x, y, z
+
+
+def _to_local(folder: Path | None, origin: str | None) -> Any:
+    from swath.core.errors import InputError
+    from swath.sim.recorded.fixes import TangentPlane, field_plane
+
+    if folder is not None and origin is not None:
+        raise InputError("--origin", origin, "expected --field or --origin, not both")
+    if folder is not None:
+        return field_plane(folder)
+    if origin is None:
+        return None
+    lat, lon, *height = _numbers("--origin", origin, (2, 3), "lat,lon[,height] [deg, m]")
+    return TangentPlane(lon, lat, *height)
+
+
+def _numbers(option: str, text: str, counts: tuple[int, ...], form: str = "x,y,z [m]") -> list[float]:
+    from math import isfinite
+
+    from swath.core.errors import InputError
+
     try:
         numbers = [float(n) for n in text.split(",")]
     except ValueError:
         numbers = []
-    if len(numbers) != 6 or not np.isfinite(numbers).all():
-        raise InputError("--mount", text, "expected six numbers x,y,z,roll,pitch,yaw [m, deg]")
-    return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
+    if len(numbers) not in counts or not all(isfinite(n) for n in numbers):
+        words = {2: "two", 3: "three", 6: "six"}
+        raise InputError(option, text, f"expected {words[counts[-1]]} numbers {form}")
+    return numbers
 
 
 def _report(grid: Any) -> None:

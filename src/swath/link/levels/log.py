@@ -6,12 +6,11 @@ after its message was received.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.errors import InputError
@@ -22,70 +21,15 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.setup import LinkSetup
 from swath.core.signals import MachineState, Scan, Signal
-from swath.sensing.mount import Mount
+from swath.link.log_sources import FIX, Params, Source, choose_sources, recording_path, to_local
 from swath.sim.recorded import feed as feeds
 from swath.sim.recorded.feed import Demux, Feed, Timed
 from swath.sim.recorded.files import Log, open_log
-from swath.sim.recorded.fixes import TangentPlane, ToLocal, read_fixes, states_of_fixes
+from swath.sim.recorded.fixes import read_fixes, states_of_fixes
 from swath.sim.recorded.frames import own_mounting, static_mounting
-from swath.sim.recorded.messages import Context, maker_for, message_names, number_at, stamp_of
+from swath.sim.recorded.messages import Context, maker_for, number_at, stamp_of
 
-FIX = "sensor_msgs/msg/NavSatFix"
 LATE_S = 1.0  # the first sample may come this much after the start [s]
-
-
-@dataclass(frozen=True)
-class GeoOrigin:
-    """Where local (0, 0, 0) lies: lat_deg, lon_deg on WGS 84, height_m above its ellipsoid."""
-
-    lat_deg: Annotated[float, Ge(-90), Le(90)]
-    lon_deg: Annotated[float, Ge(-180), Le(180)]
-    height_m: Annotated[float, Ge(-1000), Le(10000)] = 0.0
-
-
-@dataclass(frozen=True)
-class Params:
-    """file: .mcap, .bag or .db3; folder: a run folder or the folder of a rosbag 2; one of the two
-
-    slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
-    topics: output: topic, or output.number: topic:path.in.message (other recordings)
-    values: output.number: value, for numbers that no topic has
-    scale: output.number: factor, where a message has other units than SI and radians
-    start_s: where in the recording the run starts, from its first message
-    clock: a sample comes out when its message was received, or at its stamp
-    between: two samples the older one is held, or plain numbers are interpolated
-    end: the run ends after the last sample of a topic, or holds it until the log ends
-    gap_s: longer ones are reported (default: three times the usual interval)
-    mount: of the sensor (default: as recorded)
-    origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
-    antenna_m: x, y, z of the receiver on the machine
-    """
-
-    file: str | None = None
-    folder: str | None = None
-    slot: str | None = None
-    topics: dict[str, str] = field(default_factory=dict)
-    values: dict[str, float] = field(default_factory=dict)
-    scale: dict[str, float] = field(default_factory=dict)
-    start_s: Annotated[float, Ge(0), Le(1e7)] = 0.0
-    clock: Literal["received", "stamp"] = "received"
-    between: Literal["hold", "interpolate"] = "hold"
-    end: Literal["topic", "log"] = "topic"
-    gap_s: Annotated[float, Gt(0), Le(1e6)] | None = None
-    mount: Mount | None = None
-    origin: GeoOrigin | None = None
-    field_folder: str | None = None
-    antenna_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where an output comes from. topics: one, or those of its numbers; numbers: name -> (topic, path)."""
-
-    port: Port
-    topics: tuple[str, ...]
-    is_exact: bool = False
-    numbers: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
 
 class LogPlayer:
@@ -99,10 +43,10 @@ class LogPlayer:
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
         self.params, self.setup = params, setup
-        self.log: Log = open_log(_path(params, setup.base))
+        self.log: Log = open_log(recording_path(params, setup.base))
         self.recorded = params.slot or setup.name
         self._types = self.log.topics()
-        self._sources = _chosen(params, setup, self.log, self._types, self.recorded)
+        self._sources = choose_sources(params, setup, self.log, self._types, self.recorded)
         self.outputs = tuple(s.port for s in self._sources)
         self._shift = self.log.begin() if any(not s.is_exact for s in self._sources) else 0
         self._shift += round(params.start_s * NS)
@@ -226,6 +170,9 @@ class LogPlayer:
             where = ", ".join(source.topics)
             if chosen is None:
                 raise InputError("topics", where, "expected messages in the recording", file=self.log.path)
+            if found and made.next is None and self.params.start_s > 0 and self.params.end == "topic":
+                expected = f"expected a start before the last message on {where}"
+                raise InputError("start_s", self.params.start_s, expected)
             if chosen[0] > late:
                 expected = (
                     f"expected a first message on {where} near the start, it comes {chosen[0] / NS:.2f} s on"
@@ -295,17 +242,10 @@ class LogPlayer:
         if topic not in self._fixes:
             fixes = read_fixes(self.log.messages((topic,)))
             antenna, wheelbase = self.params.antenna_m, self._context.wheelbase
-            self._fixes[topic] = states_of_fixes(fixes, self._to_local(), antenna, wheelbase)
+            self._fixes[topic] = states_of_fixes(
+                fixes, to_local(self.params, self.setup.base), antenna, wheelbase
+            )
         return self._fixes[topic]
-
-    def _to_local(self) -> ToLocal | None:
-        if self.params.field_folder is not None:
-            from swath.field.io.folder import read_origin
-
-            origin = read_origin(self.setup.base / self.params.field_folder)
-            return lambda p: np.column_stack([origin.to_local(p[:, :2]), p[:, 2] - origin.height])
-        o = self.params.origin
-        return None if o is None else TangentPlane(o.lon_deg, o.lat_deg, o.height_m)
 
     def _mounting(self) -> Pose | None:
         scans = [s for s in self._sources if s.port.signal is Scan]
@@ -320,87 +260,6 @@ class LogPlayer:
             expected = "expected where the sensor sits, /tf_static of the recording does not say"
             raise InputError("mount", None, expected)
         return found
-
-
-def _path(params: Params, base: Path) -> Path:
-    given = [text for text in (params.file, params.folder) if text is not None]
-    if len(given) != 1:
-        raise InputError("file", params.file, "expected either file or folder")
-    return base / given[0]
-
-
-def _chosen(
-    params: Params, setup: LinkSetup, log: Log, types: Mapping[str, str], recorded: str
-) -> list[Source]:
-    """What the outputs come from. InputError where the recording has nothing for them."""
-    if params.topics:
-        return _mapped(params, setup, types)
-    found: list[Source] = []
-    ports = {p.name: p for p in setup.outputs}
-    context = Context(setup.control.machine.wheelbase)
-    outputs = feeds.own_outputs(log, recorded)
-    for name, is_exact in outputs.items():
-        if is_exact:
-            port = ports.get(name) or feeds.exact_port(log, recorded, name)
-            found.append(Source(port, (feeds.exact_topic(recorded, name),), is_exact=True))
-        elif name in ports:
-            near = [f"{name}_points", name] if ports[name].signal is Scan else [name]
-            topic = next(f"/{recorded.replace('.', '/')}/{n}" for n in near if n in outputs)
-            if maker_for(ports[name].signal, types[topic], context) is not None:
-                found.append(Source(ports[name], (topic,)))
-    if not found:
-        listed = ", ".join(f"{t} ({k.rpartition('/')[2]})" for t, k in types.items()) or "nothing"
-        expected = f"expected topics for {', '.join(ports)}, the recording has no {recorded}; it has {listed}"
-        raise InputError("topics", None, expected, file=log.path)
-    return found
-
-
-def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[Source]:
-    """The outputs that `topics` names, in the slot's order."""
-    ports = {p.name: p for p in setup.outputs}
-    context = Context(setup.control.machine.wheelbase)
-    whole: dict[str, str] = {}
-    numbers: dict[str, dict[str, tuple[str, str]]] = {}
-    for key in (*params.topics, *params.values):
-        name, _, number = key.partition(".")
-        if name not in ports:
-            raise InputError("topics", key, f"expected output or output.number; outputs: {', '.join(ports)}")
-        if number and number not in flat_fields(ports[name].signal):
-            listed = ", ".join(flat_fields(ports[name].signal))
-            raise InputError("topics", key, f"expected one of {listed} after {name}.")
-    for key, text in params.topics.items():
-        topic, _, path = text.partition(":")
-        name, _, number = key.partition(".")
-        if topic not in types:
-            raise InputError("topics", topic, f"expected one of {', '.join(types) or 'none'}")
-        if number:
-            numbers.setdefault(name, {})[number] = (topic, path or "data")
-        else:
-            signal = ports[name].signal
-            is_fix = types[topic] == FIX and signal is MachineState
-            if not is_fix and maker_for(signal, types[topic], context) is None:
-                expected = (
-                    f"expected a topic of {', '.join(message_names(signal))}, or {name}.NUMBER: TOPIC:PATH"
-                )
-                raise InputError("topics", f"{topic} ({types[topic]})", expected)
-            whole[name] = topic
-    if both := sorted(set(whole) & set(numbers)):
-        raise InputError("topics", both[0], "expected a topic for the output or for its numbers, not both")
-    for name, given in numbers.items():
-        fixed = [k.partition(".")[2] for k in params.values if k.partition(".")[0] == name]
-        lacking = [
-            f.name
-            for f in flat_fields(ports[name].signal).values()
-            if f.default is None and f.name not in given and f.name not in fixed
-        ]
-        if lacking:
-            raise InputError("topics", name, f"expected topics or values for {', '.join(lacking)} too")
-    made = {n: Source(ports[n], (t,)) for n, t in whole.items()}
-    made |= {
-        n: Source(ports[n], tuple(dict.fromkeys(t for t, _ in given.values())), numbers=given)
-        for n, given in numbers.items()
-    }
-    return [made[name] for name in ports if name in made]
 
 
 def _scaled(samples: Iterator[Timed], factors: Mapping[str, float]) -> Iterator[Timed]:

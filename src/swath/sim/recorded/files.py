@@ -16,8 +16,9 @@ MAGIC = b"\x89MCAP0\r\n"
 CUT_OFF = "recording broke off"
 BROKEN = "messages not readable"
 KINDS = "expected a run folder, an .mcap, a .bag, a .db3 or the folder of a rosbag 2"
-_CHANNEL, _MESSAGE, _SCHEMA = 0x04, 0x05, 0x03  # opcodes of MCAP
+_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F  # opcodes of MCAP
 _HEAD = struct.Struct("<HIQQ")  # of a message: channel, sequence, log time, publish time
+_CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the compression's name
 
 
 class McapLog:
@@ -238,34 +239,70 @@ def _has_magic(path: Path) -> bool:
         return file.read(8) == MAGIC
 
 
+class _Cut(Exception):
+    """The file ends before its data do."""
+
+
 def _entries(file: Any) -> Iterator[Any]:
-    """Schemas, channels and (channel number, log time, data) of messages, in the order of the file."""
-    from mcap.records import Channel, Chunk, Message, Schema
-    from mcap.stream_reader import StreamReader, get_chunk_data_stream
+    """Schemas, channels and (channel number, log time, data) of messages, in the order of the file.
 
-    records: Any = StreamReader(file, emit_chunks=True, record_size_limit=1 << 31).records
-    for record in records:
-        if isinstance(record, Schema | Channel):
-            yield record
-        elif isinstance(record, Message):
-            yield record.channel_id, record.log_time, record.data
-        elif isinstance(record, Chunk):
-            stream, length = get_chunk_data_stream(record)
-            for opcode, body in _split(memoryview(stream.read(length))):
-                if opcode == _MESSAGE:
-                    number, _, t, _ = _HEAD.unpack_from(body)
-                    yield number, t, body[_HEAD.size :]
-                elif opcode in (_SCHEMA, _CHANNEL):
-                    yield _read(Schema if opcode == _SCHEMA else Channel, body)
+    Of a chunk that is torn, what can be unpacked is given before _Cut is raised. The layout of the records is
+    that of the MCAP specification, version 0 (mcap.dev/spec).
+    """
+    file.read(len(MAGIC))
+    while True:
+        head = file.read(9)
+        if len(head) < 9:
+            raise _Cut
+        opcode, length = head[0], int.from_bytes(head[1:], "little")
+        if opcode == _DATA_END:
+            return
+        if opcode not in (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK):
+            file.seek(length, 1)
+            continue
+        body = file.read(length)
+        if opcode == _CHUNK:
+            yield from _records_of(memoryview(_unpacked(body)))
+        elif len(body) == length:
+            yield from _records_of(memoryview(head + body))
+        if len(body) < length:
+            raise _Cut
 
 
-def _split(view: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """(opcode, content) of the records in a chunk."""
+def _records_of(view: memoryview) -> Iterator[Any]:
+    """What _entries gives, of whole records one after the other."""
+    from mcap.records import Channel, Schema
+
     at = 0
     while at + 9 <= len(view):
-        length = int.from_bytes(view[at + 1 : at + 9], "little")
-        yield view[at], view[at + 9 : at + 9 + length]
-        at += 9 + length
+        end = at + 9 + int.from_bytes(view[at + 1 : at + 9], "little")
+        if end > len(view):
+            return
+        opcode, body = view[at], view[at + 9 : end]
+        at = end
+        if opcode == _MESSAGE:
+            number, _, t, _ = _HEAD.unpack_from(body)
+            yield number, t, body[_HEAD.size :]
+        elif opcode in (_SCHEMA, _CHANNEL):
+            yield _read(Schema if opcode == _SCHEMA else Channel, body)
+
+
+def _unpacked(chunk: bytes) -> bytes:
+    """The records in a chunk; of a torn one as many bytes as can be had."""
+    if len(chunk) < _CHUNK_HEAD.size:
+        return b""
+    size = _CHUNK_HEAD.unpack_from(chunk)[-1]
+    begin = _CHUNK_HEAD.size + size
+    kind, data = bytes(chunk[_CHUNK_HEAD.size : begin]), chunk[begin + 8 :]
+    if kind == b"zstd":
+        import zstandard
+
+        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    if kind == b"lz4":
+        import lz4.frame  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
+    return data if kind == b"" else b""
 
 
 def _read(kind: Any, body: memoryview) -> Any:

@@ -8,6 +8,7 @@ Positioning System, 2nd ed., ch. 4.A).
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,14 @@ class TangentPlane:
         sl, cl = sin(radians(self.lon)), cos(radians(self.lon))
         sp, cp = sin(radians(self.lat)), cos(radians(self.lat))
         return np.array([[-sl, cl, 0.0], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]])
+
+
+def field_plane(folder: Path) -> ToLocal:
+    """The local metres of a field folder. InputError where it is none, MissingExtra without pyproj."""
+    from swath.field.io.folder import read_origin
+
+    origin = read_origin(folder)
+    return lambda p: np.column_stack([origin.to_local(p[:, :2]), p[:, 2] - origin.height])
 
 
 def _radius(lat: float) -> float:

@@ -1,8 +1,9 @@
 """Measured scans from a run folder, an MCAP file or a rosbag (1 and 2).
 
-Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2 (x, y, z, and
-if there `intensity` and `time`, seconds after the stamp). Poses: nav_msgs/Odometry, geometry_msgs/PoseStamped
-or PoseWithCovarianceStamped. Mounting: from /tf_static, between the pose's frame and the scan's.
+Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2 (x, y, z,
+and if there `intensity` and `time`, seconds after the stamp). Poses: nav_msgs/Odometry,
+geometry_msgs/PoseStamped, PoseWithCovarianceStamped, or sensor_msgs/NavSatFix, which gives local metres and
+a course. Mounting: from /tf_static, between the pose's frame and the scan's.
 
 An MCAP file that ends in the middle is read up to there; so is whatever else breaks off while it is read.
 """
@@ -16,17 +17,22 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.schedule import NS
 from swath.sim.recorded.files import BROKEN, Log, open_log
+from swath.sim.recorded.fixes import poses_of_fixes, read_fixes
+from swath.sim.recorded.frames import BASES, chain
 from swath.sim.recorded.messages import cloud_table
 from swath.study.replay.poses import PoseTrack, euler_of, make_track, pose_of
 from swath.study.replay.source import Echoes, Source, Wanted, polar_points
 
 Array = NDArray[np.float64]
+FIX = "sensor_msgs/msg/NavSatFix"
 SCANS = ("sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2")
 POSES = (
     "nav_msgs/msg/Odometry",
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
+    FIX,
 )
 WORLD = ("map", "world", "odom")
 
@@ -39,9 +45,13 @@ def open_bag(path: Path, wanted: Wanted) -> Source:
         raise InputError("recording", path.name, "expected messages, there are none", file=path)
     scans = _choose("--scans", wanted.scans, topics, SCANS, ("/lidar/scan_points", "/lidar/scan"), path)
     poses = _choose("--poses", wanted.poses, topics, POSES, ("/motion/state",), path)
-    track, body, mounts, scan_frame = _first_pass(reader, scans, poses, path)
+    is_fix = topics[poses] == FIX
+    rows, body, mounts, scan_frame = _first_pass(reader, scans, poses, is_fix)
+    track = _track_of_fixes(reader, poses, wanted, path) if is_fix else _track(rows, poses, path)
     is_world = scan_frame in WORLD and wanted.mount is None
-    mounting = wanted.mount or (Pose.identity() if is_world else _mounting(mounts, body, scan_frame, path))
+    mounting = wanted.mount or (
+        Pose.identity() if is_world else _mounting(mounts, BASES if is_fix else (body,), scan_frame, path)
+    )
     source = Source(path.name, track, mounting, lambda: iter(()), reader.notes, frame_is_world=is_world)
     source.sweeps = lambda: _sweeps(reader, scans, source, wanted)
     return source
@@ -72,9 +82,9 @@ def _choose(
 
 
 def _first_pass(
-    reader: Log, scans: str, poses: str, path: Path
-) -> tuple[PoseTrack, str, dict[str, tuple[str, Pose]], str]:
-    """Track, its frame, static transforms (child -> parent, pose_parent_child), the frame of the scans."""
+    reader: Log, scans: str, poses: str, is_fix: bool
+) -> tuple[Array, str, dict[str, tuple[str, Pose]], str]:
+    """Poses, their frame, static transforms (child -> parent, pose_parent_child), the frame of the scans."""
     rows: list[tuple[float, ...]] = []
     body, frame = "", ""
     mounts: dict[str, tuple[str, Pose]] = {}
@@ -86,30 +96,38 @@ def _first_pass(
                 move, turn = link.transform.translation, link.transform.rotation
                 pose = pose_of((move.x, move.y, move.z), (turn.x, turn.y, turn.z, turn.w))
                 mounts[link.child_frame_id.lstrip("/")] = (link.header.frame_id.lstrip("/"), pose)
-        else:
+        elif not is_fix:
             pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
             p, q = pose.position, pose.orientation
             rows.append((_seconds(message.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w))
             body = body or getattr(message, "child_frame_id", "").lstrip("/")
-    table = np.array(rows, dtype=float).reshape(-1, 8)
+    return np.array(rows, dtype=float).reshape(-1, 8), body, mounts, frame
+
+
+def _track(rows: Array, topic: str, path: Path) -> PoseTrack:
     try:
-        track = make_track(table[:, 0], table[:, 1:4], euler_of(table[:, 4:8]))
+        return make_track(rows[:, 0], rows[:, 1:4], euler_of(rows[:, 4:8]))
     except InputError as error:
-        raise InputError(poses, error.value, error.expected, file=path) from error
-    return track, body, mounts, frame
+        raise InputError(topic, error.value, error.expected, file=path) from error
 
 
-def _mounting(mounts: dict[str, tuple[str, Pose]], body: str, frame: str, path: Path) -> Pose:
-    pose, at = Pose.identity(), frame
-    for _ in range(len(mounts) + 1):
-        if at == body:
-            return pose
-        if at not in mounts:
-            break
-        parent, link = mounts[at]
-        pose, at = link @ pose, parent
-    expected = f"expected --mount, /tf_static does not lead from {body or 'the pose'!r} to {frame!r}"
-    raise InputError("--mount", None, expected, file=path)
+def _track_of_fixes(reader: Log, topic: str, wanted: Wanted, path: Path) -> PoseTrack:
+    """Positions of a receiver as the track of a level machine that drives forward."""
+    try:
+        fixes = read_fixes(reader.messages((topic,)))
+        position, yaw = poses_of_fixes(fixes, wanted.to_local, wanted.antenna)
+        return make_track(fixes.t / NS, position, np.stack([0 * yaw, 0 * yaw, yaw], axis=1))
+    except InputError as error:
+        raise InputError(topic, error.value, error.expected, file=path) from error
+
+
+def _mounting(mounts: dict[str, tuple[str, Pose]], bodies: tuple[str, ...], frame: str, path: Path) -> Pose:
+    found = chain(mounts, frame, bodies)
+    if found is None:
+        body = " or ".join(repr(b) for b in bodies if b) or "'the pose'"
+        expected = f"expected --mount, /tf_static does not lead from {body} to {frame!r}"
+        raise InputError("--mount", None, expected, file=path)
+    return found
 
 
 def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator[Echoes]:
