@@ -307,3 +307,18 @@ def test_without_the_extra_one_line_says_so(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "fmpy", None)
     with pytest.raises(MissingExtra, match=r"pip install 'swath\[fmi\]'"):
         process_part(file=str(file))
+
+
+@needs_cc
+def test_another_port_by_a_wire_of_the_scenario(store):
+    keys = store_keys(
+        store, wires={"odo": "odometry.odometry"}, units={"straw_in": "m/s"}, parameters=INSTANT
+    )
+    keys["inputs"] = {"grain_in": "flow.grain/s", "straw_in": "odo.speed"}
+    world = assemble(scenario(process=keys))
+    drive(world)
+    load, way = (world.graph.latest(*n) for n in (("combine.process", "load"), ("combine.motion", "state")))
+    world.close()
+    assert load.dropped_straw == pytest.approx(
+        way.distance, rel=0.02
+    )  # speed taken for a flow: its sum is the way

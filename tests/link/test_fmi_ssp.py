@@ -1,10 +1,13 @@
 """Systems of several FMUs: order, conversions on the way, parameters, nesting, states, what is refused."""
 
+import re
 from math import exp
 from types import SimpleNamespace
 
 import pytest
 from fmu_scenario import process_part, scenario
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from made_fmus import (
     PROCESS,
     SSD,
@@ -275,3 +278,34 @@ def test_parameters_in_a_file_of_their_own(tmp_path, fmus):
     text = system("works", [connector("feed", "input")], [component("A", FILES[0])], ends, bindings)
     (tmp_path / "works.ssd").write_text(SSD.format(system=text), encoding="utf-8")
     assert read_system(tmp_path / "works.ssd").starts == {("A", "time_constant"): 0.5}
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    changes=st.lists(
+        st.tuples(st.floats(0.0, 1.0), st.sampled_from(["", "x", "-1", '"', "<b/>", "A", "B"])),
+        min_size=1,
+        max_size=3,
+    )
+)
+def test_mangled_systems_are_read_or_refused(tmp_path, fmus, changes):
+    """Words of the file replaced at random: a system or one clear error, nothing else."""
+    folder = tmp_path / "resources"
+    folder.mkdir(exist_ok=True)
+    for fmu in fmus:
+        (folder / fmu.name).write_bytes(fmu.read_bytes())
+    double = connection("A.grain_flow", "B.grain_in", '<ssc:LinearTransformation factor="2"/>')
+    parts = [component("A", FILES[0], loss=0.5), component("B", FILES[1])]
+    ends = [connection("feed", "A.grain_in"), double, connection("B.grain_flow", "out")]
+    text = SSD.format(system=system("works", [connector("feed", "input", "kg/s"), *OUTS], parts, ends))
+    words = list(re.finditer(r"[A-Za-z_]+|[<>/=\"]|\d+", text))
+    for place, new in sorted(changes, reverse=True):
+        old = words[round(place * (len(words) - 1))]
+        text = text[: old.start()] + new + text[old.end() :]
+    file = tmp_path / "works.ssd"
+    file.write_text(text, encoding="utf-8")
+    try:
+        read = read_system(file)
+    except InputError:
+        return
+    assert describe_system(read)[0].variables

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra
+from swath.link.fmi.repair import repaired
 from swath.link.fmi.units import BASE, Unit, parse_unit
 
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
@@ -147,7 +148,7 @@ def read_fmu(file: Path, key: str = "file") -> Description:
         variable_step=side.canHandleVariableCommunicationStepSize,
         has_events=side.hasEventMode,
         returns_early=side.mightReturnEarlyFromDoStep,
-        fixed_step=None if side.fixedInternalStepSize is None else float(side.fixedInternalStepSize),
+        fixed_step=_number(side.fixedInternalStepSize),
         default_step=_number(getattr(model.defaultExperiment, "stepSize", None)),
         log_categories=tuple(c.name for c in model.logCategories if c.name),
         variables=variables,
@@ -171,6 +172,11 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
         faults = [" ".join(str(error).split())]
     try:
         return read_model_description(str(file), validate=False), faults
+    except Exception:
+        pass
+    try:
+        with repaired(file) as (copy, told):
+            return read_model_description(str(copy), validate=False), told or faults
     except Exception as error:
         reason = " ".join(str(error).split())
         text = f"expected an FMU of FMI 2 or 3, its description cannot be read: {reason}"
@@ -184,6 +190,8 @@ def _variables(model: Any, units: dict[str | None, Unit | None], faults: list[st
             faults.append(f"two variables have the name {v.name}; the first one counts")
             continue
         found[v.name] = _variable(v, units)
+        if v.start is not None and found[v.name].start is None:
+            faults.append(f"the start value of {v.name}, {v.start!r}, is no number")
     return found | _arrays(found) if model.fmiMajorVersion == 2 else found
 
 
@@ -222,7 +230,10 @@ def _resized(variable: Variable, lengths: Mapping[int, int]) -> Variable:
 def _start(text: str | None, kind: str, is_array: bool) -> Any:
     if text is None or kind in ("string", "other"):
         return text
-    values = [_truth(w) if kind == "bool" else float(w) for w in str(text).split()]
+    try:
+        values = [_truth(w) if kind == "bool" else float(w) for w in str(text).split()]
+    except ValueError:
+        return None
     return values if is_array else values[0] if values else None
 
 
@@ -293,7 +304,10 @@ def _clocks(file: Path) -> tuple[Clock, ...]:
 
 
 def _number(value: Any) -> float | None:
-    return None if value is None else float(value)
+    try:
+        return None if value is None else float(value)
+    except ValueError:
+        return None
 
 
 def _platforms(names: list[str]) -> tuple[str, ...]:

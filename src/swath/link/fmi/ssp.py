@@ -23,6 +23,7 @@ SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
 SUFFIXES = (".ssp", ".ssd")
 Node = tuple[str, str]  # path of an element, "" for the whole system; name of its connector
 Edge = tuple[Node, Scale, bool]  # where it starts, its transformation, whether units are left alone
+UNREADABLE = (OSError, ValueError, LookupError, ElementTree.ParseError)
 NUMBERS = ("Real", "Float64", "Float32", "Integer", "Boolean", "Enumeration")
 
 
@@ -98,14 +99,18 @@ def read_system(file: Path) -> System:
             raise InputError("file", str(file), f"expected a System Structure Package: {error}") from error
     try:
         root = ElementTree.parse(folder / name).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+    except UNREADABLE as error:
         raise InputError("file", str(file), f"expected a System Structure Description: {error}") from error
     top = root.find(SSD + "System")
     if top is None:
         raise InputError("file", str(file), "expected a System in the System Structure Description")
-    reader = _Reader(system, folder, _units(root))
-    reader.element("", top)
-    reader.bindings("", top)
+    try:
+        reader = _Reader(system, folder, _units(root))
+        reader.element("", top)
+        reader.bindings("", top)
+    except UNREADABLE as error:
+        text = f"expected a System Structure Description, it cannot be read: {error}"
+        raise InputError("file", str(file), text) from error
     if not system.components:
         raise InputError("file", str(file), "expected components with FMUs")
     for end in system.edges:

@@ -111,7 +111,7 @@ LEVEL = Level(
     make_part,
     Params,
     summary="a co-simulation FMU (FMI 2 or 3), or a system of several (SSP)",
-    cost="the FMU's own, and about 10 us per step; 100 us in a process of its own",
+    cost="the FMU's own, and about 20 us per step; 50 us in a process of its own",
     tolerance="the FMU's own; masses reach it without loss",
     is_link=True,
 )

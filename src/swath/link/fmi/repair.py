@@ -1,0 +1,60 @@
+"""Descriptions that no reader takes: what is wrong but not needed to run the FMU is left out."""
+
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+_FIXED = ("fixed", "tunable")
+_ALLOWED = {
+    "parameter": _FIXED,
+    "calculatedParameter": _FIXED,
+    "structuralParameter": _FIXED,
+    "input": ("discrete", "continuous"),
+    "output": ("constant", "discrete", "continuous"),
+    "independent": ("continuous",),
+}
+_VALUES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+
+
+@contextmanager
+def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
+    """A copy of an FMU's description for reading, and what was left out of it, one line each.
+
+    Left out: the model structure, derivatives, types that are not defined, variabilities that do not go with
+    the causality.
+    """
+    with zipfile.ZipFile(file) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    told: list[str] = []
+    types = {node.get("name") for node in root.iterfind("TypeDefinitions/*")}
+    for node in root.iterfind("ModelVariables/*"):
+        told += _mend(node, types)
+    for node in root.iterfind("ModelStructure"):
+        if len(node):
+            told.append("its model structure is left out")
+        for child in list(node):
+            node.remove(child)
+    with tempfile.TemporaryDirectory(prefix="swath-fmu-") as folder:
+        copy = Path(folder) / "modelDescription.xml"
+        ElementTree.ElementTree(root).write(copy, encoding="utf-8")
+        yield copy, told
+
+
+def _mend(node: Any, types: set[str | None]) -> list[str]:
+    told, name = [], node.get("name")
+    for value in (node, *(child for child in node if child.tag in _VALUES)):
+        value.attrib.pop("derivative", None)
+        declared = value.get("declaredType")
+        if declared is not None and declared not in types:
+            del value.attrib["declaredType"]
+            told.append(f"variable {name} is of type {declared}, which is not defined")
+    variability, causality = node.get("variability"), node.get("causality", "local")
+    allowed = _ALLOWED.get(causality)
+    if variability is not None and allowed is not None and variability not in allowed:
+        told.append(f"variable {name} is {causality} and {variability}, which do not go together")
+        node.set("variability", allowed[-1] if allowed is not _FIXED else "fixed")
+    return told
