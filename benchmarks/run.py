@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import cutting
 import drive
 import fmi
+import fmu_export
 import lidar
 import machine
 import rays
@@ -24,6 +25,7 @@ BENCHMARKS = {
     "replay": replay.main,
     "fmi": fmi.main,
     "ros2": ros2.main,
+    "fmu_export": fmu_export.main,
 }
 
 

@@ -1,4 +1,4 @@
-"""`swath fmu`: look at an FMU, and try it out."""
+"""`swath fmu`: look at an FMU, try it out, make one."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""
-    parser = parsers.add_parser("fmu", help="look at an FMU, try it out")
+    parser = parsers.add_parser("fmu", help="look at an FMU, try it out, make one")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     shows = verbs.add_parser("show", help="variables, units and capabilities of an FMU")
     shows.add_argument("file", type=Path, metavar="X.fmu", help="an FMU, or a system of several (.ssp, .ssd)")
@@ -21,6 +21,35 @@ def add(parsers: Any) -> None:
         "--timeout-s", type=float, default=10.0, metavar="S", help="for an answer (default 10)"
     )
     checks.set_defaults(run=run_check)
+    _add_export(verbs)
+
+
+def _add_export(verbs: Any) -> None:
+    from swath.commands.run import add_scenario_options
+
+    exports = verbs.add_parser("export", help="slots of a scenario as an FMU for other tools")
+    exports.add_argument(
+        "scenario", metavar="NAME|FILE", help="a bundled scenario, a YAML file, a run folder"
+    )
+    exports.add_argument(
+        "--part",
+        action="append",
+        default=[],
+        dest="parts",
+        metavar="SLOT",
+        help="combine.process, or process where there is one machine; may be given several times",
+    )
+    exports.add_argument("--fmi", type=int, default=3, metavar="N", help="version, 3 (default) or 2")
+    exports.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        dest="parameters",
+        metavar="KEY",
+        help="a key of the scenario that becomes a parameter, e.g. field.stand.stems_per_m2",
+    )
+    add_scenario_options(exports)
+    exports.set_defaults(run=run_export)
 
 
 def run_show(args: argparse.Namespace) -> int:
@@ -83,6 +112,26 @@ def run_check(args: argparse.Namespace) -> int:
     table("", ("what", "verdict", "found"), finding.rows)
     print("it can fill a slot" if finding.is_usable else "it cannot fill a slot as it is")
     return 0 if finding.is_usable else 1
+
+
+def run_export(args: argparse.Namespace) -> int:
+    """Write an FMU."""
+    from swath.commands.output import table
+    from swath.commands.run import load
+    from swath.core.errors import InputError
+    from swath.link.fmi.export import export_fmu
+
+    scenario = load(args)
+    if args.out is None or args.out.suffix != ".fmu":
+        raise InputError("--out", args.out and str(args.out), "expected a file such as x.fmu")
+    try:
+        variables = export_fmu(scenario, args.parts, args.out, version=args.fmi, parameters=args.parameters)
+    except InputError as error:
+        raise scenario.locate(error) from error
+    rows = [(v.name, v.causality, v.kind, v.unit, v.description) for v in variables]
+    table("", ("variable", "causality", "type", "unit", "description"), rows)
+    print(f"{args.out}  FMI {args.fmi}; whoever loads it needs a Python with swath (docs/fmu-export.md)")
+    return 0
 
 
 def _short(value: Any, limit: int = 24) -> str:

@@ -6,6 +6,7 @@ in declared order and see what earlier slots just produced (Gauss-Seidel); a lat
 there before T (Jacobi). The pattern is computed once over the hyperperiod; wall clock never enters.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import lcm
@@ -37,14 +38,16 @@ class Plan:
     def walk(self, start: int, stop: int) -> Iterator[tuple[int, tuple[int, ...]]]:
         """Every (time [ns], due slots) with start < time <= stop, in order."""
         base = start // self.hyperperiod * self.hyperperiod
+        first = bisect_right(self.ticks, start - base, key=lambda tick: tick[0])
         while base <= stop:
-            for at, due in self.ticks:
+            for at, due in self.ticks[first:] if first else self.ticks:
                 t = base + at
-                if start < t <= stop:
-                    running = tuple(i for i in due if t > self.slots[i].offset)
-                    if running:
-                        yield t, running
-            base += self.hyperperiod
+                if t > stop:
+                    return
+                running = tuple(i for i in due if t > self.slots[i].offset)
+                if running:
+                    yield t, running
+            base, first = base + self.hyperperiod, 0
 
 
 def make_plan(slots: list[Slot], *, max_ticks: int = 200_000) -> Plan:

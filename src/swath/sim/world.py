@@ -1,7 +1,7 @@
 """From a scenario to something that runs: the field, the machines in it, their parts and connections."""
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -146,7 +146,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
         machines[section.name] = machine
         nodes += [n for n in own_nodes if only is None or n.slot.name in only]
         _check_room(scenario, section, field, machine.card)
-    graph = Graph(nodes, scenario.seed, outside=None if only is None else _outside(nodes))
+    graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, field, ground.obstacles, ground.driven, site.bodies, graph, machines)
     if any(hasattr(part, "ends_at") for machine in machines.values() for part in machine.parts.values()):
         graph.before_tick.append(world.end_with_parts)
@@ -162,8 +162,8 @@ def _reduced(section: MachineSection, only: Collection[str] | None) -> MachineSe
     return dataclasses.replace(section, slots={s: c for s, c in section.slots.items() if s in kept})
 
 
-def _outside(nodes: list[Node]) -> dict[str, dict[str, Port]]:
-    """What the wires of these nodes bring from elsewhere, as the inputs want it."""
+def outside_of(nodes: Sequence[Node]) -> dict[str, dict[str, Port]]:
+    """What the wires of these nodes bring from elsewhere: slot -> output -> port, as the inputs want it."""
     inside = {node.slot.name for node in nodes}
     found: dict[str, dict[str, Port]] = {}
     for node in nodes:

@@ -1,0 +1,242 @@
+"""What an exported FMU shows: inputs, outputs and parameters of some slots as flat variables.
+
+Of one slot they are called `port.number`, as `level: fmu` expects them: `flow.grain` goes into a process,
+`load.tank_grain` comes out. Of several slots they are called `slot.output.number`, inputs after the slot that
+feeds them in the machine: `header.flow.grain`. With several machines the machine comes first. Parameters are
+named as their key in the scenario: `process.loss_percent`.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from swath.core.component import Port
+from swath.core.errors import InputError
+from swath.core.flat import flat_fields, read
+from swath.core.graph import Node
+from swath.core.signals import CropFlow, ScanTruth, Signal
+from swath.sim.scenario import Scenario
+from swath.sim.world import World, assemble, outside_of
+
+# Amounts within a sample's own length of time: they add up over several samples.
+AMOUNTS: dict[type[Signal], tuple[str, ...]] = {
+    CropFlow: ("grain", "straw", "area", "stem_count", "lost_grain", "left_grain"),
+}
+HIDDEN = (ScanTruth,)  # for pictures and metrics, large, and nothing that a machine has
+UNITS_OF_KEYS = {u: u for u in ("deg", "mm", "cm", "m", "ms", "s", "kg", "t", "mrad")} | {
+    "kmh": "km/h",
+    "percent": "%",
+    "hz": "Hz",
+    "kg_s": "kg/s",
+    "m_s": "m/s",
+    "m_s2": "m/s2",
+    "kw": "kW",
+}
+Key = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of an FMU.
+
+    causality: independent, parameter, input or output; kind: real, int, bool or text
+    unit: as swath writes it; shape: () for a plain number, rows first; start: what it is before it is set
+    key: (slot, output, number) of a sample, (scenario key,) of a parameter, () of the time
+    """
+
+    name: str
+    causality: str
+    kind: str
+    unit: str = ""
+    description: str = ""
+    shape: tuple[int, ...] = ()
+    start: Any = None
+    key: Key = ()
+
+    @property
+    def size(self) -> int:
+        """How many numbers it is."""
+        return int(np.prod(self.shape, dtype=int))
+
+
+def list_variables(
+    scenario: Scenario, slots: Sequence[str], parameters: Sequence[str] = ()
+) -> tuple[list[Variable], list[tuple[str, str]]]:
+    """Variables of the slots (full names), and the inputs (slot, output) that have a sample at t = 0.
+
+    parameters: further keys of the scenario. Builds the whole world: starts and lengths of arrays are those
+    of its samples at t = 0.
+    """
+    whole = assemble(scenario)
+    try:
+        whole.graph.reset()
+        nodes = [n for n in whole.graph.nodes if n.slot.name in slots]
+        outside = outside_of(nodes)
+        found = [Variable("time", "independent", "real", "s", "simulated time")]
+        found += _parameters(scenario, slots, parameters)
+        names = _short_names(scenario)
+        own = _own_ports(nodes[0]) if len(slots) == 1 else {}
+        for slot, ports in outside.items():
+            for output, port in ports.items():
+                name = own.get((slot, output)) or f"{names[slot]}.{output}"
+                found += _sample(name, slot, output, port, whole, "input")
+        for node in nodes:
+            slot = node.slot.name
+            for port in node.component.outputs:
+                if not issubclass(port.signal, HIDDEN):
+                    name = port.name if len(slots) == 1 else f"{names[slot]}.{port.name}"
+                    found += _sample(name, slot, port.name, port, whole, "output")
+    finally:
+        whole.close()
+    sources = [(s, o) for s, ports in outside.items() for o in ports]
+    return _unique(found), [source for source in sources if whole.graph.latest(*source) is not None]
+
+
+def check_slots(scenario: Scenario, slots: Sequence[str]) -> tuple[str, ...]:
+    """Full names in the order in which they run. `process` will do where there is one machine."""
+    there = [f"{m.name}.{slot}" for m in scenario.machines.values() for slot in m.slots]
+    wanted = set()
+    for slot in slots:
+        full = [name for name in there if slot in (name, name.rpartition(".")[2])]
+        if len(full) != 1:
+            raise InputError("--part", slot, f"expected one of {', '.join(there)}")
+        wanted.add(full[0])
+    if not wanted:
+        raise InputError("--part", None, f"expected one or more of {', '.join(there)}")
+    return tuple(name for name in there if name in wanted)
+
+
+def _short_names(scenario: Scenario) -> dict[str, str]:
+    is_one = len(scenario.machines) == 1
+    names = [(m.name, slot) for m in scenario.machines.values() for slot in m.slots]
+    return {f"{m}.{s}": s if is_one else f"{m.replace('-', '_')}.{s}" for m, s in names}
+
+
+def _own_ports(node: Node) -> dict[tuple[str, str], str]:
+    """What feeds a slot -> its port."""
+    return {wire: port for port, wire in reversed(node.wires.items())}
+
+
+def _sample(name: str, slot: str, output: str, port: Port, world: World, causality: str) -> list[Variable]:
+    """The numbers of one input or output; what there is at t = 0 gives starts and lengths of arrays."""
+    sample = world.graph.latest(slot, output)
+    signal = type(sample) if sample is not None else port.signal
+    amounts = AMOUNTS.get(signal, ())
+    made = []
+    for field in flat_fields(signal).values():
+        start = _zero(field.kind) if field.default is None else field.default
+        if sample is not None:
+            start = read(sample, field.name)
+        if field.kind in _PLAIN:
+            start = _PLAIN[field.kind](start)
+        shape: tuple[int, ...] = ()
+        if field.kind == "array":
+            start = np.asarray(start, dtype=float)
+            shape, start = start.shape, start.ravel().tolist()
+            if sample is None or 0 in shape:
+                continue
+        text = describe(signal, field.name.partition(".")[0])
+        if amounts and field.name == "dt":
+            start = 0.0 if causality == "input" else start
+            text = "time that the amounts belong to" + (
+                ", 0 = the communication step" if causality == "input" else ": the communication step"
+            )
+        elif field.name in amounts:
+            text = f"{text}, within dt"
+        kind = "real" if field.kind == "array" else field.kind
+        key = (slot, output, field.name)
+        made.append(Variable(f"{name}.{field.name}", causality, kind, field.unit, text, shape, start, key))
+    if not amounts:
+        text = "when the sample was valid" + (", < 0 = now" if causality == "input" else "")
+        start = -1.0 if causality == "input" else 0.0
+        key = (slot, output, "t")
+        made.append(Variable(f"{name}.t", causality, "real", "s", text, (), start, key))
+    return made
+
+
+_PLAIN = {"real": float, "int": int, "bool": bool}
+
+
+def _zero(kind: str) -> Any:
+    return {"real": 0.0, "int": 0, "bool": False, "array": []}[kind]
+
+
+def _parameters(scenario: Scenario, slots: Sequence[str], more: Sequence[str]) -> list[Variable]:
+    from swath.sim.reference import parameter_rows
+
+    names = _short_names(scenario)
+    made = [Variable("seed", "parameter", "int", "", "of every random stream", (), scenario.seed, ("seed",))]
+    for slot in slots:
+        machine, _, short = slot.partition(".")
+        choice = scenario.machines[machine].slots[short]
+        if choice.params is None:
+            continue
+        meaning = {row[0]: row[3] for row in parameter_rows(choice.found.params)}
+        common = set(choice.common.model_dump()) | {"level"}
+        for key, value in _leaves(choice.plain()):
+            if key.partition(".")[0] not in common and not _is_path(value):
+                made.append(_parameter(f"{names[slot]}.{key}", f"{slot}.{key}", value, meaning.get(key, "")))
+    plain = dict(_leaves(scenario.plain()))
+    known = {v.key for v in made}
+    for key in more:
+        value = plain.get(key)
+        if value is None:
+            near = (
+                ", ".join(k for k in plain if k.startswith(key.rpartition(".")[0])) or "a key of the scenario"
+            )
+            raise InputError("--parameter", key, f"expected a key with a value, such as {near}")
+        if (key,) not in known:
+            made.append(_parameter(key, key, value, ""))
+    return made
+
+
+def _parameter(name: str, key: str, value: Any, text: str) -> Variable:
+    kinds = {bool: "bool", int: "int", float: "real", str: "text"}
+    words = key.rpartition(".")[2].split("_")
+    units = [UNITS_OF_KEYS[u] for i in range(1, len(words)) if (u := "_".join(words[i:])) in UNITS_OF_KEYS]
+    kind = kinds[type(value)]
+    return Variable(
+        name, "parameter", kind, units[0] if units and kind == "real" else "", text, (), value, (key,)
+    )
+
+
+def _leaves(data: Any, prefix: str = "") -> list[tuple[str, Any]]:
+    """Dotted keys of the plain numbers, truths and texts in nested mappings."""
+    found: list[tuple[str, Any]] = []
+    for key, value in data.items():
+        if isinstance(value, dict):
+            found += _leaves(value, f"{prefix}{key}.")
+        elif isinstance(value, bool | int | float | str):
+            found.append((prefix + key, value))
+    return found
+
+
+def _is_path(value: Any) -> bool:
+    return isinstance(value, str) and ("/" in value or "\\" in value)
+
+
+def _unique(variables: list[Variable]) -> list[Variable]:
+    seen: set[str] = set()
+    for variable in variables:
+        if variable.name in seen:
+            raise InputError("--parameter", variable.name, "there is another variable of this name")
+        seen.add(variable.name)
+    return variables
+
+
+def describe(signal: type[Signal], field: str) -> str:
+    """What a field of a sample is, from its docstring; its name where that says nothing of it."""
+    words = field.replace("_", " ")
+    names = "|".join(sorted((f.name for f in fields(signal)), key=len, reverse=True))
+    text = "\n".join(line.strip() for line in (signal.__doc__ or "").splitlines())
+    text = re.sub(r"\s*\[[^\]\n]*\]|, shape \([^)]*\)", "", text)
+    for clause in re.split(rf"(?:[;.:]\s+|\n)(?=(?:{names})\b)", text):
+        head = re.match(rf"(?:(?:{names})\b(?: \([^)]*\))?(?:,\s+)?)+", clause)
+        if head is not None and re.search(rf"\b{field}\b", head[0]):
+            meaning = " ".join(clause[head.end() :].strip(" :.\n").split("\n\n")[0].split())
+            if meaning:
+                return f"{words}: {meaning}"
+    return words
