@@ -98,6 +98,7 @@ def run_play(args: argparse.Namespace) -> int:
 
 def _report_play(replay: dict[str, Any]) -> None:
     from swath.commands.output import table
+    from swath.data.cards import viewer_layout
 
     rows = []
     for slot, told in replay["slots"].items():
@@ -105,6 +106,7 @@ def _report_play(replay: dict[str, Any]) -> None:
         if not told["identical"]:
             result = f"differs from {told['differs_from_s']:.3f} s on ({told['differs_in']})"
         rows.append((slot, str(told["samples"]), told["digest"][:12], told["recorded_digest"][:12], result))
+    print(f"layout  {viewer_layout()}, to look at run.mcap in Foxglove")
     print(f"played from the log: {', '.join(replay['played']) or 'nothing'}")
     table("", ("slot", "samples", "digest", "recorded", "against the recording"), rows)
 

@@ -17,6 +17,11 @@ from swath.core.errors import InputError
 TAGS = {"S", "M", "M+", "M-", "D", "E", "S/D", "M/E", "D/E"}
 
 
+def viewer_layout() -> Path:
+    """The layout for Foxglove that shows a run.mcap of a machine called `combine`."""
+    return Path(str(files("swath.data") / "foxglove" / "swath.json"))
+
+
 def card_names(kind: str) -> list[str]:
     """Names of the bundled cards of a kind: `sensors`, `machines`, `crops`."""
     folder = Path(str(files("swath.data") / kind))

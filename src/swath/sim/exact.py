@@ -100,7 +100,7 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
             columns[name] = column * count if held else column
         stamps = zip(message.published.tolist(), message.t.tolist(), strict=True)
         yield from [(out, _build(kind, t, columns, i)) for i, (out, t) in enumerate(stamps)]
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
         raise InputError("recording", MSGTYPE, f"expected a block of samples ({error})") from error
 
 

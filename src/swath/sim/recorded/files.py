@@ -5,6 +5,7 @@ read with its index. Messages are taken apart by the definitions that travel in 
 """
 
 import struct
+import zlib
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from swath.core.schedule import NS
 MAGIC = b"\x89MCAP0\r\n"
 CUT_OFF = "recording broke off"
 BROKEN = "messages not readable"
+DAMAGED = "parts of the file are damaged and left out"
 KINDS = "expected a run folder, an .mcap, a .bag, a .db3 or the folder of a rosbag 2"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F  # opcodes of MCAP
 _HEAD = struct.Struct("<HIQQ")  # of a message: channel, sequence, log time, publish time
@@ -115,7 +117,9 @@ class McapLog:
         with self.path.open("rb") as file:
             try:
                 for entry in _entries(file):
-                    if isinstance(entry, Schema):
+                    if entry is DAMAGED:
+                        self.notes[DAMAGED] = self.notes.get(DAMAGED, 0) + 1
+                    elif isinstance(entry, Schema):
                         schemas[entry.id] = entry
                     elif isinstance(entry, Channel):
                         known[entry.id] = (entry, schemas.get(entry.schema_id))
@@ -246,10 +250,12 @@ class _Cut(Exception):
 def _entries(file: Any) -> Iterator[Any]:
     """Schemas, channels and (channel number, log time, data) of messages, in the order of the file.
 
-    Of a chunk that is torn, what can be unpacked is given before _Cut is raised. The layout of the records is
-    that of the MCAP specification, version 0 (mcap.dev/spec).
+    DAMAGED stands for a chunk whose checksum is wrong. Of a chunk that is torn, what can be unpacked is given
+    before _Cut is raised. The layout of the records is that of the MCAP specification, version 0
+    (mcap.dev/spec).
     """
-    file.read(len(MAGIC))
+    size = file.seek(0, 2)
+    file.seek(len(MAGIC))
     while True:
         head = file.read(9)
         if len(head) < 9:
@@ -260,9 +266,11 @@ def _entries(file: Any) -> Iterator[Any]:
         if opcode not in (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK):
             file.seek(length, 1)
             continue
-        body = file.read(length)
+        body = file.read(min(length, size - file.tell()))
         if opcode == _CHUNK:
-            yield from _records_of(memoryview(_unpacked(body)))
+            records = _unpacked(body)
+            is_sound = len(body) < length or _CHUNK_HEAD.unpack_from(body)[3] in (0, zlib.crc32(records))
+            yield from _records_of(memoryview(records)) if is_sound else (DAMAGED,)
         elif len(body) == length:
             yield from _records_of(memoryview(head + body))
         if len(body) < length:
