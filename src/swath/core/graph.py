@@ -107,12 +107,18 @@ class Graph:
         """The newest sample of an output, None before there is one."""
         return self._latest.get((slot, output))
 
-    def exchange(self, slot: str, component: Component, wires: Mapping[str, Wire]) -> None:
+    def exchange(
+        self, slot: str, component: Component, wires: Mapping[str, Wire], state: State | None = None
+    ) -> None:
         """Another component in a slot, from its next step on.
 
-        It begins with `reset`, at the present time; what the slot sent last stays until it sends anew. The
-        period stays. Raises WiringError when it does not fit, and then changes nothing.
+        It begins with `reset`, at the present time, or goes on from `state`; what the slot sent last stays
+        until it sends anew. The period stays. Raises WiringError when it does not fit, and what the component
+        raises; then nothing has changed.
         """
+        component.reset(Stream(self.seed, slot))
+        if state is not None:
+            component.load(state)
         node, queues = self._names[slot], dict(self._queues)
         before = node.component, node.wires
         node.component, node.wires = component, dict(wires)
@@ -124,7 +130,6 @@ class Graph:
             raise
         finally:
             self._queues |= {key: queue for key, queue in queues.items() if key in self._queues}
-        component.reset(Stream(self.seed, slot))
 
     def save(self) -> State:
         """Everything needed to go on from here, byte for byte."""

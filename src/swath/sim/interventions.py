@@ -84,12 +84,18 @@ class Interventions:
     def _exchange(self, name: str, before: SlotChoice, after: SlotChoice) -> None:
         """The same level goes on with its state, another one starts from the present."""
         machine, _, slot = name.partition(".")
+        is_same = before.level == after.level
+        state = self.world.machines[machine].parts[slot].save() if is_same else None
         component, wires = make_part(self.world, name, after)
-        if before.level != after.level:
-            exchange(self.world, name, component, wires)
-            return
-        state = self.world.machines[machine].parts[slot].save()
-        exchange(self.world, name, component, wires, state=state)
+        try:
+            exchange(self.world, name, component, wires, state=state)
+        except BaseException as error:
+            if callable(close := getattr(component, "close", None)):
+                close()
+            if isinstance(error, (LookupError, TypeError, ValueError)):
+                text = f"cannot change on the way, the state of the part does not fit ({error})"
+                raise InputError(name, None, text) from error
+            raise
 
     def _set_obstacle(self, name: str, value: Any) -> None:
         bodies, key = self.world.bodies, f"{OBSTACLES}.{name}"

@@ -239,14 +239,12 @@ def exchange(
     machine_name, _, slot = name.partition(".")
     if slot not in EXCHANGEABLE and state is None:
         raise InputError("slot", name, f"expected one of {', '.join(EXCHANGEABLE)} to exchange")
-    world.graph.exchange(name, component, wires)
+    world.graph.exchange(name, component, wires, state)
     machine = world.machines[machine_name]
     before, machine.parts[slot] = machine.parts[slot], component
     if state is None:
         machine.retired.append(before)
-        return
-    component.load(state)
-    if callable(close := getattr(before, "close", None)):
+    elif callable(close := getattr(before, "close", None)):
         close()
 
 

@@ -7,6 +7,8 @@ A message whose type is installed goes out as the CDR bytes that are in the file
                                                  /transforms, /transforms_static
     ackermann_msgs/AckermannDriveStamped         sensor_msgs/JointState: steering angle and its rate
     swath_msgs/<Class>                           sensor_msgs/JointState: fields by name
+
+An installed type with other fields than the recording's (an old distribution's Marker) is left out.
 """
 
 from collections.abc import Callable, Iterator
@@ -57,6 +59,8 @@ class Publisher:
     def _route(self, topic: str, message: Any, is_latched: bool) -> Route | None:
         msgtype = message.__msgtype__
         if has_type(msgtype):
+            if not _is_alike(type_of(msgtype), message):
+                return None
             publisher = self._publisher(topic, msgtype, is_latched)
             return lambda _, data: self._send(publisher, data)
         found = _substitute_of(msgtype, message)
@@ -122,6 +126,11 @@ def _joint_state(store: Any, header: Any, names: list[str], position: Any, veloc
         velocity=none if velocity is None else velocity,
         effort=none,
     )
+
+
+def _is_alike(kind: Any, message: Any) -> bool:
+    """True when an installed type has the fields of the recording's: distributions differ in a few."""
+    return list(kind.get_fields_and_field_types()) == [n for n in vars(message) if not n.startswith("__")]
 
 
 def _is_frame(name: str) -> bool:

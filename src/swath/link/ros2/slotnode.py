@@ -15,6 +15,7 @@ from swath.link.ros2.record import check_names, numbers_of_inputs, numbers_of_se
 JOINT_STATE, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 DEPTH = 10
 POLL_S = 0.5
+UNKNOWN = "_UNKNOWN_"  # in the name of a node of which only an end is known yet
 
 
 class NodeSilent(SwathError):
@@ -84,7 +85,10 @@ class SlotNode:
                 )
             time.sleep(0.01)
         self._names = self._speakers()
-        if len(self._names) > 1:
+        while any(UNKNOWN in name for name in self._names) and time.monotonic() < deadline:
+            time.sleep(0.01)  # an end may be known before the node that it belongs to
+            self._names = self._speakers()
+        if self._node.count_publishers(topics[0]) > 1:
             raise SwathError(
                 f"{self._setup.name}: expected one node that publishes on {topics[0]}, "
                 f"there are {', '.join(self._names)}"

@@ -1,0 +1,30 @@
+"""A process written only with rclpy and standard messages: answers each step of a slot with the same numbers.
+
+python ros2_fixed_node.py NODE_NAME /combine/process '{"load.tank_grain": 1.0, ...}'
+"""
+
+import json
+import sys
+
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+
+def main(name, slot, numbers):
+    rclpy.init()
+    node = Node(name)
+    publisher = node.create_publisher(JointState, f"{slot}/answer", 10)
+
+    def on_step(step):
+        answer = JointState()
+        answer.header.stamp = step.header.stamp
+        answer.name, answer.position = list(numbers), [float(v) for v in numbers.values()]
+        publisher.publish(answer)
+
+    node.create_subscription(JointState, f"{slot}/step", on_step, 10)
+    rclpy.spin(node)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], json.loads(sys.argv[3]))

@@ -1,0 +1,100 @@
+"""Slots other than steering, free nodes, and what is said when an answer cannot be used."""
+
+import json
+import re
+from contextlib import ExitStack
+
+import pytest
+from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
+
+from swath.core.errors import SwathError
+from swath.job import run_job
+from swath.sim.scenario import parse_scenario
+from swath.sim.world import assemble
+
+pytestmark = [*needs_ros2, pytest.mark.usefixtures("domain")]
+
+TEXT = """
+name: slots
+run: {{distance_m: 100, max_duration_s: {seconds}}}
+field: {{edge: {{shape: straight}}}}
+combine:
+  motion: {{level: kinematic, start_speed_kmh: 7}}
+  lidar: off
+  edge: truth
+  {part}
+"""
+MASSES = ("tank_grain", "lost_grain", "dropped_straw", "held_grain", "held_straw", "grain_flow", "straw_flow")
+LOAD = {f"load.{name}": 0.25 * i for i, name in enumerate(MASSES)}
+STEER = {"command.curvature": 1 / 64, "command.is_engaged": 1}
+
+
+def scenario(part, seconds=1.0):
+    return parse_scenario(TEXT.format(part=part, seconds=seconds))
+
+
+def fixed(slot, numbers, name="fixed"):
+    return node(HERE / "ros2_fixed_node.py", name, f"/combine/{slot}", json.dumps(numbers))
+
+
+def test_a_node_plays_the_process(tmp_path):
+    with fixed("process", LOAD):
+        world = assemble(scenario("process: ros2"))
+        try:
+            world.graph.reset()
+            world.graph.run(1_000_000_000)
+        finally:
+            world.close()
+    load = world.graph.latest("combine.process", "load")
+    assert (load.t, load.lost_grain, load.straw_flow) == (1_000_000_000, 0.25, 1.5)
+    assert load.tank_level == 0.0
+
+
+def test_a_free_node_answers_when_it_can_and_the_run_says_so(tmp_path):
+    with fixed("steer", STEER):
+        found = run_job(
+            scenario("steer: {level: ros2, mode: free}\nrealtime: {on_overrun: slip}", 2.0),
+            tmp_path / "run",
+            report=False,
+        ).summary
+    assert found["simulated_s"] == 2.0
+    (note,) = [n for n in found["notes"] if "free mode" in n]
+    assert note.startswith("combine: steer: a node in free mode, the result depends on the clock")
+    stale = re.search(r"; (\d+) of 100 steps went on without a new answer$", note)
+    assert 0 <= int(stale[1]) < 100
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ({"command.curvature": 0.1}, "command: SteerCommand: expected a value for is_engaged"),
+        ({**STEER, "command.angle": 1}, "command: variable = angle: expected one of curvature, is_engaged"),
+        ({"curvature": 0.1}, "curvature: expected a name that starts with command."),
+        ({}, "expected names that start with command."),
+    ],
+)
+def test_an_answer_that_cannot_be_used_names_the_node_and_what_is_wrong(numbers, words):
+    with fixed("steer", numbers, name="careless"):
+        world = assemble(scenario("steer: ros2"))
+        try:
+            with pytest.raises(SwathError) as caught:
+                world.graph.reset()
+        finally:
+            world.close()
+    assert str(caught.value).startswith("combine.steer: the answer of /careless for 0 s: ")
+    assert words in str(caught.value)
+
+
+def test_two_nodes_that_would_answer_are_refused():
+    with ExitStack() as stack:
+        stack.enter_context(fixed("steer", STEER, name="one"))
+        stack.enter_context(fixed("steer", STEER, name="other"))
+        world = assemble(scenario("steer: ros2"))
+        node_ = world.machines["combine"].parts["steer"]._node
+        try:
+            while node_._node.count_publishers(node_.answer_topic) < 2:
+                pass
+            with pytest.raises(SwathError, match=r"expected one node .* there are /one, /other"):
+                world.graph.reset()
+        finally:
+            world.close()
