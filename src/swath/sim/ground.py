@@ -12,6 +12,7 @@ from swath.field.crop import load_crop
 from swath.field.edge import TrackEdge, make_boundary, make_edge
 from swath.field.field import Field, make_field
 from swath.field.io.folder import FieldFolder, read
+from swath.field.io.project import Origin
 from swath.field.layout import Solids
 from swath.field.setup import FieldSetup
 from swath.field.solids import make_obstacles
@@ -23,11 +24,15 @@ from swath.sim.choices import FieldSection
 
 @dataclass(frozen=True)
 class Ground:
-    """field; obstacles on it; driven: the real pass that the edge follows, (n, 2) world [m], if it does."""
+    """field; obstacles on it; driven: the real pass that the edge follows, (n, 2) world [m], if it does.
+
+    origin: where on Earth the world's origin lies, of an imported field
+    """
 
     field: Field
     obstacles: Solids
     driven: F64 | None
+    origin: Origin | None = None
 
 
 def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
@@ -49,7 +54,8 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
     driven = None
     if isinstance(section.edge, TrackEdge) and section.edge.file is None:
         driven = setup.tracks[section.edge.track]
-    return Ground(field, make_obstacles(section.obstacles, field), driven)
+    origin = None if folder is None else folder.origin
+    return Ground(field, make_obstacles(section.obstacles, field), driven, origin)
 
 
 def _setup(folder: FieldFolder | None, stream: Stream, base: Path) -> FieldSetup:

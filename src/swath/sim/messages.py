@@ -25,12 +25,14 @@ from swath.core.signals import (
     SpeedCommand,
     SteerState,
 )
+from swath.field.io.project import Origin
 from swath.sim.mcap import McapFile
 
 POINT_FIELDS = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"))
 # As the drivers of rotating scanners name and type them (velodyne_pointcloud: `ring`, `time`), then our own.
 BEAM_FIELDS = (("time", "<f4"), ("beam", "<u4"), ("ring", "<u2"), ("echo", "<u2"))
 ROS_KINDS = {"<f4": 7, "<u2": 4, "<u4": 6}  # sensor_msgs/PointField FLOAT32, UINT16, UINT32
+FIX_PERIOD = 100_000_000  # between two NavSatFix [ns]
 EDGE_BEHIND, EDGE_AHEAD = 4.0, 6.0  # drawn length of the edge line about its reference [m]
 
 
@@ -40,12 +42,14 @@ class RecordedMachine:
 
     name: its key in the scenario; geometry: its data sheet; edge_side: `left` or `right`
     mounting: sensor slot (without the machine's name) -> pose_machine_sensor
+    origin: where on Earth the world's origin lies, if that is known
     """
 
     name: str
     geometry: MachineGeometry
     edge_side: str
     mounting: Mapping[str, Pose] = field(default_factory=dict)
+    origin: Origin | None = None
 
 
 class Messenger:
@@ -55,7 +59,7 @@ class Messenger:
         self.machine, self.file = machine, file
         self._base = f"{machine.name}/base"
         self._odom: Pose | None = None
-        self._odom_t = 0
+        self._odom_t = self._next_fix = 0
         self._started = False
 
     def write(self, slot: str, output: str, t: int, signal: Signal) -> None:
@@ -97,6 +101,25 @@ class Messenger:
         self.file.write(topic, t, self._odometry(state.t, "map", state.pose, twist))
         moved = [self._transform(state.t, "map", self._base, state.pose)]
         self.file.write("/tf", t, self.file.make("tf2_msgs/msg/TFMessage", transforms=moved))
+        if self.machine.origin is not None and state.t >= self._next_fix:
+            self._next_fix = state.t + FIX_PERIOD
+            fix = self._fix(state, self.machine.origin)
+            self.file.write(f"{topic.rpartition('/')[0]}/fix", t, fix)
+
+    def _fix(self, state: MachineState, origin: Origin) -> Any:
+        """sensor_msgs/NavSatFix of the true place; the height is that of the field's own zero."""
+        x, y, z = state.pose.position
+        longitude, latitude = origin.to_lon_lat([[x, y]])[0]
+        return self.file.make(
+            "sensor_msgs/msg/NavSatFix",
+            header=self.file.header(state.t, self._base),
+            status=self.file.make("sensor_msgs/msg/NavSatStatus", status=2, service=1),  # GBAS, GPS
+            latitude=float(latitude),
+            longitude=float(longitude),
+            altitude=float(origin.height + z),
+            position_covariance=np.zeros(9),
+            position_covariance_type=0,  # unknown: it is the truth
+        )
 
     def _write_odometry(self, topic: str, t: int, sample: Odometry) -> None:
         """Twist as measured; the pose is its dead reckoning from the start (midpoint rule), for viewing."""

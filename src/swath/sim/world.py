@@ -17,6 +17,7 @@ from swath.core.schedule import Slot, from_hz
 from swath.core.setup import ControlSetup, LinkSetup
 from swath.core.signals import F64
 from swath.field.field import Field
+from swath.field.io.project import Origin
 from swath.field.layout import Solids
 from swath.field.site import Bodies, SiteSetup
 from swath.field.solids import machine_body
@@ -38,6 +39,7 @@ class Machine:
 
     overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
     retired: parts that others replaced while running
+    origin: where on Earth the world's origin lies, if that is known
     """
 
     name: str
@@ -47,6 +49,7 @@ class Machine:
     mountings: Mapping[str, Pose]
     overlap: float
     retired: list[Any] = dataclasses.field(default_factory=list)
+    origin: Origin | None = None
 
     @property
     def all_parts(self) -> list[Any]:
@@ -71,7 +74,7 @@ class Machine:
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
-        return RecordedMachine(self.name, self.card, self.edge_side, self.mountings)
+        return RecordedMachine(self.name, self.card, self.edge_side, self.mountings, self.origin)
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
     base = scenario.file.parent if scenario.file is not None else Path.cwd()
     ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
     field = ground.field
-    site = Site(field, ground.obstacles, Bodies(), base)
+    site = Site(field, ground.obstacles, Bodies(), base, ground.origin)
     machines, nodes = {}, []
     for section in scenario.machines.values():
         machine, own_nodes = _build_machine(_reduced(section, only), site)
@@ -184,6 +187,7 @@ class Site:
     obstacles: Solids
     bodies: Bodies
     base: Path
+    origin: Origin | None = None
 
 
 def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[Node]]:
@@ -204,7 +208,9 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
     nodes = [_node(section, slot, choice, parts[slot]) for slot, choice in section.slots.items()]
     steer = section.slots.get("steer")
     overlap = float(getattr(steer.params, "overlap_m", 0.0)) if steer is not None else 0.0
-    return Machine(section.name, card, section.common.edge_side, parts, mountings, overlap), nodes
+    side = section.common.edge_side
+    machine = Machine(section.name, card, side, parts, mountings, overlap, origin=site.origin)
+    return machine, nodes
 
 
 def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[str, tuple[str, str]]]:
