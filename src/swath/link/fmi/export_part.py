@@ -158,7 +158,7 @@ class Part:
         graph = self.world.graph
         if begin != graph.t:
             at = (graph.t + self._origin) / NS
-            raise InputError("communication point", t, f"expected {at:g} s, where the FMU stands")
+            raise InputError("communication point", round(t, 6), f"expected {at:g} s, where the FMU stands")
         if end <= begin:
             raise InputError("communication step", h, "expected at least 1e-6 s")
         self._sums.clear()
