@@ -37,9 +37,7 @@ int fmi2SetupExperiment(void *m, int a, double b, double c, int d, double e) { r
 int fmi2EnterInitializationMode(void *m) { return 0; }
 int fmi2ExitInitializationMode(void *m) { return 0; }
 int fmi2Terminate(void *m) { return 0; }
-#ifndef NO_RESET
-int fmi2Reset(void *m) { defaults(m); return 0; }
-#endif
+int fmi2Reset(void *m) { return 0; } /* resets nothing, as some exporters do */
 int fmi2SetReal(Model *m, const unsigned *vr, size_t n, const double *v) {
   for (size_t i = 0; i < n; i++) m->r[vr[i]] = v[i];
   return 0;
@@ -84,6 +82,7 @@ int fmi2DoStep(Model *m, double t, double h, int back) {
 }
 int fmi2GetRealStatus(Model *m, int kind, double *v) { *v = m->reached; return 0; }
 int fmi2GetBooleanStatus(Model *m, int kind, int *v) { *v = m->mode == ENDS; return 0; }
+#ifndef NO_STATES
 int fmi2GetFMUstate(Model *m, void **s) { *s = malloc(sizeof *m); memcpy(*s, m, sizeof *m); return 0; }
 int fmi2SetFMUstate(Model *m, void *s) { memcpy(m, s, sizeof *m); return 0; }
 int fmi2FreeFMUstate(Model *m, void **s) { free(*s); *s = NULL; return 0; }
@@ -98,6 +97,7 @@ int fmi2DeSerializeFMUstate(Model *m, const char *b, size_t n, void **s) {
   *s = made;
   return 0;
 }
+#endif
 /* functions that importers other than ours want to be there */
 const char *fmi2GetVersion(void) { return "2.0"; }
 const char *fmi2GetTypesPlatform(void) { return "default"; }

@@ -13,6 +13,7 @@ from made_fmus import (
     PROCESS_PY,
     engine_fmu,
     needs_cc,
+    process_xml,
     python_fmu,
     store_fmu,
 )
@@ -203,8 +204,6 @@ def test_small_faults_are_one_note(folder):
 
 
 def test_what_is_no_fmu_for_this_system_is_refused(tmp_path):
-    from made_fmus import process_xml
-
     bare = tmp_path / "windows.fmu"
     with zipfile.ZipFile(bare, "w") as made:
         made.writestr("modelDescription.xml", process_xml())
@@ -322,3 +321,18 @@ def test_another_port_by_a_wire_of_the_scenario(store):
     assert load.dropped_straw == pytest.approx(
         way.distance, rel=0.02
     )  # speed taken for a flow: its sum is the way
+
+
+@needs_cc
+def test_steps_unlike_those_it_was_made_for_are_noted(folder):
+    attributes = 'canGetAndSetFMUstate="true"'
+    file = store_fmu(folder, "paced.fmu", attributes=attributes)
+    with zipfile.ZipFile(file) as made:
+        parts = {n: made.read(n) for n in made.namelist()}
+    text = parts["modelDescription.xml"].decode()
+    text = text.replace("<ModelVariables>", '<DefaultExperiment stepSize="0.03"/><ModelVariables>')
+    with zipfile.ZipFile(file, "w") as out:
+        for name, data in (parts | {"modelDescription.xml": text.encode()}).items():
+            out.writestr(name, data)
+    told = [n for n in process_part(file=str(file), inputs=FEED).notes if "was made for steps" in n]
+    assert told == ["process: paced.fmu: it was made for steps of 30 ms and takes 100 ms; see step_ms"]

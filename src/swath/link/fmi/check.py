@@ -84,7 +84,7 @@ def _units(fmu: Description) -> list[Row]:
 
 
 class _Trial:
-    """Starts, steps, saves, goes back and resets; stops at the first thing that is bad."""
+    """Starts, steps, saves, goes back and starts again; stops at the first thing that is bad."""
 
     def __init__(self, fmu: Description, step_s: float, count: int, timeout_s: float) -> None:
         self.fmu, self.step_s, self.count = fmu, step_s, max(count, 1)
@@ -101,7 +101,7 @@ class _Trial:
             except SwathError as error:
                 self.rows.append((what, "bad", str(error)))
                 return
-        self._reset()
+        self._again()
 
     def _start(self) -> None:
         self.first = self.unit.start({})
@@ -134,14 +134,14 @@ class _Trial:
             raise FmuError(f"saved {how}, but going back gives other outputs")
         self.rows.append(("state", "ok", f"saved {how}, going back gives the same outputs"))
 
-    def _reset(self) -> None:
+    def _again(self) -> None:
         try:
             same = self.unit.start({}) == self.first
         except SwathError as error:
-            self.rows.append(("reset", "note", f"{error}; every run takes a new instance"))
+            self.rows.append(("again", "bad", str(error)))
             return
         found = ("ok", "same outputs as at first") if same else ("note", "other outputs than at first")
-        self.rows.append(("reset", *found))
+        self.rows.append(("again", *found))
 
     def _look(self, values: Sequence[float], t: float) -> None:
         at = 0

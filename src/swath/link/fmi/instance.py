@@ -80,15 +80,16 @@ class Instance(ABC):
     # the verbs
 
     def start(self, starts: Mapping[str, Any]) -> list[float]:
-        """Instantiate or reset, set start values by name, initialise; outputs at t = 0."""
+        """A fresh instance, start values set by name, initialised; outputs at t = 0."""
+        if self.library.is_dead:
+            raise FmuError("it said fatal before, nothing more can be done with it")
         if self.handle is not None:
             self._again()
-        if self.handle is None:
-            self.handle = ctypes.c_void_p(self._instantiate())
-            if not self.handle.value:
-                self.handle = None
-                said = f"; it says: {self.library.said}" if self.library.messages else ""
-                raise FmuError(f"it could not be instantiated{said}")
+        self.handle = ctypes.c_void_p(self._instantiate())
+        if not self.handle.value:
+            self.handle = None
+            said = f"; it says: {self.library.said}" if self.library.messages else ""
+            raise FmuError(f"it could not be instantiated{said}")
         self._initialise(starts)
         self.is_running = True
         return self.outputs()
@@ -212,17 +213,12 @@ class Instance(ABC):
         self.library.call("SetString", self.handle, refs, one, values, *count)
 
     def _again(self) -> None:
-        """Reset for another start; a fresh instance where the FMU cannot."""
+        """Let go of the instance for another start: a fresh one is surer than a reset by the exporter."""
         self._free_states()
-        try:
-            if self.is_running:
-                self.library.call("Terminate", self.handle)
-            self.library.call("Reset", self.handle)
-        except FmuError:
-            if not self.library.is_dead:
-                self.library.function("FreeInstance")(self.handle)
-            self.handle = None
-        self.is_running = False
+        if self.is_running:
+            self.library.function("Terminate")(self.handle)
+        self.library.function("FreeInstance")(self.handle)
+        self.handle, self.is_running = None, False
 
     def _free_states(self) -> None:
         for state in self._kept:

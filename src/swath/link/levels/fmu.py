@@ -61,7 +61,7 @@ def make_part(params: Params, setup: LinkSetup) -> FmuPart:
         unit: Unit = Composite(whole, setup.name, inputs, outputs, **where)
     else:
         unit = Runner(whole, setup.name, inputs, outputs, **where)
-    return FmuPart(wiring, unit, setup, file, step, _notes(fmu))
+    return FmuPart(wiring, unit, setup, file, step, _notes(fmu, step))
 
 
 def _open(file: Path, params: Params) -> tuple[Description | System, Params]:
@@ -97,11 +97,14 @@ def _step(params: Params, fmu: Description, period: float) -> int:
     return step
 
 
-def _notes(fmu: Description) -> list[str]:
+def _notes(fmu: Description, step: int) -> list[str]:
     notes = []
     if fmu.faults:
         more = f" (and {len(fmu.faults) - 1} more, see swath fmu check)" if len(fmu.faults) > 1 else ""
         notes.append(f"its description breaks the standard, used all the same: {fmu.faults[0]}{more}")
+    own = round((fmu.default_step or 0.0) * 1e9)
+    if own and step % own and not fmu.variable_step:
+        notes.append(f"it was made for steps of {own * 1e-6:g} ms and takes {step * 1e-6:g} ms; see step_ms")
     if fmu.needs_tool:
         notes.append("it says that it needs the tool that exported it")
     return notes
