@@ -9,6 +9,7 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.core.schedule import NS
 from swath.core.signals import CropFlow, HeaderState, MachineLoad, MachineState
 from swath.field.layout import PAGE_CUT_CELLS, STANDING, Organ
 from swath.field.site import SiteSetup
@@ -84,6 +85,24 @@ def test_holds_its_band_on_rough_ground(motion, roughness, everywhere, p95):
     assert m["header_height_p95_error_m"] <= p95
     assert 0.1 <= m["header_loss_percent"] <= 0.5
     assert m["mass_balance_error"] < 1e-9
+
+
+@pytest.mark.parametrize("level", ["height_control", "fixed_height"])
+def test_multibody_carries_the_header_where_its_control_holds_it(level):
+    needs("multibody")
+    world = assemble(parse_scenario(TEXT, sets=["combine.motion=multibody", f"combine.header={level}"]))
+    world.graph.reset()
+    world.graph.run(3 * NS)
+    motion, header = (world.graph.save()["components"][f"combine.{s}"] for s in ("motion", "header"))
+    lift, tilt = motion["header"]
+    if level == "fixed_height":
+        assert (lift, tilt) == (0.0, 0.0)
+        return
+    state = world.graph.latest("combine.header", "height")
+    assert abs(state.lift) > 1e-3
+    assert lift == pytest.approx(state.lift, abs=0.3 / 2.0 * 0.02)  # a step of the header later at most
+    assert tilt == pytest.approx(state.tilt, abs=0.002)
+    assert header["lift"]["kept"][0] != 0.0
 
 
 def test_waves_of_the_ground_are_followed_and_without_control_they_are_not():

@@ -9,7 +9,7 @@ import pytest
 from machine_fakes import STREAM, Ground, drive, site, slope
 
 from swath.core.errors import InputError, MissingExtra
-from swath.core.signals import EngineState, MachineLoad, SpeedCommand, SteerState
+from swath.core.signals import EngineState, HeaderState, MachineLoad, SpeedCommand, SteerState
 from swath.machine.card import load_machine, masses_of, with_grain
 from swath.machine.motion.multibody import Multibody, Params
 from swath.machine.multibody.model import parts_of
@@ -248,6 +248,32 @@ def test_a_raised_header_shifts_the_load_as_its_lever_says():
     motion.hold_header(0.0, math.radians(5.0))
     run(motion, 4.0, speed=0.0)
     assert sum(motion.wheels.loads) == pytest.approx(motion.mass * G, rel=1e-3)
+
+
+def header_at(lift, tilt):
+    return HeaderState(0, np.zeros(3), np.zeros(4), 0.15, 0.05, lift, tilt, 0.0)
+
+
+@pytest.mark.parametrize("lift", [0.3, -0.1])
+def test_the_weight_of_the_header_goes_where_the_header_control_holds_it(lift):
+    """By hand: header and feeder turn about the feeder's pivot, their weight moves along x."""
+    motion, m = make(), masses_of(CARD)
+    run(motion, 4.0, speed=0.0, header=header_at(0.0, 0.0))
+    front, rear = sum(motion.wheels.loads[:2]), sum(motion.wheels.loads[2:])
+    run(motion, 4.0, speed=0.0, header=header_at(lift, 0.0))
+    moved = 0.0
+    for mass, share in ((m.header, 1.0), (m.feeder, 0.5)):
+        x, z = share * (m.header_x - m.feeder_x), share * (m.header_z - m.feeder_z)
+        moved += mass * (x * math.cos(lift) - z * math.sin(lift) - x)
+    assert abs(moved) > 100.0
+    more = moved * G / CARD.wheelbase
+    assert sum(motion.wheels.loads[:2]) - front == pytest.approx(more, rel=0.02)
+    assert sum(motion.wheels.loads[2:]) - rear == pytest.approx(-more, rel=0.02)
+    # tilted about its centre of gravity nothing moves
+    before = list(motion.wheels.loads)
+    run(motion, 4.0, speed=0.0, header=header_at(lift, math.radians(5.0)))
+    np.testing.assert_allclose(motion.wheels.loads, before, rtol=1e-3)
+    assert motion.save()["header"] == (lift, math.radians(5.0))
 
 
 def test_left_and_right_mirror():

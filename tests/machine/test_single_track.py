@@ -59,17 +59,41 @@ def test_without_rolling_resistance_it_steers_neutrally():
         assert state.yaw_rate == pytest.approx(speed * math.tan(1e-3) / L, rel=1e-3)
 
 
+def crab_by_hand(yaw, speed, side):
+    """(front slip, turn rate) at rest on a slope that rises by `side` to +y, heading off level by yaw.
+
+    No rolling resistance. Gravity pulls at the centre of gravity, the axles share it by their levers; a
+    heading off level tilts the machine fore and aft and shifts load by h, so the axles slip differently:
+    rate = u / L (rear slip - front slip), and the turn itself needs side force. Slips: brush turned round.
+    """
+    pitch, left = math.atan(-side * math.sin(yaw)), side * math.cos(yaw)
+    weight, roll = D.mass * G, math.atan(left * math.cos(pitch))
+    normal = weight * math.cos(pitch) * math.cos(roll)
+    rear = (A * normal - D.cg_height * weight * math.sin(pitch)) / L
+    pull, rate = weight * math.cos(pitch) ** 2 * math.cos(roll) * left, 0.0
+    for _ in range(20):
+        push = pull + D.mass * speed * rate
+        shares = push * B / L / (normal - rear), push * A / L / rear
+        front_slip, rear_slip = (tyre.slip_for(s, D.stiffness, D.friction) for s in shares)
+        rate = speed / L * (rear_slip - front_slip)
+    return front_slip, rate
+
+
 def test_crabs_on_a_side_slope():
     """On 10 % the tyres slip until they carry a tenth of their load: about 0.1 / 4 rad = 1.4 deg downhill."""
     motion = make(slope(0.0, 0.1), rolling_resistance=0.0, start_speed_kmh=7.2)
-    run(motion, 10.0)
+    run(motion, 15.0)
     first, *_, last = run(motion, 5.0)
+    yaw = last.pose.euler()[2]  # drifted by 0.07 deg while the tyres built up slip
+    slip, rate = crab_by_hand(yaw, 2.0, 0.1)
+    assert 1e-4 < -yaw < 2e-3
+    assert -last.lateral_speed / last.speed == pytest.approx(slip, rel=1e-7)
+    assert last.yaw_rate == pytest.approx(rate, abs=2e-9)
+    assert 4e-6 < rate < 6e-6  # not lost in the tolerance
     way = last.pose.position - first.pose.position
-    crab = -way[1] / way[0]  # heading has drifted by some 0.1 deg while the tyres built up slip
+    assert -way[1] / way[0] + yaw == pytest.approx(slip, rel=1e-3)
     slip = tyre.slip_for(0.1, D.stiffness, D.friction)
     assert -last.lateral_speed / last.speed == pytest.approx(slip, rel=1e-3)
-    assert last.yaw_rate == pytest.approx(0.0, abs=1e-5)  # the drifted heading shifts load to the front
-    assert crab + last.pose.euler()[2] == pytest.approx(slip, rel=1e-3)
     assert math.degrees(slip) == pytest.approx(1.43, rel=0.07)
     assert math.degrees(tyre.slip_for(0.1, 4.0, 1.5)) == pytest.approx(1.43, rel=0.03)
 
@@ -244,7 +268,8 @@ def test_brush_tyre_limits():
 @pytest.mark.parametrize("pitch_grade", [-0.1, 0.1])
 def test_axle_loads_add_up_and_follow_the_grade(pitch_grade):
     motion = make(slope(pitch_grade, 0.0), rolling_resistance=0.0)
-    front, rear = motion._loads(motion._stance, 0.0)
+    run(motion, 0.005, speed=0.0)
+    _, _, front, rear, _, _ = motion._moment.read()
     normal = D.mass * G * math.cos(math.atan(pitch_grade))
     assert front + rear == pytest.approx(normal)
     assert rear == pytest.approx(normal * (A + D.cg_height * pitch_grade) / L)

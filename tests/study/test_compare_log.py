@@ -18,7 +18,8 @@ from swath.machine.card import find_machine, load_machine, read_machine
 from swath.machine.powertrain._power import full_torque, governed_torque
 from swath.machine.works import RPM
 from swath.study.along_log import Drive, simulate
-from swath.study.compare_log import _steady_speed, best_lag, changed, compare_log, judge, usable
+from swath.study.compare_log import changed, compare_log
+from swath.study.log_figures import best_lag, judge, steady_speed, usable
 
 DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 WHEAT = DATA / "wheat_combine_logs_msu" / "si" / "farmerI_henrys_2018_wheat.csv.gz"
@@ -116,7 +117,7 @@ def test_the_settled_speed_balances_the_torques():
     machine = load_machine("forage-harvester")
     e = machine.works.engine
     loads = np.array([15.0, 40.0, 80.0, 86.0, 92.0, 96.0])
-    speeds = _steady_speed(machine, {"engine_load": loads}, CHOPPED) * RPM
+    speeds = steady_speed(machine, {"engine_load": loads}, CHOPPED) * RPM
     peak = (1.0 + e.torque_rise) * e.rated_power / e.rated_speed
     for load, speed in zip(loads, speeds, strict=True):
         torque = (load / 100.0 - 0.12) / 0.88 * peak

@@ -5,17 +5,18 @@ World: ENU (x east, y north, z up). Bodies: ISO 8855 (x forward, y left, z up). 
 of frame b to frame a. Its `position` is b's origin seen from a.
 """
 
-from dataclasses import dataclass
 from math import cos, sin
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.frozen import frozen
+
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@frozen
 class Pose:
     """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes."""
 

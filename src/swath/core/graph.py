@@ -13,6 +13,7 @@ from swath.core.signals import Signal
 
 Wire = tuple[str, str]
 Observer = Callable[[str, int, Outputs], None]
+NOWHERE: Wire = ("", "")
 
 
 @dataclass
@@ -56,10 +57,9 @@ class Graph:
         self._before: dict[tuple[str, str], Signal] = {}
         self._queues: dict[tuple[str, str], list[Signal]] = {}
         self._listeners: dict[str, list[tuple[str, Wire]]] = {}  # slot -> (output, queue)
-        self._reads: dict[
-            str, list[tuple[str, Wire | None, Wire | None]]
-        ] = {}  # slot -> (port, source, queue)
+        self._reads: dict[str, list[tuple[str, Wire, bool]]] = {}  # slot -> (port, source or queue, is queue)
         self._connect()
+        self._latches = any(n.slot.latch for n in nodes)
 
     def reset(self) -> None:
         """Bring every component to t = 0 and collect the outputs valid there."""
@@ -75,6 +75,7 @@ class Graph:
 
     def run(self, until: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance to time `until` [ns], or to the first tick after which `stop()` is true."""
+        clock = time.perf_counter
         for t, due in self.plan.walk(self.t, until):
             try:
                 for wait in self.before_tick:
@@ -82,13 +83,14 @@ class Graph:
             except EndOfRun as end:
                 self.ended = str(end)
                 return
-            self._before = dict(self._latest) if any(self.nodes[i].slot.latch for i in due) else self._latest
+            if self._latches:
+                self._before = dict(self._latest)
             for index in due:
                 node = self.nodes[index]
-                started = time.perf_counter()
+                started = clock()
                 period = node.slot.period
                 outputs = node.component.step(t - period, period, self._gather(node))
-                node.cost_s += time.perf_counter() - started
+                node.cost_s += clock() - started
                 node.step_count += 1
                 self._publish(node, t, outputs)
             self.t = t
@@ -173,9 +175,10 @@ class Graph:
                     self._queues[key] = []
                     self._listeners.setdefault(source, []).append((output, key))
             self._reads[node.slot.name] = [
-                (p.name, wire, (node.slot.name, p.name) if p.history and wire is not None else None)
+                (p.name, (node.slot.name, p.name), True)
+                if p.history and p.name in node.wires
+                else (p.name, node.wires.get(p.name, NOWHERE), False)
                 for p in node.component.inputs
-                for wire in (node.wires.get(p.name),)
             ]
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
@@ -190,22 +193,23 @@ class Graph:
         return ports[output]
 
     def _gather(self, node: Node) -> dict[str, Any]:
-        values: dict[str, Any] = {}
         samples = self._before if node.slot.latch else self._latest
-        for port, wire, queue in self._reads[node.slot.name]:
-            if queue is not None:
-                values[port] = tuple(self._queues[queue])
-                self._queues[queue] = []
+        values: dict[str, Any] = {}
+        for port, wire, is_queue in self._reads[node.slot.name]:
+            if is_queue:
+                values[port] = tuple(self._queues[wire])
+                self._queues[wire] = []
             else:
-                values[port] = None if wire is None else samples.get(wire)
+                values[port] = samples.get(wire)
         return values
 
     def _publish(self, node: Node, t: int, outputs: Outputs) -> None:
         name = node.slot.name
         for output, signal in outputs.items():
-            self._latest[(name, output)] = signal
-        for output, key in self._listeners.get(name, ()):
-            if output in outputs:
-                self._queues[key].append(outputs[output])
+            self._latest[name, output] = signal
+        if name in self._listeners:
+            for output, key in self._listeners[name]:
+                if output in outputs:
+                    self._queues[key].append(outputs[output])
         for observe in self.observers:
             observe(name, t, outputs)

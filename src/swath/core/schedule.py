@@ -9,6 +9,7 @@ there before T (Jacobi). The pattern is computed once over the hyperperiod; wall
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from math import lcm
 
 from swath.core.errors import InputError
@@ -40,14 +41,19 @@ class Plan:
         base = start // self.hyperperiod * self.hyperperiod
         first = bisect_right(self.ticks, start - base, key=lambda tick: tick[0])
         while base <= stop:
-            for at, due in self.ticks[first:] if first else self.ticks:
+            for at, due, begun in self._begun[first:] if first else self._begun:
                 t = base + at
                 if t > stop:
                     return
-                running = tuple(i for i in due if t > self.slots[i].offset)
+                running = due if t > begun else tuple(i for i in due if t > self.slots[i].offset)
                 if running:
                     yield t, running
             base, first = base + self.hyperperiod, 0
+
+    @cached_property
+    def _begun(self) -> tuple[tuple[int, tuple[int, ...], int], ...]:
+        """The ticks, each with the time [ns] after which all that is due then has begun."""
+        return tuple((at, due, max(self.slots[i].offset for i in due)) for at, due in self.ticks)
 
 
 def make_plan(slots: list[Slot], *, max_ticks: int = 200_000) -> Plan:

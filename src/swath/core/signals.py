@@ -4,25 +4,24 @@ Every sample carries `t`, the simulated time [ns] it is valid for. Arrays are re
 Field names map one to one onto the ROS 2 messages of the recording.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.frames import Pose
+from swath.core.frozen import frozen
 
 F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
+@frozen
 class Signal:
     """Base of all samples. t: simulated time [ns]."""
 
     t: int
 
 
-@dataclass(frozen=True)
+@frozen
 class MachineState(Signal):
     """Truth about a machine's motion. Sensors and the header read it; control never does.
 
@@ -41,7 +40,7 @@ class MachineState(Signal):
     distance: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Scan(Signal):
     """One sweep of a LiDAR, in beam order. t is the end of the sweep.
 
@@ -68,7 +67,7 @@ class Scan(Signal):
         return self.ranges[:, :, None].astype(np.float64) * directions[:, None, :]
 
 
-@dataclass(frozen=True)
+@frozen
 class ScanTruth(Signal):
     """What a simulated scan really hit, for metrics and pictures only.
 
@@ -80,7 +79,7 @@ class ScanTruth(Signal):
     sensor_position: F64
 
 
-@dataclass(frozen=True)
+@frozen
 class Odometry(Signal):
     """Measured motion: speed [m/s], yaw_rate [rad/s], steer_angle [rad] (> 0 turns left)."""
 
@@ -89,7 +88,7 @@ class Odometry(Signal):
     steer_angle: float
 
 
-@dataclass(frozen=True)
+@frozen
 class CropEdge(Signal):
     """The crop edge as detected, in the machine frame (x forward, y left, on the ground).
 
@@ -115,7 +114,7 @@ class CropEdge(Signal):
         return self.confidence > 0.0 and np.isfinite(self.offset)
 
 
-@dataclass(frozen=True)
+@frozen
 class SteerCommand(Signal):
     """Wanted path curvature at the fixed axle [1/m], > 0 left. is_engaged: False = a person must steer."""
 
@@ -123,7 +122,7 @@ class SteerCommand(Signal):
     is_engaged: bool
 
 
-@dataclass(frozen=True)
+@frozen
 class SteerState(Signal):
     """Where the steered axle stands: equivalent single-wheel angle [rad], > 0 turns left, and its rate."""
 
@@ -131,14 +130,14 @@ class SteerState(Signal):
     rate: float
 
 
-@dataclass(frozen=True)
+@frozen
 class SpeedCommand(Signal):
     """Wanted forward speed [m/s]."""
 
     speed: float
 
 
-@dataclass(frozen=True)
+@frozen
 class CropFlow(Signal):
     """What the header took in during its last step.
 
@@ -158,7 +157,7 @@ class CropFlow(Signal):
     left_grain: float = 0.0
 
 
-@dataclass(frozen=True)
+@frozen
 class HeaderState(Signal):
     """The header over the ground.
 
@@ -179,7 +178,7 @@ class HeaderState(Signal):
     contact: float
 
 
-@dataclass(frozen=True)
+@frozen
 class MachineLoad(Signal):
     """Where the crop is: tank_grain, lost_grain, dropped_straw, held_grain, held_straw [kg] since the start.
 
@@ -225,7 +224,7 @@ class MachineLoad(Signal):
         return self.tank_start + self.tank_grain - self.unloaded_grain
 
 
-@dataclass(frozen=True)
+@frozen
 class EngineState(Signal):
     """The engine and what it drives, as its controller reports it.
 
@@ -254,14 +253,14 @@ class EngineState(Signal):
     speed_limit: float
 
 
-@dataclass(frozen=True)
+@frozen
 class FeedReading(Signal):
     """Throughput as the layer sensor in the feeder house reads it: grain and straw [kg/s]."""
 
     flow: float
 
 
-@dataclass(frozen=True)
+@frozen
 class YieldReading(Signal):
     """Grain at the top of the elevator.
 
@@ -273,7 +272,7 @@ class YieldReading(Signal):
     tank_level: float
 
 
-@dataclass(frozen=True)
+@frozen
 class LossReading(Signal):
     """Grain over the rear as the impact sensors read it [kg/s]: separation (rotors), cleaning (shoe)."""
 
@@ -281,7 +280,7 @@ class LossReading(Signal):
     cleaning: float
 
 
-@dataclass(frozen=True)
+@frozen
 class CropAhead(Signal):
     """The standing crop ahead of the header, averaged over its width.
 

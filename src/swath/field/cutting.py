@@ -6,6 +6,7 @@ of overlapping cuts, and can be recounted from the codes.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -134,13 +135,13 @@ def check_polygon(polygon: Any, key: str = "polygon") -> Array:
         raise InputError(key, polygon, "expected a list of [x, y]") from error
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
         raise InputError(key, polygon, "expected at least three finite [x, y]")
-    edge = np.concatenate([p[1:], p[:1]]) - p
-    after = np.concatenate([edge[1:], edge[:1]])
-    cross = edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0]
-    tolerance = 1e-9 * max(1.0, float(np.abs(edge).max()) ** 2)
-    if (cross < -tolerance).any() and (cross > tolerance).any():
+    corners = p.tolist()
+    edge = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise([*corners, corners[0]])]
+    cross = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise([*edge, edge[0]])]
+    tolerance = 1e-9 * max(1.0, *(x * x for e in edge for x in e))
+    if min(cross) < -tolerance and max(cross) > tolerance:
         raise InputError(key, polygon, "expected a convex polygon, the corners in order")
-    return p[::-1] if cross.sum() < 0.0 else p
+    return p[::-1] if sum(cross) < 0.0 else p
 
 
 def rows_inside(polygon: Array) -> tuple[Ints, Ints, Ints]:

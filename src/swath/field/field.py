@@ -106,9 +106,12 @@ class Field:
         low, high = z00 + (z10 - z00) * fu, z01 + (z11 - z01) * fu
         return np.asarray(low + (high - low) * fv)
 
-    def footprint(self, points: Any) -> Footprint:
-        """A quick reader of the heights under points (n, 2) [m] of a body that moves through the field."""
-        return Footprint(points, self._turn, self.maker.node, self._nodes)
+    def footprint(self, points: Any, *, groups: int = 1) -> Footprint:
+        """A quick reader of the heights under points (n, 2) [m] of a body that moves through the field.
+
+        groups: equal parts of the points that are also averaged over.
+        """
+        return Footprint(points, self._turn, self.maker.node, self._nodes, groups=groups)
 
     def ground_normal(self, x: Any, y: Any) -> Array:
         """Upward unit normal of the soil surface in the world, shape (..., 3)."""

@@ -5,14 +5,16 @@ but does not roll the body. A tyre bridges what is shorter than itself: it stand
 over its contact patch, so a wave of length l along the path is damped by sinc(patch_length / l).
 """
 
-from collections.abc import Callable
-from math import atan, atan2, cos, sin
+from math import cos, isfinite, sin
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from swath.core.compiled import Row, numbers, repeatable, start_warp
+from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.setup import MachineGeometry
+from swath.field.footprint import Footprint, make_ground
 from swath.machine.card import Axle, dynamics_of
 
 ALONG, ACROSS = 4, 2  # ground samples of one contact patch
@@ -39,53 +41,70 @@ class Stance(NamedTuple):
     front_slope: float
     rear_slope: float
 
-    def pose(self, x: float, y: float, yaw: float) -> Pose:
-        """pose_world_machine."""
-        return Pose.from_euler((x, y, self.z), self.roll, self.pitch, yaw)
-
 
 class TerrainFollower:
-    """Reads the ground under four tyres."""
+    """Reads the ground under four tyres; compiled where the ground is a field's.
+
+    gear: for kernels of others, which call `_attitude.stand_at`
+    """
 
     def __init__(self, ground: Ground, machine: MachineGeometry) -> None:
-        d = dynamics_of(machine)
-        self._wheelbase, self._tracks = machine.wheelbase, (machine.front_track, machine.rear_track)
-        front, rear = _patch(d.front), _patch(d.rear)
-        half_f, half_r, back = 0.5 * machine.front_track, 0.5 * machine.rear_track, -machine.wheelbase
-        places = np.array([(0.0, half_f), (0.0, -half_f), (back, half_r), (back, -half_r)])
-        points = (places[:, None, :] + np.stack([front, front, rear, rear])).reshape(-1, 2)
-        self._heights = _reader(ground, points)
+        from swath.machine._attitude import Gear, Stand, stand
+
+        self._ground, self._points = ground, _tyre_points(machine)
+        quick = getattr(ground, "footprint", None)
+        self._footprint: Footprint | None = None if quick is None else quick(self._points, groups=4)
+        under = self._footprint.ground if self._footprint else make_ground(np.zeros((0, 2)), 4, 2)
+        self.gear = Gear()
+        self.gear.wheelbase = machine.wheelbase
+        self.gear.front_track, self.gear.rear_track = machine.front_track, machine.rear_track
+        self._stand, self._place = Row(Stand), Row(start_warp().vec3d)
+        self.gear.ground, self.gear.stand = under, self._stand.array
+        self.gear.position, self.gear.rotation = numbers(3), numbers(3, 3)
+        shared = under.means, self.gear.position, self.gear.rotation
+        self._means, self._position, self._rotation = (a.numpy() for a in shared)
+        self._launch = repeatable(stand, [self._place.array, self.gear]).launch
 
     def at(self, x: float, y: float, yaw: float) -> Stance:
-        """Stance at a place [m] and heading [rad].
+        """Stance at a place [m] and heading [rad]."""
+        if not (isfinite(x) and isfinite(y) and isfinite(yaw)):
+            raise InputError("place", (x, y, yaw), "expected a finite place and heading")
+        if self._footprint is None:
+            self._look(x, y, yaw)
+        self.hold(x, y)
+        self._place.write(x, y, yaw)
+        self._launch()
+        return Stance(*self._stand.read())
 
-        pitch = atan((rear - front) / wheelbase), roll = atan(front slope * cos(pitch)): on a plane the body's
-        z axis is then exactly the plane's normal (intrinsic z-y'-x'' angles).
-        """
-        heights = self._heights(x, y, yaw).reshape(4, SAMPLES)
-        sums: list[float] = np.add.reduce(heights, axis=1).tolist()
-        front_left, front_right, rear_left, rear_right = (z / SAMPLES for z in sums)
-        front, rear = 0.5 * (front_left + front_right), 0.5 * (rear_left + rear_right)
-        pitch = atan2(rear - front, self._wheelbase)
-        front_slope = (front_left - front_right) / self._tracks[0]
-        rear_slope = (rear_left - rear_right) / self._tracks[1]
-        return Stance(front, atan(front_slope * cos(pitch)), pitch, front_slope, rear_slope)
+    def hold(self, x: float, y: float) -> None:
+        """Have the ground around x, y [m] at hand for a kernel that calls `stand_at` soon."""
+        if self._footprint is not None:
+            self._footprint.hold(x, y)
+
+    def arrive(self, x: float, y: float, yaw: float) -> None:
+        """After a kernel that called `stand_at` for this very place: complete where there are no pages."""
+        if self._footprint is None or not isfinite(yaw):
+            self.at(x, y, yaw)
+
+    def pose(self) -> Pose:
+        """pose_world_machine of the last stance."""
+        return Pose(self._position.copy(), self._rotation.copy())
+
+    def _look(self, x: float, y: float, yaw: float) -> None:
+        """Mean heights under the tyres from a ground that has no pages."""
+        (px, py), c, s = self._points.T, cos(yaw), sin(yaw)
+        found = self._ground.ground_height(x + c * px - s * py, y + s * px + c * py)
+        self._means[:] = np.asarray(found, dtype=float).reshape(4, SAMPLES).mean(axis=1)
 
 
-def _reader(ground: Ground, points: np.ndarray) -> Callable[[float, float, float], Any]:
-    """Heights [m] under points of the machine (n, 2) at a place and heading; the field's quick way if any."""
-    footprint = getattr(ground, "footprint", None)
-    if footprint is not None:
-        heights: Callable[[float, float, float], Any] = footprint(points).heights
-        return heights
-    px, py = points.T
-
-    def read(x: float, y: float, yaw: float) -> Any:
-        c, s = cos(yaw), sin(yaw)
-        found = ground.ground_height(x + c * px - s * py, y + s * px + c * py)
-        return np.asarray(found, dtype=float)
-
-    return read
+def _tyre_points(machine: MachineGeometry) -> np.ndarray:
+    """Points of the four contact patches, (4 * SAMPLES, 2): front left and right, rear left and right [m]."""
+    d = dynamics_of(machine)
+    front, rear = _patch(d.front), _patch(d.rear)
+    half_f, half_r, back = 0.5 * machine.front_track, 0.5 * machine.rear_track, -machine.wheelbase
+    places = np.array([(0.0, half_f), (0.0, -half_f), (back, half_r), (back, -half_r)])
+    points: np.ndarray = (places[:, None, :] + np.stack([front, front, rear, rear])).reshape(-1, 2)
+    return points
 
 
 def _patch(axle: Axle) -> np.ndarray:

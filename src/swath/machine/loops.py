@@ -14,6 +14,8 @@ def approach(value: float, target: float, dt: float, *, lag: float, limit: float
     the target v is a ramp, inside an exponential.
     """
     error = target - value
+    if error == 0.0:
+        return value, value * dt
     ramp = abs(error) / limit - lag
     if ramp > 0.0:
         ramp = min(dt, ramp)

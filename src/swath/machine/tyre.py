@@ -14,6 +14,7 @@ from math import cbrt, cos, pi, sqrt
 
 GRAVITY = 9.81  # [m/s2]
 CREEP_SPEED = 0.5  # below this the carcass damps (Pacejka 2012, section 8.6, there 2.5 m/s) [m/s]
+ROLLING_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
 CREEP_DAMPING = 0.5  # damping ratio of the lateral carcass spring at standstill (estimate)
 
 

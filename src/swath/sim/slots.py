@@ -1,7 +1,8 @@
 """The slots of a machine: which packages hold their levels, how often they run, what feeds them.
 
 The order here is the order within one tick. Wires are by the name of the input port; a level connects those
-of its slot's list whose port it has, a scenario's `wires:` override them.
+of its slot's list whose port it has, an optional one only where the level at the other end gives it; a
+scenario's `wires:` override them.
 """
 
 from collections.abc import Mapping
@@ -61,6 +62,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "speed": ("speed", "command"),
             "drive": ("powertrain", "engine"),
             "load": ("process", "load"),
+            "header": ("header", "height"),
         },
     ),
     SlotKind("header", ("swath.machine.header",), "fixed_height", 50.0, (Port("flow", CropFlow),), _STATE),

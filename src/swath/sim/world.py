@@ -205,7 +205,7 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
             parts[slot] = LaidStraw(parts[slot], site.field, card)
         if isinstance(getattr(parts[slot], "mounting", None), Pose):
             mountings[slot] = parts[slot].mounting
-    nodes = [_node(section, slot, choice, parts[slot]) for slot, choice in section.slots.items()]
+    nodes = [_node(section, slot, choice, parts[slot], parts) for slot, choice in section.slots.items()]
     steer = section.slots.get("steer")
     overlap = float(getattr(steer.params, "overlap_m", 0.0)) if steer is not None else 0.0
     side = section.common.edge_side
@@ -225,7 +225,7 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     start = _start(section, world.field, machine.card)
     setup = _setup(section, slot, choice, machine.card, start, machine.mountings, site)
     component = _make(machine_name, slot, choice, setup)
-    return component, _node(section, slot, choice, component).wires
+    return component, _node(section, slot, choice, component, machine.parts).wires
 
 
 def exchange(
@@ -326,13 +326,21 @@ def _make(machine: str, slot: str, choice: SlotChoice, setup: Any) -> Any:
         raise InputError(f"{machine}.{slot}.level", choice.level, what) from error
 
 
-def _node(section: MachineSection, slot: str, choice: SlotChoice, component: Any) -> Node:
+def _node(
+    section: MachineSection, slot: str, choice: SlotChoice, component: Any, parts: Mapping[str, Any]
+) -> Node:
     common = choice.common
     ports = {p.name for p in component.inputs}
-    wires = {port: wire for port, wire in choice.wires.items() if port in ports or port in choice.wired}
     optional = {p.name for p in component.inputs if p.optional}
     off = {f"{section.name}.{name}" for name in section.off}
-    wires = {port: wire for port, wire in wires.items() if not (wire[0] in off and port in optional)}
+    sent = {(f"{section.name}.{name}", p.name) for name, part in parts.items() for p in part.outputs}
+
+    def is_kept(port: str, wire: tuple[str, str]) -> bool:
+        if port in choice.wired:
+            return not (wire[0] in off and port in optional)
+        return port in ports and (wire in sent or port not in optional)
+
+    wires = {port: wire for port, wire in choice.wires.items() if is_kept(port, wire)}
     timing = Slot(
         f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
     )

@@ -78,7 +78,8 @@ class Kinematic:
             setattr(self, f"_{key}", value)
 
     def _output(self, t: int, steer: float) -> Outputs:
-        pose = self._follower.at(self._x, self._y, self._yaw).pose(self._x, self._y, self._yaw)
+        self._follower.at(self._x, self._y, self._yaw)
+        pose = self._follower.pose()
         yaw_rate = self._speed * tan(steer) / self._wheelbase
         return {"state": MachineState(t, pose, self._speed, 0.0, yaw_rate, steer, self._distance)}
 

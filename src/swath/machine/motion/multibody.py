@@ -17,7 +17,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
+from swath.core.signals import EngineState, HeaderState, MachineLoad, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH, MS
 from swath.field.site import SiteSetup
 from swath.machine.attitude import TerrainFollower
@@ -68,6 +68,7 @@ class Multibody:
         Port("speed", SpeedCommand),
         Port("drive", EngineState, optional=True),
         Port("load", MachineLoad, optional=True),
+        Port("header", HeaderState, optional=True),
     )
     outputs = (Port("state", MachineState),)
 
@@ -116,7 +117,8 @@ class Multibody:
         self._angles = [0.0, 0.0]
         x, y = float(self._start.position[0]), float(self._start.position[1])
         yaw = self._start.euler()[2]
-        pose = self._follower.at(x, y, yaw).pose(x, y, yaw)
+        self._follower.at(x, y, yaw)
+        pose = self._follower.pose()
         qx, qy, qz, qw = pose.quaternion()
         d.qpos[:3], d.qpos[3:7] = pose.position, (qw, qx, qy, qz)
         self._settle(x, y)
@@ -153,6 +155,9 @@ class Multibody:
         load: MachineLoad | None = inputs.get("load")
         if load is not None:
             self._fill(max(load.tank_content, 0.0))
+        header: HeaderState | None = inputs.get("header")
+        if header is not None:
+            self.hold_header(header.lift, header.tilt)
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
         self._data.qpos[self._driven_q] = (*self._ackermann(steer), self._lift, self._tilt)

@@ -81,12 +81,11 @@ class Rotor:
         lead = p[LEAD] + way
         done = (np.minimum(lead, 1.0) - p[LEAD]) * p[SCALE]
         threshing, separation = self._rates
-        still, kept = np.exp(done * (-ease * threshing)), np.exp(done * (-ease * separation))
+        still, kept = np.exp(done * np.array([[-ease * threshing], [-ease * separation]]))
         ear = p[EAR] * still
         free = p[FREE] * kept + p[EAR] * (still - kept) * (threshing / (separation - threshing))
         separated = float((p[EAR] + p[FREE] - ear - free).sum())
-        self._parcels = new = p.copy()
-        new[LEAD], new[EAR], new[FREE] = lead, ear, free
+        p[LEAD], p[EAR], p[FREE] = lead, ear, free
         return separated, self._leave()
 
     def held(self) -> tuple[float, float]:

@@ -1,0 +1,100 @@
+"""Warp, started quietly and with a kernel cache that this user may write to; small kernels for one step."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from struct import Struct
+from typing import Any
+
+import numpy as np
+
+
+@cache
+def start_warp() -> Any:
+    """The `warp` module, initialised.
+
+    The kernel cache is Warp's own (WARP_CACHE_PATH or the user's cache folder); when that cannot be written,
+    a folder of this user in the system's temporary folder.
+    """
+    import warp as wp
+
+    if hasattr(wp.config, "log_level"):  # newer than 1.10
+        wp.config.log_level = wp.LOG_ERROR
+    else:
+        wp.config.quiet = True
+    if "WARP_CACHE_PATH" not in os.environ and not _is_writable(_user_cache()):
+        folder = (
+            Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+        )
+        wp.config.kernel_cache_dir = str(folder)
+    with _quiet_stderr():  # without a GPU driver the native part says so there
+        wp.init()
+    return wp
+
+
+def numbers(*shape: int, whole: bool = False) -> Any:
+    """Zeros [float64, or int32 where whole] that a kernel on the CPU and, as `numpy()`, Python share."""
+    wp = start_warp()
+    return wp.zeros(shape, dtype=wp.int32 if whole else wp.float64, device="cpu")
+
+
+class Row:
+    """One struct of real numbers in memory that Python and a kernel on the CPU share.
+
+    struct: a struct or vector type of Warp; array: what the kernel takes; names: of the struct's numbers
+    """
+
+    def __init__(self, struct: Any) -> None:
+        self.array = start_warp().zeros(1, dtype=struct, device="cpu")
+        row = self.array.numpy()
+        self.names: tuple[str, ...] = row.dtype.names or ()
+        self._bytes = memoryview(row.view(np.uint8).reshape(-1))
+        self._layout = Struct(f"{self._bytes.nbytes // 8}d")
+
+    def write(self, *numbers: float) -> None:
+        """Set all numbers."""
+        self._layout.pack_into(self._bytes, 0, *numbers)
+
+    def read(self) -> tuple[float, ...]:
+        """All numbers."""
+        return self._layout.unpack_from(self._bytes)
+
+
+def repeatable(kernel: Any, inputs: list[Any]) -> Any:
+    """A launch of one thread on the CPU that can be repeated for about 1.5 us: call its `launch`.
+
+    inputs: arrays of Warp; what is in them may change, they themselves stay.
+    """
+    return start_warp().launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+
+
+@contextmanager
+def _quiet_stderr() -> Iterator[None]:
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no stderr
+        yield
+        return
+    with open(os.devnull, "w") as nothing:
+        os.dup2(nothing.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _user_cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~"), ".cache"))
