@@ -1,4 +1,4 @@
-"""The multibody machine alone: masses, loads, energy, ditches, brakes, soil, saved states."""
+"""The multibody machine alone: masses, loads, energy, brakes, soil, saved states."""
 
 import math
 import sys
@@ -160,38 +160,6 @@ def test_soft_soil_makes_it_slip_uphill():
         speeds[index] = run(motion, 8.0)[-1].speed
     assert 1.9 < speeds[1800.0] < 2.0
     assert speeds[450.0] < speeds[1800.0] - 0.04
-
-
-def ditch(depth, width, skew=0.0):
-    """A ditch across the path at x = 6 m, cosine in section."""
-
-    def height(x, y):
-        s = x + skew * y - 6.0
-        return np.where(np.abs(s) < 0.5 * width, -0.5 * depth * (1 + np.cos(2 * np.pi * s / width)), 0.0)
-
-    return Ground(height)
-
-
-@pytest.mark.parametrize("skew", [0.0, 0.5])
-@pytest.mark.parametrize("suspension", [False, True])
-def test_no_wheel_flies_over_a_ditch(skew, suspension):
-    motion = make(ditch(0.25, 4.0, skew), start_speed_kmh=7.2, suspension=suspension)
-    air, low = 0.0, 0.0
-    for _ in range(700):
-        state = run(motion, 0.01)[-1]
-        air = max(air, *motion.wheels.air_times)
-        low = min(low, state.pose.position[2])
-    assert air < 0.3
-    assert low < -0.12
-    assert state.pose.position[0] > 13.0
-
-
-def test_the_tyre_bridges_a_slot():
-    """A slot 0.2 m wide and 0.3 m deep under the wheels lowers the machine by less than 4 cm."""
-    slot = Ground(lambda x, y: np.where(np.abs(x - 4.0) < 0.1, -0.3, 0.0))
-    states = run(make(slot, start_speed_kmh=3.6), 6.0, speed=1.0)
-    heights = [s.pose.position[2] for s in states]
-    assert -0.04 < min(heights) < -0.002
 
 
 def test_the_rear_axle_swings_without_rolling_the_body():

@@ -16,6 +16,7 @@ from swath.core.signals import (
     CropFlow,
     EngineState,
     FeedReading,
+    HeaderState,
     LossReading,
     MachineLoad,
     MachineState,
@@ -34,7 +35,7 @@ class SlotKind:
     """One slot of a machine.
 
     packages: where its levels lie; level: the default one; rate_hz: the default rate
-    outputs: ports that every level of it has; a level may have more
+    outputs: ports that every level of it has; more: that some levels have
     wires: input port -> (slot, output port) of the same machine
     is_on: present in every machine; otherwise only where a scenario names it
     """
@@ -46,6 +47,7 @@ class SlotKind:
     outputs: tuple[Port, ...]
     wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     is_on: bool = True
+    more: tuple[Port, ...] = ()
 
 
 _STATE = {"state": ("motion", "state")}
@@ -65,7 +67,15 @@ SLOTS: tuple[SlotKind, ...] = (
             "header": ("header", "height"),
         },
     ),
-    SlotKind("header", ("swath.machine.header",), "fixed_height", 50.0, (Port("flow", CropFlow),), _STATE),
+    SlotKind(
+        "header",
+        ("swath.machine.header",),
+        "fixed_height",
+        50.0,
+        (Port("flow", CropFlow),),
+        _STATE,
+        more=(Port("height", HeaderState),),
+    ),
     SlotKind(
         "process",
         ("swath.machine.process",),

@@ -293,7 +293,7 @@ def _link_setup(
 ) -> LinkSetup:
     """The face of a slot: what its wires bring, without the truth where it is control, and what it gives."""
     kind = next(s for s in SLOTS if s.name == slot)
-    gives = {s.name: {p.name: p for p in s.outputs} for s in SLOTS}
+    gives = {s.name: {p.name: p for p in (*s.outputs, *s.more)} for s in SLOTS}
     offered = []
     for port, (source, output) in choice.wires.items():
         sent = gives.get(source.rpartition(".")[2], {}).get(output)
@@ -333,14 +333,15 @@ def _node(
     ports = {p.name for p in component.inputs}
     optional = {p.name for p in component.inputs if p.optional}
     off = {f"{section.name}.{name}" for name in section.off}
-    sent = {(f"{section.name}.{name}", p.name) for name, part in parts.items() for p in part.outputs}
+    sent = {f"{section.name}.{name}": {p.name for p in part.outputs} for name, part in parts.items()}
 
-    def is_kept(port: str, wire: tuple[str, str]) -> bool:
-        if port in choice.wired:
-            return not (wire[0] in off and port in optional)
-        return port in ports and (wire in sent or port not in optional)
+    def is_kept(port: str, source: str, output: str) -> bool:
+        if source in off and port in optional:
+            return False
+        is_missing = source in sent and output not in sent[source]  # a level without what others have
+        return port in choice.wired or (port in ports and not (is_missing and port in optional))
 
-    wires = {port: wire for port, wire in choice.wires.items() if is_kept(port, wire)}
+    wires = {port: wire for port, wire in choice.wires.items() if is_kept(port, *wire)}
     timing = Slot(
         f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
     )
