@@ -9,6 +9,7 @@ from swath.field.cutting import Cut
 from swath.field.edge import GapParams, StraightEdge, TeethParams
 from swath.field.layout import MIRROR_X, MIRROR_Y
 from swath.field.stand import maps, uniform
+from swath.field.tops import update_tops
 
 ALL_CROP = StraightEdge(x_m=-1e4)
 NORTH = uniform.Params(row_azimuth_deg=90.0)  # rows run east: the stand frame is the world
@@ -280,3 +281,42 @@ def test_the_library_of_the_tests_is_a_real_one():
     lib = library()
     assert lib.tile_count == 4
     assert np.all(np.diff(lib.stem_start) == round(500.0 * lib.tile_size**2))
+
+
+def test_tops_after_a_cut_are_those_of_a_fresh_look():
+    """The compiled cut renews only tiles that can have changed; looked at anew all tops are the same."""
+    field = made_field(edge=ALL_CROP, stand=uniform.Params(lean_deg=40.0, row_azimuth_deg=70.0))
+    field.ensure(0.0, 0.0, 25.0)
+    rng = np.random.default_rng(4)
+    lowered = 0
+    for _ in range(12):
+        middle = rng.uniform(-12.0, 12.0, 2)
+        angle = rng.uniform(-np.pi, np.pi)
+        field.cut(turned(rectangle(-3.0, -5.0, 3.0, 5.0), angle) + middle, rng.choice([0.0, 0.2, 0.4]))
+        before = field.pages.tile_top.copy()
+        update_tops(field.store, field.library, list(field.store.keys))
+        np.testing.assert_array_equal(field.pages.tile_top, before)
+        lowered = int(np.sum((before > 0.0) & (before < 0.5)))
+    assert lowered > 20
+
+
+def test_a_cut_across_many_pages_is_the_sum_of_its_parts():
+    """270 pages: more than one launch takes."""
+    thin = uniform.Params(row_azimuth_deg=90.0, stems_per_m2=2.0, row_spacing_m=0.0)
+    whole, parts = (made_field(edge=ALL_CROP, stand=thin) for _ in range(2))
+    box = rectangle(-110.0, 5.0, 100.0, 85.0)
+    taken = whole.cut(box, 0.2)
+    cuts = [parts.cut(rectangle(x, 5.0, x + 35.0, 85.0), 0.2) for x in np.arange(-110.0, 100.0, 35.0)]
+    same(taken, total(cuts))
+    same(taken, whole.recount())
+    assert taken.area == pytest.approx(210.0 * 80.0, rel=1e-3)
+    assert taken.stem_count == pytest.approx(2.0 * 210.0 * 80.0, rel=0.02)
+
+
+def test_a_cut_polygon_has_few_corners():
+    turn = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
+    field = made_field(edge=ALL_CROP)
+    circle = np.c_[np.cos(turn), 8.0 + np.sin(turn)]
+    with pytest.raises(InputError, match="polygon = 80: expected at most 64 corners"):
+        field.cut(circle, 0.1)
+    assert field.cut(circle[::2], 0.1).area == pytest.approx(np.pi, rel=0.01)

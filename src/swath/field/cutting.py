@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING, Organ, PlantLibrary
+from swath.field.layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, Organ, PlantLibrary
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -71,25 +71,9 @@ class StemIndex:
         cell, stem = np.concatenate(cells), np.concatenate(stems)
         order = np.argsort(cell, kind="stable")
         self.stem = stem[order]
+        self.column = cell[order] % TILE_CELLS
         self.count = np.bincount(cell, minlength=library.tile_count * 4 * CELLS).astype(np.int32)
         self.first = np.cumsum(self.count, dtype=np.int32) - self.count
-
-    def variant(self, prototype: Any) -> Ints:
-        """Row of the index for prototype numbers with mirror flags."""
-        p = np.asarray(prototype, dtype=np.int64)
-        mirror = np.where(p & MIRROR_X, 1, 0) + np.where(p & MIRROR_Y, 2, 0)
-        return np.asarray((p & (MIRROR_X - 1)) * 4 + mirror)
-
-    def on_cells(self, cells: Ints) -> tuple[Ints, Ints]:
-        """(position in `cells`, stem) of every stem on cells numbered variant * 4096 + iy * 64 + ix."""
-        count = self.count[cells]
-        where = np.flatnonzero(count)
-        count = count[where]
-        if count.size and count.max() == 1:
-            return where, self.stem[self.first[cells[where]]]
-        before = np.cumsum(count) - count
-        step = np.arange(int(count.sum())) - np.repeat(before - self.first[cells[where]], count)
-        return np.repeat(where, count), self.stem[step]
 
     def taken(self, stem: Ints, stand: Array, code: Any) -> tuple[Array, Array, Array]:
         """(grain, straw, grain left below the cut) [kg] gone from stems when their cell has this code.

@@ -10,9 +10,10 @@ from swath.core.random import Stream
 from swath.field.boundary import Region
 from swath.field.breaks import BrokenEdge
 from swath.field.crop import Crop
+from swath.field.cutter import Cutter
 from swath.field.cutting import Cut, StemIndex, check_polygon
 from swath.field.footprint import Block, Footprint
-from swath.field.harvest import cut_pages, recount_pages, standing_share
+from swath.field.harvest import recount_pages, standing_share
 from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.page_maker import PageMaker
 from swath.field.pages import Change, Key, PageStore
@@ -63,6 +64,7 @@ class Field:
         seed = stream.child("tiles").integer()
         self.maker = PageMaker(terrain, stand, edge, boundary, library, seed)
         self.store = PageStore(self.maker.make, self._finish, tile_size=library.tile_size, limit=page_limit)
+        self._cutter = Cutter(self.store, self.stems, sway=self._sway)
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
 
     @property
@@ -130,7 +132,12 @@ class Field:
         """
         if not 0.0 <= height_m <= 2.54:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
-        return cut_pages(self.store, self.stems, self._cells(polygon), round(100.0 * height_m), self._retop)
+        points = check_polygon(polygon).tolist()
+        if max(max(abs(x), abs(y)) for x, y in points) > FAR:
+            raise _too_far()
+        (c, s), cell = self._turn, self.maker.cell
+        corners = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in points]
+        return self._cutter.cut(corners, round(100.0 * height_m))
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
@@ -217,8 +224,12 @@ class Field:
         write_depth(self.store, keys, self._depth_per_kg)
 
     def _retop(self, keys: list[Key]) -> None:
-        sway = 0.0 if self.wind is None else self.wind.slope_max
-        update_tops(self.store, self.library, keys, sway=sway)
+        update_tops(self.store, self.library, keys, sway=self._sway)
+
+    @property
+    def _sway(self) -> float:
+        """The most that wind leans stems aside per height."""
+        return 0.0 if self.wind is None else self.wind.slope_max
 
     def _cells(self, polygon: Any) -> Array:
         """Polygon in units of cut cells of the stand frame."""
@@ -326,4 +337,8 @@ def _check_near(x: Array, y: Array) -> None:
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise InputError("position", None, "expected finite x and y")
     if x.size and max(np.abs(x).max(), np.abs(y).max()) > FAR:
-        raise InputError("position", None, f"expected within {FAR:g} m of the origin of the field")
+        raise _too_far()
+
+
+def _too_far() -> InputError:
+    return InputError("position", None, f"expected within {FAR:g} m of the origin of the field")

@@ -1,6 +1,5 @@
-"""Cutting, counting and recounting the cells of pages."""
+"""Counting and recounting the cells of pages."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import fsum
 
@@ -8,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.cutting import (
-    CELLS,
     TILE_CELLS,
     Cut,
     StemIndex,
@@ -18,7 +16,7 @@ from swath.field.cutting import (
 )
 from swath.field.layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
 from swath.field.page_maker import PageMaker
-from swath.field.pages import Codes, Key, PageStore, inflate_codes
+from swath.field.pages import Codes, PageStore, inflate_codes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,44 +41,9 @@ class _Runs:
         return _Runs(*(getattr(self, n)[which] for n in self.__dataclass_fields__))
 
 
-def cut_pages(
-    store: PageStore, stems: StemIndex, polygon: Array, code: int, retop: Callable[[list[Key]], None]
-) -> Cut:
-    """Bring every cell of a polygon (cell units) that is higher down to the code. retop: told of pages where
-    the height of a whole tile changed.
-    """
-    runs, keys = _runs(store, polygon)
-    p = store.pages
-    if runs.slot.size:  # leave out uniform pages that are this low already
-        row = p.cut_slot[runs.slot]
-        runs = runs.take((row >= 0) | (-1 - row > code))
-    if runs.slot.size == 0:
-        return Cut()
-    for slot in np.unique(runs.slot):
-        store.open_cut(int(slot))
-    base = p.cut_slot[runs.slot].astype(np.int64) * PAGE_CELLS
-    base += (runs.tile_y * TILE_CELLS + runs.cell_y) * PAGE_CUT_CELLS + runs.tile_x * TILE_CELLS + runs.cell_x
-    before = np.cumsum(runs.length) - runs.length
-    step = np.arange(int(runs.length.sum()))
-    flat = np.repeat(base - before, runs.length)
-    flat += step
-    run = np.repeat(np.arange(len(base), dtype=np.int32), runs.length)
-    cells = p.cut.reshape(-1)
-    old = cells[flat]
-    changed = np.flatnonzero(old > code)
-    if changed.size == 0:
-        return Cut()
-    if changed.size < flat.size:
-        flat, old, run, step = flat[changed], old[changed], run[changed], step[changed]
-    cells[flat] = code
-    taken = _taken(store, stems, runs, before, run, step, old, code)
-    _note(store, runs, keys, np.bincount(run, minlength=len(base)) > 0, retop)
-    return taken
-
-
 def standing_share(store: PageStore, polygon: Array) -> float:
     """Number of standing cells within a polygon (cell units)."""
-    runs, _ = _runs(store, polygon)
+    runs = _runs(store, polygon)
     p = store.pages
     fraction = p.tile_stand[runs.slot, runs.tile_y, runs.tile_x, 3]
     row = p.cut_slot[runs.slot]
@@ -144,11 +107,10 @@ def _recount_tile(
     return Cut(grain, straw, int(np.count_nonzero(gone)), area, left)
 
 
-def _runs(store: PageStore, polygon: Array) -> tuple[_Runs, dict[int, Key]]:
-    """Cells of a polygon as runs; the pages they lie on are brought into memory. Also slot -> page."""
+def _runs(store: PageStore, polygon: Array) -> _Runs:
+    """Cells of a polygon as runs; the pages they lie on are brought into memory."""
     row, first, after = split_at_tiles(*rows_inside(polygon))
     i, j = first // PAGE_CUT_CELLS, row // PAGE_CUT_CELLS
-    keys: dict[int, Key] = {}
     slot = np.empty(len(row), np.int64)
     if row.size:
         i0, j0, nx = int(i.min()), int(j.min()), int(i.max() - i.min()) + 1
@@ -159,68 +121,9 @@ def _runs(store: PageStore, polygon: Array) -> tuple[_Runs, dict[int, Key]]:
         lookup = np.zeros(int(found[-1]) + 1, np.int64)
         for n, key in zip(found, places, strict=True):
             lookup[n] = store.keys[key]
-            keys[store.keys[key]] = key
         slot = lookup[pair]
     x, y = first - i * PAGE_CUT_CELLS, row - j * PAGE_CUT_CELLS
-    runs = _Runs(slot, x // TILE_CELLS, y // TILE_CELLS, x % TILE_CELLS, y % TILE_CELLS, after - first)
-    return runs, keys
-
-
-def _taken(
-    store: PageStore,
-    stems: StemIndex,
-    runs: _Runs,
-    before: Ints,
-    run: NDArray[np.int32],
-    step: Ints,
-    old: NDArray[np.uint8],
-    code: int,
-) -> Cut:
-    """Mass on changed cells: run each lies in, its number among all cells of the runs, its old code."""
-    p = store.pages
-    stand = p.tile_stand[runs.slot, runs.tile_y, runs.tile_x].astype(np.float64)
-    variant = stems.variant(p.tile_prototype[runs.slot, runs.tile_y, runs.tile_x])
-    start = variant * CELLS + runs.cell_y * TILE_CELLS + runs.cell_x - before
-    where, stem = stems.on_cells(step + start[run])
-    of = run[where]
-    alive = stems.rank[stem] < stand[of, 3]
-    where, stem, of = where[alive], stem[alive], of[alive]
-    grain, straw, left = (float(a.sum()) for a in stems.taken(stem, stand[of], code))
-    stood = old == STANDING
-    recut = ~stood[where]
-    if recut.any():
-        again = stems.taken(stem[recut], stand[of[recut]], old[where[recut]])
-        grain, straw, left = grain - again[0].sum(), straw - again[1].sum(), left - again[2].sum()
-    newly = np.bincount(run if stood.all() else run[stood], minlength=len(stand))
-    area = newly[stand[:, 3] > 0.0].sum() * (stems.library.tile_size / TILE_CELLS) ** 2
-    count = int(np.count_nonzero(~recut & stems.is_crop[stem]))
-    return Cut(float(grain), float(straw), count, float(area), float(left))
-
-
-def _note(
-    store: PageStore,
-    runs: _Runs,
-    keys: dict[int, Key],
-    hit: NDArray[np.bool_],
-    retop: Callable[[list[Key]], None],
-) -> None:
-    """Book-keeping after codes changed in the runs that were hit: highest codes, collapse, tops."""
-    p = store.pages
-    tile = (runs.slot * PAGE_TILES + runs.tile_y) * PAGE_TILES + runs.tile_x
-    tile = np.flatnonzero(np.bincount(tile[hit]))
-    slot, ty, tx = tile // PAGE_TILES**2, tile // PAGE_TILES % PAGE_TILES, tile % PAGE_TILES
-    blocks = p.cut.reshape(len(p.cut), PAGE_TILES, TILE_CELLS, PAGE_TILES, TILE_CELLS)
-    highest = blocks[p.cut_slot[slot], ty, :, tx, :].max(axis=(1, 2))
-    lower = highest < store.code_max[slot, ty, tx]
-    store.code_max[slot, ty, tx] = highest
-    for n in np.unique(slot):
-        store.recut.add(keys[int(n)])
-    p.revision += 1
-    if lower.any():
-        touched = np.unique(slot[lower])
-        retop([keys[int(n)] for n in touched])
-        for n in touched:
-            store.try_collapse(int(n))
+    return _Runs(slot, x // TILE_CELLS, y // TILE_CELLS, x % TILE_CELLS, y % TILE_CELLS, after - first)
 
 
 def _full(codes: Codes) -> NDArray[np.uint8]:
