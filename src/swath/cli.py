@@ -16,6 +16,7 @@ from swath.commands import (
     fmu,
     lab,
     levels,
+    osi,
     replay,
     ros2,
     run,
@@ -25,7 +26,7 @@ from swath.commands import (
 )
 from swath.core.errors import SwathError
 
-COMMANDS = (run, scenarios, levels, field, lab, replay, calibrate, compare, scan, fmu, ros2, can, schema)
+COMMANDS = (run, scenarios, levels, field, lab, replay, calibrate, compare, scan, fmu, ros2, can, osi, schema)
 BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 EXAMPLES = """\

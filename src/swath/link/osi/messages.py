@@ -1,0 +1,171 @@
+"""Scans and machines as messages of ASAM OSI 3.
+
+World: swath's ENU as it is. Vehicle frame of OSI: ISO 8855, origin in the middle of the rear axle, which in a
+combine is the steered one; swath's is below the middle of the front axle. Angles as in swath: z-y'-x''.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import MissingExtra
+from swath.core.frames import Pose
+from swath.core.schedule import NS
+from swath.core.signals import MachineState, Scan
+from swath.machine.card import MachineCard, dynamics_of
+
+TYPES = {"sd": "SensorData", "sv": "SensorView"}
+SENSOR_ID = 1
+
+
+def load_osi() -> Any:
+    """The modules of osi-python that are used here, by short names. MissingExtra."""
+    try:
+        from osi3 import (
+            osi_groundtruth_pb2,
+            osi_object_pb2,
+            osi_sensordata_pb2,
+            osi_sensorview_pb2,
+            osi_version_pb2,
+        )
+    except ImportError as error:
+        raise MissingExtra("osi", "an OSI trace") from error
+    return {
+        "ground_truth": osi_groundtruth_pb2,
+        "object": osi_object_pb2,
+        "data": osi_sensordata_pb2,
+        "view": osi_sensorview_pb2,
+        "version": osi_version_pb2,
+    }
+
+
+class Writer:
+    """Makes the messages of one scanner.
+
+    host: name of the machine that carries it; cards: of all machines, in their order; mounting:
+    pose_machine_sensor
+    """
+
+    def __init__(self, host: str, cards: Mapping[str, MachineCard], mounting: Pose) -> None:
+        self._osi = load_osi()
+        self._host, self._cards = host, dict(cards)
+        self._ids = {name: k + 1 for k, name in enumerate(self._cards)}
+        self._rear = {name: _rear_axle(card) for name, card in self._cards.items()}
+        self._mounting = Pose(mounting.position - self._rear[host], mounting.rotation)
+        options = self._osi["version"].DESCRIPTOR.GetOptions()
+        found = next(v for field, v in options.ListFields() if field.name == "current_interface_version")
+        self._version = found
+
+    @property
+    def version(self) -> tuple[int, int, int]:
+        """Of the interface."""
+        v = self._version
+        return v.version_major, v.version_minor, v.version_patch
+
+    def sensor_view(self, scan: Scan, states: Mapping[str, MachineState]) -> Any:
+        """Truth at the end of a sweep: where the machines are, and the rays of the scanner.
+
+        There are no reflections in it: the rays within a beam are not recorded.
+        """
+        view = self._osi["view"].SensorView()
+        self._head(view, scan.t)
+        view.host_vehicle_id.value = self._ids[self._host]
+        _mount(view.mounting_position, self._mounting)
+        truth = view.global_ground_truth
+        truth.version.CopyFrom(self._version)
+        _time(truth.timestamp, scan.t)
+        truth.host_vehicle_id.value = self._ids[self._host]
+        for name, state in states.items():
+            self._machine(truth.moving_object.add(), name, state)
+        rays = view.lidar_sensor_view.add().view_configuration
+        rays.sensor_id.value = SENSOR_ID
+        _mount(rays.mounting_position, self._mounting)
+        rays.field_of_view_horizontal = float(np.ptp(scan.azimuth))
+        rays.field_of_view_vertical = float(np.ptp(scan.elevation))
+        rays.max_number_of_interactions = scan.ranges.shape[1]
+        cos = np.cos(scan.elevation)
+        ways = np.stack(
+            [cos * np.cos(scan.azimuth), cos * np.sin(scan.azimuth), np.sin(scan.elevation)], axis=1
+        )
+        for x, y, z in ways.tolist():
+            rays.directions.add(x=x, y=y, z=z)
+        return view
+
+    def sensor_data(self, scan: Scan, states: Mapping[str, MachineState]) -> Any:
+        """The detections of a sweep in the sensor's frame, one for each echo, and the view they came from."""
+        data = self._osi["data"].SensorData()
+        self._head(data, scan.t)
+        _time(data.last_measurement_time, scan.t)
+        _mount(data.mounting_position, self._mounting)
+        data.sensor_view.add().CopyFrom(self.sensor_view(scan, states))
+        lidar = data.feature_data.lidar_sensor.add()
+        head = lidar.header
+        _time(head.measurement_time, scan.t)
+        _mount(head.mounting_position, self._mounting)
+        head.sensor_id.value = SENSOR_ID
+        head.data_qualifier = head.DATA_QUALIFIER_AVAILABLE
+        beams, echoes = np.nonzero(np.isfinite(scan.ranges))
+        head.number_of_valid_detections = len(beams)
+        columns = (
+            beams.tolist(),
+            scan.ranges[beams, echoes].tolist(),
+            scan.azimuth[beams].tolist(),
+            scan.elevation[beams].tolist(),
+            scan.intensity[beams, echoes].tolist(),
+        )
+        for beam, distance, azimuth, elevation, intensity in zip(*columns, strict=True):
+            found = lidar.detection.add(existence_probability=1.0)
+            found.position.distance, found.position.azimuth = distance, azimuth
+            found.position.elevation = elevation
+            if intensity == intensity:
+                found.intensity = 100.0 * intensity
+            if hasattr(found, "beam_id"):
+                found.beam_id.value = beam
+        return data
+
+    def _head(self, message: Any, t: int) -> None:
+        message.version.CopyFrom(self._version)
+        _time(message.timestamp, t)
+        message.sensor_id.value = SENSOR_ID
+
+    def _machine(self, found: Any, name: str, state: MachineState) -> None:
+        """A machine as the box of its chassis; the header is not in it."""
+        card = self._cards[name]
+        rear, front, half, _, top = card.body
+        centre = np.array([0.5 * (rear + front), 0.0, 0.5 * top])
+        found.id.value = self._ids[name]
+        found.type = self._osi["object"].MovingObject.TYPE_VEHICLE
+        base, pose = found.base, state.pose
+        base.dimension.length, base.dimension.width, base.dimension.height = front - rear, 2.0 * half, top
+        _vector(base.position, pose.apply(centre))
+        _angles(base.orientation, pose)
+        turn = np.array([0.0, 0.0, state.yaw_rate])
+        along = np.array([state.speed, state.lateral_speed, 0.0]) + np.cross(turn, centre)
+        _vector(base.velocity, pose.turn(along))
+        base.orientation_rate.yaw = state.yaw_rate
+        axle = np.array([0.0, 0.0, dynamics_of(card).front.radius])
+        _vector(found.vehicle_attributes.bbcenter_to_rear, self._rear[name] - centre)
+        _vector(found.vehicle_attributes.bbcenter_to_front, axle - centre)
+
+
+def _rear_axle(card: MachineCard) -> Any:
+    """Middle of the rear axle in swath's machine frame [m]."""
+    return np.array([-card.wheelbase, 0.0, dynamics_of(card).rear.radius])
+
+
+def _time(stamp: Any, t: int) -> None:
+    stamp.seconds, stamp.nanos = divmod(t, NS)
+
+
+def _vector(target: Any, value: Any) -> None:
+    target.x, target.y, target.z = (float(v) for v in value)
+
+
+def _angles(target: Any, pose: Pose) -> None:
+    target.roll, target.pitch, target.yaw = pose.euler()
+
+
+def _mount(target: Any, pose: Pose) -> None:
+    _vector(target.position, pose.position)
+    _angles(target.orientation, pose)

@@ -1,0 +1,86 @@
+"""A recorded run as an OSI trace: a single-channel file, each message after its length in four bytes."""
+
+import struct
+from bisect import bisect_right
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.signals import MachineState, Scan
+from swath.link.osi.messages import TYPES, Writer
+from swath.machine.card import load_machine
+from swath.sim.recorded.feed import exact_samples, exact_topic
+from swath.sim.recorded.files import Log, open_log
+from swath.sim.recorded.frames import own_mounting
+from swath.sim.scenario import load_scenario
+
+LENGTH = struct.Struct("<I")
+
+
+def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = None) -> int:
+    """Write the scans of a run folder to `out`; returns how many.
+
+    kind: `sd` SensorData, `sv` SensorView; slot: the scanner, such as `combine.lidar`, None = of the first
+    machine. InputError where the run has no such scans, or not bit for bit; MissingExtra.
+    """
+    if kind not in TYPES:
+        raise InputError("--type", kind, f"expected one of {', '.join(TYPES)}")
+    if out.suffix != ".osi":
+        raise InputError("--out", str(out), "expected a file such as x.osi")
+    if not (run / "scenario.yaml").is_file():
+        raise InputError("run", str(run), "expected a run folder, it has no scenario.yaml")
+    scenario, log = load_scenario(run), open_log(run)
+    slot = slot or f"{next(iter(scenario.machines))}.lidar"
+    host = slot.partition(".")[0]
+    if host not in scenario.machines:
+        raise InputError(
+            "--slot", slot, f"expected one of {', '.join(f'{m}.lidar' for m in scenario.machines)}"
+        )
+    mounting = own_mounting(log, slot)
+    if mounting is None:
+        raise InputError("--slot", slot, "expected a scanner that the run recorded", file=log.path)
+    cards = {
+        name: load_machine(m.card.as_posix(), header_width_m=m.common.header_width_m)
+        for name, m in scenario.machines.items()
+    }
+    writer = Writer(host, cards, mounting)
+    make = writer.sensor_data if kind == "sd" else writer.sensor_view
+    states = {name: _States(log, name) for name in cards}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    unfinished, count = out.with_name(out.name + ".part"), 0
+    with unfinished.open("wb") as file:
+        for scan in _scans(log, slot):
+            message = make(scan, {name: s.at(scan.t) for name, s in states.items()})
+            data = message.SerializeToString(deterministic=True)
+            file.write(LENGTH.pack(len(data)) + data)
+            count += 1
+    unfinished.replace(out)
+    return count
+
+
+class _States:
+    """Where a machine was."""
+
+    def __init__(self, log: Log, name: str) -> None:
+        self._states = [s for s in _samples(log, f"{name}.motion", "state") if isinstance(s, MachineState)]
+        self._times = [s.t for s in self._states]
+
+    def at(self, t: int) -> MachineState:
+        """The newest state at t [ns]."""
+        return self._states[max(bisect_right(self._times, t) - 1, 0)]
+
+
+def _scans(log: Log, slot: str) -> Iterator[Scan]:
+    for sample in _samples(log, slot, "scan"):
+        if isinstance(sample, Scan):
+            yield sample
+
+
+def _samples(log: Log, slot: str, output: str) -> Iterator[Any]:
+    topic = exact_topic(slot, output)
+    if topic not in log.topics():
+        text = "expected samples bit for bit, as a run with `record: exact` or `full` has them"
+        raise InputError("recording", f"{slot}.{output}", text, file=log.path)
+    for _, sample in exact_samples(log.messages((topic,))):
+        yield sample
