@@ -2,12 +2,18 @@
 
 import json
 import re
-from contextlib import ExitStack
+import time
+from pathlib import Path
 
 import pytest
+from fake_run import GEOMETRY, MOUNTING
 from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
+from swath.core.component import Port
 from swath.core.errors import SwathError
+from swath.core.random import Stream
+from swath.core.setup import ControlSetup, LinkSetup
+from swath.core.signals import CropEdge, SteerCommand
 from swath.job import run_job
 from swath.sim.scenario import parse_scenario
 from swath.sim.world import assemble
@@ -64,6 +70,19 @@ def test_a_free_node_answers_when_it_can_and_the_run_says_so(tmp_path):
     assert 0 <= int(stale[1]) < 100
 
 
+@pytest.fixture
+def steer():
+    """The slot alone, without a world."""
+    from swath.link.levels.ros2 import Params, Ros2Slot
+
+    inputs = (Port("edge", CropEdge, optional=True),)
+    control = ControlSetup(GEOMETRY, MOUNTING, "left", 0.02)
+    outputs = (Port("command", SteerCommand),)
+    made = Ros2Slot(Params(), LinkSetup("combine", "steer", inputs, outputs, control, Path()))
+    yield made
+    made.close()
+
+
 @pytest.mark.parametrize(
     ("numbers", "words"),
     [
@@ -73,28 +92,25 @@ def test_a_free_node_answers_when_it_can_and_the_run_says_so(tmp_path):
         ({}, "expected names that start with command."),
     ],
 )
-def test_an_answer_that_cannot_be_used_names_the_node_and_what_is_wrong(numbers, words):
-    with fixed("steer", numbers, name="careless"):
-        world = assemble(scenario("steer: ros2"))
-        try:
-            with pytest.raises(SwathError) as caught:
-                world.graph.reset()
-        finally:
-            world.close()
+def test_an_answer_that_cannot_be_used_names_the_node_and_what_is_wrong(steer, numbers, words):
+    with fixed("steer", numbers, name="careless"), pytest.raises(SwathError) as caught:
+        steer.reset(Stream(1, "combine.steer"))
     assert str(caught.value).startswith("combine.steer: the answer of /careless for 0 s: ")
     assert words in str(caught.value)
 
 
-def test_two_nodes_that_would_answer_are_refused():
-    with ExitStack() as stack:
-        stack.enter_context(fixed("steer", STEER, name="one"))
-        stack.enter_context(fixed("steer", STEER, name="other"))
-        world = assemble(scenario("steer: ros2"))
-        node_ = world.machines["combine"].parts["steer"]._node
-        try:
-            while node_._node.count_publishers(node_.answer_topic) < 2:
-                pass
-            with pytest.raises(SwathError, match=r"expected one node .* there are /one, /other"):
-                world.graph.reset()
-        finally:
-            world.close()
+def test_two_nodes_that_would_answer_are_refused(steer):
+    with fixed("steer", STEER, name="one"), fixed("steer", STEER, name="other"):
+        end, ours = time.monotonic() + 60.0, steer._node
+        while ours._node.count_publishers(ours.answer_topic) < 2 and time.monotonic() < end:
+            time.sleep(0.01)
+        with pytest.raises(SwathError, match=r"expected one node .* there are /one, /other"):
+            steer.reset(Stream(1, "combine.steer"))
+
+
+def test_the_state_of_a_node_is_its_own(steer):
+    with pytest.raises(SwathError, match=r"combine\.steer: .* cannot be saved"):
+        steer.save()
+    steer.close()
+    with pytest.raises(SwathError, match=r"combine\.steer: the node is closed"):
+        steer.step(0, 20_000_000, {})
