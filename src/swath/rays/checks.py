@@ -76,7 +76,12 @@ def _check_each(pages: Pages, side: float, origins: Array, u: Array, v: Array) -
         place = _named(origins[int(np.argmin(slot))])
         expected = "expected a ray that starts over known ground: call field.ensure(x, y, radius) first"
         raise InputError("origin", place, expected)
-    depth = _ground(pages, slot, (u - i) * PAGE_NODES, (v - j) * PAGE_NODES) - origins[:, 2]
+    refuse_below(origins, _ground(pages, slot, (u - i) * PAGE_NODES, (v - j) * PAGE_NODES))
+
+
+def refuse_below(origins: Array, ground: Array) -> None:
+    """Raises InputError when an origin (n, 3) [m] lies under the ground (n,) [m] by more than BELOW."""
+    depth = ground - origins[:, 2]
     worst = int(np.argmax(depth))
     if depth[worst] > BELOW:
         expected = f"expected a ray that starts above the ground, it is {depth[worst]:.3g} m below"

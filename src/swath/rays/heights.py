@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import Solids
-from swath.rays.checks import check_range
+from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
 from swath.rays.geometry import make_things
 from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid, lattice_height
@@ -43,6 +43,7 @@ class HeightCaster:
     def __init__(self, grid: HeightGrid) -> None:
         self.grid = grid
         self.cut = np.full(grid.count.shape, UNTOUCHED, np.uint8)
+        self._highest = grid.origin[2] + float(grid.ground.max(initial=0.0))
         self._scene: Any = None
         self._launch: Any = None
         self._size = -1
@@ -62,7 +63,8 @@ class HeightCaster:
 
         origins [m], directions (unit): (n, 3), world. share: stop every ray where this share of
         the measured heights is still below it, or < 0: drawn by a hash of the seed and the cell of side
-        `grain` [m] in which the ray would end on the ground.
+        `grain` [m] in which the ray would end on the ground. Raises ValueError on rays that are not finite,
+        InputError on a range that is not > 0 and on rays that start under the measured ground.
         """
         check_range(range_max)
         wp = start_warp()
@@ -76,6 +78,8 @@ class HeightCaster:
         self._directions[:] = directions
         if not (np.isfinite(self._origins).all() and np.isfinite(self._directions).all()):
             raise ValueError("expected finite origins and directions")
+        if self._size and self._origins[:, 2].min() < self._highest:
+            refuse_below(self._origins, self.grid.ground_height(self._origins[:, 0], self._origins[:, 1]))
         self._draw.seed, self._draw.share, self._draw.grain = seed & 0xFFFFFFFF, share, grain
         things = make_things(wp, solids or Solids(), "cpu")
         if self._launch is None:
