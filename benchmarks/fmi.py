@@ -57,8 +57,14 @@ def main(out: Path) -> None:
     if made_fmus.CC is None:
         print("fmi: no C compiler, nothing measured")
         return
-    folder = Path(tempfile.mkdtemp(prefix="swath-bench-"))
-    file = made_fmus.store_fmu(folder)
+    with tempfile.TemporaryDirectory(prefix="swath-bench-") as folder:
+        rows = measure(made_fmus.store_fmu(folder))
+    print(f"  goal in process: {GOAL_US:g} us")
+    write_json(out, "fmi", {"machine": machine(), "goal_us": GOAL_US, "cases": rows})
+
+
+def measure(file: Path) -> dict[str, dict[str, float]]:
+    """Median and 95th percentile of every case [us], printed as they come."""
     cases = {
         "in process": part_of(file),
         "in process, 10 sub-steps": part_of(file, step_ms=10),
@@ -71,8 +77,7 @@ def main(out: Path) -> None:
         times = cost_us(part)
         rows[name] = {"median_us": float(np.median(times)), "p95_us": float(np.percentile(times, 95.0))}
         print(f"  {name:28s} median {rows[name]['median_us']:7.1f}   p95 {rows[name]['p95_us']:7.1f}")
-    print(f"  goal in process: {GOAL_US:g} us")
-    write_json(out, "fmi", {"machine": machine(), "goal_us": GOAL_US, "cases": rows})
+    return rows
 
 
 if __name__ == "__main__":

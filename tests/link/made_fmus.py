@@ -136,11 +136,11 @@ def engine_xml(*, clock=True, attributes=""):
 
 @cache
 def _compiled(source, flags):
-    out = Path(tempfile.mkdtemp(prefix="swath-test-")) / f"{source}.so"
-    subprocess.run(
-        [CC, "-shared", "-fPIC", "-O1", "-w", *flags, "-o", out, HERE / f"{source}.c", "-lm"], check=True
-    )
-    return out.read_bytes()
+    with tempfile.TemporaryDirectory(prefix="swath-test-") as folder:
+        out = Path(folder) / f"{source}.so"
+        command = [CC, "-shared", "-fPIC", "-O1", "-w", *flags, "-o", out, HERE / f"{source}.c", "-lm"]
+        subprocess.run(command, check=True)
+        return out.read_bytes()
 
 
 def store_fmu(folder, name="store.fmu", *, flags=(), binary="binaries/linux64/store.so", **about):

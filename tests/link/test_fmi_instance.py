@@ -110,8 +110,11 @@ def test_failures_say_what_the_fmu_says(part, mode, message):
 def test_a_crash_is_an_error_that_names_the_signal(store):
     part = opened(store, ("grain_in",), SEEN, own=True)
     part.start({"mode": MODES["crash"], "fail_at": 0.0})
+    folder = part._unpacked.peek()[2][0]
+    assert folder.is_dir()
     with pytest.raises(FmuError, match=r"its process crashed \(SIGSEGV\)"):
         part.step(0.0, 0.1, [0.0])
+    assert not folder.exists()
     with pytest.raises(FmuError, match="has ended"):
         part.step(0.1, 0.1, [0.0])
     part.close()

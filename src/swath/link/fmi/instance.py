@@ -38,14 +38,22 @@ class Unit(Protocol):
 
 
 def make_instance(
-    description: Description, name: str, inputs: Sequence[Variable], outputs: Sequence[Variable]
+    description: Description,
+    name: str,
+    inputs: Sequence[Variable],
+    outputs: Sequence[Variable],
+    folder: Path | None = None,
 ) -> "Instance":
-    """An instance in this process. InputError without a binary, FmuError where that cannot be loaded."""
+    """An instance in this process. InputError without a binary, FmuError where that cannot be loaded.
+
+    folder: where the caller unpacked it and removes it; None = the instance does both
+    """
     from swath.link.fmi.version2 import Instance2
     from swath.link.fmi.version3 import Instance3
 
     need_library(description)
-    return (Instance2 if description.major == 2 else Instance3)(description, name, inputs, outputs)
+    version = Instance2 if description.major == 2 else Instance3
+    return version(description, name, inputs, outputs, folder)
 
 
 def unpack(file: Path) -> Path:
@@ -65,14 +73,20 @@ class Instance(ABC):
     """One FMU in this process."""
 
     def __init__(
-        self, description: Description, name: str, inputs: Sequence[Variable], outputs: Sequence[Variable]
+        self,
+        description: Description,
+        name: str,
+        inputs: Sequence[Variable],
+        outputs: Sequence[Variable],
+        folder: Path | None = None,
     ) -> None:
         self.description, self.name = description, name
         self._inputs = make_groups(inputs, description.major)
         self._outputs = make_groups(outputs, description.major)
-        self.folder = unpack(description.file)
-        self._clean = weakref.finalize(self, shutil.rmtree, self.folder, True)
+        self.folder = folder or unpack(description.file)
+        self._clean = weakref.finalize(self, shutil.rmtree, self.folder, True) if folder is None else None
         self.library = Library(description, self.folder, name)
+        self._is_open = True
         self.handle: Any = None
         self.is_running = False
         self._kept: list[Any] = []
@@ -142,8 +156,9 @@ class Instance(ABC):
 
     def close(self) -> None:
         """Terminate, free, unload, remove the unpacked files. Calling it again does nothing."""
-        if not self._clean.alive:
+        if not self._is_open:
             return
+        self._is_open = False
         if self.handle is not None and not self.library.is_dead:
             self._free_states()
             if self.is_running:
@@ -151,7 +166,8 @@ class Instance(ABC):
             self.library.function("FreeInstance")(self.handle)
             self.library.unload()
         self.handle = None
-        self._clean()
+        if self._clean is not None:
+            self._clean()
 
     # for the versions
 

@@ -2,10 +2,12 @@
 
 import os
 import pickle
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -15,7 +17,7 @@ from typing import Any
 import swath
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.errors import FmuError
-from swath.link.fmi.instance import Numbers, Steps
+from swath.link.fmi.instance import Numbers, Steps, unpack
 
 START_TIMEOUT_S = 60.0  # of loading Python and the FMU, on a busy machine
 CLOSE_TIMEOUT_S = 2.0
@@ -33,6 +35,7 @@ class OwnProcess:
         timeout_s: float,
     ) -> None:
         self._spec = (replace(description, package=None), name, tuple(inputs), tuple(outputs))
+        self._unpacked: Any | None = None
         self._timeout_s = timeout_s
         self._child: subprocess.Popen[bytes] | None = None
         self._pipe: Connection | None = None
@@ -41,7 +44,7 @@ class OwnProcess:
         """Start the process if there is none, and the FMU in it; outputs at t = 0."""
         if self._child is None:
             self._launch()
-            self._ask("make", self._spec, extra_s=START_TIMEOUT_S, doing="being loaded")
+            self._ask("make", (*self._spec, self._unpack()), extra_s=START_TIMEOUT_S, doing="being loaded")
         found: list[float] = self._ask("start", dict(starts), extra_s=START_TIMEOUT_S, doing="initialising")
         return found
 
@@ -74,6 +77,15 @@ class OwnProcess:
             except subprocess.TimeoutExpired:
                 child.kill()
                 child.wait()
+        unpacked, self._unpacked = self._unpacked, None
+        if unpacked is not None:
+            unpacked()
+
+    def _unpack(self) -> Path:
+        """The files of the FMU, removed here even if the child dies."""
+        folder = unpack(self._spec[0].file)
+        self._unpacked = weakref.finalize(self, shutil.rmtree, folder, True)
+        return folder
 
     def _launch(self) -> None:
         ours, theirs = socket.socketpair()
