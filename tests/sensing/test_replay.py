@@ -60,9 +60,9 @@ def test_rays_under_the_measured_ground_or_of_no_range_are_refused():
     o, d = ray(10.0, 6.0, 0.3, 0.0, 20.0)
     with pytest.raises(InputError, match=r"origin = \[10, 6, 0.3\]: .* it is 0.2 m below"):
         caster.cast(o, d, range_max=40.0)
-    assert caster.cast([*o, 0.0, 0.0, 1.0], d, range_max=40.0).what[0] == MEASURED
+    assert caster.cast(o + np.array([0.0, 0.0, 1.0]), d, range_max=40.0).what[0] == MEASURED
     with pytest.raises(InputError, match="range_max = nan: expected a finite range > 0 m"):
-        caster.cast([*o, 0.0, 0.0, 1.0], d, range_max=float("nan"))
+        caster.cast(o + np.array([0.0, 0.0, 1.0]), d, range_max=float("nan"))
 
 
 def test_wall_shadow_and_what_was_never_measured():
