@@ -1,5 +1,6 @@
 """A recorded run made again, with recorded signals in the place of some of its slots."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,9 +57,7 @@ def plan_again(
         held = "expected a run.mcap of swath with every sample (run.record: exact), it has messages only"
         raise InputError("recording", log.path.name, held, file=log.path)
     played = _usual(exact) if slots is None else _named(slots, exact)
-    changes = []
-    for slot in played:
-        changes += [f"{slot}.level=log", f"{slot}.wires={{}}", f"{slot}.file={_quoted(log.path.resolve())}"]
+    changes = [f"{slot}={_entry(recorded, slot, log.path)}" for slot in played]
     flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
     return Again(log, _scenario(log, source, [*changes, *sets], flags), tuple(played))
 
@@ -96,6 +95,9 @@ def _named(slots: Sequence[str], exact: Sequence[str]) -> list[str]:
     return chosen
 
 
-def _quoted(path: Path) -> str:
-    """A path as a YAML value."""
-    return "'" + str(path).replace("'", "''") + "'"
+def _entry(recorded: Scenario, slot: str, file: Path) -> str:
+    """The section of a slot that plays the log in the rhythm in which it was recorded."""
+    machine, _, name = slot.partition(".")
+    common = recorded.machines[machine].slots[name].common
+    rhythm = {"rate_hz": common.rate_hz, "offset_ms": common.offset_ms, "latch": common.latch}
+    return json.dumps({"level": "log", "file": str(file.resolve()), **rhythm})

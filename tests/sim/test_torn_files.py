@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from bags import Bag
+from bags import BEGIN, Bag
 from fake_run import ArcEdge, GridField, drive, machine
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
@@ -143,14 +143,68 @@ def test_a_folder_with_odd_metadata(tmp_path_factory, text):
         open_log(folder)
 
 
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
-@pytest.mark.parametrize("kind", ["rosbag1", "sqlite"])
-def test_a_torn_bag_says_what_to_do(tmp_path, kind, share):
-    bag = Bag(tmp_path / "a.bag" if kind == "rosbag1" else tmp_path / "a", kind)
+@pytest.fixture(scope="module")
+def counted(tmp_path_factory):
+    """A rosbag 1 of 3000 numbers, its bytes and its folder."""
+    path = tmp_path_factory.mktemp("counted") / "a.bag"
+    bag = Bag(path, "rosbag1")
     for k in range(3000):
         bag.write("/x", 0.01 * k, bag.make("std_msgs/Float64", data=float(k)))
     bag.close()
-    path = tmp_path / "a.bag" if kind == "rosbag1" else next((tmp_path / "a").glob("*.db3"))
+    return path.read_bytes(), path.parent
+
+
+@given(share=st.floats(0.0, 1.0))
+@MANY
+def test_half_a_rosbag_1(counted, share):
+    data, folder = counted
+    path = folder / "torn.bag"
+    path.write_bytes(data[: int(share * len(data))])
+    log, refusal = attempt(lambda: open_log(path))
+    if log is None:
+        assert share < 0.1
+        assert "expected a readable rosbag" in refusal
+        return
+    numbers = [message.data for _, _, message in log.messages(("/x",))]
+    assert numbers == list(range(len(numbers)))
+    if len(numbers) < 3000:
+        [note] = log.notes
+        reached = float(re.fullmatch(rf"{CUT_OFF} after (\d+\.\d\d) s", note)[1])
+        assert reached == pytest.approx(0.01 * numbers[-1], abs=0.006)
+        assert log.begin() == BEGIN
+        assert log.end() == BEGIN + round(0.01 * numbers[-1] * 1e9)
+
+
+@pytest.mark.parametrize("compression", ["bz2", "lz4"])
+def test_half_a_packed_rosbag_1(tmp_path, compression):
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    path = tmp_path / "packed.bag"
+    writer = Writer(path)
+    writer.set_compression(Writer.CompressionFormat[compression.upper()])
+    writer.chunk_threshold = 20_000
+    with writer:
+        connection = writer.add_connection("/x", "std_msgs/msg/Float64", typestore=store)
+        kind = store.types["std_msgs/msg/Float64"]
+        for k in range(5000):
+            writer.write(connection, BEGIN + k, store.serialize_ros1(kind(float(k)), "std_msgs/msg/Float64"))
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    log = open_log(path)
+    numbers = [message.data for _, _, message in log.messages(("/x",))]
+    assert numbers == list(range(len(numbers)))
+    assert 1500 < len(numbers) < 4500
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_torn_database_says_what_to_do(tmp_path, share):
+    bag = Bag(tmp_path / "a", "sqlite")
+    for k in range(3000):
+        bag.write("/x", 0.01 * k, bag.make("std_msgs/Float64", data=float(k)))
+    bag.close()
+    path = next((tmp_path / "a").glob("*.db3"))
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
     log, refusal = attempt(lambda: open_log(path))

@@ -29,13 +29,15 @@ class McapLog:
     notes: what went wrong, with how often; grows while reading
     """
 
+    magic, kind = MAGIC, "an MCAP file"
+
     def __init__(self, path: Path) -> None:
         self.path = path
         self.notes: dict[str, int] = {}
         self._codecs: dict[tuple[str, bytes], Any] = {}
         with path.open("rb") as file:
-            if file.read(8) != MAGIC:
-                raise InputError("recording", path.name, "expected an MCAP file", file=path)
+            if file.read(len(self.magic)) != self.magic:
+                raise InputError("recording", path.name, f"expected {self.kind}", file=path)
 
     def topics(self) -> dict[str, str]:
         """Topic -> type, in the order they were declared."""
@@ -116,7 +118,7 @@ class McapLog:
         reached = 0
         with self.path.open("rb") as file:
             try:
-                for entry in _entries(file):
+                for entry in self._entries(file):
                     if entry is DAMAGED:
                         self.notes[DAMAGED] = self.notes.get(DAMAGED, 0) + 1
                     elif isinstance(entry, Schema):
@@ -136,6 +138,9 @@ class McapLog:
                 for old in [note for note in self.notes if note.startswith(CUT_OFF)]:
                     del self.notes[old]
                 self.notes[f"{CUT_OFF} after {(reached - (first or 0)) / NS:.2f} s"] = 1
+
+    def _entries(self, file: Any) -> Iterator[Any]:
+        return _entries(file)
 
     def _decode(self, channel: Any, schema: Any, data: bytes) -> Any:
         key = (schema.name, schema.data)
@@ -223,7 +228,19 @@ def open_log(path: Path) -> Log:
         return _open_folder(path)
     if not path.is_file():
         raise InputError("recording", str(path), "there is no such file")
-    return McapLog(path) if path.suffix == ".mcap" or _has_magic(path) else BagLog(path)
+    return McapLog(path) if path.suffix == ".mcap" or _has_magic(path) else _open_bag(path)
+
+
+def _open_bag(path: Path) -> Log:
+    from swath.sim.recorded.torn_bag import open_torn_bag
+
+    try:
+        return BagLog(path)
+    except InputError:
+        torn = open_torn_bag(path)
+        if torn is None:
+            raise
+        return torn
 
 
 def _open_folder(path: Path) -> Log:
@@ -243,7 +260,7 @@ def _has_magic(path: Path) -> bool:
         return file.read(8) == MAGIC
 
 
-class _Cut(Exception):
+class Cut(Exception):
     """The file ends before its data do."""
 
 
@@ -251,7 +268,7 @@ def _entries(file: Any) -> Iterator[Any]:
     """Schemas, channels and (channel number, log time, data) of messages, in the order of the file.
 
     DAMAGED stands for a chunk whose checksum is wrong. Of a chunk that is torn, what can be unpacked is given
-    before _Cut is raised. The layout of the records is that of the MCAP specification, version 0
+    before Cut is raised. The layout of the records is that of the MCAP specification, version 0
     (mcap.dev/spec).
     """
     size = file.seek(0, 2)
@@ -259,7 +276,7 @@ def _entries(file: Any) -> Iterator[Any]:
     while True:
         head = file.read(9)
         if len(head) < 9:
-            raise _Cut
+            raise Cut
         opcode, length = head[0], int.from_bytes(head[1:], "little")
         if opcode == _DATA_END:
             return
@@ -274,7 +291,7 @@ def _entries(file: Any) -> Iterator[Any]:
         elif len(body) == length:
             yield from _records_of(memoryview(head + body))
         if len(body) < length:
-            raise _Cut
+            raise Cut
 
 
 def _records_of(view: memoryview) -> Iterator[Any]:
