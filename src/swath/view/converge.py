@@ -57,7 +57,8 @@ def _picture(path: Path, runs: Sequence[Settling], verdict: Verdict) -> Path:
         axes[6].set_title(f"share of beams below a height, seed {runs[0].seed}", loc="left", fontsize=9.5)
         axes[6].legend(title="sub-rays", loc="upper left")
         for run, colour in zip(runs, COLOURS, strict=False):
-            _distribution(axes[7], run.heights[-1], colour, _label(run))
+            style = "--" if run.detail != runs[0].detail else "-"
+            _distribution(axes[7], run.heights[-1], colour, _label(run), style)
         axes[7].set_title(f"the same with {counts[-1]} sub-rays", loc="left", fontsize=9.5)
         said = sentence(verdict, runs).replace(". ", ".\n")
         fig.suptitle(said, x=0.01, ha="left", fontsize=10.5)
@@ -68,7 +69,8 @@ def _picture(path: Path, runs: Sequence[Settling], verdict: Verdict) -> Path:
 def _lines(ax: Any, curves: list[tuple[Settling, F64]], title: str) -> None:
     """A curve per run over the number of sub-rays."""
     for (run, values), colour in zip(curves, COLOURS, strict=False):
-        ax.plot(run.counts, values, "o-", color=colour, label=_label(run), ms=4)
+        dashed = run.detail != curves[0][0].detail  # it lies on the first one
+        ax.plot(run.counts, values, "o--" if dashed else "o-", color=colour, label=_label(run), ms=4)
     ax.set_title(title, loc="left", fontsize=9.5)
     ax.set_xscale("log")
     ax.set_xticks(curves[0][0].counts, [str(n) for n in curves[0][0].counts])
@@ -76,10 +78,10 @@ def _lines(ax: Any, curves: list[tuple[Settling, F64]], title: str) -> None:
     ax.set_xlabel("sub-rays per beam")
 
 
-def _distribution(ax: Any, heights: F64, colour: str, label: str) -> None:
+def _distribution(ax: Any, heights: F64, colour: str, label: str, style: str = "-") -> None:
     heights = np.sort(heights[np.isfinite(heights)])
     part = (np.arange(len(heights)) + 0.5) / max(len(heights), 1)
-    ax.plot(heights, part, color=colour, lw=1.4, label=label)
+    ax.plot(heights, part, style, color=colour, lw=1.4, label=label)
     ax.set_xlabel("height of the echo [m]")
 
 
