@@ -8,6 +8,7 @@ import json
 import pickle
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -197,7 +198,11 @@ class _Slave:
         self.session.start()
 
     def terminate(self) -> None:
-        """Let go of what the part holds outside. Its values can still be read."""
+        """Nothing: values can still be read. What the part holds is let go with the instance."""
+
+    def __del__(self) -> None:
+        with suppress(Exception):  # also where the constructor failed, or Python is ending
+            self.session.close()
 
     def _get(self, refs: Sequence[int]) -> list[Any]:
         found: list[Any] = []
