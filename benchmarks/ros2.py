@@ -61,7 +61,7 @@ def lock_step() -> dict[str, float]:
             times.append(1e3 * (time.perf_counter() - started))
     finally:
         world.close()
-        node.kill()
+        node.terminate()
     times.sort()
     result = {
         "median_ms": statistics.median(times),

@@ -5,8 +5,10 @@ python ros2_fixed_node.py NODE_NAME /combine/process '{"load.tank_grain": 1.0, .
 
 import json
 import sys
+from contextlib import suppress
 
 import rclpy
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -23,7 +25,8 @@ def main(name, slot, numbers):
         publisher.publish(answer)
 
     node.create_subscription(JointState, f"{slot}/step", on_step, 10)
-    rclpy.spin(node)
+    with suppress(ExternalShutdownException):
+        rclpy.spin(node)
 
 
 if __name__ == "__main__":

@@ -50,14 +50,16 @@ def main(report, wanted, has_pause):
     end = time.monotonic() + 60.0
     while any(node.count_publishers(topic) == 0 for topic in got) and time.monotonic() < end:
         executor.spin_once(timeout_sec=0.05)
-    time.sleep(QUIET_S)
-    node.create_timer(0.1, lambda: fired.append(node.get_clock().now().nanoseconds))
-    pause_end = time.monotonic() + QUIET_S
-    while time.monotonic() < pause_end:
-        executor.spin_once(timeout_sec=0.05)
-    before = len(fired)
-    for messages in got.values():
-        messages.clear()
+    before = 0
+    if has_pause:
+        time.sleep(QUIET_S)
+        node.create_timer(0.1, lambda: fired.append(node.get_clock().now().nanoseconds))
+        pause_end = time.monotonic() + QUIET_S
+        while time.monotonic() < pause_end:
+            executor.spin_once(timeout_sec=0.05)
+        before = len(fired)
+        for messages in got.values():
+            messages.clear()
     reply = SetBool.Response()
     if has_pause:
         reply = call(node, executor, SetBool, "/swath/pause", SetBool.Request(data=False))

@@ -58,10 +58,14 @@ def start(*command, **options):
 
 @contextmanager
 def node(*command, **options):
-    """The process of a node; it is killed at the end."""
+    """The process of a node; it is ended, so that it can give its shared memory back, or killed."""
     process = start(*command, **options)
     try:
         yield process
     finally:
-        process.kill()
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
         process.communicate()
