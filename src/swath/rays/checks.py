@@ -46,7 +46,7 @@ def check_origins(field: Place, origins: Array) -> None:
         return
     pages, side = field.pages, PAGE_TILES * field.library.tile_size
     c, s = cos(field.stand_yaw), sin(field.stand_yaw)
-    low, high = origins.min(axis=0).tolist(), origins.max(axis=0).tolist()
+    low, high = _box(origins)
     corners = [(x, y) for x in (low[0], high[0]) for y in (low[1], high[1])]
     u, v = [(c * x + s * y) / side for x, y in corners], [(c * y - s * x) / side for x, y in corners]
     i0, i1, j0, j1 = floor(min(u)), floor(max(u)), floor(min(v)), floor(max(v))
@@ -56,6 +56,18 @@ def check_origins(field: Place, origins: Array) -> None:
             return
     _check_each(pages, side, origins, (c * origins[:, 0] + s * origins[:, 1]) / side,
                 (c * origins[:, 1] - s * origins[:, 0]) / side)  # fmt: skip
+
+
+def _box(points: Array, block: int = 64) -> tuple[list[float], list[float]]:
+    """Least and most of each column of (n, 3); in rows of many points, which numpy likes better."""
+    whole = len(points) // block * block
+    parts = [points[whole:]] if whole < len(points) else []
+    low, high = list(parts), list(parts)
+    if whole:
+        rows = np.ascontiguousarray(points[:whole]).reshape(-1, 3 * block)
+        low.append(rows.min(axis=0).reshape(block, 3))
+        high.append(rows.max(axis=0).reshape(block, 3))
+    return np.concatenate(low).min(axis=0).tolist(), np.concatenate(high).max(axis=0).tolist()
 
 
 def _slot(pages: Pages, i: int, j: int) -> int:

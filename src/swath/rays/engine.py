@@ -1,7 +1,10 @@
 """Rays against a field: many at once, on all cores, the same bits for any number of threads."""
 
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
+from math import isfinite
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,8 +15,11 @@ from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import make_things
+from swath.rays.groups.cast import GroupWalk
+from swath.rays.groups.lanes import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
 
 F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 CHUNK_MIN = 1024  # fewer rays than this are not worth another thread
 
 
@@ -39,7 +45,7 @@ class Castable(Protocol):
 
 @dataclass(frozen=True)
 class Hits:
-    """Nearest hits of n rays, all (n,).
+    """Nearest hits of rays, all in the shape of the rays.
 
     distance [m], nan = nothing within range; organ: `layout.Organ`; cosine: |cos| of the incidence angle;
     reflectance of what was hit at 905 nm; the last three are 0 where nothing was hit
@@ -52,7 +58,7 @@ class Hits:
 
     @property
     def is_hit(self) -> NDArray[np.bool_]:
-        """True where something was hit, (n,)."""
+        """True where something was hit."""
         result: NDArray[np.bool_] = self.organ > 0
         return result
 
@@ -73,6 +79,7 @@ class RayCaster:
         self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
         self._revision = -1
         self._library: PlantLibrary | None = None
+        self._group_walk: GroupWalk | None = None
 
     def cast(
         self,
@@ -90,23 +97,126 @@ class RayCaster:
         not finite or not of unit length; InputError on a range that is not > 0 and on rays that start under
         the ground or where no page is in memory.
         """
+        o, d = self._checked(origins, directions, range_max)
+        hits = _no_hits(len(o))
+        if len(o):
+            self._launch(o, d, float(range_max), solids or Solids(), hits, t)
+        return hits
+
+    def cast_bundles(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        range_max: float,
+        solids: Solids | None = None,
+        t: int = 0,
+    ) -> Hits:
+        """As `cast`, for the sub-rays of beams side by side: (n, s, 3), all of the result (n, s).
+
+        Neighbouring bundles walk through the crop together (docs/rays.md). Whatever the rays are, they hit
+        what `cast` says they hit; it only pays when the sub-rays of a bundle lie close together. More than
+        512 sub-rays, and rays on another device, go through `cast`.
+        """
+        o, d = _of_shape(origins, directions, 3)
+        n, s = o.shape[:2]
+        if not self._walks(s):
+            return _shaped(self.cast(o, d, range_max=range_max, solids=solids, t=t), (n, s))
+        lanes = bundle_lanes(n, d[0]) if o.size else None
+        return _shaped(self._walk(o, d, lanes, range_max, solids, t, 0), (n, s))
+
+    def cast_nearest(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        count: int,
+        *,
+        range_max: float,
+        solids: Solids | None = None,
+        t: int = 0,
+    ) -> Hits:
+        """The `count` nearest hits of each bundle (n, s, 3), nearest first: all of the result (n, count).
+
+        Of each sub-ray its nearest hit counts; nan where a bundle has fewer. Much quicker than all hits: a
+        bundle is done when nothing nearer can come. The last is an order statistic: of 37 sub-rays that all
+        hit something, the 19th is the median.
+        """
+        o, d = _of_shape(origins, directions, 3)
+        n, s = o.shape[:2]
+        if not 1 <= count <= s:
+            raise ValueError(f"count = {count}: expected 1 to {s}, the number of sub-rays")
+        if self._walks(s) and o.size:
+            lanes = bundle_lanes(n, d[0])
+            found = self._walk(o, d, lanes, range_max, solids, t, count if lanes.is_whole else 0)
+        else:
+            found = self.cast(o, d, range_max=range_max, solids=solids, t=t)
+        all_hits = [a.reshape(n, s) for a in _arrays(found)]
+        order = np.argsort(all_hits[0], axis=1, kind="stable")[:, :count]  # nan sorts last
+        return Hits(*(np.take_along_axis(a, order, axis=1) for a in all_hits))
+
+    def cast_image(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        range_max: float,
+        solids: Solids | None = None,
+        t: int = 0,
+    ) -> Hits:
+        """As `cast`, for single rays of an image (rows, columns, 3): all of the result (rows, columns).
+
+        origins: the same shape, or one for all (3,). Neighbours in the image should be so in space, or it is
+        slow. Scan lines of single rays count as an image, too.
+        """
+        d = np.asarray(directions, dtype=np.float64)
+        o, d = _of_shape(np.broadcast_to(np.asarray(origins, dtype=np.float64), d.shape), d, 3)
+        shape = (int(o.shape[0]), int(o.shape[1]))
+        if not self._walks(1):
+            return _shaped(self.cast(o, d, range_max=range_max, solids=solids, t=t), shape)
+        lanes = image_lanes(*shape, _pitch(d)) if o.size else None
+        return _shaped(self._walk(o, d, lanes, range_max, solids, t, 0), shape)
+
+    def _walks(self, sub_rays: int) -> bool:
+        """Does the group walk serve such bundles? Else the plain kernel does, and says so once."""
+        if self.device != "cpu":
+            return False
+        if sub_rays > SUB_RAYS_MAX:
+            _warn(f"{sub_rays} sub-rays: more than {SUB_RAYS_MAX} are cast one by one, which is slower")
+            return False
+        return True
+
+    def _walk(
+        self, o: F64, d: F64, lanes: Lanes | None, range_max: float, solids: Solids | None, t: int, need: int
+    ) -> Hits:
+        """Hits of rays in any shape, flat."""
+        o, d = self._checked(o, d, range_max)
+        hits = _no_hits(len(o))
+        if lanes is None:
+            return hits
+        wp = start_warp()
+        scene = self._refresh(wp)
+        self._blow(wp, scene, t)
+        if self._group_walk is None or self._group_walk.library is not self.field.library:
+            self._group_walk = GroupWalk(wp, self.field.library)
+        things = self._things(wp, solids or Solids())
+        self._group_walk.cast(
+            wp, scene, things, (o, d), lanes, float(range_max), need, _arrays(hits), self._pool, self.threads
+        )
+        return hits
+
+    def _checked(self, origins: ArrayLike, directions: ArrayLike, range_max: float) -> tuple[F64, F64]:
+        """Rays as (n, 3) each, after all that `cast` refuses."""
         o = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
         d = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
         if o.shape != d.shape:
             raise ValueError(f"origins {o.shape} and directions {d.shape}: expected the same shape")
         check_range(range_max)
-        if not (np.isfinite(o).all() and np.isfinite(d).all()):
+        if not isfinite(float(o.sum()) + float(d.sum())):  # one bad number spoils the sum
             raise ValueError("expected finite origins and directions")
         if len(d) and np.abs(np.einsum("ij,ij->i", d, d) - 1.0).max() > 1e-3:
             raise ValueError("expected unit directions")
         check_origins(self.field, o)
-        n = len(o)
-        hits = Hits(
-            np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)
-        )
-        if n:
-            self._launch(o, d, float(range_max), solids or Solids(), hits, t)
-        return hits
+        return o, d
 
     def _launch(
         self,
@@ -223,7 +333,7 @@ class RayCaster:
 
 def pack_primitives(library: PlantLibrary) -> F32:
     """Primitives as the kernel reads them, (4 m, 4), see `kernel/scene.py`."""
-    packed = np.zeros((len(library.owner), 4, 4), np.float32)
+    packed = _aligned(len(library.owner))
     packed[:, 0, :3], packed[:, 0, 3] = library.a, library.radius
     packed[:, 1, :3], packed[:, 1, 3] = library.b, library.stem_rank[library.owner]
     packed[:, 2, :3], packed[:, 2, 3] = library.width, library.organ
@@ -235,12 +345,51 @@ def pack_primitives(library: PlantLibrary) -> F32:
     return result
 
 
+def _aligned(count: int, line: int = 64) -> F32:
+    """Zeros (count, 4, 4) that start at a cache line, so that a primitive never lies across two."""
+    room = np.zeros(count * 16 + line // 4, np.float32)
+    first = (-room.ctypes.data % line) // 4
+    result: F32 = room[first : first + count * 16].reshape(count, 4, 4)
+    return result
+
+
 def page_tops(pages: Pages, tile_size: float) -> F32:
     """Highest thing in each page [m], (n,): ground, straw or live crop."""
     plane = pages.tile_plane
     corner = plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2]))
     top: F32 = (corner + np.maximum(pages.tile_top, pages.tile_bump)).max(axis=(1, 2)).astype(np.float32)
     return top
+
+
+def _no_hits(n: int) -> Hits:
+    return Hits(
+        np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)
+    )
+
+
+def _shaped(hits: Hits, shape: tuple[int, int]) -> Hits:
+    return Hits(*(a.reshape(shape) for a in _arrays(hits)))
+
+
+def _of_shape(origins: ArrayLike, directions: ArrayLike, ndim: int) -> tuple[F64, F64]:
+    o, d = np.asarray(origins, dtype=np.float64), np.asarray(directions, dtype=np.float64)
+    if o.shape != d.shape or o.ndim != ndim or o.shape[-1] != 3:
+        raise ValueError(f"origins {o.shape} and directions {d.shape}: expected both ({'n, ' * (ndim - 1)}3)")
+    return o, d
+
+
+def _pitch(d: F64) -> tuple[float, float]:
+    """Angles between neighbours along rows and columns of an image [rad], medians along its middle."""
+    row, column = d[len(d) // 2], d[:, d.shape[1] // 2]
+    steps = [np.linalg.norm(np.diff(line, axis=0), axis=-1) for line in (column, row)]
+    high, wide = (float(np.median(s)) if len(s) else 0.0 for s in steps)
+    return high, wide
+
+
+@cache
+def _warn(text: str) -> None:
+    """Say it once."""
+    warnings.warn(text, stacklevel=3)
 
 
 def _arrays(hits: Hits) -> tuple[NDArray[Any], ...]:

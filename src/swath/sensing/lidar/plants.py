@@ -124,17 +124,13 @@ class PlantsLidar:
         pattern = self._pattern(rng, beams)
         axes = rotations @ self.scanner.axes_at(t)
         starts, directions = sub_rays(origins, axes, self.card.beam, pattern.position)
-        hits = self.caster.cast(
-            starts.reshape(-1, 3),
-            directions.reshape(-1, 3),
-            range_max=self.scanner.reach,
-            solids=self.setup.solids(),
-            t=t,
+        hits = self.caster.cast_bundles(
+            starts, directions, range_max=self.scanner.reach, solids=self.setup.solids(), t=t
         )
         self.ray_count += beams * subs
-        distance = hits.distance.reshape(beams, subs).astype(np.float64)
+        distance = hits.distance.astype(np.float64)
         distance[distance < self.card.range_min] = np.nan
-        albedo = (hits.reflectance * hits.cosine).reshape(beams, subs).astype(np.float64)
+        albedo = (hits.reflectance * hits.cosine).astype(np.float64)
         if not self.params.weather.is_clear:
             air = self._stream.child("weather").at(t)
             distance, albedo = disturb(self.params.weather, distance, albedo, self.card.range_min, air)

@@ -1,0 +1,84 @@
+"""The group walk as a Warp kernel: its body is native code, `walk.cpp`, explained in docs/rays.md."""
+
+from pathlib import Path
+
+import warp as wp
+
+from swath.rays.kernel.cast import hit_things
+from swath.rays.kernel.scene import Scene, Things, no_hit
+
+_WALK = (Path(__file__).parent / "walk.cpp").read_text(encoding="utf-8")
+
+
+@wp.struct
+class Index:
+    """`index.GroupIndex` for the kernel."""
+
+    columns: int
+    bins: int
+    side: float
+    bin_height: float
+    step: float
+    reach: wp.vec3
+    start: wp.array(dtype=int)
+    primitive: wp.array(dtype=int)
+    coarse: wp.array2d(dtype=wp.int16)
+
+
+@wp.func_native(_WALK)
+def walk_group(
+    g: int,
+    scene: Scene,
+    index: Index,
+    lanes: wp.array2d(dtype=int),
+    first_pack: wp.array(dtype=int),
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    need: int,
+    distance: wp.array(dtype=float),
+    organ: wp.array(dtype=wp.uint8),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+): ...
+
+
+@wp.kernel(enable_backward=False)
+def walk_groups(
+    scene: Scene,
+    index: Index,
+    lanes: wp.array2d(dtype=int),
+    first_pack: wp.array(dtype=int),
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    need: int,
+    first: int,
+    distance: wp.array(dtype=float),
+    organ: wp.array(dtype=wp.uint8),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+):
+    g = first + wp.tid()
+    walk_group(
+        g, scene, index, lanes, first_pack, origins, directions, need, distance, organ, cosine, reflectance
+    )
+
+
+@wp.kernel(enable_backward=False)
+def cast_things(
+    things: Things,
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    range_max: float,
+    first: int,
+    distance: wp.array(dtype=float),
+    organ: wp.array(dtype=wp.uint8),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+):
+    """Nearest solid of each ray, range_max and organ 0 without one: what the walk starts with."""
+    i = first + wp.tid()
+    hit = hit_things(things, origins[i], wp.vec3(directions[i]), no_hit(range_max))
+    distance[i] = hit.t
+    organ[i] = wp.uint8(hit.organ)
+    cosine[i] = hit.cosine
+    reflectance[i] = hit.reflectance

@@ -1,0 +1,99 @@
+"""Which rays go together: packs of rays side by side, and groups of packs.
+
+A lane holds one ray; 16 lanes make a slice, which is computed at once; a pack is the slices of one bundle of
+sub-rays, or one slice of several bundles or of a patch of an image; a group is some packs side by side. None
+of this depends on the number of threads, and none of it changes what a ray hits: only what it costs.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+N = 16  # lanes of a slice
+GROUP_LANES = 1024  # the walk's room
+GROUP_PACKS = 32
+SUB_RAYS_MAX = 512  # of a bundle that goes through the walk
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """table: (packs, width) number of the ray in each lane, -1 = none, width a multiple of 16
+    first: (groups + 1,) first pack of each group; is_whole: a pack is one bundle, no more and no less
+    """
+
+    table: I32
+    first: I32
+    is_whole: bool
+
+    @property
+    def group_count(self) -> int:
+        """Groups."""
+        return len(self.first) - 1
+
+
+def bundle_lanes(count: int, directions: F64) -> Lanes:
+    """Lanes of `count` bundles of sub-rays side by side; directions (s, 3) of the first bundle.
+
+    From 8 sub-rays on a bundle is a pack; its slices are sectors of the spot, so that each is compact.
+    """
+    s = len(directions)
+    if s > N // 2:
+        slices = -(-s // N)
+        order = np.arange(s) if slices == 1 else np.argsort(_turn(directions), kind="stable")
+        parts = np.array_split(order, slices)
+        column = np.concatenate([N * i + np.arange(len(part)) for i, part in enumerate(parts)])
+        table = np.full((count, N * slices), -1, np.int32)
+        table[:, column] = np.arange(count, dtype=np.int32)[:, None] * s + order.astype(np.int32)
+    else:
+        each = N // s * s  # lanes that whole bundles fill
+        packs = -(-count * s // each)
+        table = np.full((packs, N), -1, np.int32)
+        table[:, :each] = np.arange(packs * each, dtype=np.int32).reshape(packs, each)
+        table[table >= count * s] = -1
+    return _grouped(table, is_whole=s > N // 2)
+
+
+def image_lanes(rows: int, columns: int, pitch: tuple[float, float]) -> Lanes:
+    """Lanes of an image (rows, columns): packs are patches, about square by the pitch [rad] of the pixels."""
+    ratio = pitch[0] / pitch[1] if min(pitch) > 0.0 else 1.0
+    high = int(2 ** np.clip(np.round(2.0 - 0.5 * np.log2(ratio)), 0, 4))
+    patch, group = (high, N // high), _near_square(high, N // high, ratio)
+    y, x = np.arange(-(-rows // patch[0])), np.arange(-(-columns // patch[1]))
+    py, px = (v.ravel() for v in np.meshgrid(y, x, indexing="ij"))
+    order = np.lexsort((px, py, px // group[1], py // group[0]))
+    py, px = py[order], px[order]
+    lane = np.arange(N)
+    row = py[:, None] * patch[0] + lane // patch[1]
+    column = px[:, None] * patch[1] + lane % patch[1]
+    table = np.where((row < rows) & (column < columns), row * columns + column, -1).astype(np.int32)
+    key = (py // group[0]) * (len(x) // group[1] + 1) + px // group[1]
+    first = np.concatenate([np.flatnonzero(np.diff(key, prepend=-1)), [len(key)]]).astype(np.int32)
+    return Lanes(table, first, is_whole=False)
+
+
+def _near_square(high: int, wide: int, ratio: float) -> tuple[int, int]:
+    """Packs along rows and columns of a group, about square in angle."""
+    best, found = np.inf, (1, GROUP_PACKS)
+    for n in (1, 2, 4, 8, 16, 32):
+        aspect = abs(np.log(max(ratio, 1e-9) * high * n / (wide * GROUP_PACKS / n)))
+        if aspect < best:
+            best, found = float(aspect), (n, GROUP_PACKS // n)
+    return found
+
+
+def _turn(directions: F64) -> F64:
+    """Angle of each direction around the middle of the spot [rad]."""
+    middle = directions.mean(axis=0)
+    across = np.cross(middle, [0.0, 0.0, 1.0] if abs(middle[2]) < 0.9 else [1.0, 0.0, 0.0])
+    x, y = directions @ across, directions @ np.cross(across, middle)
+    return np.asarray(np.arctan2(y - y.mean(), x - x.mean()))
+
+
+def _grouped(table: I32, *, is_whole: bool) -> Lanes:
+    packs, width = table.shape
+    step = max(1, min(GROUP_PACKS, GROUP_LANES // width))
+    first = np.append(np.arange(0, packs, step), packs).astype(np.int32)
+    return Lanes(table, first, is_whole)
