@@ -31,13 +31,13 @@ class Walls:
     def __init__(self, far):
         self.far = far
 
-    def cast(self, origins, directions, *, range_max, solids, t):
-        near, far = ((wall - origins[:, 0]) / directions[:, 0] for wall in (NEAR, self.far))
-        meets = origins[:, 1] + near * directions[:, 1] > 0.0
+    def cast_bundles(self, origins, directions, *, range_max, solids, t):
+        near, far = ((wall - origins[..., 0]) / directions[..., 0] for wall in (NEAR, self.far))
+        meets = origins[..., 1] + near * directions[..., 1] > 0.0
         distance = np.where(meets, near, far)
-        grey = np.full(len(origins), 0.5, np.float32)
-        cosine = directions[:, 0].astype(np.float32)
-        return Hits(distance.astype(np.float32), np.full(len(origins), 7, np.uint8), cosine, grey)
+        grey = np.full(distance.shape, 0.5, np.float32)
+        cosine = directions[..., 0].astype(np.float32)
+        return Hits(distance.astype(np.float32), np.full(distance.shape, 7, np.uint8), cosine, grey)
 
 
 def scanner(far=FAR, **params):
@@ -125,8 +125,8 @@ def test_drop_outs_and_dust_reach_the_scan():
 class Sky:
     """Nothing to hit."""
 
-    def cast(self, origins, directions, *, range_max, solids, t):
-        n = len(origins)
+    def cast_bundles(self, origins, directions, *, range_max, solids, t):
+        n = directions.shape[:2]
         none = np.zeros(n, np.float32)
         return Hits(np.full(n, np.nan, np.float32), np.zeros(n, np.uint8), none, none)
 
