@@ -73,9 +73,9 @@ def needs(motion):
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize(("roughness", "everywhere", "p95"), [("C", 0.97, 0.05), ("D", 0.80, 0.085)])
+@pytest.mark.parametrize(("roughness", "everywhere", "p95"), [("C", 0.99, 0.035), ("D", 0.94, 0.055)])
 def test_holds_its_band_on_rough_ground(motion, roughness, everywhere, p95):
-    """7 km/h, 12 m header, +-5 cm: the mean height 95 % of the time; its ends are worse on class D."""
+    """7 km/h, 12 m header, +-5 cm: the mean height 95 % of the time, its ends on class D nearly so."""
     needs(motion)
     level = f"{{level: {motion}, start_speed_kmh: 7}}"
     _, _, m = run(f"combine.motion={level}", f"field.terrain.roughness_class={roughness}")
@@ -151,8 +151,8 @@ def test_holds_its_band_on_a_real_field(motion, imported):
     terrain = imported.parent / "terrain.tif"
     rough = f"field.terrain={{level: dem, file: '{terrain}', datum_m: 0, roughness_class: C}}"
     m = on_the_real_field(imported, motion, rough)
-    assert m["header_in_band"] >= 0.95
-    assert m["header_knife_in_band"] >= 0.95
+    assert m["header_in_band"] >= 0.98
+    assert m["header_knife_in_band"] >= 0.98
     if motion == "single_track":
         m = on_the_real_field(imported, motion)
         assert m["header_knife_in_band"] >= 0.99

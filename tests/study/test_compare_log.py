@@ -195,13 +195,17 @@ def test_a_fit_on_machine_1_follows_the_others_closer_than_the_regression():
     part = np.zeros(len(log), dtype=bool)
     for first, count in zip(start, (2500, 4000, 4000), strict=True):
         part |= (index >= first) & (index < first + count)
-    found = compare_log("lexion-700", log.keep(part), fit=KEYS, machine="1")
+    keys = [*KEYS, "tyres.rolling_resistance"]
+    found = compare_log("lexion-700", log.keep(part), fit=keys, machine="1")
     load = found.figures["engine_load"]
+    print({n: {k: (round(f.r2, 3), round(f.rmse, 2)) for k, f in of.items()} for n, of in load.items()})
     for name in ("machine 2", "machine 3"):
         assert load[name]["model"].r > load[name]["regression with lag"].r > load[name]["regression"].r
         assert abs(load[name]["model"].lag_s) < 1.0
         assert 3.0 < load[name]["regression"].lag_s < 5.0
     assert load["machine 1"]["model"].r2 > load["machine 1"]["regression with lag"].r2 + 0.05
+    rolling = next(f for f in found.fitted if f.key == "tyres.rolling_resistance")
+    assert 0.02 < rolling.value < 0.06
 
 
 @wheat

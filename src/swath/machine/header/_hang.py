@@ -16,16 +16,16 @@ class Hang:
     """Feeder turning about a cross axis, header turning about a long axis in front of it.
 
     With both angles 0 the knife lies level in the machine frame at its place on the card and at `height` [m].
-    arm: from the feeder pivot to the knife, along x [m]
+    arm: from the feeder pivot to the knife, along x [m]; knife_x: ahead of the fixed axle [m]
     """
 
     def __init__(self, machine: MachineGeometry, height: float) -> None:
         masses = machine.masses if isinstance(machine, MachineCard) else None
         self._pivot = PIVOT if masses is None else (masses.feeder_x, masses.feeder_z)
         self._tilt_z = TILT_Z if masses is None else masses.header_z
-        self._x, self._y, self._height = machine.knife_x, machine.header_y, height
+        self.knife_x, self._y, self._height = machine.knife_x, machine.header_y, height
         self.half = 0.5 * machine.header_width
-        self.arm = self._x - self._pivot[0]
+        self.arm = self.knife_x - self._pivot[0]
 
     def points(self, behind: Array, across: Array, lift: float, tilt: float) -> Array:
         """Points at the knife's level in the machine frame [m], (n, 3).
@@ -33,7 +33,7 @@ class Hang:
         behind: behind the knife [m]; across: leftward from the header's middle [m]; both (n,)
         lift: > 0 raised; tilt: > 0 left side up [rad]
         """
-        x, y = self._x - behind, self._y + across
+        x, y = self.knife_x - behind, self._y + across
         ct, st, cl, sl = cos(tilt), sin(tilt), cos(lift), sin(lift)
         below = self._height - self._tilt_z
         z = self._tilt_z + y * st + below * ct - self._pivot[1]

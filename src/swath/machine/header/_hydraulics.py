@@ -10,22 +10,21 @@ from swath.core.frames import Array
 from swath.core.schedule import NS
 
 
-class Feelers:
-    """Heights [m], (n,), through a limited range, a first-order smoothing and a delay.
+class Delayed:
+    """Readings, (n,), through a first-order smoothing and a delay.
 
-    lag [s]; delay [ns]; between samples the smoothed heights are taken as straight lines
+    lag [s]; delay [ns]; between samples the smoothed values are taken as straight lines
     """
 
-    def __init__(self, start: Array, lag: float, delay: int, range_max: float) -> None:
-        self._lag, self._delay, self._range = lag, delay, range_max
-        self._smooth = np.clip(start, 0.0, range_max)
+    def __init__(self, start: Array, lag: float, delay: int) -> None:
+        self._lag, self._delay = lag, delay
+        self._smooth = np.array(start, dtype=float)
         self._past: deque[tuple[int, Array]] = deque([(0, self._smooth)])
 
-    def read(self, t: int, dt: int, heights: Array) -> Array:
-        """The reading at t [ns], dt after the last one, from the true heights at t."""
-        seen = np.clip(heights, 0.0, self._range)
+    def read(self, t: int, dt: int, values: Array) -> Array:
+        """The reading at t [ns], dt after the last one, from the true values at t."""
         kept = exp(-dt / NS / self._lag) if self._lag > 0.0 else 0.0
-        self._smooth = seen + (self._smooth - seen) * kept
+        self._smooth = values + (self._smooth - values) * kept
         past, then = self._past, t - self._delay
         past.append((t, self._smooth))
         while len(past) > 1 and past[1][0] <= then:
@@ -36,7 +35,7 @@ class Feelers:
         return np.asarray(first + (second - first) * ((then - t0) / (t1 - t0)))
 
     def save(self) -> State:
-        """Smoothed heights, now and as far back as the delay reaches."""
+        """Smoothed values, now and as far back as the delay reaches."""
         return {"t": [t for t, _ in self._past], "past": np.array([h for _, h in self._past])}
 
     def load(self, state: State) -> None:
@@ -44,6 +43,18 @@ class Feelers:
         past = np.array(state["past"])
         self._past = deque(zip(state["t"], past, strict=True))
         self._smooth = past[-1]
+
+
+class Feelers(Delayed):
+    """Heights [m], (n,), through a limited range, then as `Delayed`."""
+
+    def __init__(self, start: Array, lag: float, delay: int, range_max: float) -> None:
+        super().__init__(np.clip(start, 0.0, range_max), lag, delay)
+        self._range = range_max
+
+    def read(self, t: int, dt: int, values: Array) -> Array:
+        """As `Delayed.read`."""
+        return super().read(t, dt, np.clip(values, 0.0, self._range))
 
 
 class Controller:
@@ -94,6 +105,12 @@ class Cylinder:
             now, self._wanted = max(now, arrival), wanted
         self._move(end - now)
         return self.place
+
+    def later(self, t: int, duration: int) -> float:
+        """The place `duration` after t [ns] if nothing else is commanded."""
+        twin = Cylinder(self._dead_time, self._lag, self._stroke)
+        twin.load(self.save())
+        return twin.advance(t, duration)
 
     def save(self) -> State:
         """Place, rate and the commands under way."""

@@ -22,6 +22,7 @@ from swath.core.units import DEG, KMH, PERCENT
 from swath.field.site import SiteSetup
 from swath.machine.header._hang import Hang
 from swath.machine.header._hydraulics import Controller, Cylinder, Feelers
+from swath.machine.header._lead import Lead
 from swath.machine.sweep import signed_area, swept
 
 BEST_INDEX, INDEX_WIDTH = (
@@ -31,6 +32,7 @@ BEST_INDEX, INDEX_WIDTH = (
 NOMINAL_SPEED = 7.0 * KMH  # of the loss
 LOSS_MAX = 0.1
 HIGHEST = 2.5  # the field takes no higher cut [m]
+GAIN, GAIN_WITH_LEAD = 3.0, 6.0  # rate of the knife over its error [1/s]
 SLIDING = 0.3  # a feeler that skids is read at its front, middle and rear [m]
 
 
@@ -42,7 +44,9 @@ class Params:
 
     feelers: across the header; feeler_behind_m: behind the knife, < 0 = ahead of it; feeler_range_m: what is
     higher reads as that; feeler_lag_s, feeler_delay_s: smoothing and delay of their signal
-    gain_per_s, integral_per_s2, dead_band_m: rate of the knife for its height error, PI with dead band
+    gain_per_s, integral_per_s2, dead_band_m: rate of the knife for its height error, PI with dead band; a
+    gain that is left out is 6 with `lead`, 3 without
+    lead: the controller carries its own commands and the machine's rates of roll and pitch over its delays
     lateral: tilt after the feelers, otherwise the header stays parallel to the machine
     raise_m_s, lower_m_s, tilt_deg_s: fastest; dead_time_s, valve_lag_s: of both valves
     lift_low_m, lift_high_m: stroke at the knife about its level stand; tilt_max_deg: to both sides
@@ -62,9 +66,10 @@ class Params:
     feeler_range_m: Annotated[float, Gt(0), Le(3)] = 0.4
     feeler_lag_s: Annotated[float, Ge(0), Le(2)] = 0.05
     feeler_delay_s: Annotated[float, Ge(0), Le(2)] = 0.04
-    gain_per_s: Annotated[float, Ge(0), Le(20)] = 3.0
+    gain_per_s: Annotated[float, Ge(0), Le(20)] | None = None
     integral_per_s2: Annotated[float, Ge(0), Le(20)] = 0.0
-    dead_band_m: Annotated[float, Ge(0), Le(0.2)] = 0.01
+    dead_band_m: Annotated[float, Ge(0), Le(0.2)] = 0.005
+    lead: bool = True
     lateral: bool = True
     raise_m_s: Annotated[float, Gt(0), Le(3)] = 0.3
     lower_m_s: Annotated[float, Gt(0), Le(3)] = 0.25
@@ -132,11 +137,14 @@ class HeightControlHeader:
         """Knife level at the wanted height; its place is taken from the first state that comes."""
         p, limit = self._p, self._p.tilt_deg_s * DEG
         start = np.full(p.feelers, p.cutting_height_m)
-        self._feelers = Feelers(start, p.feeler_lag_s, round(p.feeler_delay_s * NS), p.feeler_range_m)
-        dead_time, stop = round(p.dead_time_s * NS), p.tilt_max_deg * DEG
+        delay, dead_time = round(p.feeler_delay_s * NS), round(p.dead_time_s * NS)
+        self._feelers = Feelers(start, p.feeler_lag_s, delay, p.feeler_range_m)
+        self._lead = Lead(p.feeler_lag_s, delay, p.valve_lag_s, dead_time, self._hang.knife_x)
+        stop = p.tilt_max_deg * DEG
         self._lift = Cylinder(dead_time, p.valve_lag_s, (p.lift_low_m, p.lift_high_m))
         self._tilt = Cylinder(dead_time, p.valve_lag_s, (-stop, stop))
-        gains, band = (p.gain_per_s, p.integral_per_s2), p.dead_band_m
+        gain = p.gain_per_s if p.gain_per_s is not None else GAIN_WITH_LEAD if p.lead else GAIN
+        gains, band = (gain, p.integral_per_s2), p.dead_band_m
         self._raising = Controller(*gains, band, (-p.lower_m_s, p.raise_m_s), self._period)
         self._leaning = Controller(*gains, band / self._hang.half, (-limit, limit), self._period)
         self._knife: Array | None = None
@@ -163,7 +171,7 @@ class HeightControlHeader:
             heights = over[: self._nodes]
             seen = over[self._nodes :].reshape(3, -1).mean(axis=0)
             reading = self._feelers.read(t + dt, dt, seen)
-            self._control(t + dt, reading)
+            self._control(t + dt, dt, reading, self._pose)
         flow = self._cut(t + dt, dt, states, points[: self._nodes], heights)
         return {"flow": flow, "height": self._state(t + dt, heights, reading)}
 
@@ -178,6 +186,7 @@ class HeightControlHeader:
             "lift": self._lift.save(),
             "tilt": self._tilt.save(),
             "sums": (self._raising.sum, self._leaning.sum),
+            "lead": self._lead.save(),
         }
 
     def load(self, state: State) -> None:
@@ -190,13 +199,16 @@ class HeightControlHeader:
         self._lift.load(state["lift"])
         self._tilt.load(state["tilt"])
         self._raising.sum, self._leaning.sum = state["sums"]
+        self._lead.load(state["lead"])
 
-    def _control(self, t: int, reading: Array) -> None:
+    def _control(self, t: int, dt: int, reading: Array, pose: Pose) -> None:
         """Mean of the feelers to the lift; what they differ by from side to side to the tilt."""
-        self._lift.command(t, self._raising.rate(self._p.cutting_height_m - float(reading.mean())))
+        up, lean = self._lead.look(t, dt, self._lift, self._tilt, pose) if self._p.lead else (0.0, 0.0)
+        height = float(reading.mean()) + up
+        self._lift.command(t, self._raising.rate(self._p.cutting_height_m - height))
         if self._p.lateral:
             rise = float(self._feeler_y @ reading) / float(self._feeler_y @ self._feeler_y)
-            self._tilt.command(t, self._leaning.rate(-rise))
+            self._tilt.command(t, self._leaning.rate(-rise - lean))
 
     def _cut(
         self, t: int, dt: int, states: tuple[MachineState, ...], knife: Array, heights: Array
