@@ -5,8 +5,11 @@ import re
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fake_run import GEOMETRY, MOUNTING
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 from swath.core.component import Port
@@ -54,6 +57,22 @@ def test_a_node_plays_the_process(tmp_path):
     load = world.graph.latest("combine.process", "load")
     assert (load.t, load.lost_grain, load.straw_flow) == (1_000_000_000, 0.25, 1.5)
     assert load.tank_level == 0.0
+
+
+def test_a_node_plays_the_scanner(tmp_path):
+    with node(HERE / "ros2_scan_node.py"):
+        scanned = parse_scenario(
+            TEXT.replace("lidar: off", "lidar: ros2").format(part="steer: preview", seconds=1)
+        )
+        found = run_job(scanned, tmp_path / "run").summary
+    assert found["cost"]["combine.lidar"]["steps"] == 25
+    with (tmp_path / "run" / "run.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        clouds = [m for *_, m in reader.iter_decoded_messages(topics=["/combine/lidar/scan_points"])]
+    assert [cloud.width for cloud in clouds] == [0] + [41] * 25
+    x, y, z = np.frombuffer(bytes(clouds[-1].data), np.uint8).reshape(41, -1)[:, :12].copy().view("<f4").T
+    ranges = np.sqrt(x**2 + y**2 + z**2)
+    assert ranges == pytest.approx(3.0 + found["distance_m"], abs=1e-5)
 
 
 def test_a_free_node_answers_when_it_can_and_the_run_says_so(tmp_path):

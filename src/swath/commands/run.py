@@ -1,6 +1,7 @@
 """`swath run`: drive a scenario."""
 
 import argparse
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -91,6 +92,9 @@ def _bridge(args: argparse.Namespace) -> Iterator[Any]:
     from swath.link.ros2.bridge import Bridge
 
     bridge = Bridge(is_paused=args.paused)
+    if args.paused and not args.quiet:
+        call = "ros2 service call /swath/pause std_srvs/srv/SetBool '{data: false}'"
+        print(f"paused before the first tick, let it go: {call}", file=sys.stderr)
     try:
         yield bridge
     finally:
@@ -115,6 +119,8 @@ def report(summary: dict[str, Any], out: Path) -> None:
         print("incomplete: the run was stopped before its end")
     for note in summary.get("notes", []):
         print(f"note    {note}")
+    if events := summary.get("events"):
+        print(f"events  {len(events)}, listed in summary.json; do them again: --events {out}")
     print(f"digest  {summary.get('digest', '-')}")
     print(f"report  {out / 'report.html'}")
 
