@@ -238,7 +238,8 @@ def scan_job(
     scan = world.graph.latest(f"{leader.name}.lidar", "scan")
     truth = world.graph.latest(f"{leader.name}.lidar", "truth")
     assert isinstance(scan, Scan)
-    assert isinstance(truth, ScanTruth)
+    if not isinstance(truth, ScanTruth):  # of a real scan from a log nobody knows it
+        truth = _no_truth(scan)
     parts = Path(tempfile.mkdtemp(prefix="swath-scan-"))
     try:
         files = write_scan(
@@ -256,6 +257,13 @@ def scan_job(
         return [Path(shutil.move(f, out / f.name)) for f in files]
     finally:
         shutil.rmtree(parts, ignore_errors=True)
+
+
+def _no_truth(scan: Scan) -> ScanTruth:
+    import numpy as np
+
+    beams, echoes = scan.ranges.shape
+    return ScanTruth(scan.t, np.full((beams, echoes, 3), np.nan), np.full((beams, 3), np.nan))
 
 
 def converge_job(scenario: Scenario, out: Path, *, at_s: float = 0.0) -> tuple[list[dict[str, Any]], str]:

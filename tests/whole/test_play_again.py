@@ -178,6 +178,18 @@ def test_a_recording_without_samples_is_refused(tmp_path):
         plan_again(tmp_path / "plain")
 
 
+def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
+    events = [
+        {"t_s": 0.3, "set": "combine.speed.speed_kmh", "value": 5},
+        {"t_s": 0.4, "set": "combine.odometry.level", "value": "ideal"},  # of a slot that is played then
+    ]
+    run_job(small("run.distance_m=1"), tmp_path / "changed", report=False, events=events)
+    plan = plan_again(tmp_path / "changed")
+    summary = plan.run(tmp_path / "out", report=False).summary
+    assert all(identical(summary).values())
+    assert summary["events"] == events[:1]
+
+
 def test_save_and_load_in_the_middle_of_a_log(recorded):
     from swath.sim.digest import Digest
     from swath.sim.loop import drive

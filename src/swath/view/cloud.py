@@ -53,7 +53,9 @@ def make_cloud(scan: Scan, truth: ScanTruth, pose: Pose) -> Cloud:
     """
     beam, echo = np.nonzero(np.isfinite(scan.ranges))
     aim = beam_directions(scan.azimuth, scan.elevation)[beam] @ pose.rotation.T
-    places = truth.sensor_position[beam] + scan.ranges[beam, echo, None].astype(np.float64) * aim
+    known = np.isfinite(truth.sensor_position)  # not so in a scan from a log
+    sensor = np.where(known, truth.sensor_position, pose.position)
+    places = sensor[beam] + scan.ranges[beam, echo, None].astype(np.float64) * aim
     points = np.zeros(len(beam), RECORD)
     for k, axis in enumerate("xyz"):
         points[axis] = places[:, k]

@@ -284,7 +284,7 @@ LEVEL = Level(
     LogPlayer,
     Params,
     "what was recorded: run.mcap, MCAP, rosbag 1 and 2",
-    cost="20 us per sample",
+    cost="30 us per sample, 0.1 ms per scan",
     tolerance="from run.mcap bit for bit; from other messages as exact as these",
     is_link=True,
 )
