@@ -4,48 +4,64 @@ Masses are float64 and each node belongs to one page (its lower-left ones), so t
 that rays see is float32 and written to every page that shows the node.
 """
 
-from functools import lru_cache
-from itertools import pairwise
-from math import ceil, cos, hypot, sin
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.compiled import Row, numbers, repeatable, start_warp
 from swath.field.layout import PAGE_NODES
 from swath.field.pages import Key, PageStore
 from swath.field.tops import update_bumps, update_bumps_within
 
 Array = NDArray[np.float64]
+SPACING = 0.5  # of the points that straw is laid from, in nodes
+CORNERS, ROOM = 8, 64  # corners of a polygon, nodes along it: more room is made where it is needed
 
 
-def spread_straw(
-    store: PageStore, polygon: Array, mass: float, heading: float | None, depth_per_kg: float
-) -> None:
-    """Lay a mass [kg] on the nodes in and around a convex polygon given in node units of the stand frame.
+class Spreader:
+    """Lays straw on the nodes of pages; what it works in is made once."""
 
-    heading [rad] in that frame: straw lies as a ridge along it; None: even.
-    """
-    x, y, weight = _points_inside(polygon)
-    if heading is not None:
-        c, s = cos(heading), sin(heading)
-        corner = [c * b - s * a for a, b in polygon.tolist()]
-        middle, half = 0.5 * (max(corner) + min(corner)), 0.5 * (max(corner) - min(corner))
-        across = (c * y - s * x - middle) / max(half, 1e-9)
-        weight = weight * np.maximum(1.0 - across * across, 0.0)
-    whole = float(weight.sum())
-    if mass == 0.0 or whole <= 0.0:
-        return
-    weight = weight * (mass / whole)
-    u, v = np.floor(x), np.floor(y)
-    fx, fy = x - u, y - v
-    u0, v0 = int(u.min()), int(v.min())
-    nx, ny = int(u.max()) - u0 + 2, int(v.max()) - v0 + 2
-    first = (v.astype(np.int64) - v0) * nx + u.astype(np.int64) - u0
-    near, far = (1 - fy) * weight, fy * weight
-    share = np.concatenate([(1 - fx) * near, fx * near, (1 - fx) * far, fx * far])
-    flat = np.concatenate([first, first + 1, first + nx, first + (nx + 1)])
-    laid: Array = np.asarray(np.bincount(flat, share, minlength=nx * ny), np.float64)
-    _add(store, laid.reshape(ny, nx), u0, v0, depth_per_kg)
+    def __init__(self) -> None:
+        self._make(CORNERS, ROOM)
+
+    def spread(
+        self, store: PageStore, polygon: Array, mass: float, heading: float | None, depth_per_kg: float
+    ) -> None:
+        """Lay a mass [kg] on the nodes in and around a convex polygon given in node units of the stand frame.
+
+        heading [rad] in that frame: straw lies as a ridge along it; None: even. Every point of a lattice over
+        the polygon, less than SPACING apart, lays its share on the four nodes around it.
+        """
+        corners = polygon.tolist()
+        xs, ys = [x for x, _ in corners], [y for _, y in corners]
+        rows, columns = int(max(ys) - min(ys)) + 4, int(max(xs) - min(xs)) + 4
+        if mass == 0.0:
+            return
+        if len(corners) > len(self._corners) or max(rows, columns) > len(self._laid):
+            self._make(max(len(corners), CORNERS), max(rows, columns, ROOM))
+        c, s, middle, half = 1.0, 0.0, 0.0, 0.0
+        if heading is not None:
+            c, s = cos(heading), sin(heading)
+            across = [c * y - s * x for x, y in corners]
+            middle, half = 0.5 * (max(across) + min(across)), max(0.5 * (max(across) - min(across)), 1e-9)
+        self._corners[: len(corners)] = polygon
+        self._laid[:rows, :columns] = 0.0
+        self._heap.write(len(corners), mass, c, s, middle, half, SPACING, 0.0, 0.0, 0.0, 0.0)
+        self._launch()
+        u0, v0, u1, v1 = (int(v) for v in self._heap.read()[-4:])
+        laid = self._laid[: v1 - v0 + 2, : u1 - u0 + 2].copy()
+        if laid.any():
+            _add(store, laid, u0, v0, depth_per_kg)
+
+    def _make(self, corners: int, room: int) -> None:
+        from swath.field._straw import Heap, spread
+
+        wp = start_warp()
+        self._heap = Row(Heap)
+        points, laid = wp.zeros(corners, dtype=wp.vec2d, device="cpu"), numbers(room, room)
+        self._corners, self._laid = points.numpy(), laid.numpy()
+        self._launch = repeatable(spread, [self._heap.array, points, laid]).launch
 
 
 def write_depth(store: PageStore, keys: list[Key], depth_per_kg: float) -> None:
@@ -86,7 +102,9 @@ def _add(store: PageStore, laid: Array, x0: int, y0: int, depth_per_kg: float) -
         part = laid[low - y0 : high - y0, left - x0 : right - x0]
         if part.any():
             u, v = slice(left - i * n, right - i * n), slice(low - j * n, high - j * n)
-            store.straw_mass.setdefault((i, j), np.zeros((n, n)))[v, u] += part
+            if (i, j) not in store.straw_mass:
+                store.straw_mass[i, j] = np.zeros((n, n))
+            store.straw_mass[i, j][v, u] += part
             _show(store, (i, j), v, u, depth_per_kg)
     update_bumps_within(store, x0, y0, x0 + nx - 1, y0 + ny - 1)
     store.pages.revision += 1
@@ -104,28 +122,3 @@ def _show(store: PageStore, key: Key, rows: slice, columns: slice, depth_per_kg:
         depth[store.keys[below], n, columns] = new[0]
     if columns.start == 0 and rows.start == 0 and corner in store.keys:
         depth[store.keys[corner], n, n] = new[0, 0]
-
-
-def _points_inside(polygon: Array, spacing: float = 0.5) -> tuple[Array, Array, Array]:
-    """x, y of points over a convex polygon, less than `spacing` apart, and the area each stands for."""
-    x, y, areas = [], [], []
-    corners = polygon.tolist()
-    ax, ay = corners[0]
-    for (bx, by), (cx, cy) in pairwise(corners[1:]):
-        ex, ey, fx, fy = bx - ax, by - ay, cx - ax, cy - ay
-        longest = max(hypot(ex, ey), hypot(fx, fy), hypot(fx - ex, fy - ey))
-        s, t = _triangle(max(1, ceil(longest / spacing)))
-        x.append(ax + s * ex + t * fx)
-        y.append(ay + s * ey + t * fy)
-        areas.append(np.full(len(s), 0.5 * abs(ex * fy - ey * fx) / len(s)))
-    return np.concatenate(x), np.concatenate(y), np.concatenate(areas)
-
-
-@lru_cache(maxsize=64)
-def _triangle(count: int) -> tuple[Array, Array]:
-    """Middles of count^2 equal parts of a triangle, as shares of two of its sides."""
-    j, i = np.divmod(np.arange(count * count), count)
-    lower, upper = i + j < count, i + j < count - 1
-    s = np.concatenate([i[lower] + 1 / 3, i[upper] + 2 / 3]) / count
-    t = np.concatenate([j[lower] + 1 / 3, j[upper] + 2 / 3]) / count
-    return s, t
