@@ -19,9 +19,9 @@ def test_every_number_of_a_card_is_cited(name):
 
 
 @pytest.mark.parametrize("name", card_names("machines"))
-def test_the_rear_axle_carries_at_least_a_fifth(name):
+def test_the_steered_axle_carries_at_least_a_fifth(name):
     machine = load_machine(name)
-    assert 0.20 <= machine.dynamics.cg_behind / machine.wheelbase < 0.4
+    assert 0.20 <= machine.dynamics.cg_behind / machine.wheelbase <= 0.4
 
 
 def test_short_name_and_other_header():

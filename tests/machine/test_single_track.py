@@ -218,7 +218,7 @@ def test_grain_in_the_tank_makes_the_loaded_machine():
     a, b = (run(m, 10.0, steer=0.3)[-1] for m in (filled, loaded))
     assert a.yaw_rate == pytest.approx(b.yaw_rate, rel=1e-6)
     assert a.lateral_speed == pytest.approx(b.lateral_speed, rel=1e-4)
-    assert filled._d.mass == pytest.approx(D.mass + 8000.0)
+    assert filled._car.read()[2] == pytest.approx(D.mass + 8000.0)
 
 
 def test_saved_state_goes_on_byte_for_byte():

@@ -1,6 +1,6 @@
 """What the parts of a machine know about the machine: geometry from the data sheet, never the truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from swath.core.component import Port
@@ -9,9 +9,10 @@ from swath.core.frames import Pose
 
 @dataclass(frozen=True)
 class MachineGeometry:
-    """Data-sheet geometry. Machine frame: origin at the middle of the fixed (front) axle on the ground.
+    """Data-sheet geometry. Machine frame: origin at the middle of the fixed axle on the ground.
 
-    wheelbase, front_track, rear_track [m]; the steered axle lies `wheelbase` BEHIND the fixed one
+    wheelbase, front_track (fixed axle), rear_track (steered axle) [m]; the steered axle lies `wheelbase`
+    BEHIND the fixed one, or ahead of it where `steers_ahead` (tractors)
     max_steer: equivalent single-wheel angle limit [rad]
     header_width [m]; knife_x: knife ahead of the fixed axle [m]; header_y: centre of the header, leftward [m]
     header_height: of its body above the knife [m]; header_depth: of its body behind the knife [m]
@@ -28,6 +29,12 @@ class MachineGeometry:
     header_height: float
     header_depth: float
     body: tuple[float, float, float, float, float]
+    steers_ahead: bool = field(default=False, kw_only=True)
+
+    @property
+    def steered_x(self) -> float:
+        """The steered axle ahead of the fixed one [m]."""
+        return self.wheelbase if self.steers_ahead else -self.wheelbase
 
     def header_end(self, side: str) -> tuple[float, float]:
         """(x, y) of the knife's `left` or `right` end in the machine frame [m]."""

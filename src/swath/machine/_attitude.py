@@ -20,9 +20,10 @@ class Stand:
 
 @wp.struct
 class Gear:
-    """The axles, the ground under them, and where the result goes.
+    """The axles (front: the fixed one, rear: the steered one), the ground under them, where the result goes.
 
-    wheelbase, front_track, rear_track [m]; ground: without points its means are given
+    wheelbase: < 0 where the steered axle is ahead; front_track, rear_track [m]
+    ground: without points its means are given
     stand: (1,); position: (3,), rotation: (3, 3) of the pose
     """
 
@@ -47,7 +48,8 @@ def stand_at(place: wp.vec3d, g: Gear):
     z = g.ground.means
     a = Stand()
     a.z = real(0.5) * (z[0] + z[1])
-    a.pitch = wp.atan2(real(0.5) * (z[2] + z[3]) - a.z, g.wheelbase)
+    fall = real(0.5) * (z[2] + z[3]) - a.z
+    a.pitch = wp.atan2(wp.sign(g.wheelbase) * fall, wp.abs(g.wheelbase))
     a.front_slope = (z[0] - z[1]) / g.front_track
     a.rear_slope = (z[2] - z[3]) / g.rear_track
     a.roll = wp.atan(a.front_slope * wp.cos(a.pitch))

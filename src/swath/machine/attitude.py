@@ -56,7 +56,7 @@ class TerrainFollower:
         self._footprint: Footprint | None = None if quick is None else quick(self._points, groups=4)
         under = self._footprint.ground if self._footprint else make_ground(np.zeros((0, 2)), 4, 2)
         self.gear = Gear()
-        self.gear.wheelbase = machine.wheelbase
+        self.gear.wheelbase = -machine.steered_x
         self.gear.front_track, self.gear.rear_track = machine.front_track, machine.rear_track
         self._stand, self._place = Row(Stand), Row(start_warp().vec3d)
         self.gear.ground, self.gear.stand = under, self._stand.array
@@ -101,7 +101,7 @@ def _tyre_points(machine: MachineGeometry) -> np.ndarray:
     """Points of the four contact patches, (4 * SAMPLES, 2): front left and right, rear left and right [m]."""
     d = dynamics_of(machine)
     front, rear = _patch(d.front), _patch(d.rear)
-    half_f, half_r, back = 0.5 * machine.front_track, 0.5 * machine.rear_track, -machine.wheelbase
+    half_f, half_r, back = 0.5 * machine.front_track, 0.5 * machine.rear_track, machine.steered_x
     places = np.array([(0.0, half_f), (0.0, -half_f), (back, half_r), (back, -half_r)])
     points: np.ndarray = (places[:, None, :] + np.stack([front, front, rear, rear])).reshape(-1, 2)
     return points

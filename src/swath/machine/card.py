@@ -25,7 +25,8 @@ class Axle:
 class Dynamics:
     """How heavy and how quick the machine is. Header on, grain tank empty.
 
-    mass [kg]; yaw_inertia [kg m2]; cg_behind: centre of gravity behind the fixed axle [m]; cg_height [m]
+    mass [kg]; yaw_inertia [kg m2]; cg_height [m]
+    cg_behind: centre of gravity from the fixed axle towards the steered one [m], which is behind in combines
     stiffness: cornering stiffness over load [1/rad]; friction: lateral; rolling_resistance: over load
     speed_lag [s], accel, decel [m/s2], max_speed [m/s] of the speed loop
     steer_rate [rad/s], steer_dead_time, steer_lag [s], steer_dead_band: share of the valve's opening
@@ -94,6 +95,7 @@ def read_machine(card: Card) -> MachineCard:
         )
     return MachineCard(
         **geometry,
+        steers_ahead=_steers_ahead(card),
         body=_body(card),
         name=card.text("name"),
         dynamics=dynamics,
@@ -143,6 +145,15 @@ def _geometry(card: Card) -> dict[str, float]:
         "header_height": card.number("header.body_height_m", low=0, high=5),
         "header_depth": card.number("header.body_depth_m", low=0, high=5),
     }
+
+
+def _steers_ahead(card: Card) -> bool:
+    if "steers" not in card.data:
+        return False
+    axle = card.text("steers")
+    if axle not in ("front", "rear"):
+        raise InputError("steers", axle, "expected front or rear", file=card.path)
+    return axle == "front"
 
 
 def _body(card: Card) -> tuple[float, float, float, float, float]:

@@ -19,7 +19,9 @@ HALF, ONE, TWO, THREE, SIX = (wp.constant(real(n)) for n in (0.5, 1.0, 2.0, 3.0,
 
 @wp.struct
 class Car:
-    """What stays. ahead, behind: of the centre of gravity to the front and to the rear axle [m]; SI."""
+    """What stays. ahead, behind: of the centre of gravity to the fixed axle (front) and of the steered one
+    (rear) to it [m], both below 0 where the steered axle is ahead; SI.
+    """
 
     ahead: wp.float64
     behind: wp.float64
@@ -38,7 +40,9 @@ class Car:
 
 @wp.struct
 class Drive:
-    """Length of the step [s]; forward speed at its start, middle and end [m/s]; steering angle [rad]."""
+    """Length of the step [s]; forward speed at its start, middle and end [m/s]; angle of the steered
+    wheel to the right [rad].
+    """
 
     h: wp.float64
     start: wp.float64

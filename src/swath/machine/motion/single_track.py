@@ -41,7 +41,11 @@ class Params:
 
 
 class SingleTrack:
-    """Rear-steered single-track model on terrain. Steering angle and slopes are held over a step."""
+    """Single-track model on terrain, steered behind or ahead of the fixed axle.
+
+    Steering angle and slopes are held over a step. Lengths behind the fixed axle are below 0 where the
+    steered axle is ahead of it; the equations are the same.
+    """
 
     inputs = (
         Port("steering", SteerState),
@@ -54,7 +58,8 @@ class SingleTrack:
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         d = dynamics_of(setup.machine)
         self._params, self._start = params, setup.start
-        self._wheelbase, self._track = setup.machine.wheelbase, setup.machine.front_track
+        self._wheelbase, self._track = -setup.machine.steered_x, setup.machine.front_track
+        self._sense = -1.0 if setup.machine.steers_ahead else 1.0
         self._machine, self._grain = setup.machine, 0.0
         self._stiffness = _either(params.stiffness_per_rad, d.stiffness)
         self._friction = _either(params.friction, d.friction)
@@ -83,7 +88,7 @@ class SingleTrack:
         for _ in range(count):
             middle, _ = self._loop.advance(self._speed, wanted, 0.5 * h)
             end, _ = self._loop.advance(self._speed, wanted, h)
-            self._drive.write(h, self._speed, middle, end, steer)
+            self._drive.write(h, self._speed, middle, end, self._sense * steer)
             self._follower.hold(q[0], q[1])
             self._advance()
             q = self._q.read()
@@ -116,7 +121,8 @@ class SingleTrack:
 
     def _weigh(self, d: Dynamics) -> None:
         """Take over mass, inertia and centre of gravity."""
-        self._d, self._ahead, self._behind = d, d.cg_behind, self._wheelbase - d.cg_behind
+        self._ahead = self._sense * d.cg_behind
+        self._behind = self._wheelbase - self._ahead
         wheels = d.front.radius, d.rear.radius, d.front.relaxation, d.rear.relaxation
         tyres = self._stiffness, self._friction, self._rolling
         body = self._ahead, self._behind, d.mass, d.yaw_inertia, d.cg_height, self._track
