@@ -10,9 +10,12 @@ T = TypeVar("T")
 def frozen(cls: type[T]) -> type[T]:
     """`dataclass(frozen=True)` whose `__init__` writes its dictionary at once, in a quarter of the time.
 
-    Not for classes with slots, `__post_init__`, or fields that are made by a factory.
+    TypeError for a class with slots, `__post_init__`, or fields that are made by a factory.
     """
     made = dataclass(frozen=True)(cls)
+    is_plain = all(f.default_factory is MISSING and f.init for f in fields(made))  # type: ignore[arg-type]
+    if not is_plain or hasattr(made, "__post_init__") or "__slots__" in vars(made):
+        raise TypeError(f"{cls.__name__}: expected plain fields")
     names = [f.name for f in fields(made)]  # type: ignore[arg-type]
     defaults = {f.name: f.default for f in fields(made) if f.default is not MISSING}  # type: ignore[arg-type]
     taken = ", ".join(f"{n}=defaults[{n!r}]" if n in defaults else n for n in names)

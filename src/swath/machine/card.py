@@ -114,7 +114,8 @@ def dynamics_of(machine: MachineGeometry) -> Dynamics:
 def masses_of(machine: MachineGeometry) -> Masses:
     """The parts of a machine. InputError for a card without them."""
     if not isinstance(machine, MachineCard) or machine.masses is None:
-        raise InputError("machine", machine.__class__.__name__, "expected a machine card with `bodies`")
+        name = getattr(machine, "name", type(machine).__name__)
+        raise InputError("machine", name, "expected a machine card with `bodies`")
     return machine.masses
 
 

@@ -88,6 +88,6 @@ LEVEL = Level(
     Kinematic,
     Params,
     summary="rolls where the wheels point, on the terrain",
-    cost="about 14 us per step",
+    cost="about 5 us per step",
     tolerance="against multibody up to 2.5 m/s: yaw gain 2 to 4 % high, way aside after 30 deg -3 to +18 %",
 )
