@@ -8,7 +8,7 @@ from bags import BEGIN, Bag
 from fake_run import ArcEdge, GridField, drive, machine
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from test_exact import same_bits
+from test_exact_samples import same_bits
 
 from swath.cli import main
 from swath.core.errors import InputError
