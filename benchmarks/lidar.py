@@ -20,7 +20,7 @@ CASES = (  # name of the case, sector, step [deg]
 )
 
 
-def make(level: str, sector: Any, step: float) -> Any:
+def make(level: str, sector: Any, step: float, density: float | None = None) -> Any:
     """The scanner of the scenario at a level, and the work of SCANS scans with it."""
     from swath.core.random import Stream
     from swath.sim.scenario import load_scenario
@@ -29,6 +29,7 @@ def make(level: str, sector: Any, step: float) -> Any:
     keys = {"sector_deg": sector, "step_deg": step} | ({"sub_rays": 37} if level == "plants" else {})
     sets = [f"combine.lidar.level={level}"]
     sets += [f"combine.lidar.{k}={'null' if v is None else v}" for k, v in keys.items()]
+    sets += [] if density is None else [f"field.stand.stems_per_m2={density}"]
     lidar = assemble(load_scenario("straight", sets=sets, flags={})).leader.parts["lidar"]
     lidar.reset(Stream(1, "bench"))
     start, count = lidar.setup.start, len(lidar.azimuth)

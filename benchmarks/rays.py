@@ -1,12 +1,15 @@
-"""Mray per CPU-second of our kernel and of flat Embree 4, interleaved, on one scene, one thread each.
+"""Rays through wheat on hills, some of it cut: groups, the plain kernel, flat Embree 4, interleaved.
 
-Scene: 10 x 10 m of wheat on flat ground, every plant with stalk, ear and leaves. A scanner 4 m up looks 14 to
-22 deg down; beams of 6 mrad with 1, 9 or 37 sub-rays, beams of a scan line side by side. Embree gets what one
-would give it: capsules as six- or eight-sided prisms, welded, 114 triangles a plant.
+Mray per CPU-second (user + system), one thread each, shuffled order, median of rounds. Scene: 10 x 10 m of
+wheat on a slope with waves, 30 % of it cut to stubble; a scanner 4 m up looks 14 to 22 deg down, beams of
+6 mrad side by side. Embree gets what one would give it: capsules as eight-sided prisms, welded, 114 triangles
+a plant. Then a camera, a whole scanner through the sensor's own code, and how speed goes with sub-rays,
+density, size of the field and share of cut crop: table, JSON and plot.
 """
 
+import os
 import sys
-from dataclasses import dataclass
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,197 +18,246 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from _harness import interleave, machine, median, resident_bytes, write_json
+from ray_scenes import make_beams, make_embree, make_picture, make_scene, organs
 
-from swath.core.random import Stream
-from swath.field.crop import load_crop
-from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, STANDING, Pages, PlantLibrary
-from swath.field.library import make_library
-from swath.field.wind import Sway
 from swath.rays.engine import RayCaster
-from swath.rays.triangles import tile_triangles
 
-SIDE = 10  # planted tiles along x and y, from tile (7, -5)
-SIDES = 8  # of a prism
-
-
-@dataclass
-class Scene:
-    """A field as rays need it."""
-
-    pages: Pages
-    library: PlantLibrary
-    stand_yaw: float = 0.0
-    wind: Sway | None = None
+REACH = 60.0
+TARGETS = {(600, 37): 3.5, (200, 37): 4.5, (600, 9): 2.0, (200, 9): 3.0, (600, 1): 1.5, (200, 1): 1.5}
 
 
-def make_scene(
-    density: float, *, columns: int | None = None, bins: int | None = None, tiles: int = 16
-) -> Scene:
-    """Flat pages with 10 x 10 live tiles of mixed prototypes."""
-    options = {k: v for k, v in (("columns", columns), ("bins", bins)) if v}
-    library = make_library(
-        load_crop("wheat"),
-        density_max=density,
-        row_spacing=0.125,
-        seed=Stream(1, "bench"),
-        tile_count=tiles,
-        **options,
-    )
-    count = 16
-    shape = (count, PAGE_TILES, PAGE_TILES)
-    rng = np.random.default_rng(1)
-    tx, ty = np.arange(4 * PAGE_TILES) - PAGE_TILES, np.arange(4 * PAGE_TILES) - 2 * PAGE_TILES
-    alive = ((tx >= 7) & (tx < 7 + SIDE))[None, :] & ((ty >= -5) & (ty < -5 + SIDE))[:, None]
-    blocks = alive.reshape(4, PAGE_TILES, 4, PAGE_TILES).swapaxes(1, 2).reshape(shape)
-    pages = Pages(
-        table=np.arange(count, dtype=np.int32).reshape(4, 4),
-        table_x=-1,
-        table_y=-2,
-        ground=np.zeros((count, PAGE_NODES + 1, PAGE_NODES + 1), np.float32),
-        straw=np.zeros((count, PAGE_NODES + 1, PAGE_NODES + 1), np.float32),
-        tile_plane=np.zeros((*shape, 3), np.float32),
-        tile_stand=np.tile(np.array([1, 0, 0, 1], np.float32), (*shape, 1)),
-        tile_top=np.where(blocks, library.height_max, 0).astype(np.float32),
-        tile_prototype=(rng.integers(0, tiles, shape) + (rng.integers(0, 4, shape) << 16)).astype(np.int32),
-        cut_slot=np.full(count, -1 - STANDING, np.int32),
-        cut=np.zeros((1, PAGE_CUT_CELLS, PAGE_CUT_CELLS), np.uint8),
-        tile_bump=np.zeros(shape, np.float32),
-    )
-    return Scene(pages, library)
+def scene_bytes(caster: RayCaster) -> int:
+    """Memory of all that our kernels read: library, its packed primitives, both indices, pages."""
+    library, pages = caster.field.library, caster.field.pages
+    held = [v for part in (library, pages) for v in vars(part).values() if isinstance(v, np.ndarray)]
+    walk = caster._group_walk
+    return sum(v.nbytes for v in held) + 64 * len(library.radius) + (walk.held.byte_count if walk else 0)
 
 
-def make_rays(sub_rays: int, count: int = 100_000) -> tuple[np.ndarray, np.ndarray]:
-    """About `count` rays: scan lines of 180 beams, 1/6 deg apart, each beam with its sub-rays."""
-    lines = max(1, count // (180 * sub_rays))
-    depression = np.radians(14 + 8 * (np.arange(lines) + 0.5) / lines)
-    azimuth = np.radians((np.arange(180) - 89.5) / 6)
-    ring = np.arange(sub_rays)
-    offset = 0.003 * np.sqrt(ring / max(sub_rays - 1, 1))
-    turn = ring * 2.399963  # sunflower
-    a = azimuth[None, :, None] + offset * np.cos(turn) + 0 * depression[:, None, None]
-    e = -depression[:, None, None] + offset * np.sin(turn) + 0 * azimuth[None, :, None]
-    d = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1).reshape(-1, 3)
-    return np.tile([0.0, 0.0, 4.0], (len(d), 1)), d
-
-
-def make_embree(scene: Scene) -> tuple[Any, int, int]:
-    """(Embree scene, triangles, plants) of the same plants."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
-    library, pages = scene.library, scene.pages
-    prototypes = [_weld(tile_triangles(library, k, sides=SIDES, rings=0)) for k in range(library.tile_count)]
-    vertices, faces, total, plants = [], [], 0, 0
-    size = library.tile_size
-    for tx in range(7, 7 + SIDE):
-        for ty in range(-5, -5 + SIDE):
-            slot = pages.table[ty // 8 + 2, tx // 8 + 1]
-            kind = int(pages.tile_prototype[slot, ty % 8, tx % 8])
-            points, index = prototypes[kind & 0xFFFF]
-            points = points.copy()
-            for axis in (0, 1):
-                if kind >> (16 + axis) & 1:
-                    points[:, axis] = size - points[:, axis]
-            vertices.append(points + np.array([tx * size, ty * size, 0.0], np.float32))
-            faces.append(index + total)
-            total += len(points)
-            plants += len(library.stem_xy) // library.tile_count
-    ground = np.array([[-20, -20, 0], [40, -20, 0], [40, 40, 0], [-20, 40, 0]], np.float32)
-    vertices.append(ground)
-    faces.append(np.array([[0, 1, 2], [0, 2, 3]], np.int32) + total)
-    result = EmbreeScene()
-    triangles = np.concatenate(faces).astype(np.int32)
-    TriangleMesh(result, np.concatenate(vertices).astype(np.float32), triangles)
-    return result, len(triangles), plants
-
-
-def _weld(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    corners = np.ascontiguousarray(triangles.reshape(-1, 3), np.float32)
-    key = np.ascontiguousarray(np.round(corners * 1e6).astype(np.int32)).view("i4,i4,i4").ravel()
-    _, first, index = np.unique(key, return_index=True, return_inverse=True)
-    return corners[first], index.reshape(-1, 3).astype(np.int32)
-
-
-def scene_bytes(scene: Scene) -> int:
-    """Memory of all that our kernel reads: library, its packed primitives, pages."""
-    held = [
-        v for part in (scene.library, scene.pages) for v in vars(part).values() if isinstance(v, np.ndarray)
-    ]
-    packed = len(scene.library.radius) * 64
-    return sum(v.nbytes for v in held) + packed
-
-
-def measure(density: float, rounds: int, count: int) -> dict[str, Any]:
-    """All sub-ray counts at one density."""
+def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
+    """Ours against Embree at one density, bundles of 1, 9 and 37."""
     scene = make_scene(density)
     caster = RayCaster(scene, threads=1)
+    o, d = make_beams(9, 2000)
+    caster.cast_bundles(o, d, range_max=REACH)
     before = resident_bytes()
     embree, triangles, plants = make_embree(scene)
-    o, d = make_rays(1, 1000)
-    embree.run(o.astype(np.float32), d.astype(np.float32), query="DISTANCE")
-    embree_bytes = resident_bytes() - before
+    embree.run(o.reshape(-1, 3).astype(np.float32), d.reshape(-1, 3).astype(np.float32), query="DISTANCE")
+    held = resident_bytes() - before
     rows = []
-    for sub_rays in (1, 9, 37):
-        o, d = make_rays(sub_rays, count)
-        o32, d32 = o.astype(np.float32), d.astype(np.float32)
-
-        def ours(o: np.ndarray = o, d: np.ndarray = d) -> Any:
-            return caster.cast(o, d, range_max=60.0)
-
-        def theirs(o: np.ndarray = o32, d: np.ndarray = d32) -> Any:
-            return embree.run(o, d, query="DISTANCE")
-
-        times = interleave({"swath": ours, "embree": theirs}, rounds=rounds)
-        rate = {name: len(d) / median(values) / 1e6 for name, values in times.items()}
-        ratios = [b / a for a, b in zip(times["swath"], times["embree"], strict=True)]
-        crop = [float(np.mean(t[t * -d[:, 2] < 3.98])) for t in (ours().distance, theirs())]  # above the soil
+    for subs in (1, 9, 37):
+        o, d = make_beams(subs, count)
+        flat = o.reshape(-1, 3), d.reshape(-1, 3)
+        single = flat[0].astype(np.float32), flat[1].astype(np.float32)
+        jobs = {
+            "plain": lambda flat=flat: caster.cast(*flat, range_max=REACH),
+            "embree": lambda single=single: embree.run(*single, query="DISTANCE"),
+        }
+        if subs == 1:
+            lines = d.reshape(-1, 180, 3)
+            jobs["groups"] = lambda o=o, lines=lines: caster.cast_image(o[0, 0], lines, range_max=REACH)
+        else:
+            jobs["groups"] = lambda o=o, d=d: caster.cast_bundles(o, d, range_max=REACH)
+            jobs["nearest"] = lambda o=o, d=d: caster.cast_nearest(o, d, 1, range_max=REACH)
+            jobs["median"] = lambda o=o, d=d, k=(subs + 1) // 2: caster.cast_nearest(o, d, k, range_max=REACH)
+        times = interleave(jobs, rounds=rounds)
+        ours, theirs = jobs["plain"](), np.asarray(jobs["embree"]())
+        near = np.abs(jobs["groups"]().distance.ravel() - ours.distance) < 1e-4
         rows.append(
             {
-                "sub_rays": sub_rays,
-                "rays": len(d),
-                "swath_mray_per_cpu_s": rate["swath"],
-                "embree_mray_per_cpu_s": rate["embree"],
-                "ratio": median(ratios),
-                "ratio_min": min(ratios),
-                "ratio_max": max(ratios),
-                "mean_crop_range_m": crop,  # swath, Embree: they must look at the same stand
+                "sub_rays": subs,
+                "rays": len(flat[0]),
+                "mray_per_cpu_s": {k: len(flat[0]) / median(t) / 1e6 for k, t in times.items()},
+                "over_embree": {
+                    k: median([e / a for a, e in zip(t, times["embree"], strict=True)])
+                    for k, t in times.items()
+                    if k != "embree"
+                },
+                "within_0.1_mm_of_plain": float(np.mean(near)),
+                "mean_range_m": [float(np.nanmean(ours.distance)), float(np.mean(theirs[theirs < REACH]))],
+                "hits": organs(ours),
             }
         )
     return {
         "plants_per_m2": density,
         "plants": plants,
         "embree_triangles": triangles,
-        "swath_bytes": scene_bytes(scene),
-        "embree_bytes": embree_bytes,
+        "swath_bytes": scene_bytes(caster),
+        "embree_bytes": held,
         "rows": rows,
     }
 
 
-def main(out_dir: Path | str = "out/bench", *, rounds: int = 7, count: int = 100_000) -> dict[str, Any]:
-    """Measures, prints a table, writes rays.json; returns its content."""
+def camera(rounds: int, out_dir: Path, density: float = 200.0) -> dict[str, Any]:
+    """640 x 480 single rays over plants 3 to 30 m away; the picture as a file."""
+    import matplotlib.image
+
+    scene = make_scene(density, cut=0.2, tiles=(26, 10))
+    caster = RayCaster(scene, threads=1)
+    embree, _, _ = make_embree(scene)
+    origin, d = make_picture()
+    single = np.tile(origin, (d.size // 3, 1)).astype(np.float32), d.reshape(-1, 3).astype(np.float32)
+    jobs = {
+        "groups": lambda: caster.cast_image(origin, d, range_max=REACH),
+        "embree": lambda: embree.run(*single, query="DISTANCE"),
+    }
+    times = interleave(jobs, rounds=rounds)
+    hits = jobs["groups"]()
+    shade = np.nan_to_num(
+        hits.reflectance * (0.35 + 0.65 * hits.cosine) * np.exp(-0.02 * np.nan_to_num(hits.distance))
+    )
+    out_dir.mkdir(parents=True, exist_ok=True)
+    matplotlib.image.imsave(out_dir / "rays-camera.png", shade, cmap="gray", vmin=0, vmax=shade.max())
+    return {
+        "pixels": [480, 640],
+        "plants_per_m2": density,
+        "mray_per_cpu_s": {k: len(single[0]) / median(t) / 1e6 for k, t in times.items()},
+        "over_embree": median([e / a for a, e in zip(times["groups"], times["embree"], strict=True)]),
+        "crop_range_m": [float(v) for v in np.nanquantile(hits.distance[hits.organ > 2], [0.01, 0.5, 0.99])],
+    }
+
+
+def lines_per_second(rounds: int) -> float:
+    """Scan lines of 401 beams with 37 sub-rays per CPU-second, 600 plants/m2."""
+    caster = RayCaster(make_scene(600.0), threads=1)
+    o, d = make_beams(37, 401 * 37 * 4, beams=401)
+    times = interleave({"lines": lambda: caster.cast_bundles(o, d, range_max=REACH)}, rounds=rounds)
+    return len(o) / 401 / median(times["lines"])
+
+
+def scanner(rounds: int) -> dict[str, Any]:
+    """An LMS5xx-class scanner, 541 beams at 50 Hz with 37 sub-rays at 600 plants/m2, on all cores."""
+    import lidar
+
+    work, beams = lidar.make("plants", [-45.1, 45.1], 1 / 6, density=600.0)
+    times, cpu = [], []
+    for _ in range(rounds + 1):
+        started, spent = time.perf_counter(), time.process_time()
+        work()
+        times.append((time.perf_counter() - started) / lidar.SCANS)
+        cpu.append((time.process_time() - spent) / lidar.SCANS)
+    wall = median(times[1:])
+    return {
+        "beams": beams,
+        "sub_rays": 37,
+        "cores": os.cpu_count(),
+        "wall_ms_per_scan": 1e3 * wall,
+        "least_wall_ms": 1e3 * min(times[1:]),
+        "cpu_ms_per_scan": 1e3 * median(cpu[1:]),
+        "real_time_factor_at_50_hz": 0.02 / wall,
+    }
+
+
+def sweep(rounds: int, count: int) -> dict[str, list[list[float]]]:
+    """Mray per CPU-second of groups over sub-rays, density, side of the field [m] and share of cut crop."""
+    found: dict[str, list[list[float]]] = {}
+    jobs, sizes = {}, {}
+
+    def add(name: str, x: float, scene: Any, subs: int) -> None:
+        caster, (o, d) = RayCaster(scene, threads=1), make_beams(subs, count)
+        jobs[name, x] = lambda: caster.cast_bundles(o, d, range_max=REACH)
+        sizes[name, x] = o.size // 3
+
+    base = make_scene(600.0)
+    for subs in (2, 4, 9, 19, 37, 61):
+        add("sub-rays", subs, base, subs)
+    for density in (50.0, 100.0, 200.0, 400.0, 600.0, 800.0):
+        add("plants per m2", density, make_scene(density), 37)
+    for side in (5, 10, 20, 30):
+        add("side of the field", side, make_scene(600.0, first=(7, -side // 2), tiles=(side, side)), 37)
+    for cut in (0.0, 0.25, 0.5, 0.75, 1.0):
+        add("share cut", cut, make_scene(600.0, cut=cut), 37)
+    times = interleave(jobs, rounds=rounds)
+    for (name, x), t in times.items():
+        found.setdefault(name, []).append([x, sizes[name, x] / median(t) / 1e6])
+    return found
+
+
+def draw(data: dict[str, Any], path: Path) -> None:
+    """Four panels."""
+    import matplotlib.pyplot as plt
+
+    names = list(data["sweep"])
+    fig, axes = plt.subplots(1, len(names), figsize=(13, 3.2), sharey=True, layout="constrained")
+    for ax, name in zip(axes, names, strict=True):
+        x, y = np.array(data["sweep"][name]).T
+        ax.plot(x, y, "o-", color="#c0223b", label="groups")
+        if name == "sub-rays":
+            for row in data["results"][-1]["rows"][1:]:
+                rate = row["mray_per_cpu_s"]
+                ax.plot(row["sub_rays"], rate["plain"], "s", color="#33373d")
+                ax.plot(row["sub_rays"], rate["embree"], "^", color="#8a8f98")
+            ax.plot([], [], "s", color="#33373d", label="plain kernel")
+            ax.plot([], [], "^", color="#8a8f98", label="Embree 4, flat")
+            ax.legend(frameon=False)
+        ax.set(xlabel={"side of the field": "side of the field [m]"}.get(name, name), ylim=(0, None))
+        ax.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylabel("Mray per CPU-second")
+    fig.suptitle("600 plants/m2, 37 sub-rays, 30 % cut, where not on the axis", fontsize=9, color="#33373d")
+    fig.savefig(path, dpi=130)
+    plt.close(fig)
+
+
+def main(out_dir: Path | str = "out/bench", *, rounds: int = 7, count: int = 60_000) -> dict[str, Any]:
+    """Measures, prints a table, writes rays.json, rays.png and rays-camera.png; returns the data."""
     from rich.console import Console
     from rich.table import Table
 
-    results = [measure(density, rounds, count) for density in (200.0, 600.0)]
-    data = {
+    out = Path(out_dir)
+    results = [compare(density, rounds, count) for density in (200.0, 600.0)]
+    data: dict[str, Any] = {
         "what": "Mray per CPU-second (user + system), one thread each, median of interleaved rounds",
-        "scene": "10 x 10 m wheat, scanner 4 m up, 14-22 deg down, 6 mrad beams; Embree: 8-sided prisms",
         "rounds": rounds,
         "machine": machine(),
         "results": results,
+        "camera": camera(rounds, out),
+        "lines_of_401_x_37_per_cpu_s": lines_per_second(rounds),
+        "scanner": scanner(rounds),
+        "sweep": sweep(rounds, count // 2),
     }
+    cut = dict(map(tuple, data["sweep"]["share cut"]))
+    data["rate_half_cut_over_uncut"] = cut[0.5] / cut[0.0]
     table = Table(title="Rays through wheat: Mray per CPU-second, one thread", title_justify="left")
-    for name in ("plants/m2", "sub-rays", "swath", "Embree 4 flat", "ratio", "swath MB", "Embree MB"):
+    for name in (
+        "plants/m2",
+        "sub-rays",
+        "Embree 4 flat",
+        "plain",
+        "groups",
+        "/ Embree",
+        "aim",
+        "nearest",
+        "median",
+    ):
         table.add_column(name, justify="right")
     for result in results:
-        memory = f"{result['swath_bytes'] / 1e6:.1f}", f"{result['embree_bytes'] / 1e6:.0f}"
         for row in result["rows"]:
-            rates = f"{row['swath_mray_per_cpu_s']:.2f}", f"{row['embree_mray_per_cpu_s']:.2f}"
+            rate, over = row["mray_per_cpu_s"], row["over_embree"]
+            key = int(result["plants_per_m2"]), row["sub_rays"]
+            early = [f"{rate[k]:.1f} ({over[k]:.1f}x)" if k in rate else "" for k in ("nearest", "median")]
+            shown = (f"{rate[k]:.2f}" for k in ("embree", "plain", "groups"))
             table.add_row(
-                f"{result['plants_per_m2']:.0f}", str(row["sub_rays"]), *rates, f"{row['ratio']:.2f}", *memory
+                str(key[0]), str(key[1]), *shown, f"{over['groups']:.2f}", f"{TARGETS[key]}", *early
             )
-    Console().print(table)
-    write_json(Path(out_dir), "rays", data)
+    console = Console()
+    console.print(table)
+    ours, theirs = ([r[k] / 1e6 for r in results] for k in ("swath_bytes", "embree_bytes"))
+    console.print(
+        f"Memory at 200 / 600 plants/m2: {ours[0]:.1f} / {ours[1]:.1f} MB, Embree {theirs[0]:.0f} / {theirs[1]:.0f} MB"
+    )
+    c, s = data["camera"], data["scanner"]
+    console.print(
+        f"Camera 640 x 480: {c['mray_per_cpu_s']['groups']:.2f} Mray/s, {c['over_embree']:.2f} x Embree"
+    )
+    console.print(f"Lines of 401 x 37 per CPU-second: {data['lines_of_401_x_37_per_cpu_s']:.0f}")
+    console.print(
+        f"Scanner of {s['beams']} x 37 at 50 Hz on {s['cores']} cores: "
+        f"{s['real_time_factor_at_50_hz']:.2f} x real time "
+        f"({s['wall_ms_per_scan']:.1f} ms, {s['cpu_ms_per_scan']:.1f} CPU ms a scan)"
+    )
+    console.print(f"Half the field cut: {data['rate_half_cut_over_uncut']:.2f} of the speed of uncut crop")
+    write_json(out, "rays", data)
+    draw(data, out / "rays.png")
     return data
 
 

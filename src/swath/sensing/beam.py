@@ -160,4 +160,6 @@ def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F6
     u, v = pattern[:, :, 0, None], pattern[:, :, 1, None]
     start = origins[:, None, :] + u * half_exit[0] * across + v * half_exit[1] * along
     direction = axes[:, None, :, 0] + u * half_angle[0] * across + v * half_angle[1] * along
-    return start, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    length = np.sqrt(1.0 + (u * half_angle[0]) ** 2 + (v * half_angle[1]) ** 2)  # the axes are a frame
+    direction *= 1.0 / length
+    return start, direction

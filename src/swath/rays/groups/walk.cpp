@@ -19,7 +19,7 @@ constexpr int ROOM = 1024;       // lanes of a group
 constexpr int SLICES = ROOM / N, PACKS = SLICES;  // packs of a group at most
 constexpr int PAIRS = 4096;      // pieces and slices that wait
 constexpr int KEPT = 2048;       // pieces that wait for their test
-constexpr int FLUSH = 32;         // so many are enough for a test
+constexpr int FLUSH = 8;         // so many are enough for a test
 constexpr int SPAN = 2048;       // columns side by side that a walk through one tile may touch
 constexpr float FAR = 1.0e30f;
 constexpr float NARROW = 0.03f;  // 1 - cos of the widest angle in a group, about 14 deg
@@ -37,8 +37,14 @@ auto least = [](F a, F b) -> F { return a < b ? a : b; };
 auto most = [](F a, F b) -> F { return a > b ? a : b; };
 auto size_of = [](F a) -> F { return __builtin_elementwise_abs(a); };
 auto root = [](F a) -> F { return __builtin_elementwise_sqrt(a); };
-auto lowest_of = [](F a) -> float { return __builtin_reduce_min(a); };
-auto highest_of = [](F a) -> float { return __builtin_reduce_max(a); };
+auto folded = [](F a, auto pick) -> float {  // of all lanes; the compiler's own way minds nan and takes three times as long
+  a = pick(a, __builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7));
+  a = pick(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3));
+  a = pick(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1));
+  return pick(a, __builtin_shufflevector(a, a, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0))[0];
+};
+auto lowest_of = [&](F a) -> float { return folded(a, least); };
+auto highest_of = [&](F a) -> float { return folded(a, most); };
 auto bits = [](I m) -> unsigned {
   B b = __builtin_convertvector(m < 0, B);
   unsigned short u;
@@ -106,7 +112,9 @@ Slices c;
 Spot spot[ROOM / N];
 Kept kept;
 Ways way;
-struct { int piece, slice; } pair[PAIRS];
+struct { int piece, slice; } pair[PAIRS + N];
+int asked_piece[PAIRS + N], asked_slice[PAIRS + N];
+const I every = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 const int width = lanes.shape[1], slices = width / N, cap = ROOM / width;
 const float size = (float)scene.tile_size;
@@ -251,7 +259,7 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
   }
   for (int b = count; b < count16; ++b)
     c.cu[b] = c.cv[b] = c.ru[b] = c.rv[b] = c.disc[b] = c.ou[b] = c.ov[b] = c.pu[b] = c.pv[b] = c.pdisc[b] = 0.0f;
-  // t that at least `need` of a pack's hits do not exceed, at most a thousandth of their spread above the least
+  // t that at least `need` of a pack's hits do not exceed, at most a sixtieth of their spread above the least
   // such; t and hits are asked for by slice
   auto enough = [&](int p, auto t_of, auto is_hit) {
     F low = put(FAR), high = put(-FAR);
@@ -265,7 +273,7 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
     }
     if (hits < need) return FAR;
     float a = lowest_of(low), e = highest_of(high);
-    for (int i = 0; i < (need == 1 ? 0 : 10) && hits > need; ++i) {
+    for (int i = 0; i < (need == 1 ? 0 : 6) && hits > need; ++i) {
       const float middle = 0.5f * (a + e);
       int below = 0;
       for (int b = p * slices; b < (p + 1) * slices; ++b) below += __builtin_popcount(bits(is_hit(r[b]) & (t_of(r[b]) <= middle)));
@@ -621,7 +629,6 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
           s = turned ? -s : s;
           F adet = size_of(det);
           hit = (s >= 0.0f) & (s <= adet) & (adet >= 1.0e-20f);
-          if (!bits(hit)) return 0u;
           F qx = my * u[2] - mz * u[1], qy = mz * u[0] - mx * u[2], qz = mx * u[1] - my * u[0];
           hit &= size_of(dx * qx + dy * qy + dz * qz) <= adet + radius * s;  // radius -1: a triangle, pointed at b
           if (!bits(hit)) return 0u;
@@ -693,38 +700,48 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
 
       // 4d. The pieces that wait: against all slices at once, then against the lanes of those that they may touch;
       // what is left is tested
-      auto flush = [&]() {
-        int pairs = 0;
-        {
+      auto narrow_down = [&](int asked) {  // of the slices that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)
-          for (int n = 0; n < waiting; ++n) {
-            const float tu = kept.tu[n], tv = kept.tv[n], h = kept.h[n], inv = kept.inv[n], wide = kept.wide[n];
-            const float u = kept.u[n], v = kept.v[n], su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv), swing = sway_u * inv;
-            const float out_u = su * h + wide + swing, out_v = sv * h + wide + swing;
-            const F near = put(kept.near[n]);
-            I over = (box_u0 <= u + out_u) & (box_u1 >= u - out_u) & (box_v0 <= v + out_v) & (box_v1 >= v - out_v);
-            for (unsigned blocks = bits(over); blocks; blocks &= blocks - 1) {
-              const int b = __builtin_ctz(blocks) * N;
-              F du = load(c.cu + b) + load(c.ou + b) * inv - u, dv = load(c.cv + b) + load(c.ov + b) * inv - v;
-              F bu = load(c.ru + b) + load(c.pu + b) * inv, bv = load(c.rv + b) + load(c.pv + b) * inv;
-              F disc = load(c.disc + b) + load(c.pdisc + b) * inv;
-              I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
-                        (size_of(du * tu + dv * tv) <= wide + h + least(bu * su + bv * sv, disc)) & (load(c.reach + b) >= near);
-              for (unsigned found = bits(meets); found; found &= found - 1) {
-                const int i = b + __builtin_ctz(found);
-                const Spot& s = spot[i];
-                F lu = load(s.u) + load(s.ou) * inv - u, lv = load(s.v) + load(s.ov) * inv - v;
-                I may = (size_of(lv * tu - lu * tv) <= wide) & (size_of(lu * tu + lv * tv) <= wide + h) & (load(s.deep) >= near);
-                if (!bits(may)) continue;
-                if (pairs == PAIRS) { settle(pairs); pairs = 0; }
-                pair[pairs++] = {n, i};
-                const float* row = (const float*)scene.prims.data + (size_t)kept.prim[n] * 16;
-                __builtin_prefetch(row);
-              }
-            }
+        int pairs = 0;
+        for (int q = 0; q < asked; ++q) {
+          const int n = asked_piece[q], i = asked_slice[q];
+          const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
+          const Spot& s = spot[i];
+          F lu = load(s.u) + load(s.ou) * inv - kept.u[n], lv = load(s.v) + load(s.ov) * inv - kept.v[n];
+          I may = (size_of(lv * tu - lu * tv) <= wide) & (size_of(lu * tu + lv * tv) <= wide + kept.h[n]) &
+                  (load(s.deep) >= kept.near[n]);
+          pair[pairs] = {n, i};  // no branch: whether it stays is hard to foretell
+          pairs += bits(may) != 0;
+        }
+        for (int q = 0; q < pairs; ++q) __builtin_prefetch((const float*)scene.prims.data + (size_t)kept.prim[pair[q].piece] * 16);
+        return pairs;
+      };
+      auto flush = [&]() {
+        int asked = 0;
+        for (int n = 0; n < waiting; ++n) {
+#pragma clang fp contract(fast)
+          const float tu = kept.tu[n], tv = kept.tv[n], h = kept.h[n], inv = kept.inv[n], wide = kept.wide[n];
+          const float u = kept.u[n], v = kept.v[n], su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv), swing = sway_u * inv;
+          const float out_u = su * h + wide + swing, out_v = sv * h + wide + swing;
+          I over = (box_u0 <= u + out_u) & (box_u1 >= u - out_u) & (box_v0 <= v + out_v) & (box_v1 >= v - out_v);
+          for (unsigned blocks = bits(over); blocks; blocks &= blocks - 1) {
+            const int b = __builtin_ctz(blocks) * N;
+            F du = load(c.cu + b) + load(c.ou + b) * inv - u, dv = load(c.cv + b) + load(c.ov + b) * inv - v;
+            F bu = load(c.ru + b) + load(c.pu + b) * inv, bv = load(c.rv + b) + load(c.pv + b) * inv;
+            F disc = load(c.disc + b) + load(c.pdisc + b) * inv;
+            I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
+                      (size_of(du * tu + dv * tv) <= wide + h + least(bu * su + bv * sv, disc)) & (load(c.reach + b) >= kept.near[n]);
+            const unsigned found = bits(meets);
+            keep_ints(asked_slice + asked, every + b, meets, found);
+            storei(asked_piece + asked, puti(n));
+            asked += __builtin_popcount(found);
+          }
+          if (asked > PAIRS - SLICES) {
+            settle(narrow_down(asked));
+            asked = 0;
           }
         }
-        settle(pairs);
+        settle(narrow_down(asked));
         waiting = 0;
         if (need > 0) {  // a new hit may bring the end nearer for all of its pack
           for (int i = 0; i < news; ++i) touched[fresh[i]] = 0;
@@ -783,8 +800,7 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
           __builtin_memcpy((short*)&s + 8, (const short*)&b + 8 * i, 16);
           return __builtin_convertvector(s, F);
         };
-        const I lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-        for (int e = first; e < last; e += N) {
+                for (int e = first; e < last; e += N) {
           S4 raw[4];  // 16 entries of 8 numbers; turned into 8 slices
           __builtin_memcpy(raw, coarse + (size_t)e * 8, 256);
           S4 head0 = __builtin_shufflevector(raw[0], raw[1], 0, 8, 16, 24, 32, 40, 48, 56, 1, 9, 17, 25, 33, 41, 49, 57, 2, 10, 18, 26, 34, 42, 50, 58, 3, 11, 19, 27, 35, 43, 51, 59);
@@ -797,19 +813,19 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
           F ua = n[1][0] * ax + n[1][1] * ay + n[1][2] * az + off[1], ub = n[1][0] * bx + n[1][1] * by + n[1][2] * bz + off[1];
           F va = n[2][0] * ax + n[2][1] * ay + n[2][2] * az + off[2], vb = n[2][0] * bx + n[2][1] * by + n[2][2] * bz + off[2];
           F near = least(wa, wb) - thick * deep_step - ROUND;
-          I inside = lane < last - e, close = near < 0.05f;
-          F ia = 1.0f / wa, ib_ = 1.0f / wb, inv = 0.5f * (ia + ib_), most_inv = 1.0f / near;
+          F ia = 1.0f / wa, ib_ = 1.0f / wb, nearer = most(ia, ib_), thin = (thick * deep_step + ROUND) * nearer;
+          I inside = every < last - e, close = (near < 0.05f) | (thin > 0.25f);
+          F inv = 0.5f * (ia + ib_), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
           ua *= ia; va *= ia; ub *= ib_; vb *= ib_;
           F u = 0.5f * (ua + ub), v = 0.5f * (va + vb), hu = 0.5f * (ub - ua), hv = 0.5f * (vb - va);
           F broad = (thick * swell_step + ROUND) * most_inv * fat + sway_u * 0.71f * size_of(ia - ib_);
           F reach_u = broad + sway_u * most_inv;
           I keep = (size_of(u - gcu) <= size_of(hu) + reach_u + gru) & (size_of(v - gcv) <= size_of(hv) + reach_u + grv);
           keep = (keep | close) & inside & (near <= reach_w) & (rank <= (float)rank_max);
-          unsigned found = bits(keep);
-          if (!found) continue;
+          const unsigned found = bits(keep);
           F h = root(hu * hu + hv * hv);
           I tiny = h < 1.0e-9f;
-          F tu = tiny ? put(1.0f) : hu / h, tv = tiny ? F{} : hv / h;
+          F per_h = 1.0f / h, tu = tiny ? put(1.0f) : hu * per_h, tv = tiny ? F{} : hv * per_h;
           broad = close ? put(FAR) : broad;
           h = close ? F{} : h;
           keep_some(kept.u + waiting, close ? F{} : u, keep, found);
@@ -863,8 +879,7 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
           I side1 = __builtin_convertvector(__builtin_elementwise_floor(found[1] * per_cell), I) + SPAN / 2;
           side0 = side0 < 0 ? I{} : side0;
           side1 = side1 >= SPAN ? puti(SPAN - 1) : side1;
-          const I lane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-          for (unsigned some = bits((lo <= hi) & (found[4] <= load(way.reach + w)) & (lane < walking - w)); some; some &= some - 1) {
+                    for (unsigned some = bits((lo <= hi) & (found[4] <= load(way.reach + w)) & (every < walking - w)); some; some &= some - 1) {
             const int l = __builtin_ctz(some), b0 = side0[l], b1 = side1[l];
             const float c0 = found[2][l], c1 = found[3][l];
             for (int j = b0; j <= b1; ++j) {
@@ -899,39 +914,44 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
       flush();
 
       // 4g. What was hit: as the end of `walk_crop` in kernel/crop.py
+      int struck[ROOM + N], strikes = 0;
       for (int n = 0; n < walking; ++n)
-        for (int l = 0; l < width; ++l) {
-          const int j = walkers[n] * width + l, id = r[j / N].prim[j % N];
-          if (id < 0) continue;
-          const float* row = (const float*)scene.prims.data + (size_t)(id & (CUT - 1)) * 16;
-          const int ky = (short)(r[j / N].image[j % N] & 0xffff), kx = (r[j / N].image[j % N] - ky) / 65536;
-          float a[3], b[3], nrm[3];
-          for (int i = 0; i < 3; ++i) { a[i] = row[i]; b[i] = row[4 + i]; }
-          if (row[3] <= 0.0f) {
-            const float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-            nrm[0] = u[1] * row[10] - u[2] * row[9];
-            nrm[1] = u[2] * row[8] - u[0] * row[10];
-            nrm[2] = u[0] * row[9] - u[1] * row[8];
-          } else {
-            if (id & CUT) cut_back(a, b, 0.01f * (float)foot_code(row, kx, ky) * squeeze);
-            const float s = r[j / N].limit[j % N];
-            const float q[3] = {r[j / N].p[0][j % N] + s * r[j / N].q[0][j % N] - a[0] - kx * size, r[j / N].p[1][j % N] + s * r[j / N].q[1][j % N] - a[1] - ky * size, r[j / N].p[2][j % N] + s * r[j / N].q[2][j % N] - a[2]};
-            const float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-            const float f = lower(upper(dot3(q, u) / upper(dot3(u, u), 1.0e-20f), 0.0f), 1.0f);
-            for (int i = 0; i < 3; ++i) nrm[i] = q[i] - f * u[i];
-          }
-          const float x = mirror_x ? -nrm[0] : nrm[0], y = mirror_y ? -nrm[1] : nrm[1];
-          const float lift = (nrm[2] - x * stand[1] - y * stand[2]) * squeeze;
-          const float gx_ = x - lift * plane[1], gy_ = y - lift * plane[2];
-          const float length = upper(__builtin_sqrtf(gx_ * gx_ + gy_ * gy_ + lift * lift), 1.0e-20f);
-          int what = (int)row[11];
-          const bool is_stub = (id & CUT) && what == 3;
-          if (is_stub) what = 6;
-          r[j / N].t[j % N] = r[j / N].start[j % N] + r[j / N].limit[j % N] * r[j / N].shrink[j % N];
-          r[j / N].what[j % N] = what;
-          r[j / N].cosine[j % N] = lower(1.0f, __builtin_fabsf(gx_ * r[j / N].dx[j % N] + gy_ * r[j / N].dy[j % N] + lift * r[j / N].dz[j % N]) / length);
-          r[j / N].albedo[j % N] = row[14] > 0.0f && !is_stub ? row[14] : scene.reflectance.data[what];
+        for (int b = walkers[n] * slices; b < (walkers[n] + 1) * slices; ++b) {
+          I hit = loadi(r[b].prim) >= 0;
+          keep_ints(struck + strikes, every + b * N, hit, bits(hit));
+          strikes += __builtin_popcount(bits(hit));
         }
+      for (int n = 0; n < strikes; ++n) {
+        const int j = struck[n], id = r[j / N].prim[j % N];
+        const float* row = (const float*)scene.prims.data + (size_t)(id & (CUT - 1)) * 16;
+        const int ky = (short)(r[j / N].image[j % N] & 0xffff), kx = (r[j / N].image[j % N] - ky) / 65536;
+        float a[3], b[3], nrm[3];
+        for (int i = 0; i < 3; ++i) { a[i] = row[i]; b[i] = row[4 + i]; }
+        if (row[3] <= 0.0f) {
+          const float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+          nrm[0] = u[1] * row[10] - u[2] * row[9];
+          nrm[1] = u[2] * row[8] - u[0] * row[10];
+          nrm[2] = u[0] * row[9] - u[1] * row[8];
+        } else {
+          if (id & CUT) cut_back(a, b, 0.01f * (float)foot_code(row, kx, ky) * squeeze);
+          const float s = r[j / N].limit[j % N];
+          const float q[3] = {r[j / N].p[0][j % N] + s * r[j / N].q[0][j % N] - a[0] - kx * size, r[j / N].p[1][j % N] + s * r[j / N].q[1][j % N] - a[1] - ky * size, r[j / N].p[2][j % N] + s * r[j / N].q[2][j % N] - a[2]};
+          const float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+          const float f = lower(upper(dot3(q, u) / upper(dot3(u, u), 1.0e-20f), 0.0f), 1.0f);
+          for (int i = 0; i < 3; ++i) nrm[i] = q[i] - f * u[i];
+        }
+        const float x = mirror_x ? -nrm[0] : nrm[0], y = mirror_y ? -nrm[1] : nrm[1];
+        const float lift = (nrm[2] - x * stand[1] - y * stand[2]) * squeeze;
+        const float gx_ = x - lift * plane[1], gy_ = y - lift * plane[2];
+        const float length = upper(__builtin_sqrtf(gx_ * gx_ + gy_ * gy_ + lift * lift), 1.0e-20f);
+        int what = (int)row[11];
+        const bool is_stub = (id & CUT) && what == 3;
+        if (is_stub) what = 6;
+        r[j / N].t[j % N] = r[j / N].start[j % N] + r[j / N].limit[j % N] * r[j / N].shrink[j % N];
+        r[j / N].what[j % N] = what;
+        r[j / N].cosine[j % N] = lower(1.0f, __builtin_fabsf(gx_ * r[j / N].dx[j % N] + gy_ * r[j / N].dy[j % N] + lift * r[j / N].dz[j % N]) / length);
+        r[j / N].albedo[j % N] = row[14] > 0.0f && !is_stub ? row[14] : scene.reflectance.data[what];
+      }
     }
     for (int n = 0; n < acts; ++n) {
       const int p = act[n];
