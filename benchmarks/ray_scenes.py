@@ -55,7 +55,7 @@ def ground(x: Any, y: Any) -> np.ndarray:
 def make_scene(
     density: float, *, cut: float = 0.3, first: tuple[int, int] = (7, -5), tiles: tuple[int, int] = (10, 10)
 ) -> Scene:
-    """Hills with tiles[0] x tiles[1] tiles of wheat from tile `first`; the share `cut`, at the left, is stubble."""
+    """Hills with tiles[0] x tiles[1] tiles of wheat from tile `first`; the share `cut` is stubble."""
     library, count, n = make_wheat(density), ROWS * COLUMNS, PAGE_TILES
     shape = (count, n, n)
     state = np.zeros((ROWS * n, COLUMNS * n), int)
@@ -64,7 +64,7 @@ def make_scene(
     state[y0 + round((1.0 - cut) * tiles[1]) : y0 + tiles[1], x0 : x0 + tiles[0]] = 2
     node = np.arange(PAGE_NODES + 1) / 8.0
     at = np.stack(np.meshgrid(np.arange(COLUMNS), np.arange(ROWS)), axis=-1).reshape(-1, 2)
-    corner = (at + [FIRST_X, FIRST_Y]) * n * library.tile_size
+    corner = (at + np.array([FIRST_X, FIRST_Y])) * n * library.tile_size
     height = ground(
         corner[:, 0, None, None] + node[None, None] * library.tile_size,
         corner[:, 1, None, None] + node[None, :, None] * library.tile_size,
@@ -208,7 +208,7 @@ def _weld(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def make_beams(sub_rays: int, count: int = 60_000, beams: int = 180) -> tuple[np.ndarray, np.ndarray]:
-    """About `count` rays, (beams, sub_rays, 3): scan lines of 6 mrad beams 1/6 deg apart, 14 to 22 deg down."""
+    """About `count` rays, (beams, sub_rays, 3): lines of 6 mrad beams 1/6 deg apart, 14 to 22 deg down."""
     lines = max(1, count // (beams * sub_rays))
     depression = np.radians(14 + 8 * (np.arange(lines) + 0.5) / lines)
     azimuth = np.radians((np.arange(beams) - 0.5 * (beams - 1)) / 6)

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from _harness import interleave, machine, median, resident_bytes, write_json
 from ray_scenes import make_beams, make_embree, make_picture, make_scene, organs
 
+from swath.field.layout import shared_rows
 from swath.rays.engine import RayCaster
 
 REACH = 60.0
@@ -31,7 +32,10 @@ def scene_bytes(caster: RayCaster) -> int:
     library, pages = caster.field.library, caster.field.pages
     held = [v for part in (library, pages) for v in vars(part).values() if isinstance(v, np.ndarray)]
     walk = caster._group_walk
-    return sum(v.nbytes for v in held) + 64 * len(library.radius) + (walk.held.byte_count if walk else 0)
+    rows = 64 * len(library.radius)
+    if shared_rows(library) is not None:  # the arrays of the library are views of them
+        rows -= sum(getattr(library, name).nbytes for name in ("a", "b", "radius", "width", "base"))
+    return sum(v.nbytes for v in held) + rows + (walk.held.byte_count if walk else 0)
 
 
 def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
@@ -243,7 +247,8 @@ def main(out_dir: Path | str = "out/bench", *, rounds: int = 7, count: int = 60_
     console.print(table)
     ours, theirs = ([r[k] / 1e6 for r in results] for k in ("swath_bytes", "embree_bytes"))
     console.print(
-        f"Memory at 200 / 600 plants/m2: {ours[0]:.1f} / {ours[1]:.1f} MB, Embree {theirs[0]:.0f} / {theirs[1]:.0f} MB"
+        f"Memory at 200 / 600 plants/m2: {ours[0]:.1f} / {ours[1]:.1f} MB, "
+        f"Embree {theirs[0]:.0f} / {theirs[1]:.0f} MB"
     )
     c, s = data["camera"], data["scanner"]
     console.print(

@@ -108,6 +108,24 @@ class PlantLibrary:
     own_reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
 
+def primitive_rows(count: int) -> NDArray[np.float32]:
+    """Zeros (count, 16): a cache line of 64 bytes for each primitive, as ray kernels read them."""
+    room = np.zeros((count + 1) * 16, np.float32)
+    first = (-room.ctypes.data % 64) // 4
+    rows: NDArray[np.float32] = room[first : first + count * 16].reshape(count, 16)
+    return rows
+
+
+def shared_rows(library: PlantLibrary) -> NDArray[np.float32] | None:
+    """The rows that a, radius, b, width and base of a library are views of; None where they are not."""
+    views = ((library.a, 0), (library.radius, 3), (library.b, 4), (library.width, 8), (library.base, 12))
+    start = library.a.ctypes.data
+    if any(v.ctypes.data != start + 4 * i or v.strides[0] != 64 for v, i in views) or start % 64:
+        return None
+    rows: NDArray[np.float32] = np.lib.stride_tricks.as_strided(library.a, (len(library.a), 16), (64, 4))
+    return rows
+
+
 @dataclass
 class Pages:
     """Pools of page data. The first axis of a pool is the page slot; pools grow by doubling.

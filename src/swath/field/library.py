@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.layout import Organ, PlantLibrary, Shape
+from swath.field.layout import Organ, PlantLibrary, Shape, primitive_rows
 from swath.field.plants import Plants, leaf_parts_of, make_plants
 from swath.field.plants.parts import joined
 from swath.field.setup import Detail
@@ -79,6 +79,12 @@ def make_library(
         reflectance[Organ[name.upper()]] = value
     if weeds is not None:
         reflectance[Organ.WEED] = weeds.reflectance["weed"]
+    shape = plants.shape[pieces.source]
+    radius, width = plants.radius[pieces.source], plants.width[pieces.source]
+    parts = ((pieces.a, 0, 3), (radius, 3, 4), (pieces.b, 4, 7), (width, 8, 11), (pieces.base, 12, 14))
+    rows = primitive_rows(len(shape))
+    for values, first, after in parts:
+        rows[:, first:after] = values.reshape(len(shape), -1)
     return PlantLibrary(
         tile_size=size,
         tile_count=tile_count,
@@ -91,14 +97,14 @@ def make_library(
         stem_height=plants.height.astype(np.float32),
         grain_kg=plants.grain_kg,
         straw_kg=plants.straw_kg,
-        shape=plants.shape[pieces.source],
+        shape=shape,
         organ=plants.organ[pieces.source],
-        a=pieces.a.astype(np.float32),
-        b=pieces.b.astype(np.float32),
-        radius=plants.radius[pieces.source].astype(np.float32),
-        width=plants.width[pieces.source].astype(np.float32),
+        a=rows[:, 0:3],
+        b=rows[:, 4:7],
+        radius=rows[:, 3].copy() if (shape == Shape.TRIANGLE).any() else rows[:, 3],
+        width=rows[:, 8:11],
         owner=plants.owner[pieces.source],
-        base=pieces.base.astype(np.float32),
+        base=rows[:, 12:14],
         columns=columns,
         bins=bins,
         bin_height=_top(plants) / bins,

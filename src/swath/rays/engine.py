@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swath.field.layout import Pages, PlantLibrary, Shape, Solids
+from swath.field.layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
 from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp, thread_count
@@ -333,23 +333,16 @@ class RayCaster:
 
 def pack_primitives(library: PlantLibrary) -> F32:
     """Primitives as the kernel reads them, (4 m, 4), see `kernel/scene.py`."""
-    packed = _aligned(len(library.owner))
-    packed[:, 0, :3], packed[:, 0, 3] = library.a, library.radius
-    packed[:, 1, :3], packed[:, 1, 3] = library.b, library.stem_rank[library.owner]
-    packed[:, 2, :3], packed[:, 2, 3] = library.width, library.organ
-    packed[:, 0, 3] -= library.shape == Shape.TRIANGLE
-    packed[:, 3, :2] = library.base
+    rows = shared_rows(library)
+    if rows is None:
+        rows = primitive_rows(len(library.owner))
+        rows[:, 0:3], rows[:, 4:7], rows[:, 8:11] = library.a, library.b, library.width
+        rows[:, 3] = np.where(library.shape == Shape.TRIANGLE, -1.0, library.radius)
+        rows[:, 12:14] = library.base
+    rows[:, 7], rows[:, 11] = library.stem_rank[library.owner], library.organ
     if len(library.own_reflectance):
-        packed[:, 3, 2] = library.own_reflectance
-    result: F32 = packed.reshape(-1, 4)
-    return result
-
-
-def _aligned(count: int, line: int = 64) -> F32:
-    """Zeros (count, 4, 4) that start at a cache line, so that a primitive never lies across two."""
-    room = np.zeros(count * 16 + line // 4, np.float32)
-    first = (-room.ctypes.data % line) // 4
-    result: F32 = room[first : first + count * 16].reshape(count, 4, 4)
+        rows[:, 14] = library.own_reflectance
+    result: F32 = rows.reshape(-1, 4)
     return result
 
 
