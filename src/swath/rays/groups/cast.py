@@ -31,6 +31,7 @@ class GroupWalk:
         index, held = Index(), self.held
         index.columns, index.bins = held.columns, held.bins
         index.side, index.bin_height, index.step = held.side, held.bin_height, held.step
+        index.skirt = held.skirt
         index.reach = wp.vec3(*held.reach)
         index.start = wp.array(held.start, dtype=wp.int32, device="cpu", copy=False)
         index.primitive = wp.array(held.primitive, dtype=wp.int32, device="cpu", copy=False)

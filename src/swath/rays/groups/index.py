@@ -30,13 +30,15 @@ class GroupIndex:
     start: (cells + 1,) first entry of a cell; primitive: (n,) what an entry lists
     coarse: (n, 8) ends a and b of a piece in steps of `step` [m], half width, rank (rounded down); the half
     width covers all rounding, so the coarse piece contains the true one
-    reach: (3,) how far pieces extend around their middle [m]; side, bin_height of the cells [m]
+    reach: (3,) how far pieces extend around their middle [m]; side, bin_height of the cells [m]; skirt: a piece's
+    foot lies at most so many columns from the one that it is listed in
     """
 
     columns: int
     bins: int
     side: float
     bin_height: float
+    skirt: int
     step: float
     reach: tuple[float, float, float]
     start: NDArray[np.int32]
@@ -75,12 +77,14 @@ def make_index(library: PlantLibrary) -> GroupIndex:
     count = np.bincount(flat, minlength=library.tile_count * columns * columns * bins)
     coarse, step = _coarse(a, b, width, library.stem_rank[library.owner[item]])
     spare = np.zeros(LANES, np.int32)
+    away = np.abs(middle[:, :2] - library.base[item]).max(initial=0.0)
     reach = 0.5 * (high - low).max(axis=0, initial=0.0) + 1e-6
     return GroupIndex(
         columns=columns,
         bins=bins,
         side=size / columns,
         bin_height=bin_height,
+        skirt=int(np.ceil(away * columns / size + 1e-3)),
         step=step,
         reach=(float(reach[0]), float(reach[1]), float(reach[2])),
         start=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),

@@ -18,6 +18,7 @@ class Index:
     bins: int
     side: float
     bin_height: float
+    skirt: int
     step: float
     reach: wp.vec3
     start: wp.array(dtype=int)

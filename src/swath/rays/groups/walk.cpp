@@ -13,6 +13,9 @@ typedef float F __attribute__((vector_size(64)));
 typedef int I __attribute__((vector_size(64)));
 typedef short S __attribute__((vector_size(32)));
 typedef short S4 __attribute__((vector_size(64)));
+typedef unsigned char U __attribute__((vector_size(64)));
+typedef unsigned char B16 __attribute__((vector_size(16)));
+typedef unsigned long long W8 __attribute__((vector_size(64)));
 typedef bool B __attribute__((ext_vector_type(16)));
 constexpr int N = 16;            // lanes of a vector
 constexpr int ROOM = 1024;       // lanes of a group
@@ -20,6 +23,7 @@ constexpr int SLICES = ROOM / N, PACKS = SLICES;  // packs of a group at most
 constexpr int PAIRS = 4096;      // pieces and slices that wait
 constexpr int KEPT = 2048;       // pieces that wait for their test
 constexpr int FLUSH = 8;         // so many are enough for a test
+constexpr int AROUND = 8;        // columns of a tile, one way
 constexpr int SPAN = 2048;       // columns side by side that a walk through one tile may touch
 constexpr float FAR = 1.0e30f;
 constexpr float NARROW = 0.03f;  // 1 - cos of the widest angle in a group, about 14 deg
@@ -473,6 +477,7 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
       return;
     }
     if (walking) {
+      const int cut_row = scene.cut_slot.data[slot];
       // 4a. From the prototype into the group's frame: depth, u, v = m x + shift
       float m[3][3], shift[3], reach_w = -FAR, gu0 = FAR, gu1 = -FAR, gv0 = FAR, gv1 = -FAR;
       {
@@ -493,6 +498,64 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
       const float m11 = dot3(m[1], m[1]), m22 = dot3(m[2], m[2]), m12 = dot3(m[1], m[2]);
       const float swell = 1.0001f * __builtin_sqrtf(0.5f * (m11 + m22) + __builtin_sqrtf(0.25f * (m11 - m22) * (m11 - m22) + m12 * m12));
       const float deep = 1.0001f * __builtin_sqrtf(dot3(m[0], m[0]));
+      // 4a'. Where cells of the tile are cut: how high what is left can reach, for each column, by the highest code of
+      // the columns around it in which its stems may stand; beyond the page all may stand
+      float live[AROUND][AROUND];  // [m] in the prototype
+      bool trims = false;
+      if (cut_row >= 0 && index.columns == 8 && index.skirt <= 4) {
+        const unsigned char* codes = scene.cut.data + (size_t)cut_row * 512 * 512;
+        auto bytes = [](const unsigned char* p) -> U { U v; __builtin_memcpy(&v, p, 64); return v; };
+        auto larger = [](auto a, auto b) { return __builtin_elementwise_max(a, b); };
+        U least_code = bytes(codes + (size_t)(jy * 64) * 512 + jx * 64);
+        for (int y = 1; y < 64; ++y)
+          least_code = __builtin_elementwise_min(least_code, bytes(codes + (size_t)(jy * 64 + y) * 512 + jx * 64));
+        trims = __builtin_reduce_min(least_code) != STANDING;
+        if (trims) {
+          const int from_x = jx * 8 - 4 < 0 ? 0 : jx * 8 - 4 > 48 ? 48 : jx * 8 - 4;  // first of 16 columns of the page
+          const int shift_x = from_x - (jx * 8 - 4), side = 2 * index.skirt + 1, begin = 4 - index.skirt;
+          unsigned char block[16][48], wide_of[16][16];
+          __builtin_memset(block, STANDING, sizeof block);
+          for (int y = 0; y < 16; ++y) {
+            const int row = jy * 8 - 4 + y;
+            if (row < 0 || row > 63) continue;
+            const unsigned char* at_row = codes + (size_t)(row * 8) * 512 + from_x * 8;
+            for (int half = 0; half < 2; ++half) {
+              U m = bytes(at_row + half * 64);
+              for (int v = 1; v < 8; ++v) m = larger(m, bytes(at_row + v * 512 + half * 64));
+              for (int bit = 32; bit >= 8; bit /= 2) {
+                W8 q;
+                __builtin_memcpy(&q, &m, 64);
+                q >>= bit;
+                U moved;
+                __builtin_memcpy(&moved, &q, 64);
+                m = larger(m, moved);
+              }
+              for (int x = 0; x < 8; ++x) block[y][16 + shift_x + half * 8 + x] = m[8 * x];
+            }
+          }
+          for (int y = 0; y < 16; ++y) {
+            B16 m;
+            __builtin_memcpy(&m, &block[y][16 + begin], 16);
+            for (int i = 1; i < side; ++i) {
+              B16 next;
+              __builtin_memcpy(&next, &block[y][16 + begin + i], 16);
+              m = larger(m, next);
+            }
+            __builtin_memcpy(wide_of[y], &m, 16);
+          }
+          for (int y = 0; y < 8; ++y)
+            for (int x = 0; x < 8; ++x) {
+              int code = 0;
+              for (int i = 0; i < side; ++i) code = wide_of[y + begin + i][x] > code ? wide_of[y + begin + i][x] : code;
+              live[mirror_y ? 7 - y : y][mirror_x ? 7 - x : x] =
+                  code == STANDING ? FAR : code == 0 ? -FAR : 0.01f * (float)code * squeeze + 0.02f;
+            }
+        }
+      }
+      auto live_top = [&](int x, int y) {  // of a column of the unwrapped prototype
+        if (!trims || x < 0 || y < 0 || x >= index.columns || y >= index.columns) return FAR;
+        return live[y][x];
+      };
       // 4b. The walk's axis, and each pack's way as linear bounds along it
       float lead_q[3] = {0, 0, 0};
       for (int l = 0; l < width; ++l) {
@@ -577,7 +640,6 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
       const float fat = 1.01f * __builtin_sqrtf(1.0f + slant);
       const int kind = (prototype & 0xffff) * index.columns * index.columns;
       const int rank_max = stand[3] >= 1.0f ? 32767 : (int)(stand[3] * 32767.0f) + 1;
-      const int cut_row = scene.cut_slot.data[slot];
       int waiting = 0;
       unsigned char touched[SLICES] = {};
       int fresh[SLICES + ROOM / N], news = 0, walker_of[PACKS];
@@ -899,13 +961,16 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
           if (axis == 2) {
             const int ky = per(j, columns), row = (kind + (j - ky * columns) * columns) * bins + i;
             for (int x = down(c0 / cell[0]); x <= down(c1 / cell[0]); ++x) {
+              if (i * cell[2] - wide[2] > live_top(x, j)) continue;
               const int kx = per(x, columns), at_cell = row + (x - kx * columns) * bins;
               queue(index.start.data[at_cell], index.start.data[at_cell + 1], kx, ky);
             }
           } else {
             const int x = axis == 0 ? i : j, y = axis == 0 ? j : i, kx = per(x, columns), ky = per(y, columns);
             const int at_cell = (kind + (y - ky * columns) * columns + x - kx * columns) * bins;
-            queue(index.start.data[at_cell + bin_of(c0)], index.start.data[at_cell + bin_of(c1) + 1], kx, ky);
+            const float tallest = live_top(x, y) + wide[2];
+            if (c0 > tallest) continue;
+            queue(index.start.data[at_cell + bin_of(c0)], index.start.data[at_cell + bin_of(lower(c1, tallest)) + 1], kx, ky);
           }
         }
         queue(0, 0, 0, 0);
