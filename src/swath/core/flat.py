@@ -20,6 +20,7 @@ from swath.core.signals import (
     CropFlow,
     EngineState,
     FeedReading,
+    Fix,
     HeaderState,
     LossReading,
     MachineLoad,
@@ -61,6 +62,11 @@ UNITS: dict[type[Signal], dict[str, str]] = {
     Scan: {"beam_t": "s", "azimuth": "rad", "elevation": "rad", "ranges": "m"},
     ScanTruth: {"points": "m", "sensor_position": "m"},
     Odometry: {"speed": "m/s", "yaw_rate": "rad/s", "steer_angle": "rad"},
+    Fix: {
+        **dict.fromkeys(("x", "y", "z", "horizontal_sd", "vertical_sd", "height"), "m"),
+        **dict.fromkeys(("speed", "speed_sd"), "m/s"),
+        **dict.fromkeys(("course", "longitude", "latitude"), "rad"),
+    },
     CropEdge: {
         "offset": "m",
         "heading": "rad",

@@ -88,6 +88,35 @@ class Odometry(Signal):
     steer_angle: float
 
 
+FIX_QUALITIES = ("none", "single", "dgps", "float", "fix")  # of a Fix, by number
+
+
+@frozen
+class Fix(Signal):
+    """A satellite receiver's position. t: when it was measured; it comes out later.
+
+    x, y, z: of the antenna in the world [m], nan = no position
+    speed: over ground, horizontal [m/s]; course: where to, from east, > 0 left [rad]; nan = not known
+    horizontal_sd (east and north, each), vertical_sd [m], speed_sd [m/s]: 1 sigma as the receiver reports it
+    quality: number of its name in `FIX_QUALITIES`
+    longitude, latitude [rad], height [m] of the same place in the field's geodetic system, nan where the
+    field lies nowhere on Earth
+    """
+
+    x: float
+    y: float
+    z: float
+    speed: float
+    course: float
+    horizontal_sd: float
+    vertical_sd: float
+    speed_sd: float
+    quality: int
+    longitude: float = float("nan")
+    latitude: float = float("nan")
+    height: float = float("nan")
+
+
 @frozen
 class CropEdge(Signal):
     """The crop edge as detected, in the machine frame (x forward, y left, on the ground).

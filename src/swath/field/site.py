@@ -11,6 +11,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.setup import MachineGeometry
 from swath.field.field import Field
+from swath.field.io.project import Origin
 from swath.field.layout import Solids
 from swath.field.solids import merge, moved
 
@@ -64,6 +65,7 @@ class SiteSetup:
     edge_side: `left` or `right`, the end of the header that follows the edge
     period [s] of the component; name: of the machine; obstacles: in the world; bodies: of all machines
     base: folder that relative file names start from
+    origin: where on Earth the world's origin lies, if that is known
     """
 
     field: Field
@@ -75,6 +77,7 @@ class SiteSetup:
     obstacles: Solids = dataclasses.field(default_factory=Solids)
     bodies: Bodies = dataclasses.field(default_factory=Bodies)
     base: Path = dataclasses.field(default_factory=Path)
+    origin: Origin | None = None
 
     def solids(self) -> Solids:
         """Everything hard that this machine's sensors can see: obstacles and the other machines."""

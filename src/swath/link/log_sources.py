@@ -11,14 +11,19 @@ from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.flat import flat_fields
 from swath.core.setup import LinkSetup
-from swath.core.signals import MachineState, Scan
+from swath.core.signals import Fix, MachineState, Scan, Signal
 from swath.sensing.mount import Mount
+from swath.sim import positioning
 from swath.sim.recorded import feed as feeds
 from swath.sim.recorded.files import Log
 from swath.sim.recorded.fixes import TangentPlane, ToLocal, field_plane
 from swath.sim.recorded.messages import Context, maker_for, message_names
 
 FIX = "sensor_msgs/msg/NavSatFix"
+BESIDE: dict[type[Signal], str] = {
+    Scan: "_points",
+    Fix: positioning.BESIDE,
+}  # topics that say more than the output's own
 
 
 @dataclass(frozen=True)
@@ -97,11 +102,12 @@ def choose_sources(
         if is_exact:
             port = ports.get(name) or feeds.exact_port(log, recorded, name)
             found.append(Source(port, (feeds.exact_topic(recorded, name),), is_exact=True))
-        elif name in ports:
-            near = [f"{name}_points", name] if ports[name].signal is Scan else [name]
-            topic = next(f"/{recorded.replace('.', '/')}/{n}" for n in near if n in outputs)
-            if maker_for(ports[name].signal, types[topic], context) is not None:
-                found.append(Source(ports[name], (topic,)))
+    for name, port in ports.items():
+        near = [n for n in (name + BESIDE.get(port.signal, ""), name) if n in outputs]
+        if near and not outputs.get(name):
+            topic = f"/{recorded.replace('.', '/')}/{near[0]}"
+            if maker_for(port.signal, types[topic], context) is not None:
+                found.append(Source(port, (topic,)))
     if not found:
         listed = ", ".join(f"{t} ({k.rpartition('/')[2]})" for t, k in types.items()) or "nothing"
         expected = f"expected topics for {', '.join(ports)}, the recording has no {recorded}; it has {listed}"

@@ -17,6 +17,7 @@ from swath.core.schedule import NS
 from swath.core.setup import MachineGeometry
 from swath.core.signals import (
     CropEdge,
+    Fix,
     MachineState,
     Odometry,
     Scan,
@@ -27,6 +28,7 @@ from swath.core.signals import (
 )
 from swath.field.io.project import Origin
 from swath.sim.mcap import McapFile
+from swath.sim.positioning import fix_messages
 
 POINT_FIELDS = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"))
 # As the drivers of rotating scanners name and type them (velodyne_pointcloud: `ring`, `time`), then our own.
@@ -43,6 +45,7 @@ class RecordedMachine:
     name: its key in the scenario; geometry: its data sheet; edge_side: `left` or `right`
     mounting: sensor slot (without the machine's name) -> pose_machine_sensor
     origin: where on Earth the world's origin lies, if that is known
+    slots: that it has
     """
 
     name: str
@@ -50,6 +53,7 @@ class RecordedMachine:
     edge_side: str
     mounting: Mapping[str, Pose] = field(default_factory=dict)
     origin: Origin | None = None
+    slots: tuple[str, ...] = ()
 
 
 class Messenger:
@@ -75,6 +79,10 @@ class Messenger:
             self.file.write(topic, t, self._cloud(signal.t, "map", cloud))
         elif isinstance(signal, Odometry):
             self._write_odometry(topic, t, signal)
+        elif isinstance(signal, Fix):
+            frame, is_on_earth = f"{self.machine.name}/{slot}", self.machine.origin is not None
+            for ending, message in fix_messages(self.file, signal, frame, is_on_earth=is_on_earth):
+                self.file.write(topic + ending, t, message)
         elif isinstance(signal, CropEdge):
             self.file.write(topic, t, self.file.of_signal(signal, self._base))
             self.file.write(f"{topic}_marker", t, self._edge_marker(signal))
@@ -101,7 +109,7 @@ class Messenger:
         self.file.write(topic, t, self._odometry(state.t, "map", state.pose, twist))
         moved = [self._transform(state.t, "map", self._base, state.pose)]
         self.file.write("/tf", t, self.file.make("tf2_msgs/msg/TFMessage", transforms=moved))
-        if self.machine.origin is not None and state.t >= self._next_fix:
+        if self.machine.origin is not None and "gnss" not in self.machine.slots and state.t >= self._next_fix:
             self._next_fix = state.t + FIX_PERIOD
             fix = self._fix(state, self.machine.origin)
             self.file.write(f"{topic.rpartition('/')[0]}/fix", t, fix)

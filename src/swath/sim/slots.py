@@ -16,6 +16,7 @@ from swath.core.signals import (
     CropFlow,
     EngineState,
     FeedReading,
+    Fix,
     HeaderState,
     LossReading,
     MachineLoad,
@@ -119,6 +120,15 @@ SLOTS: tuple[SlotKind, ...] = (
         {**_STATE, "steering": ("steering", "steering")},
     ),
     SlotKind(
+        "gnss",
+        ("swath.sensing.gnss",),
+        "error",
+        10.0,
+        (Port("fix", Fix),),
+        _STATE,
+        is_on=False,
+    ),
+    SlotKind(
         "edge",
         ("swath.control.edge", "swath.sensing.edge"),
         "max_likelihood",
@@ -171,7 +181,7 @@ SLOT_NAMES = tuple(s.name for s in SLOTS)
 TRUTH = (MachineState, ScanTruth)  # what control never sees
 CONTROL = ("edge", "ahead", "steer", "speed")  # these are told the machine's geometry, never the truth
 # Whose level may change while a run goes on: they keep nothing of the machine's motion and masses.
-EXCHANGEABLE = ("lidar", "odometry", "crop_flow", "edge", "ahead", "steer", "speed")
+EXCHANGEABLE = ("lidar", "odometry", "gnss", "crop_flow", "edge", "ahead", "steer", "speed")
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
     "terrain": ("swath.field.terrain",),

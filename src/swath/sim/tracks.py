@@ -16,6 +16,7 @@ from swath.core.signals import (
     CropEdge,
     CropFlow,
     EngineState,
+    Fix,
     HeaderState,
     MachineLoad,
     MachineState,
@@ -104,6 +105,18 @@ COLUMNS = (
     Column("fuel_kg_s", "kg/s", "fuel burnt", _of(EngineState, "fuel")),
 )
 
+# Only of a machine that has the slot.
+SENSOR_COLUMNS = {
+    "gnss": (
+        Column("fix_t_s", "s", "time the newest fix was measured", _seconds(Fix)),
+        Column("fix_x_m", "m", "antenna as measured, east", _of(Fix, "x")),
+        Column("fix_y_m", "m", "antenna as measured, north", _of(Fix, "y")),
+        Column("fix_z_m", "m", "antenna as measured, height", _of(Fix, "z")),
+        Column("fix_speed_m_s", "m/s", "measured speed over ground", _of(Fix, "speed")),
+        Column("fix_quality", "-", "0 none, 1 single, 2 dgps, 3 float, 4 fix", _of(Fix, "quality")),
+    ),
+}
+
 
 def header_end_columns(machine: RecordedMachine) -> tuple[Column, Column]:
     """World position of the header end that follows the edge."""
@@ -127,7 +140,8 @@ class Tracks:
 
     def __init__(self, machine: RecordedMachine, period: int, extra: tuple[Column, ...] = ()) -> None:
         self.machine = machine
-        self.columns = (*COLUMNS, *header_end_columns(machine), *extra)
+        sensors = [c for slot in machine.slots for c in SENSOR_COLUMNS.get(slot, ())]
+        self.columns = (*COLUMNS, *header_end_columns(machine), *sensors, *extra)
         self._rows: list[list[float]] = []
         self._latest: dict[type[Signal], Any] = {}
         self._period, self._due, self._is_open = period, 0, False

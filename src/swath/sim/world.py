@@ -74,7 +74,9 @@ class Machine:
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
-        return RecordedMachine(self.name, self.card, self.edge_side, self.mountings, self.origin)
+        return RecordedMachine(
+            self.name, self.card, self.edge_side, self.mountings, self.origin, tuple(self.parts)
+        )
 
 
 @dataclass(frozen=True)
@@ -221,7 +223,8 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     machine_name, _, slot = name.partition(".")
     section, machine = world.scenario.machines[machine_name], world.machines[machine_name]
     file = world.scenario.file
-    site = Site(world.field, world.obstacles, world.bodies, file.parent if file is not None else Path.cwd())
+    base = file.parent if file is not None else Path.cwd()
+    site = Site(world.field, world.obstacles, world.bodies, base, machine.origin)
     start = _start(section, world.field, machine.card)
     setup = _setup(section, slot, choice, machine.card, start, machine.mountings, site)
     component = _make(machine_name, slot, choice, setup)
@@ -280,6 +283,7 @@ def _setup(
         obstacles=site.obstacles,
         bodies=site.bodies,
         base=site.base,
+        origin=site.origin,
     )
 
 

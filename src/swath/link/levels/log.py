@@ -51,7 +51,7 @@ class LogPlayer:
         self._shift = self.log.begin() if any(not s.is_exact for s in self._sources) else 0
         self._shift += round(params.start_s * NS)
         self._period = round(setup.control.period * NS)
-        self._context = Context(setup.control.machine.wheelbase)
+        self._context = Context(setup.control.machine.wheelbase, to_local(params, setup.base))
         self._fixes: dict[str, list[Timed]] = {}
         self._demux: Demux | None = None
         self.mounting = self._mounting()
@@ -203,7 +203,7 @@ class LogPlayer:
             samples = feeds.exact_samples(records)
         elif source.numbers:
             samples = self._from_numbers(source, records)
-        elif self._types[source.topics[0]] == FIX:
+        elif self._types[source.topics[0]] == FIX and source.port.signal is MachineState:
             samples = iter(self._track(source.topics[0]))
         else:
             make = maker_for(source.port.signal, self._types[source.topics[0]], self._context)

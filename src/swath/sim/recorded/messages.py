@@ -6,6 +6,7 @@
 | ScanTruth | PointCloud2 with `beam` and `echo` |
 | MachineState | Odometry, PoseStamped, PoseWithCovarianceStamped, NavSatFix (`fixes.py`) |
 | Odometry | Odometry, TwistStamped, Twist |
+| Fix | NavSatFix, Odometry (`positioning.py`) |
 | SpeedCommand | TwistStamped, Twist, AckermannDriveStamped, AckermannDrive, Float64, Float32 |
 | SteerState, SteerCommand | AckermannDriveStamped, AckermannDrive, Float64, Float32 |
 | any | swath_msgs/<its name> |
@@ -27,6 +28,7 @@ from swath.core.schedule import NS
 from swath.core.signals import (
     F32,
     F64,
+    Fix,
     MachineState,
     Odometry,
     Scan,
@@ -36,6 +38,7 @@ from swath.core.signals import (
     SteerCommand,
     SteerState,
 )
+from swath.sim.recorded import positioning
 
 Maker = Callable[[Any, int], Signal]  # (message, log time [ns]) -> sample on the clock of the log
 POINT_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}  # PointField
@@ -54,9 +57,14 @@ STANDING = 0.05  # below this speed a turn rate says nothing about the steering 
 
 @dataclass(frozen=True)
 class Context:
-    """wheelbase [m] of the machine that the samples are for."""
+    """wheelbase [m] of the machine that the samples are for.
+
+    to_local: (n, 3) longitude, latitude [deg], height [m] -> (n, 3) east, north, up [m]; None: the plane at
+    the first position
+    """
 
     wheelbase: float
+    to_local: Callable[[F64], F64] | None = None
 
 
 def maker_for(signal: type[Signal], msgtype: str, context: Context) -> Maker | None:
@@ -272,6 +280,10 @@ def _of_own(signal: type[Signal], message: Any, t: int) -> Signal:
     return signal(stamp_of(message, t), **values)
 
 
+def _stamped(make: Callable[[Any, int], Signal]) -> Maker:
+    return lambda message, t: make(message, stamp_of(message, t))
+
+
 def _speed(of: Callable[[Any], float]) -> Callable[[Context], Maker]:
     return lambda context: lambda message, t: SpeedCommand(stamp_of(message, t), float(of(message)))
 
@@ -297,6 +309,8 @@ MAKERS: dict[tuple[type[Signal], str], Callable[[Context], Maker]] = {
     (Odometry, "Odometry"): _odometry,
     (Odometry, "TwistStamped"): _odometry,
     (Odometry, "Twist"): _odometry,
+    (Fix, "NavSatFix"): lambda context: _stamped(positioning.FixOfNavSat(context.to_local)),
+    (Fix, "Odometry"): lambda context: _stamped(positioning.fix_of_odometry),
     (SpeedCommand, "TwistStamped"): _speed(lambda m: _motion(m)[0]),
     (SpeedCommand, "Twist"): _speed(lambda m: _motion(m)[0]),
     (SpeedCommand, "AckermannDriveStamped"): _speed(lambda m: _drive(m).speed),

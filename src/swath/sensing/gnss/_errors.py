@@ -1,0 +1,34 @@
+"""How far off receivers are, by the quality of their fix."""
+
+from dataclasses import dataclass
+from math import hypot
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Errors of one axis. noise: white, sd per sample [m]; wander: sd of a first-order Gauss-Markov error [m]
+
+    wander_time: its correlation time [s]; vertical: the same of the height, over those of east and north
+    velocity: white, sd per sample of each axis [m/s]
+    """
+
+    noise: float
+    wander: float
+    wander_time: float
+    vertical: float = 1.75
+    velocity: float = 0.03
+
+    @property
+    def sd(self) -> float:
+        """Of east and of north, all together [m]."""
+        return hypot(self.noise, self.wander)
+
+
+# What is behind each figure: docs/positioning.md. The vertical factor is 1.5 to 2 (memory).
+FIGURES = {
+    "single": Figures(0.10, 2.0, 3600.0, velocity=0.05),
+    "dgps": Figures(0.03, 0.5, 10_800.0, velocity=0.05),
+    "float": Figures(0.02, 0.20, 300.0),
+    "fix": Figures(0.007, 0.009, 120.0),
+}
+QUALITY_OF = {"rtk": "fix", "rtk_float": "float", "dgps": "dgps", "single": "single"}

@@ -1,0 +1,148 @@
+"""GNSS with latency, white noise, a slowly wandering error, and times at which the fix is lost."""
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.signals import F64, FIX_QUALITIES, Fix, MachineState
+from swath.core.units import CM
+from swath.field.site import SiteSetup
+from swath.sensing.gnss._antenna import Antenna, Place, fix_of, no_fix
+from swath.sensing.gnss._errors import FIGURES, QUALITY_OF, Figures
+
+Centimetres = Annotated[float, Ge(0), Le(10_000)] | None
+MS_NS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A time without the receiver's own quality. from_s: its begin; to_s: its end; quality: what is left."""
+
+    from_s: Annotated[float, Ge(0)]
+    to_s: Annotated[float, Ge(0)]
+    quality: Literal["none", "single", "dgps", "float"] = "none"
+
+    def __post_init__(self) -> None:
+        if self.to_s <= self.from_s:
+            raise InputError("to_s", self.to_s, f"expected > from_s = {self.from_s:g}")
+
+
+@dataclass(frozen=True)
+class Params:
+    """receiver: whose figures count (docs/positioning.md); antenna: where it sits on the machine
+
+    latency_ms: from the measurement to its sample, 20 to 100 (memory)
+    noise_cm: white, sd per sample, here and below instead of the receiver's
+    wander_cm: sd of the error that wanders; wander_s: its correlation time
+    velocity_noise_m_s: white, sd per sample and axis
+    vertical_factor: errors of the height over those of east and north
+    losses: times at which the fix is lost
+    """
+
+    receiver: Literal["rtk", "rtk_float", "dgps", "single"] = "rtk"
+    antenna: Place = field(default_factory=Place)
+    latency_ms: Annotated[float, Ge(0), Le(2000)] = 50.0
+    noise_cm: Centimetres = None
+    wander_cm: Centimetres = None
+    wander_s: Annotated[float, Gt(0), Le(1e6)] | None = None
+    velocity_noise_m_s: Annotated[float, Ge(0), Le(10)] | None = None
+    vertical_factor: Annotated[float, Gt(0), Le(10)] | None = None
+    losses: tuple[Loss, ...] = ()
+
+    def __post_init__(self) -> None:
+        own = FIX_QUALITIES.index(QUALITY_OF[self.receiver])
+        for loss in self.losses:
+            if FIX_QUALITIES.index(loss.quality) >= own:
+                worse = ", ".join(FIX_QUALITIES[:own])
+                raise InputError(
+                    "quality", loss.quality, f"expected one of {worse}, less than the receiver's"
+                )
+
+    def figures(self) -> Figures:
+        """Those of the receiver, with what was given here."""
+        given: dict[str, Any] = {
+            "noise": None if self.noise_cm is None else self.noise_cm * CM,
+            "wander": None if self.wander_cm is None else self.wander_cm * CM,
+            "wander_time": self.wander_s,
+            "velocity": self.velocity_noise_m_s,
+            "vertical": self.vertical_factor,
+        }
+        own = FIGURES[QUALITY_OF[self.receiver]]
+        return replace(own, **{k: v for k, v in given.items() if v is not None})
+
+
+class ErrorGnss:
+    """The true place, late and a little beside."""
+
+    inputs = (Port("state", MachineState, history=True),)
+    outputs = (Port("fix", Fix),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self._params, self._setup = params, setup
+        self._latency = round(params.latency_ms * MS_NS)
+        self._antenna = Antenna(params.antenna, self._latency)
+        self.mounting = self._antenna.mounting
+        own = QUALITY_OF[params.receiver]
+        self._figures = {**FIGURES, own: params.figures()}
+        self._own = FIX_QUALITIES.index(own)
+        self._losses = [
+            (round(x.from_s * NS), round(x.to_s * NS), FIX_QUALITIES.index(x.quality)) for x in params.losses
+        ]
+        self._times = np.array([f.wander_time for f in self._figures.values()])[:, None]
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Nothing received yet; draws where the wandering errors begin."""
+        self._stream = stream
+        self._antenna.reset()
+        self._wander: F64 = stream.at(0).standard_normal((len(self._figures), 3))
+        return {"fix": no_fix(0)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """One sample at t + dt, of what was `latency_ms` before."""
+        self._antenna.take(inputs["state"])
+        draw = self._stream.at(t + dt).standard_normal((len(self._figures) + 2, 3))
+        kept = np.exp(-dt / NS / self._times)
+        self._wander = self._wander * kept + np.sqrt(1.0 - kept**2) * draw[:-2]
+        at = t + dt - self._latency
+        quality = self.quality_at(at)
+        if quality == 0:
+            return {"fix": no_fix(max(at, 0))}
+        name = FIX_QUALITIES[quality]
+        figures = self._figures[name]
+        off = figures.noise * draw[-2] + figures.wander * self._wander[list(self._figures).index(name)]
+        position, velocity = self._antenna.at(at)
+        position = position + off * (1.0, 1.0, figures.vertical)
+        velocity = velocity + figures.velocity * draw[-1]
+        sd = (figures.sd, figures.sd * figures.vertical, figures.velocity)
+        return {"fix": fix_of(at, self._setup, position, velocity, sd, quality)}
+
+    def quality_at(self, t: int) -> int:
+        """Of a fix measured at t [ns]: the least of all that holds then; none before the start."""
+        if t < 0:
+            return 0
+        return min((q for begin, end, q in self._losses if begin <= t < end), default=self._own)
+
+    def save(self) -> State:
+        """Where the wandering errors stand, and the states on their way."""
+        return {"wander": self._wander.copy(), **self._antenna.save()}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._wander = np.array(state["wander"])
+        self._antenna.load(state)
+
+
+LEVEL = Level(
+    ErrorGnss,
+    Params,
+    "receiver with latency, white noise, slow wander, losses",
+    cost="0.3 ms per sample",
+    tolerance="equal to ideal with every error at 0",
+)

@@ -1,0 +1,54 @@
+"""GNSS without error: the true place and velocity of the antenna."""
+
+from dataclasses import dataclass, field
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.signals import FIX_QUALITIES, Fix, MachineState
+from swath.field.site import SiteSetup
+from swath.sensing.gnss._antenna import Antenna, Place, fix_of, no_fix
+
+
+@dataclass(frozen=True)
+class Params:
+    """antenna: where it sits on the machine."""
+
+    antenna: Place = field(default_factory=Place)
+
+
+class IdealGnss:
+    """Passes the truth on, without delay."""
+
+    inputs = (Port("state", MachineState, history=True),)
+    outputs = (Port("fix", Fix),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self._setup = setup
+        self._antenna = Antenna(params.antenna)
+        self.mounting = self._antenna.mounting
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Nothing received yet."""
+        self._antenna.reset()
+        return {"fix": no_fix(0)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """One sample at t + dt."""
+        self._antenna.take(inputs["state"])
+        position, velocity = self._antenna.at(t + dt)
+        quality = FIX_QUALITIES.index("fix")
+        return {"fix": fix_of(t + dt, self._setup, position, velocity, (0.0, 0.0, 0.0), quality)}
+
+    def save(self) -> State:
+        """The states that the next velocity needs."""
+        return self._antenna.save()
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._antenna.load(state)
+
+
+LEVEL = Level(
+    IdealGnss, Params, "true place and velocity of the antenna", cost="0.2 ms per sample", tolerance="exact"
+)
