@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= out
+JOBS ?= 2
 
 .PHONY: demo test check bench docs clean
 
@@ -10,7 +11,7 @@ demo: $(VENV)/.base
 	$(BIN)/swath run laser-pilot --out $(OUT)/demo
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -43,7 +43,8 @@ _count = itertools.count()
 @pytest.fixture
 def domain(monkeypatch):
     """A ROS domain that no other test has, on this machine only."""
-    number = (os.getpid() * 7 + next(_count)) % 100 + 1
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 4
+    number = 1 + 25 * worker + (os.getpid() + next(_count)) % 25
     monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     return number

@@ -43,6 +43,10 @@ class MissingExtra(SwathError):
         super().__init__(f"{what} needs an optional part: pip install 'swath[{extra}]'")
 
 
-def _short(value: Any, limit: int = 80) -> str:
-    text = value if isinstance(value, str) else repr(value)
-    return text if len(text) <= limit else text[: limit - 3] + "..."
+def _short(value: Any) -> str:
+    """At most a line of a value; a path keeps its end, which is what tells it from others."""
+    text = str(value) if isinstance(value, str | Path) else repr(value)
+    limit = 300 if "/" in text and " " not in text else 80
+    if len(text) <= limit:
+        return text
+    return "..." + text[3 - limit :] if limit > 80 else text[: limit - 3] + "..."
