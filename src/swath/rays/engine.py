@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.field.layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
+from swath.field.solids import solid_count
 from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp, thread_count
@@ -198,7 +199,8 @@ class RayCaster:
         self._blow(wp, scene, t)
         if self._group_walk is None or self._group_walk.library is not self.field.library:
             self._group_walk = GroupWalk(wp, self.field.library)
-        things = self._things(wp, solids or Solids())
+        has_solids = solids is not None and solid_count(solids) > 0
+        things = self._things(wp, solids or Solids()) if has_solids else None
         self._group_walk.cast(
             wp, scene, things, (o, d), lanes, float(range_max), need, _arrays(hits), self._pool, self.threads
         )

@@ -71,7 +71,7 @@ class GroupWalk:
             inputs = [scene, self.index, *table, *ways, need, first, *found]
             wp.launch(walk_groups, dim=count, inputs=inputs, device="cpu")
 
-        if things.count:
+        if things is not None:
             _spread(meet_things, n, RAYS_PER_TASK, pool, threads)
         else:
             for array, nothing in zip(out, (range_max, 0, 0.0, 0.0), strict=True):

@@ -30,8 +30,8 @@ class GroupIndex:
     start: (cells + 1,) first entry of a cell; primitive: (n,) what an entry lists
     coarse: (n, 8) ends a and b of a piece in steps of `step` [m], half width, rank (rounded down); the half
     width covers all rounding, so the coarse piece contains the true one
-    reach: (3,) how far pieces extend around their middle [m]; side, bin_height of the cells [m]; skirt: a piece's
-    foot lies at most so many columns from the one that it is listed in
+    reach: (3,) how far pieces extend around their middle [m]; side, bin_height of the cells [m]
+    skirt: the foot of a piece lies at most so many columns from the one that it is listed in
     """
 
     columns: int

@@ -6,6 +6,7 @@ of this depends on the number of threads, and none of it changes what a ray hits
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,16 +38,23 @@ class Lanes:
 def bundle_lanes(count: int, directions: F64) -> Lanes:
     """Lanes of `count` bundles of sub-rays side by side; directions (s, 3) of the first bundle.
 
-    From 8 sub-rays on a bundle is a pack; its slices are sectors of the spot, so that each is compact.
+    From 9 sub-rays on a bundle is a pack; its slices are sectors of the spot, so that each is compact.
     """
     s = len(directions)
+    order = np.argsort(_turn(directions), kind="stable") if s > N else np.arange(s)
+    return _bundle_lanes(count, tuple(order.tolist()))
+
+
+@lru_cache(maxsize=16)
+def _bundle_lanes(count: int, order: tuple[int, ...]) -> Lanes:
+    """The same for sub-rays in this order."""
+    s = len(order)
     if s > N // 2:
         slices = -(-s // N)
-        order = np.arange(s) if slices == 1 else np.argsort(_turn(directions), kind="stable")
-        parts = np.array_split(order, slices)
+        parts = np.array_split(np.array(order), slices)
         column = np.concatenate([N * i + np.arange(len(part)) for i, part in enumerate(parts)])
         table = np.full((count, N * slices), -1, np.int32)
-        table[:, column] = np.arange(count, dtype=np.int32)[:, None] * s + order.astype(np.int32)
+        table[:, column] = np.arange(count, dtype=np.int32)[:, None] * s + np.array(order, np.int32)
     else:
         each = N // s * s  # lanes that whole bundles fill
         packs = -(-count * s // each)
@@ -86,9 +94,10 @@ def _near_square(high: int, wide: int, ratio: float) -> tuple[int, int]:
 
 def _turn(directions: F64) -> F64:
     """Angle of each direction around the middle of the spot [rad]."""
-    middle = directions.mean(axis=0)
-    across = np.cross(middle, [0.0, 0.0, 1.0] if abs(middle[2]) < 0.9 else [1.0, 0.0, 0.0])
-    x, y = directions @ across, directions @ np.cross(across, middle)
+    mx, my, mz = directions.mean(axis=0).tolist()
+    ax, ay, az = (my, -mx, 0.0) if abs(mz) < 0.9 else (0.0, mz, -my)  # across the middle
+    x = directions @ np.array([ax, ay, az])
+    y = directions @ np.array([ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx])
     return np.asarray(np.arctan2(y - y.mean(), x - x.mean()))
 
 
