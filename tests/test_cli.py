@@ -54,9 +54,9 @@ class Job:
         }
         return SimpleNamespace(summary=summary, exit_code=self.exit_code)
 
-    def scan_job(self, scenario, out, at_s, formats):
+    def scan_job(self, scenario, out, at_s, formats, camera):
         self.calls.append((scenario, out, at_s))
-        self.formats = formats
+        self.formats, self.camera = formats, camera
         return [out / "scan.png", out / "scan.csv"]
 
     def converge_job(self, scenario, out, at_s):
@@ -192,6 +192,7 @@ def test_scan(job, capsys):
     assert (str(job.calls[0][1]), job.calls[0][2]) == ("runs/small-3-scan", 4.5)
     assert capsys.readouterr().out.split() == ["runs/small-3-scan/scan.png", "runs/small-3-scan/scan.csv"]
     assert job.formats is None
+    assert not job.camera
     assert main(["scan", "small.yaml", "--format", "ply, las", "--converge"]) == 0
     assert job.formats == ["ply", "las"]
     said = capsys.readouterr().out

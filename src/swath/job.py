@@ -15,7 +15,7 @@ from swath.core.errors import InputError
 from swath.core.graph import Observer
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.signals import F64, MachineState, Scan, ScanTruth
+from swath.core.signals import F64, Image, MachineState, Scan, ScanTruth
 from swath.link.realtime import Pacer, make_pacer, paced
 from swath.sim.digest import Digest
 from swath.sim.interventions import Interventions, Restart, Script
@@ -223,17 +223,24 @@ class Watch:
 
 
 def scan_job(
-    scenario: Scenario, out: Path, *, at_s: float = 0.0, formats: Sequence[str] | None = None
+    scenario: Scenario,
+    out: Path,
+    *,
+    at_s: float = 0.0,
+    formats: Sequence[str] | None = None,
+    camera: bool = False,
 ) -> list[Path]:
     """One scan of a scenario's first machine after `at_s` of driving, as files `scan.*` in the folder `out`.
 
     formats: of view/scan.py, None = picture, csv, npz and ply
+    camera: what its camera sees then, too: scan.camera.png and scan.camera.npz
     """
+    from swath.view.picture import write_picture
     from swath.view.scan import USUAL_FORMATS, check_formats, write_scan
 
     formats = USUAL_FORMATS if formats is None else formats
     check_formats(formats)
-    world, keeper = _drive_to_scan(scenario, at_s)
+    world, keeper = _drive_to_scan(scenario, at_s, *(("camera",) if camera else ()))
     leader = world.leader
     scan = world.graph.latest(f"{leader.name}.lidar", "scan")
     truth = world.graph.latest(f"{leader.name}.lidar", "truth")
@@ -253,6 +260,10 @@ def scan_job(
             edge=_edge_line(world),
             formats=formats,
         )
+        if camera:
+            image = world.graph.latest(f"{leader.name}.camera", "image")
+            assert isinstance(image, Image)
+            files += write_picture(parts, image)
         out.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(f, out / f.name)) for f in files]
     finally:
@@ -327,17 +338,22 @@ def _settling(scenario: Scenario, at_s: float) -> Settling:
     return settle(look, world.field, pose, seed=scenario.seed, beams=len(lidar.azimuth), detail=detail)
 
 
-def _drive_to_scan(scenario: Scenario, at_s: float) -> tuple[World, ScanKeeper]:
-    """The world of a scenario once its first machine has driven `at_s` and scanned."""
-    if "lidar" not in next(iter(scenario.machines.values())).slots:
-        raise InputError("lidar", "off", "expected a scenario whose first machine has a lidar")
+def _drive_to_scan(scenario: Scenario, at_s: float, *more: str) -> tuple[World, ScanKeeper]:
+    """The world of a scenario once its first machine has driven `at_s` and scanned.
+
+    more: further slots that it must have, and that have taken a step then
+    """
+    slots = next(iter(scenario.machines.values())).slots
+    for name in ("lidar", *more):
+        if name not in slots:
+            raise InputError(name, "off", f"expected a scenario whose first machine has a {name}")
     world = assemble(scenario)
     leader = world.leader
     referee = Referee(world.field, leader.recorded(), overlap=leader.overlap)
     keeper = ScanKeeper(leader.recorded(), referee)
-    period_s = 1.0 / scenario.machines[leader.name].slots["lidar"].common.rate_hz
+    waits = [2.0 / slots["lidar"].common.rate_hz, *(1.0 / slots[name].common.rate_hz for name in more)]
     try:
-        drive(world, [referee, keeper], until_s=max(at_s, 2.0 * period_s))
+        drive(world, [referee, keeper], until_s=max(at_s, *waits))
     finally:
         world.close()
     return world, keeper

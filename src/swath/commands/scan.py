@@ -18,6 +18,11 @@ def add(parsers: Any) -> None:
         help="what to write, of png,csv,npz,ply,las,laz (default: the first four)",
     )
     parser.add_argument(
+        "--camera",
+        action="store_true",
+        help="what the camera sees too; a scenario without one gets the default camera",
+    )
+    parser.add_argument(
         "--converge",
         action="store_true",
         help="how the heights settle with the number of sub-rays, against another seed",
@@ -31,13 +36,13 @@ def run(args: argparse.Namespace) -> int:
     from swath.sim.runfolder import choose_scan_folder
 
     at = _seconds(args.at)
-    scenario = load(args)
+    scenario = _with_camera(args) if args.camera else load(args)
     out = choose_scan_folder(scenario.name, scenario.seed, args.out)
     from swath import job
 
     formats = None if args.format is None else [name.strip() for name in args.format.split(",")]
     try:
-        files = job.scan_job(scenario, out, at_s=at, formats=formats)
+        files = job.scan_job(scenario, out, at_s=at, formats=formats, camera=args.camera)
         for file in files:
             print(file)
         if args.converge:
@@ -45,6 +50,16 @@ def run(args: argparse.Namespace) -> int:
     except InputError as error:
         raise scenario.locate(error) from error
     return 0
+
+
+def _with_camera(args: argparse.Namespace) -> Any:
+    """The scenario, whose first machine gets a camera where it has none."""
+    scenario = load(args)
+    name, first = next(iter(scenario.machines.items()))
+    if "camera" not in first.slots:
+        args.sets = [*args.sets, f"{name}.camera=rays"]
+        scenario = load(args)
+    return scenario
 
 
 def _print_settling(rows: list[dict[str, Any]], sentence: str) -> None:

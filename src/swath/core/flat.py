@@ -15,6 +15,7 @@ from swath.core.frames import Pose
 from swath.core.signals import (
     F32,
     F64,
+    U8,
     CropAhead,
     CropEdge,
     CropFlow,
@@ -22,6 +23,7 @@ from swath.core.signals import (
     FeedReading,
     Fix,
     HeaderState,
+    Image,
     LossReading,
     MachineLoad,
     MachineState,
@@ -37,6 +39,7 @@ from swath.core.signals import (
 
 Value = Any  # float, int, bool or an array, as the field's kind says
 POSE = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
+_DTYPES: dict[Any, Any] = {F64: np.float64, F32: np.float32, U8: np.uint8}
 _MASS_RATE = "kg/s"
 _FLOWS = (
     *("grain_flow", "straw_flow", "header_flow", "feeder_flow", "drum_flow", "rotor_flow", "shoe_flow"),
@@ -61,6 +64,7 @@ UNITS: dict[type[Signal], dict[str, str]] = {
     },
     Scan: {"beam_t": "s", "azimuth": "rad", "elevation": "rad", "ranges": "m"},
     ScanTruth: {"points": "m", "sensor_position": "m"},
+    Image: {"depth": "m"},
     Odometry: {"speed": "m/s", "yaw_rate": "rad/s", "steer_angle": "rad"},
     Fix: {
         **dict.fromkeys(("x", "y", "z", "horizontal_sd", "vertical_sd", "height"), "m"),
@@ -132,7 +136,7 @@ def _hints(signal: type[Signal]) -> dict[str, Any]:
 def _fields_of(signal: type[Signal]) -> dict[str, FlatField]:
     hints = _hints(signal)
     units = UNITS.get(signal, {})
-    kinds = {float: "real", int: "int", bool: "bool", F64: "array", F32: "array"}
+    kinds = {float: "real", int: "int", bool: "bool", F64: "array", F32: "array", U8: "array"}
     found: dict[str, FlatField] = {}
     for field in fields(signal):
         if field.name == "t":
@@ -184,7 +188,7 @@ def build(signal: type[Signal], t: int, values: Mapping[str, Value]) -> Signal:
 
 def _typed(value: Value, field: FlatField, hint: Any) -> Value:
     if field.kind == "array":
-        return np.asarray(value, dtype=np.float32 if hint == F32 else np.float64)
+        return np.asarray(value, dtype=_DTYPES[hint])
     if field.kind == "bool":
         return bool(value)
     return round(value) if field.kind == "int" else float(value)

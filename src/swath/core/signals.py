@@ -12,6 +12,7 @@ from swath.core.frozen import frozen
 
 F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
+U8 = NDArray[np.uint8]
 
 
 @frozen
@@ -77,6 +78,26 @@ class ScanTruth(Signal):
 
     points: F64
     sensor_position: F64
+
+
+@frozen
+class Image(Signal):
+    """One picture of a camera, all pixels at the time t. A channel that was not asked for has no pixels.
+
+    width, height [px]; focal length and principal point (centre_x, centre_y) [px]; the middle of the upper
+    left pixel is (0, 0). Optical frame: x right, y down, z forward
+    depth: along the optical axis [m], (height, width), nan = nothing within reach
+    colour: sRGB, (height, width, 3); label: `field.layout.Organ` that was hit, 0 = none, (height, width)
+    """
+
+    width: int
+    height: int
+    focal: float
+    centre_x: float
+    centre_y: float
+    depth: F32
+    colour: U8
+    label: U8
 
 
 @frozen

@@ -1,8 +1,8 @@
 """From samples to ROS 2 messages: which sample becomes which message, in which frame, on which topic.
 
 The topic of an output is `/machine/slot/output`. Frames: `map` (world, ENU), `<machine>/base` (ISO 8855,
-fixed axle on the ground), `<machine>/<sensor slot>`, `<machine>/odom` (the start pose). docs/run-folder.md is
-the table for users.
+fixed axle on the ground), `<machine>/<sensor slot>`, `<machine>/<camera slot>_optical` (x right, y down, z
+forward), `<machine>/odom` (the start pose). docs/run-folder.md is the table for users.
 """
 
 from collections.abc import Mapping
@@ -18,6 +18,7 @@ from swath.core.setup import MachineGeometry
 from swath.core.signals import (
     CropEdge,
     Fix,
+    Image,
     MachineState,
     Odometry,
     Scan,
@@ -28,12 +29,14 @@ from swath.core.signals import (
 )
 from swath.field.io.project import Origin
 from swath.sim.mcap import McapFile
+from swath.sim.pictures import picture_messages
 from swath.sim.positioning import fix_messages
 
 POINT_FIELDS = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"))
 # As the drivers of rotating scanners name and type them (velodyne_pointcloud: `ring`, `time`), then our own.
 BEAM_FIELDS = (("time", "<f4"), ("beam", "<u4"), ("ring", "<u2"), ("echo", "<u2"))
 ROS_KINDS = {"<f4": 7, "<u2": 4, "<u4": 6}  # sensor_msgs/PointField FLOAT32, UINT16, UINT32
+OPTICAL_FRAME = "_optical"  # after the name of a camera's own frame, as REP 103 asks
 FIX_PERIOD = 100_000_000  # between two NavSatFix [ns]
 EDGE_BEHIND, EDGE_AHEAD = 4.0, 6.0  # drawn length of the edge line about its reference [m]
 
@@ -73,6 +76,10 @@ class Messenger:
             self._write_state(topic, t, signal)
         elif isinstance(signal, Scan):
             self._write_scan(topic, t, signal, f"{self.machine.name}/{slot}")
+        elif isinstance(signal, Image):
+            frame = f"{self.machine.name}/{slot}{OPTICAL_FRAME}"
+            for place, message in picture_messages(self.file, topic, signal, frame):
+                self.file.write(place, t, message)
         elif isinstance(signal, ScanTruth):
             points, beams = _flatten(signal.points)
             cloud = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **beams}

@@ -7,7 +7,7 @@ from types import TracebackType
 
 from swath import __version__
 from swath.core.schedule import NS
-from swath.core.signals import MachineState, ScanTruth, Signal, SteerState
+from swath.core.signals import Image, MachineState, ScanTruth, Signal, SteerState
 from swath.sim.exact import Blocks, can_keep
 from swath.sim.mcap import McapFile
 from swath.sim.messages import Messenger, RecordedMachine
@@ -99,7 +99,8 @@ class Recorder:
         """The sample as it is, into its block."""
         key = (slot, output)
         if key not in self._blocks:
-            is_kept = can_keep(signal) and (self._detail == "full" or not isinstance(signal, ScanTruth))
+            left_out = (Image,) if self._detail == "full" else (Image, ScanTruth)  # images are exact anyway
+            is_kept = can_keep(signal) and not isinstance(signal, left_out)
             topic = f"/{slot.replace('.', '/')}/{output}"
             self._blocks[key] = Blocks(self.file, topic) if is_kept else None
         if (blocks := self._blocks[key]) is not None:

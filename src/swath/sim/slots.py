@@ -18,6 +18,7 @@ from swath.core.signals import (
     FeedReading,
     Fix,
     HeaderState,
+    Image,
     LossReading,
     MachineLoad,
     MachineState,
@@ -112,6 +113,15 @@ SLOTS: tuple[SlotKind, ...] = (
         _STATE,
     ),
     SlotKind(
+        "camera",
+        ("swath.sensing.camera",),
+        "rays",
+        5.0,
+        (Port("image", Image),),
+        _STATE,
+        is_on=False,
+    ),
+    SlotKind(
         "odometry",
         ("swath.sensing.odometry",),
         "error",
@@ -181,7 +191,7 @@ SLOT_NAMES = tuple(s.name for s in SLOTS)
 TRUTH = (MachineState, ScanTruth)  # what control never sees
 CONTROL = ("edge", "ahead", "steer", "speed")  # these are told the machine's geometry, never the truth
 # Whose level may change while a run goes on: they keep nothing of the machine's motion and masses.
-EXCHANGEABLE = ("lidar", "odometry", "gnss", "crop_flow", "edge", "ahead", "steer", "speed")
+EXCHANGEABLE = ("lidar", "camera", "odometry", "gnss", "crop_flow", "edge", "ahead", "steer", "speed")
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
     "terrain": ("swath.field.terrain",),

@@ -25,7 +25,7 @@ from swath.machine.card import MachineCard, load_machine
 from swath.sim.choices import MachineSection, SlotChoice
 from swath.sim.ground import build_field
 from swath.sim.laid_straw import LaidStraw
-from swath.sim.messages import RecordedMachine
+from swath.sim.messages import OPTICAL_FRAME, RecordedMachine
 from swath.sim.scenario import Scenario
 from swath.sim.sections import StartPose
 from swath.sim.slots import CONTROL, EXCHANGEABLE, SLOTS, TRUTH
@@ -207,6 +207,8 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
             parts[slot] = LaidStraw(parts[slot], site.field, card)
         if isinstance(getattr(parts[slot], "mounting", None), Pose):
             mountings[slot] = parts[slot].mounting
+        if isinstance(getattr(parts[slot], "optical", None), Pose):
+            mountings[slot + OPTICAL_FRAME] = parts[slot].optical
     nodes = [_node(section, slot, choice, parts[slot], parts) for slot, choice in section.slots.items()]
     steer = section.slots.get("steer")
     overlap = float(getattr(steer.params, "overlap_m", 0.0)) if steer is not None else 0.0

@@ -15,9 +15,9 @@ from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
 from swath.core.flat import build, flat_fields, read
 from swath.core.setup import LinkSetup
-from swath.core.signals import Scan, ScanTruth, Signal
+from swath.core.signals import Image, Scan, ScanTruth, Signal
 
-CLOUDS = (Scan, ScanTruth)  # these are too long for a list of names: point clouds of their own
+CLOUDS = (Scan, ScanTruth, Image)  # too long for a list of names: messages of their own
 
 
 def numbers_of(prefix: str, sample: Signal) -> dict[str, float]:
@@ -34,7 +34,7 @@ def numbers_of(prefix: str, sample: Signal) -> dict[str, float]:
 
 
 def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
-    """Every number of a slot's inputs; of a scan only `scan.t_ns`.
+    """Every number of a slot's inputs; of a scan or an image only its time, `scan.t_ns`.
 
     Of a port with history, `port.0.field` is the oldest sample's since the last step, and so on; `port.field`
     is the newest.

@@ -1,0 +1,1 @@
+"""Cameras: levels of the slot `camera`."""

@@ -1,0 +1,233 @@
+"""The camera against the pinhole formula, closed forms of light and shadow, and single rays."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.field.layout import Organ, Solids
+from swath.rays.engine import RayCaster
+from swath.sensing.camera._light import COLOURS
+from swath.sensing.camera._pinhole import OPTICAL
+from swath.sensing.camera.rays import Params, RaysCamera
+from swath.sensing.mount import Mount
+from swath.sim.digest import sample_bytes
+from swath.sim.scenario import parse_scenario
+from swath.sim.world import assemble
+
+TEXT = """
+name: seen
+seed: 5
+run: {distance_m: 4, max_duration_s: 6}
+field:
+  terrain: {level: plane, slope_percent: 4, slope_azimuth_deg: 60}
+  stand: {level: uniform, stems_per_m2: 150}
+  edge: {shape: straight}
+combine:
+  motion: single_track
+  lidar: {sub_rays: 1, step_deg: 10}
+  camera: {width_px: 64, height_px: 48}
+"""
+YAW, PITCH, ROLL = np.radians(100.0), np.radians(24.0), np.radians(-7.0)
+EYE = np.array([-3.0, 12.0, 3.4])  # over the cut ground, x < 0
+BESIDE = np.array([-1.0, 7.0, -1.8])
+
+
+@cache
+def site():
+    """What a camera is told in a field whose crop stands at x > 0."""
+    return assemble(parse_scenario(TEXT)).leader.parts["camera"].setup
+
+
+def box(centre, half, yaw=0.3):
+    axes = Pose.from_euler((0, 0, 0), yaw=yaw).rotation
+    return Solids(
+        box_centre=np.array([centre], dtype=float),
+        box_axes=axes[None],
+        box_half=np.array([half], dtype=float),
+        box_reflectance=np.array([0.5]),
+    )
+
+
+def camera(solids=None, threads=1, **keys):
+    setup = replace(site(), obstacles=solids or Solids())
+    made = RaysCamera(Params(**{"width_px": 160, "height_px": 120} | keys), setup)
+    made.caster = RayCaster(setup.field, threads=threads)
+    return made
+
+
+def axes():
+    """Right, down and forward of the camera in the world, by hand."""
+    forward = np.array([np.cos(PITCH) * np.cos(YAW), np.cos(PITCH) * np.sin(YAW), -np.sin(PITCH)])
+    right = np.array([np.sin(YAW), -np.cos(YAW), 0.0])
+    down = np.cross(forward, right)
+    return (  # roll > 0 lifts the left side: the right one goes down
+        np.cos(ROLL) * right + np.sin(ROLL) * down,
+        np.cos(ROLL) * down - np.sin(ROLL) * right,
+        forward,
+    )
+
+
+def look(made, t=10**9):
+    return made.image_from(t, Pose.from_euler(EYE, ROLL, PITCH, YAW) @ OPTICAL)
+
+
+def rays_by_hand(width, height, focal):
+    """Directions of all pixels in the world, with z = 1 along the axis, (height, width, 3)."""
+    right, down, forward = axes()
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    x, y = (u - 0.5 * (width - 1)) / focal, (v - 0.5 * (height - 1)) / focal
+    return x[..., None] * right + y[..., None] * down + forward
+
+
+def test_a_box_appears_where_the_formula_puts_it():
+    """A convex body spans in the image what its corners span."""
+    centre, half, yaw = EYE + BESIDE, (0.5, 0.9, 0.4), 0.3
+    made = camera(box(centre, half, yaw), horizontal_fov_deg=60.0)
+    image = look(made)
+    right, down, forward = axes()
+    signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3) * half
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    corners = centre + np.column_stack([signs[:, :2] @ turn.T, signs[:, 2]]) - EYE
+    focal = 80.0 / np.tan(np.radians(30.0))
+    u = focal * (corners @ right) / (corners @ forward) + 79.5
+    v = focal * (corners @ down) / (corners @ forward) + 59.5
+    rows, columns = np.nonzero(image.label == Organ.SOLID)
+    assert len(rows) > 400
+    for seen, corner in ((columns, u), (rows, v)):
+        assert seen.min() - 0.5 == pytest.approx(corner.min(), abs=0.5)
+        assert seen.max() + 0.5 == pytest.approx(corner.max(), abs=0.5)
+    at = made.pinhole.project(np.column_stack([corners @ right, corners @ down, corners @ forward]))
+    np.testing.assert_allclose(at, np.column_stack([u, v]), atol=1e-9)
+    assert np.isnan(made.pinhole.project([0.0, 0.0, -1.0])).all()
+
+
+def test_depth_of_the_ground_is_that_of_the_plane():
+    made = camera()
+    image = look(made)
+    azimuth = np.radians(90.0 - 60.0)
+    slope = 0.04 * np.array([np.cos(azimuth), np.sin(azimuth)])
+    d = rays_by_hand(160, 120, made.pinhole.focal)
+    expected = (EYE[2] - slope @ EYE[:2]) / (d[..., :2] @ slope - d[..., 2])
+    ground = image.label == Organ.GROUND
+    assert ground.sum() > 3000
+    np.testing.assert_allclose(image.depth[ground], expected[ground], rtol=2e-5)
+    assert np.isnan(image.depth[image.label == Organ.NONE]).all()
+    assert (image.label == Organ.NONE).any()
+
+
+def test_labels_and_depths_are_those_of_single_rays():
+    solids = box(EYE + BESIDE, (0.5, 0.9, 0.4))
+    one, four = camera(solids), camera(solids, samples_per_pixel=4)
+    caster = RayCaster(site().field, threads=1)
+    image = look(one)
+    d = one.pinhole.rays().reshape(-1, 3) @ (Pose.from_euler(EYE, ROLL, PITCH, YAW) @ OPTICAL).rotation.T
+    np.testing.assert_allclose(d.reshape(120, 160, 3), rays_by_hand(160, 120, one.pinhole.focal), atol=1e-12)
+    length = np.linalg.norm(d, axis=1)
+    hits = caster.cast(np.tile(EYE, (len(d), 1)), d / length[:, None], range_max=60.0, solids=solids)
+    assert len(np.unique(hits.organ)) >= 6
+    np.testing.assert_array_equal(image.label.ravel(), hits.organ)
+    np.testing.assert_allclose(image.depth.ravel(), hits.distance / length, rtol=1e-6)
+    # Four samples: what a camera of twice the pixels sees, the nearest of each 2 x 2.
+    double = look(camera(solids, width_px=320, height_px=240))
+    cells = np.where(np.isnan(double.depth), np.inf, double.depth).reshape(120, 2, 160, 2)
+    nearest = cells.min(axis=(1, 3))
+    seen = look(four)
+    np.testing.assert_allclose(
+        seen.depth, np.where(np.isinf(nearest), np.nan, nearest).astype(np.float32), rtol=1e-6
+    )
+    found = double.label.reshape(120, 2, 160, 2) == seen.label[:, None, :, None]
+    assert (found & (cells == nearest[:, None, :, None])).any(axis=(1, 3))[~np.isinf(nearest)].all()
+
+
+def bytes_of(organ, cosine):
+    """The colour of a surface in light and shadow, written out: linear, lit, and back to sRGB."""
+    c = np.array(COLOURS[organ]) / 255.0
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    x = np.minimum(linear * (0.25 + cosine) / 1.1, 1.0)
+    return 255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
+@pytest.mark.parametrize("shadows", [True, False])
+def test_light_and_shadow_on_the_ground(shadows):
+    """A lit plane has one colour; where the way to the sun leads through a box it has another."""
+    centre, half = EYE + np.array([0.3, 9.0, -2.2]), np.array([1.0, 0.6, 0.2])
+    made = camera(box(centre, half, 0.0), sun_azimuth_deg=230.0, sun_elevation_deg=50.0, shadows=shadows)
+    image = look(made)
+    azimuth, elevation = np.radians(90.0 - 230.0), np.radians(50.0)
+    level = np.cos(elevation)
+    sun = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    rise = np.radians(30.0)
+    normal = np.array([-0.04 * np.cos(rise), -0.04 * np.sin(rise), 1.0])
+    lit = bytes_of(Organ.GROUND, sun @ normal / np.linalg.norm(normal))
+    dark = bytes_of(Organ.GROUND, 0.0)
+    ground = image.label == Organ.GROUND
+    d = rays_by_hand(160, 120, made.pinhole.focal)[ground]
+    points = EYE + image.depth[ground].astype(float)[:, None] * d
+    near, far = np.sort([(centre - half - points) / sun, (centre + half - points) / sun], axis=0)
+    gap = far.min(axis=1) - near.max(axis=1)
+    colour = image.colour[ground].astype(float)
+    is_lit, is_dark = (np.abs(colour - c).max(axis=1) <= 0.6 for c in (lit, dark))
+    assert (is_lit | is_dark).all()
+    shaded = gap > 0.01
+    assert shaded.sum() > 60
+    if shadows:
+        assert is_dark[shaded].all()
+    else:
+        assert is_lit[shaded].mean() > 0.95
+    assert is_lit[gap < -0.01].mean() > 0.5  # the rest of it lies in the shadow of stubble and crop
+    is_top = np.abs(image.colour - bytes_of(Organ.SOLID, sun[2])).max(axis=2) <= 0.6
+    assert (is_top & (image.label == Organ.SOLID)).sum() > 20
+
+
+def test_one_and_two_threads_give_the_same_bytes():
+    images = [look(camera(threads=n, samples_per_pixel=4)) for n in (1, 2)]
+    first, second = (sample_bytes("combine.camera", "image", i.t, i) for i in images)
+    assert first == second
+    assert len(np.unique(images[0].colour)) > 50
+
+
+def test_channels_by_choice():
+    image = look(camera(channels=("label",)))
+    assert image.label.shape == (120, 160)
+    assert image.colour.size == image.depth.size == 0
+    made = camera(channels=("colour",))
+    assert look(made).colour.shape == (120, 160, 3)
+    assert made.ray_count > 160 * 120
+    with pytest.raises(ValueError, match="read-only"):
+        image.label[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    ("sets", "expected"),
+    [
+        ("horizontal_fov_deg=200", "camera.horizontal_fov_deg = 200: expected <= 160"),
+        ("width_px=0", "camera.width_px = 0: expected >= 1"),
+        ("height_px=-3", "camera.height_px = -3: expected >= 1"),
+        ("channels=[]", "camera.channels = .*: expected at least 1 item"),
+        ("channels=[heat]", "camera.channels.*heat"),
+        ("samples_per_pixel=3", "camera.samples_per_pixel = 3"),
+        ("sun_elevation_deg=0", "camera.sun_elevation_deg = 0: expected > 0"),
+        ("mount.z_m=-1", "camera.mount.z_m = -1.0: expected a sensor above the ground"),
+    ],
+)
+def test_what_no_camera_can_be_is_refused_by_name(sets, expected):
+    with pytest.raises(InputError, match=expected):
+        assemble(parse_scenario(TEXT, sets=[f"combine.camera.{sets}"]))
+
+
+def test_two_focal_lengths_and_too_many_pixels_are_refused():
+    with pytest.raises(InputError, match=r"focal_px = 300\.0: expected no horizontal_fov_deg beside it"):
+        camera(focal_px=300.0, horizontal_fov_deg=60.0)
+    with pytest.raises(InputError, match="width_px = 4096: expected at most 8000000 samples"):
+        camera(width_px=4096, height_px=4096)
+    assert camera(focal_px=300.0).pinhole.focal == 300.0
+
+
+def test_it_is_only_there_where_a_scenario_names_it():
+    without = "\n".join(line for line in TEXT.splitlines() if "camera" not in line)
+    assert "camera" not in assemble(parse_scenario(without)).leader.parts
+    assert assemble(parse_scenario(TEXT)).leader.parts["camera"].params.mount == Mount()
