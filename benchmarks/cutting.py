@@ -10,6 +10,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from _harness import interleave, machine, median, write_json
+from ray_scenes import make_beams
 
 from swath.core.random import Stream
 from swath.field.breaks import BrokenEdge
@@ -52,13 +53,10 @@ def cut_times(field: Field, strips: int = 60) -> list[float]:
 def ray_ratio(field: Field) -> float:
     """CPU time of rays over half-cut ground against rays over standing crop, interleaved, median."""
     caster = RayCaster(field, threads=1)
-    rng = np.random.default_rng(2)
-    angle = np.radians(rng.uniform(14.0, 22.0, 20_000))
-    across = np.radians(rng.uniform(-20.0, 20.0, 20_000))
-    down = np.stack([np.cos(angle) * np.cos(across), np.cos(angle) * np.sin(across), -np.sin(angle)], axis=1)
+    _, down = make_beams(37, 40_000)
 
     def cast(x: float) -> None:
-        caster.cast(np.broadcast_to([x, -WIDTH, 4.0], down.shape), down, range_max=60.0)
+        caster.cast_bundles(np.broadcast_to([x, -WIDTH, 4.0], down.shape), down, range_max=60.0)
 
     for x in (10.0, 120.0):
         field.ensure(x, -WIDTH, 60.0)

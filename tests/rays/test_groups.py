@@ -12,7 +12,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "field"))
 from made_field import made_field, rectangle
 
 from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.field.crop import load_crop
 from swath.field.layout import Organ, Solids
+from swath.field.library import make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import formula
 from swath.field.weeds import Weeds
@@ -235,3 +238,15 @@ def test_what_is_refused_and_what_the_plain_kernel_serves(hills):
         caster.cast_bundles(o - [0, 0, 5.0], d, range_max=30.0)
     assert caster.cast_bundles(o[:0], d[:0], range_max=30.0).distance.shape == (0, 600)
     assert caster.cast_image([2.0, 4.0, 9.0], np.zeros((0, 5, 3)), range_max=30.0).distance.shape == (0, 5)
+
+
+def test_plants_that_are_meshes():
+    pytest.importorskip("trimesh", reason="trimesh is not installed")
+    crop = load_crop(str(Path(__file__).parents[2] / "examples" / "meshes" / "sunflower.yaml"))
+    library = make_library(crop, density_max=6.0, row_spacing=0.0, seed=Stream(1, "mesh"), tile_count=2)
+    pages = make_pages(library, mixed=1, slope=(0.05, -0.03), lean=(0.1, 0.05))
+    pages.cut_slot[:1], pages.cut[0] = 0, 255
+    pages.cut[0, 100:300, 200:400] = 60
+    field = HandField(pages, library)
+    found = compare(field, *bundles([5.0, 5.0, 3.5], FAN * 3, np.tile([0.3, 0.5, 0.9], 11)[:31], 19))
+    assert np.isin(found.organ, [Organ.STEM, Organ.EAR, Organ.LEAF]).mean() > 0.3
