@@ -250,3 +250,13 @@ def test_plants_that_are_meshes():
     field = HandField(pages, library)
     found = compare(field, *bundles([5.0, 5.0, 3.5], FAN * 3, np.tile([0.3, 0.5, 0.9], 11)[:31], 19))
     assert np.isin(found.organ, [Organ.STEM, Organ.EAR, Organ.LEAF]).mean() > 0.3
+
+
+def test_without_a_compiler_the_plain_kernel_serves(hills, monkeypatch):
+    monkeypatch.setattr("swath.rays.engine.can_walk", lambda: False)
+    caster = RayCaster(hills, threads=1)
+    o, d = bundles(over(hills, 2.0, 4.0, 2.5), [0.1, 0.2], 0.4, 9)
+    with pytest.warns(UserWarning, match="cannot be compiled"):
+        found = caster.cast_bundles(o, d, range_max=30.0)
+    plain = caster.cast(o.reshape(-1, 3), d.reshape(-1, 3), range_max=30.0)
+    np.testing.assert_array_equal(found.distance.ravel(), plain.distance)

@@ -16,7 +16,7 @@ from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import make_things
-from swath.rays.groups.cast import GroupWalk
+from swath.rays.groups.cast import GroupWalk, can_walk
 from swath.rays.groups.lanes import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
 
 F32 = NDArray[np.float32]
@@ -180,6 +180,9 @@ class RayCaster:
     def _walks(self, sub_rays: int) -> bool:
         """Does the group walk serve such bundles? Else the plain kernel does, and says so once."""
         if self.device != "cpu":
+            return False
+        if not can_walk():
+            _warn("groups of rays cannot be compiled on this machine: cast one by one, which is slower")
             return False
         if sub_rays > SUB_RAYS_MAX:
             _warn(f"{sub_rays} sub-rays: more than {SUB_RAYS_MAX} are cast one by one, which is slower")

@@ -1,12 +1,14 @@
 """Rays through the group walk: index, solids, launches over threads."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import PlantLibrary
+from swath.rays.device import start_warp
 from swath.rays.groups.index import GroupIndex, make_index
 from swath.rays.groups.lanes import Lanes
 
@@ -18,6 +20,19 @@ class Pool(Protocol):
 
     def map(self, work: Callable[[int], None], items: Any, /) -> Any:
         """As `concurrent.futures.Executor.map`."""
+
+
+@cache
+def can_walk() -> bool:
+    """Does the native part compile here? The first call of a fresh installation takes some seconds."""
+    wp = start_warp()
+    from swath.rays.groups import kernel
+
+    try:
+        wp.load_module(kernel, device="cpu")
+    except Exception:  # Warp raises a plain one
+        return False
+    return True
 
 
 class GroupWalk:
