@@ -1,4 +1,4 @@
-"""A satellite receiver in the recording: NavSatFix and Odometry, and samples made of them again."""
+"""Receiver and inertial unit in the recording: messages, and samples made of them again."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.frames import Pose
-from swath.core.signals import FIX_QUALITIES, Fix
+from swath.core.signals import FIX_QUALITIES, Fix, Inertial
 from swath.field.io.project import Origin
 from swath.sim.record import Recorder
 from swath.sim.recorded.messages import Context, maker_for
@@ -141,3 +141,23 @@ def test_columns_are_there_where_the_slot_is(tmp_path):
     with Recorder(tmp_path / "without", [machine()]) as recorder:
         drive([recorder], GridField(ArcEdge(40.0)), seconds=0.2)
     assert "fix_x_m" not in read_tracks(tmp_path / "without" / "tracks.parquet")
+
+
+def test_an_inertial_unit_is_an_imu_without_orientation(tmp_path):
+    sample = Inertial(NS // 10, 0.1, -0.2, 0.3, 0.5, -0.6, 9.7, 0.004, 0.02)
+    record(tmp_path, "imu", [sample], "inertial")
+    messages, tree = decoded(tmp_path, "/combine/imu/inertial", "/tf_static").values()
+    (message,) = messages
+    assert message.header.frame_id == "combine/imu"
+    assert message.header.stamp.nanosec == NS // 10
+    rate, force = message.angular_velocity, message.linear_acceleration
+    assert (rate.x, rate.y, rate.z, force.x, force.y, force.z) == (0.1, -0.2, 0.3, 0.5, -0.6, 9.7)
+    assert message.orientation_covariance[0] == -1.0
+    np.testing.assert_allclose(np.reshape(message.angular_velocity_covariance, (3, 3)), np.eye(3) * 0.004**2)
+    np.testing.assert_allclose(
+        np.reshape(message.linear_acceleration_covariance, (3, 3)), np.eye(3) * 0.02**2
+    )
+    assert "combine/imu" in {t.child_frame_id for t in tree[0].transforms}
+    made = maker_for(Inertial, "sensor_msgs/msg/Imu", Context(3.7))(message, NS // 10)
+    assert made == sample
+    assert read_tracks(tmp_path / "tracks.parquet")["imu_force_z_m_s2"][-1] == 9.7

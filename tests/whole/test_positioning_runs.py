@@ -1,4 +1,4 @@
-"""Runs with a satellite receiver: rates, played again from the log, read by a part of one's own."""
+"""Runs with a satellite receiver and an inertial unit: rates, played again, read by a part of one's own."""
 
 import json
 
@@ -42,6 +42,7 @@ SETS = (
     "run.record=full",
     "run.max_duration_s=1.5",
     "combine.gnss={level: error, losses: [{from_s: 0.7, to_s: 0.9}]}",
+    "combine.imu=ideal",
 )
 
 
@@ -74,6 +75,15 @@ def test_fixes_come_at_their_rate_and_are_the_antenna_of_then(driven):
             assert fix.speed == pytest.approx(states[fix.t].speed, abs=0.15)
 
 
+def test_an_inertial_unit_adds_up_to_what_the_machine_did(driven):
+    felt = samples(driven, "combine.imu", "inertial")
+    assert [t for t, _ in felt] == [k * NS // 100 for k in range(151)]
+    states = dict(samples(driven, "combine.motion", "state"))
+    turn = sum(s.rate_z for _, s in felt) * 0.01
+    assert turn == pytest.approx(states[NS * 3 // 2].pose.euler()[2] - states[0].pose.euler()[2], abs=2e-4)
+    assert np.mean([s.force_z for _, s in felt]) == pytest.approx(9.81, abs=0.1)
+
+
 def test_a_part_of_ones_own_reads_them(driven):
     for t, command in samples(driven, "combine.speed", "command")[2:]:
         assert (command.speed == 1.0) == (0.75 * NS <= t < 0.95 * NS)
@@ -81,7 +91,7 @@ def test_a_part_of_ones_own_reads_them(driven):
 
 def test_it_is_played_again_to_the_last_bit(driven, tmp_path):
     plan = plan_again(driven, slots=None, sets=["run.record=full"])
-    assert "combine.gnss" in plan.played
+    assert {"combine.gnss", "combine.imu"} <= set(plan.played)
     summary = plan.run(tmp_path / "out", report=False).summary
     assert all(told["identical"] for told in summary["replay"]["slots"].values())
     assert summary["digest"] == json.loads((driven / "summary.json").read_text())["digest"]

@@ -24,6 +24,7 @@ from swath.core.signals import (
     Fix,
     HeaderState,
     Image,
+    Inertial,
     LossReading,
     MachineLoad,
     MachineState,
@@ -70,6 +71,10 @@ UNITS: dict[type[Signal], dict[str, str]] = {
         **dict.fromkeys(("x", "y", "z", "horizontal_sd", "vertical_sd", "height"), "m"),
         **dict.fromkeys(("speed", "speed_sd"), "m/s"),
         **dict.fromkeys(("course", "longitude", "latitude"), "rad"),
+    },
+    Inertial: {
+        **dict.fromkeys(("rate_x", "rate_y", "rate_z", "rate_sd"), "rad/s"),
+        **dict.fromkeys(("force_x", "force_y", "force_z", "force_sd"), "m/s2"),
     },
     CropEdge: {
         "offset": "m",

@@ -109,6 +109,25 @@ class Odometry(Signal):
     steer_angle: float
 
 
+@frozen
+class Inertial(Signal):
+    """What an inertial unit feels, in its own frame, the mean since its sample before.
+
+    rate_x, rate_y, rate_z: angular rate about its axes [rad/s]
+    force_x, force_y, force_z: specific force [m/s2], acceleration less gravity: +9.81 upward at rest
+    rate_sd, force_sd: of the white noise of a sample, 1 sigma
+    """
+
+    rate_x: float
+    rate_y: float
+    rate_z: float
+    force_x: float
+    force_y: float
+    force_z: float
+    rate_sd: float = 0.0
+    force_sd: float = 0.0
+
+
 FIX_QUALITIES = ("none", "single", "dgps", "float", "fix")  # of a Fix, by number
 
 

@@ -19,6 +19,7 @@ from swath.core.signals import (
     CropEdge,
     Fix,
     Image,
+    Inertial,
     MachineState,
     Odometry,
     Scan,
@@ -30,7 +31,7 @@ from swath.core.signals import (
 from swath.field.io.project import Origin
 from swath.sim.mcap import McapFile
 from swath.sim.pictures import picture_messages
-from swath.sim.positioning import fix_messages
+from swath.sim.positioning import fix_messages, imu_message
 
 POINT_FIELDS = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"))
 # As the drivers of rotating scanners name and type them (velodyne_pointcloud: `ring`, `time`), then our own.
@@ -90,6 +91,8 @@ class Messenger:
             frame, is_on_earth = f"{self.machine.name}/{slot}", self.machine.origin is not None
             for ending, message in fix_messages(self.file, signal, frame, is_on_earth=is_on_earth):
                 self.file.write(topic + ending, t, message)
+        elif isinstance(signal, Inertial):
+            self.file.write(topic, t, imu_message(self.file, signal, f"{self.machine.name}/{slot}"))
         elif isinstance(signal, CropEdge):
             self.file.write(topic, t, self.file.of_signal(signal, self._base))
             self.file.write(f"{topic}_marker", t, self._edge_marker(signal))

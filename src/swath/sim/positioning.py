@@ -1,4 +1,7 @@
-"""Messages of a satellite receiver: sensor_msgs/NavSatFix, and nav_msgs/Odometry in the world's own metres.
+"""Messages of a satellite receiver and of an inertial unit.
+
+Of a receiver: sensor_msgs/NavSatFix, and nav_msgs/Odometry in the world's own metres. Of a unit:
+sensor_msgs/Imu.
 
 The Odometry stands in `map`; its child frame `<machine>/gnss_course` lies at the antenna with x along the way
 it goes, so its twist is the speed over ground. It is in no /tf.
@@ -10,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.core.signals import F64, FIX_QUALITIES, Fix
+from swath.core.signals import F64, FIX_QUALITIES, Fix, Inertial
 
 UNKNOWN = 1e6  # variance of what a receiver does not know
 STATUS = {"none": -1, "single": 0, "dgps": 1, "float": 2, "fix": 2}  # sensor_msgs/NavSatStatus
@@ -68,6 +71,20 @@ def _odometry(file: Any, fix: Fix, child: str) -> Any:
             twist=speed,
             covariance=_diagonal(moving, moving, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN),
         ),
+    )
+
+
+def imu_message(file: Any, sample: Inertial, frame: str) -> Any:
+    """sensor_msgs/Imu, gravity included (REP 145); it knows no orientation. frame: of the unit"""
+    return file.make(
+        "sensor_msgs/msg/Imu",
+        header=file.header(sample.t, frame),
+        orientation=file.quaternion(Pose.identity()),
+        orientation_covariance=np.array([-1.0] + [0.0] * 8),  # there is none
+        angular_velocity=file.vector(sample.rate_x, sample.rate_y, sample.rate_z),
+        angular_velocity_covariance=_diagonal(*[sample.rate_sd**2] * 3),
+        linear_acceleration=file.vector(sample.force_x, sample.force_y, sample.force_z),
+        linear_acceleration_covariance=_diagonal(*[sample.force_sd**2] * 3),
     )
 
 

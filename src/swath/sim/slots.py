@@ -19,6 +19,7 @@ from swath.core.signals import (
     Fix,
     HeaderState,
     Image,
+    Inertial,
     LossReading,
     MachineLoad,
     MachineState,
@@ -139,6 +140,15 @@ SLOTS: tuple[SlotKind, ...] = (
         is_on=False,
     ),
     SlotKind(
+        "imu",
+        ("swath.sensing.imu",),
+        "error",
+        100.0,
+        (Port("inertial", Inertial),),
+        _STATE,
+        is_on=False,
+    ),
+    SlotKind(
         "edge",
         ("swath.control.edge", "swath.sensing.edge"),
         "max_likelihood",
@@ -191,7 +201,7 @@ SLOT_NAMES = tuple(s.name for s in SLOTS)
 TRUTH = (MachineState, ScanTruth)  # what control never sees
 CONTROL = ("edge", "ahead", "steer", "speed")  # these are told the machine's geometry, never the truth
 # Whose level may change while a run goes on: they keep nothing of the machine's motion and masses.
-EXCHANGEABLE = ("lidar", "camera", "odometry", "gnss", "crop_flow", "edge", "ahead", "steer", "speed")
+EXCHANGEABLE = ("lidar", "camera", "odometry", "gnss", "imu", "crop_flow", "edge", "ahead", "steer", "speed")
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
     "terrain": ("swath.field.terrain",),

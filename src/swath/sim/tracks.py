@@ -18,6 +18,7 @@ from swath.core.signals import (
     EngineState,
     Fix,
     HeaderState,
+    Inertial,
     MachineLoad,
     MachineState,
     Odometry,
@@ -114,6 +115,11 @@ SENSOR_COLUMNS = {
         Column("fix_z_m", "m", "antenna as measured, height", _of(Fix, "z")),
         Column("fix_speed_m_s", "m/s", "measured speed over ground", _of(Fix, "speed")),
         Column("fix_quality", "-", "0 none, 1 single, 2 dgps, 3 float, 4 fix", _of(Fix, "quality")),
+    ),
+    "imu": tuple(
+        Column(f"imu_{kind}_{axis}_{unit}", said, f"measured, {axis} axis", _of(Inertial, f"{kind}_{axis}"))
+        for kind, unit, said in (("rate", "rad_s", "rad/s"), ("force", "m_s2", "m/s2"))
+        for axis in "xyz"
     ),
 }
 

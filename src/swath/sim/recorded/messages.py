@@ -7,6 +7,7 @@
 | MachineState | Odometry, PoseStamped, PoseWithCovarianceStamped, NavSatFix (`fixes.py`) |
 | Odometry | Odometry, TwistStamped, Twist |
 | Fix | NavSatFix, Odometry (`positioning.py`) |
+| Inertial | Imu |
 | SpeedCommand | TwistStamped, Twist, AckermannDriveStamped, AckermannDrive, Float64, Float32 |
 | SteerState, SteerCommand | AckermannDriveStamped, AckermannDrive, Float64, Float32 |
 | any | swath_msgs/<its name> |
@@ -29,6 +30,7 @@ from swath.core.signals import (
     F32,
     F64,
     Fix,
+    Inertial,
     MachineState,
     Odometry,
     Scan,
@@ -311,6 +313,7 @@ MAKERS: dict[tuple[type[Signal], str], Callable[[Context], Maker]] = {
     (Odometry, "Twist"): _odometry,
     (Fix, "NavSatFix"): lambda context: _stamped(positioning.FixOfNavSat(context.to_local)),
     (Fix, "Odometry"): lambda context: _stamped(positioning.fix_of_odometry),
+    (Inertial, "Imu"): lambda context: _stamped(positioning.inertial_of_imu),
     (SpeedCommand, "TwistStamped"): _speed(lambda m: _motion(m)[0]),
     (SpeedCommand, "Twist"): _speed(lambda m: _motion(m)[0]),
     (SpeedCommand, "AckermannDriveStamped"): _speed(lambda m: _drive(m).speed),

@@ -1,4 +1,4 @@
-"""Samples of a satellite receiver from its messages; all functions take the time of the sample [ns]."""
+"""Samples of a satellite receiver and of an inertial unit from their messages, for a time [ns] each."""
 
 from collections.abc import Callable
 from math import hypot, nan, radians, sqrt
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.signals import F64, FIX_QUALITIES, Fix
+from swath.core.signals import F64, FIX_QUALITIES, Fix, Inertial
 from swath.sim.positioning import UNKNOWN
 
 # Horizontal sd up to which a position is called so, where a message does not say [m]
@@ -59,6 +59,17 @@ def fix_of_odometry(message: Any, t: int) -> Fix:
         high,
         sqrt(message.twist.covariance[0]),
         FIX_QUALITIES.index(called),
+    )
+
+
+def inertial_of_imu(message: Any, t: int) -> Inertial:
+    """Rates and forces; the orientation, which few units have, is left out."""
+    rate, force = message.angular_velocity, message.linear_acceleration
+    variances = message.angular_velocity_covariance[0], message.linear_acceleration_covariance[0]
+    return Inertial(
+        t,
+        *(float(v) for v in (rate.x, rate.y, rate.z, force.x, force.y, force.z)),
+        *(sqrt(max(float(v), 0.0)) for v in variances),
     )
 
 

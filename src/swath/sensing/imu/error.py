@@ -1,0 +1,99 @@
+"""IMU with bias, a random walk of the bias, scale error and white noise."""
+
+from dataclasses import dataclass, field
+from math import sqrt
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.signals import F64, Inertial, MachineState
+from swath.core.units import DEG, PERCENT
+from swath.field.site import SiteSetup
+from swath.sensing.imu._strapdown import Place, Strapdown, sample_of
+from swath.sensing.imu._units import STANDARD_GRAVITY, UNITS
+
+Share = Annotated[float, Ge(0), Le(30)]
+Factor = Annotated[float, Ge(0), Le(1000)]
+MILLI_G = 1e-3 * STANDARD_GRAVITY
+
+
+@dataclass(frozen=True)
+class Params:
+    """unit: whose noise counts (docs/positioning.md); mount: where it sits on the machine
+
+    noise_factor: on its white noise; walk_factor: on the random walk of its bias
+    gyro_bias_deg_s: sd of the bias at the start, drawn once per run and axis, as the three below; estimates
+    accel_bias_mg: the same of the accelerometers, in thousandths of g
+    gyro_scale_percent: sd of the scale error; accel_scale_percent: the same of the accelerometers
+    """
+
+    unit: Literal["mti-1", "adis16470", "bmi088"] = "mti-1"
+    mount: Place = field(default_factory=Place)
+    noise_factor: Factor = 1.0
+    walk_factor: Factor = 1.0
+    gyro_bias_deg_s: Annotated[float, Ge(0), Le(100)] = 0.1
+    accel_bias_mg: Annotated[float, Ge(0), Le(1000)] = 2.0
+    gyro_scale_percent: Share = 0.1
+    accel_scale_percent: Share = 0.1
+
+
+class ErrorImu:
+    """The true rates and forces, scaled, biased and noisy."""
+
+    inputs = (Port("state", MachineState, history=True),)
+    outputs = (Port("inertial", Inertial),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        p, unit = params, UNITS[params.unit]
+        self.mounting = p.mount.pose()
+        self._start = setup.start
+        self._motion = Strapdown(self.mounting)
+        # rows: gyroscopes, accelerometers
+        self._density = p.noise_factor * np.array([[unit.gyro.density], [unit.accel.density]])
+        self._walk = p.walk_factor * np.array([[unit.gyro.walk], [unit.accel.walk]])
+        self._bias_sd = np.array([[p.gyro_bias_deg_s * DEG], [p.accel_bias_mg * MILLI_G]])
+        self._scale_sd = PERCENT * np.array([[p.gyro_scale_percent], [p.accel_scale_percent]])
+        white = self._density / sqrt(setup.period)
+        self._white_sd = float(white[0, 0]), float(white[1, 0])
+
+    def reset(self, stream: Stream) -> Outputs:
+        """At rest, level; draws bias and scale of this unit."""
+        self._stream = stream
+        draw = stream.at(0).standard_normal((2, 2, 3))
+        self._bias: F64 = self._bias_sd * draw[0]
+        self._scale: F64 = 1.0 + self._scale_sd * draw[1]
+        return self._read(0, self._motion.reset(self._start), np.zeros((2, 3)))
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """One sample at t + dt."""
+        white, walk = self._stream.at(t + dt).standard_normal((2, 2, 3))
+        seconds = dt / NS
+        self._bias = self._bias + self._walk * sqrt(seconds) * walk
+        return self._read(t + dt, self._motion.take(inputs["state"]), self._density / sqrt(seconds) * white)
+
+    def save(self) -> State:
+        """The bias, and the last state and velocity."""
+        return {"bias": self._bias.copy(), **self._motion.save()}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._bias = np.array(state["bias"])
+        self._motion.load(state)
+
+    def _read(self, t: int, truth: tuple[F64, F64], noise: F64) -> Outputs:
+        rate, force = np.stack(truth) * self._scale + self._bias + noise
+        return {"inertial": sample_of(t, rate, force, *self._white_sd)}
+
+
+LEVEL = Level(
+    ErrorImu,
+    Params,
+    "bias, its random walk, scale error and white noise of a MEMS unit",
+    cost="0.1 ms per sample",
+    tolerance="equal to ideal with every error at 0",
+)

@@ -1,0 +1,50 @@
+"""IMU without error: mean angular rate and specific force since the sample before."""
+
+from dataclasses import dataclass, field
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.signals import Inertial, MachineState
+from swath.field.site import SiteSetup
+from swath.sensing.imu._strapdown import Place, Strapdown, sample_of
+
+
+@dataclass(frozen=True)
+class Params:
+    """mount: where the unit sits on the machine."""
+
+    mount: Place = field(default_factory=Place)
+
+
+class IdealImu:
+    """Passes the truth on."""
+
+    inputs = (Port("state", MachineState, history=True),)
+    outputs = (Port("inertial", Inertial),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self.mounting = params.mount.pose()
+        self._start = setup.start
+        self._motion = Strapdown(self.mounting)
+
+    def reset(self, stream: Stream) -> Outputs:
+        """At rest, level."""
+        return {"inertial": sample_of(0, *self._motion.reset(self._start))}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """One sample at t + dt."""
+        return {"inertial": sample_of(t + dt, *self._motion.take(inputs["state"]))}
+
+    def save(self) -> State:
+        """The last state and velocity."""
+        return self._motion.save()
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._motion.load(state)
+
+
+LEVEL = Level(
+    IdealImu, Params, "true mean rate and specific force", cost="0.1 ms per sample", tolerance="exact"
+)
