@@ -26,6 +26,8 @@ field:
   obstacles: [{kind: post, x_m: -1.5, y_m: 12}]
 combine:
   motion: {level: single_track, start_speed_kmh: 7}
+  gnss: {level: ideal, rate_hz: 50}
+  imu: {level: error, rate_hz: 50}
   lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 2.0, rate_hz: 50, echo: all, within: nearest}
 """
 LISTENED = {
@@ -33,6 +35,8 @@ LISTENED = {
     "/combine/lidar/scan_points": "sensor_msgs/PointCloud2",
     "/combine/odometry/odometry": "nav_msgs/Odometry",
     "/combine/motion/state": "nav_msgs/Odometry",
+    "/combine/gnss/fix_odometry": "nav_msgs/Odometry",
+    "/combine/imu/inertial": "sensor_msgs/Imu",
 }
 
 

@@ -91,6 +91,12 @@ class McapFile:
             self._stream.flush()
             self._flushed = self._stream.tell()
 
+    def announce(self, topic: str, message: Any) -> None:
+        """Let the taps that publish know of a topic whose first message is still to come; writes nothing."""
+        for tap in self.taps:
+            if callable(declare := getattr(tap, "declare", None)):
+                declare(topic, message, False)
+
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the file, readable from here on."""
         self._writer.add_attachment(0, 0, name, media_type, data)

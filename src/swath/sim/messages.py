@@ -31,7 +31,7 @@ from swath.core.signals import (
 from swath.field.io.project import Origin
 from swath.sim.mcap import McapFile
 from swath.sim.pictures import picture_messages
-from swath.sim.positioning import fix_messages, imu_message
+from swath.sim.positioning import BESIDE, fix_messages, imu_message
 
 POINT_FIELDS = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"))
 # As the drivers of rotating scanners name and type them (velodyne_pointcloud: `ring`, `time`), then our own.
@@ -90,7 +90,10 @@ class Messenger:
         elif isinstance(signal, Fix):
             frame, is_on_earth = f"{self.machine.name}/{slot}", self.machine.origin is not None
             for ending, message in fix_messages(self.file, signal, frame, is_on_earth=is_on_earth):
-                self.file.write(topic + ending, t, message)
+                if ending == BESIDE and signal.quality == 0:  # nothing to say, but it will come
+                    self.file.announce(topic + ending, message)
+                else:
+                    self.file.write(topic + ending, t, message)
         elif isinstance(signal, Inertial):
             self.file.write(topic, t, imu_message(self.file, signal, f"{self.machine.name}/{slot}"))
         elif isinstance(signal, CropEdge):

@@ -22,14 +22,15 @@ BESIDE = "_odometry"  # what the topic of the Odometry ends with
 
 
 def fix_messages(file: Any, fix: Fix, frame: str, *, is_on_earth: bool) -> Iterator[tuple[str, Any]]:
-    """(ending of the topic, message) of a fix. file: McapFile; frame: of the antenna
+    """(ending of the topic, message) of a fix; without one the Odometry is nan and not to be sent.
+
+    file: McapFile; frame: of the antenna
 
     is_on_earth: the field has a geodetic origin
     """
     if is_on_earth or np.isfinite(fix.latitude):
         yield "", _nav_sat_fix(file, fix, frame)
-    if fix.quality > 0:
-        yield BESIDE, _odometry(file, fix, f"{frame}_course")
+    yield BESIDE, _odometry(file, fix, f"{frame}_course")
 
 
 def _nav_sat_fix(file: Any, fix: Fix, frame: str) -> Any:
