@@ -104,6 +104,23 @@ def act(bridge, tmp_path, *calls):
     return summary, json.loads(report.read_text())
 
 
+def test_images_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
+    report, out = tmp_path / "report.json", tmp_path / "run"
+    kinds = {"image": "Image", "image_depth": "Image", "image_label": "Image", "camera_info": "CameraInfo"}
+    listened = {f"/combine/camera/{name}": f"sensor_msgs/{kind}" for name, kind in kinds.items()}
+    sets = ["run.max_duration_s=0.65", "combine.camera={width_px: 61, height_px: 45, reach_m: 30}"]
+    pairs = [f"{topic}={kind}" for topic, kind in listened.items()]
+    with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
+        run_job(parse_scenario(TEXT, sets=sets), out, report=False, companion=bridge)
+        listener.communicate("", timeout=60)
+    got = json.loads(report.read_text())["got"]
+    assert set(got) == set(listened)
+    for topic, hashes in got.items():
+        sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
+        assert hashes == sent, topic
+        assert len(hashes) == 3, topic
+
+
 def test_services_act_on_the_run_and_what_they_did_can_be_done_again(domain, bridge, tmp_path):  # noqa: F811
     wall = "{kind: box, x_m: 0, y_m: 5, length_m: 14, width_m: 1, height_m: 3}"
     summary, replies = act(

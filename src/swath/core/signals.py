@@ -84,8 +84,8 @@ class ScanTruth(Signal):
 class Image(Signal):
     """One picture of a camera, all pixels at the time t. A channel that was not asked for has no pixels.
 
-    width, height [px]; focal length and principal point (centre_x, centre_y) [px]; the middle of the upper
-    left pixel is (0, 0). Optical frame: x right, y down, z forward
+    Optical frame: x right, y down, z forward; the middle of the upper left pixel is (0, 0)
+    width, height: of the image [px]; focal: focal length [px]; centre_x, centre_y: principal point [px]
     depth: along the optical axis [m], (height, width), nan = nothing within reach
     colour: sRGB, (height, width, 3); label: `field.layout.Organ` that was hit, 0 = none, (height, width)
     """

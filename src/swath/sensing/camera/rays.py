@@ -28,7 +28,7 @@ from swath.sensing.camera._pinhole import OPTICAL, Pinhole, focal_of
 from swath.sensing.mount import Mount, poses_at
 
 Channel = Literal["colour", "depth", "label"]
-RAYS_MAX = 8_000_000
+RAYS_MAX = 10_000_000  # full HD with four samples per pixel
 DEFAULT_FOV = 70.0  # [deg]
 SHADOW_REACH = 8.0  # nothing further from a surface than this throws a shadow on it [m]
 SKIN = 0.02  # without shadows: how far from the surface the ray from the sun starts [m]
