@@ -1,7 +1,7 @@
 """How far off receivers are, by the quality of their fix."""
 
 from dataclasses import dataclass
-from math import hypot
+from math import exp, hypot, sqrt
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,10 @@ class Figures:
         """Of east and of north, all together [m]."""
         return hypot(self.noise, self.wander)
 
+    def difference(self, lag: float) -> float:
+        """Sd of the difference of two positions `lag` apart [m], of east and of north; lag [s] > 0."""
+        return sqrt(2.0 * self.noise**2 + 2.0 * self.wander**2 * (1.0 - exp(-lag / self.wander_time)))
+
 
 # What is behind each figure: docs/positioning.md. The vertical factor is 1.5 to 2 (memory).
 FIGURES = {
@@ -31,4 +35,14 @@ FIGURES = {
     "float": Figures(0.02, 0.20, 300.0),
     "fix": Figures(0.007, 0.009, 120.0),
 }
-QUALITY_OF = {"rtk": "fix", "rtk_float": "float", "dgps": "dgps", "single": "single"}
+# Receiver -> quality of its fix, its errors.
+RECEIVERS = {
+    "rtk": ("fix", FIGURES["fix"]),
+    "rtk_standing": (
+        "fix",
+        Figures(0.0007, 0.0046, 250.0, vertical=2.1),
+    ),  # fitted: a u-blox log of 41 minutes
+    "rtk_float": ("float", FIGURES["float"]),
+    "dgps": ("dgps", FIGURES["dgps"]),
+    "single": ("single", FIGURES["single"]),
+}

@@ -15,7 +15,7 @@ from swath.core.signals import F64, FIX_QUALITIES, Fix, MachineState
 from swath.core.units import CM
 from swath.field.site import SiteSetup
 from swath.sensing.gnss._antenna import Antenna, Place, fix_of, no_fix
-from swath.sensing.gnss._errors import FIGURES, QUALITY_OF, Figures
+from swath.sensing.gnss._errors import FIGURES, RECEIVERS, Figures
 
 Centimetres = Annotated[float, Ge(0), Le(10_000)] | None
 MS_NS = 1_000_000
@@ -46,7 +46,7 @@ class Params:
     losses: times at which the fix is lost
     """
 
-    receiver: Literal["rtk", "rtk_float", "dgps", "single"] = "rtk"
+    receiver: Literal["rtk", "rtk_standing", "rtk_float", "dgps", "single"] = "rtk"
     antenna: Place = field(default_factory=Place)
     latency_ms: Annotated[float, Ge(0), Le(2000)] = 50.0
     noise_cm: Centimetres = None
@@ -57,7 +57,7 @@ class Params:
     losses: tuple[Loss, ...] = ()
 
     def __post_init__(self) -> None:
-        own = FIX_QUALITIES.index(QUALITY_OF[self.receiver])
+        own = FIX_QUALITIES.index(RECEIVERS[self.receiver][0])
         for loss in self.losses:
             if FIX_QUALITIES.index(loss.quality) >= own:
                 worse = ", ".join(FIX_QUALITIES[:own])
@@ -74,7 +74,7 @@ class Params:
             "velocity": self.velocity_noise_m_s,
             "vertical": self.vertical_factor,
         }
-        own = FIGURES[QUALITY_OF[self.receiver]]
+        _, own = RECEIVERS[self.receiver]
         return replace(own, **{k: v for k, v in given.items() if v is not None})
 
 
@@ -89,7 +89,7 @@ class ErrorGnss:
         self._latency = round(params.latency_ms * MS_NS)
         self._antenna = Antenna(params.antenna, self._latency)
         self.mounting = self._antenna.mounting
-        own = QUALITY_OF[params.receiver]
+        own, _ = RECEIVERS[params.receiver]
         self._figures = {**FIGURES, own: params.figures()}
         self._own = FIX_QUALITIES.index(own)
         self._losses = [
