@@ -1,5 +1,7 @@
 """Drives a detector past a synthetic edge and compares what it says with where the edge is."""
 
+from dataclasses import replace
+
 import numpy as np
 from closed_loop import Course, setup_of
 from synthetic_edge import Scanner, Stand, mounting
@@ -15,7 +17,7 @@ class EdgeSensor:
 
     def __init__(
         self, course, *, level=MaxLikelihood, side="left", hz=25, seed=0, roll_sd=0.0, tilt=0.0, outside=0.3,
-        stand=None, scanner=None, params=None, every=1,
+        stand=None, scanner=None, params=None, every=1, dust=0.0,
     ):  # fmt: skip
         sign = 1.0 if side == "left" else -1.0
         self.mounting = mounting(side, outside=outside)
@@ -27,6 +29,7 @@ class EdgeSensor:
         )
         self.level.reset(Stream(1, "edge"))
         self.rng = np.random.default_rng(seed)
+        self.dust = dust
         self.roll_sd, self.tilt, self.roll, self.pitch = roll_sd, tilt, 0.0, 0.0
 
     def __call__(self, t, pose, speed, yaw_rate):
@@ -34,6 +37,10 @@ class EdgeSensor:
         self.roll = keep * self.roll + kick * self.rng.standard_normal()
         self.pitch = keep * self.pitch + kick * self.rng.standard_normal()
         scan = self.scanner.scan(t, pose, self.rng, roll=self.roll + self.tilt, pitch=self.pitch)
+        if self.dust > 0.0:
+            puff = 0.7 + self.rng.standard_exponential(scan.ranges.shape)
+            meets = (self.rng.uniform(size=puff.shape) < self.dust) & (puff < scan.ranges)
+            scan = replace(scan, ranges=np.where(meets, puff, scan.ranges).astype(np.float32))
         inputs = {"scan": scan, "odometry": Odometry(t, speed, yaw_rate, 0.0)}
         return self.level.step(t - self.period, self.period, inputs)["edge"]
 

@@ -16,6 +16,8 @@ from swath.core.signals import Scan
 
 EAR, EAR_LENGTH, STEM = 0.012, 0.09, 0.0035
 MOUNT_HEIGHT, MOUNT_AHEAD = 2.4, 8.0
+_Z = np.linspace(-5.0, 5.0, 501)
+NORMAL = _Z, np.array([0.5 * (1.0 + erf(z / np.sqrt(2.0))) for z in _Z])
 
 
 def mounting(side="left", *, outside=0.3, ahead=MOUNT_AHEAD, height=MOUNT_HEIGHT, knife_x=4.0, half=6.0):
@@ -37,7 +39,11 @@ def hazard_table(density, tip, cv, spot, heights):
 
 @dataclass
 class Stand:
-    """inside(x, y) -> signed distance [m] to the edge, > 0 in the crop; gaps: no crop from x to x [m]."""
+    """inside(x, y) -> signed distance [m] to the edge, > 0 in the crop; gaps: no crop from x to x [m].
+
+    lean: standard deviation of the stems' lean across the edge, aside per height: feet end at the edge, of
+    what stands at a height z only the part Phi(distance / (lean z)) is there
+    """
 
     inside: object
     density: float = 500.0
@@ -47,6 +53,7 @@ class Stand:
     spot: float = 0.0
     soil: float = 0.012
     gaps: tuple = ()
+    lean: float = 0.0
 
 
 @dataclass
@@ -86,6 +93,8 @@ class Scanner:
         for start, stop in s.gaps:
             depth = np.where((x > start) & (x < stop), -1.0, depth)
         share = np.clip(depth / s.spot + 0.5, 0.0, 1.0) if s.spot > 0 else (depth > 0).astype(float)
+        if s.lean > 0:
+            share = np.interp(depth / np.maximum(s.lean * level, 1e-3), NORMAL[0], NORMAL[1])
         hazard = share * np.interp(level, self.z, self.crop) + (1 - share) * np.interp(
             level, self.z, self.cut
         )

@@ -4,7 +4,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-SHIPPED = {"wheat-median": ("wheat", "percentile"), "wheat-nearest": ("wheat", "nearest")}
+SHIPPED = {  # name: crop, echo rule, is the design the narrow one
+    "wheat-median": ("wheat", "percentile", False),
+    "wheat-nearest": ("wheat", "nearest", False),
+    "barley-median": ("barley", "percentile", True),
+    "rye-median": ("rye", "percentile", True),
+}
 
 
 def add(parsers: Any) -> None:
@@ -26,6 +31,9 @@ def add(parsers: Any) -> None:
     lidar.add_argument("--sub-rays", type=int, default=37, metavar="N", help="per beam (default 37)")
     lidar.add_argument("--profile", choices=("gaussian", "uniform"), default="gaussian", help="of the spot")
     lidar.add_argument("--lines", type=int, metavar="N", help="scan lines of 24 beams per place (default 80)")
+    lidar.add_argument(
+        "--narrow", action="store_true", help="spots up to 60 mm and usual stands only: a smaller table"
+    )
     lidar.add_argument("--quick", action="store_true", help="a coarse design, to try things out")
     lidar.add_argument("--seed", type=int, default=1, help="another seed")
     lidar.add_argument(
@@ -44,7 +52,8 @@ def run(args: argparse.Namespace) -> int:
     if not 1 <= args.sub_rays <= 217 or not 0.0 <= args.percentile <= 100.0:
         raise InputError("--sub-rays", args.sub_rays, "expected 1 to 217, and --percentile 0 to 100")
     if args.shipped:
-        for name, (crop, echo) in SHIPPED.items():
+        for name, (crop, echo, narrow) in SHIPPED.items():
+            args.narrow = narrow
             _one(args, args.out / f"{name}.npz", crop, echo)
         return 0
     _one(args, args.out, args.crop, args.echo)
@@ -82,9 +91,9 @@ def _from_plants(args: argparse.Namespace, crop: str, reading: Any) -> Any:
     from dataclasses import replace
 
     from swath.field.crop import load_crop
-    from swath.study.calibrate import SMALL, Design, fit_plants
+    from swath.study.calibrate import NARROW, SMALL, Design, fit_plants
 
-    design = SMALL if args.quick else Design()
+    design = SMALL if args.quick else NARROW if args.narrow else Design()
     if args.lines is not None:
         design = replace(design, lines=max(args.lines, 1))
     with _bar(f"{crop}, {reading.echo}") as progress:

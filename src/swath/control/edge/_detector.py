@@ -7,7 +7,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.edge._line import Line, Prior
-from swath.control.edge._profile import Reach, crop_sign, make_profile
+from swath.control.edge._overhang import Overhang
+from swath.control.edge._profile import Profile, Reach, crop_sign, make_profile
 from swath.control.edge._step import Gates, SplitRule, Step, find_step
 from swath.control.edge._track import EdgeTrack, Memory
 from swath.core.component import Inputs, Outputs, Port, State
@@ -16,6 +17,10 @@ from swath.core.schedule import NS
 from swath.core.setup import ControlSetup
 from swath.core.signals import CropEdge, Odometry, Scan
 from swath.core.units import DEG, MM
+
+HEADROOM, ROOM = 1.25, 0.3  # [1], [m]: crop may stand this much above its 90th percentile, over uneven ground
+TOPS = (1.5, 1.15)  # m, tried when the crop's height is not known and dust may hide the edge
+CLEARER = 1.3  # times the separation that a lower top must reach to count
 
 
 @dataclass(frozen=True)
@@ -30,7 +35,8 @@ class EdgeParams:
     lost_s: after so long without the edge it counts as lost; acquire_s: seen for so long it counts as found;
     jump_s: seen for so long when it lies beside the one just lost
     lean_deg: mean lean of the stems off the vertical; lean_share: part of it by which the canopy seems to
-    hang over the edge, 0.5 for a median echo, 1 for the nearest; wheat that is not lodged leans 5 to 8 deg
+    hang over the edge: a first guess, wheat that is not lodged leans 5 to 8 deg; 0 = no correction at all
+    learn_m: travel over which the overhang is learned from the scans; 0 = the guess holds throughout
     spot_mm: spot diameter at the crop when the echo is the nearest of the spot (data sheet: at the cover plus
     divergence times range), half of which the edge then seems shifted; 0 for a median echo
     reference_m: where ahead of the fixed axle the offset is reported, 0 = a little behind the footprint
@@ -48,6 +54,7 @@ class EdgeParams:
     jump_s: Annotated[float, Gt(0), Le(10)] = 1.5
     lean_deg: Annotated[float, Ge(0), Le(60)] = 6.5
     lean_share: Annotated[float, Ge(0), Le(1)] = 0.5
+    learn_m: Annotated[float, Ge(0), Le(1000)] = 30.0
     spot_mm: Annotated[float, Ge(0), Le(500)] = 0.0
     reference_m: Annotated[float, Ge(0), Le(30)] = 0.0
 
@@ -66,7 +73,7 @@ class EdgeDetector:
         self._sign = crop_sign(setup.edge_side)
         self._centre = self._sign * setup.machine.header_end(setup.edge_side)[1]
         self._half_spot = 0.5 * p.spot_mm * MM
-        self._overhang = p.lean_share * float(np.tan(p.lean_deg * DEG))
+        self._overhang = Overhang(p.learn_m, p.lean_share * float(np.tan(p.lean_deg * DEG)))
         self._gates = Gates(
             min_step=p.min_step_m,
             min_gain=p.min_gain,
@@ -80,13 +87,14 @@ class EdgeDetector:
         self._reference = p.reference_m or _footprint(setup) - 0.25 * p.track_m
         self._track = EdgeTrack(memory, Prior(), self._reference)
         self._time = 0
-        self._crop, self._stubble = float("nan"), float("nan")
+        self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0
 
     def reset(self, stream: Stream) -> Outputs:
         """No edge at t = 0: nothing was seen yet."""
         self._track.clear()
+        self._overhang.clear()
         self._time = 0
-        self._crop, self._stubble = float("nan"), float("nan")
+        self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0
         return {"edge": self._no_edge(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -98,31 +106,58 @@ class EdgeDetector:
         return {"edge": self._report(t + dt, speed, yaw_rate)}
 
     def save(self) -> State:
-        """The track, its time and the heights."""
-        heights = (self._crop, self._stubble)
-        return {"track": self._track.save(), "time": self._time, "heights": heights}
+        """The track, its time, the heights and the overhang."""
+        heights = (self._crop, self._stubble, self._ground)
+        return {
+            "track": self._track.save(),
+            "overhang": self._overhang.save(),
+            "time": self._time,
+            "heights": heights,
+        }
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._track.load(state["track"])
+        self._overhang.load(state["overhang"])
         self._time = state["time"]
-        self._crop, self._stubble = state["heights"]
+        self._crop, self._stubble, self._ground = state["heights"]
 
     def _take(self, scan: Scan, speed: float, yaw_rate: float) -> None:
         elapsed = (scan.t - self._time) / NS
         self._time = scan.t
         self._track.move(speed * elapsed, self._sign * yaw_rate * elapsed, elapsed)
+        self._overhang.move(speed * elapsed)
         profile = make_profile(scan, self._mounting, self._sign, speed, yaw_rate, self._reach)
-        found = find_step(profile, self._track.line, self._centre, self.split, self._gates)
+        line = self._track.line if self._track.is_found else None
+        found = self._look(profile)
         self._track.update(found)
         if found is not None:
             self._remember_heights(found)
+            if line is not None:
+                self._overhang.add(found, found.u - float(line.at(found.x)), self._crop)
+
+    def _look(self, profile: Profile) -> Step | None:
+        """The step of a profile without what hangs above the crop: dust near the scanner.
+
+        Once the crop's height is known all echoes above it go. Before that several tops are tried, and a
+        lower one counts when it shows the step more clearly.
+        """
+        tops: tuple[float, ...] = (self._reach.high, *TOPS)
+        if self._track.is_found and np.isfinite(self._crop):
+            tops = (self._ground + HEADROOM * max(self._crop, 0.0) + ROOM,)
+        best: Step | None = None
+        for top in tops:
+            step = find_step(profile.below(top), self._track.line, self._centre, self.split, self._gates)
+            if step is not None and (best is None or step.separation > CLEARER * best.separation):
+                best = step
+        return best
 
     def _remember_heights(self, found: Step) -> None:
         share = 0.1 if np.isfinite(self._crop) else 1.0
         old_crop, old_stubble = (self._crop, self._stubble) if share < 1.0 else (0.0, 0.0)
         self._crop = (1.0 - share) * old_crop + share * found.crop_height
         self._stubble = (1.0 - share) * old_stubble + share * found.stubble_height
+        self._ground = (1.0 - share) * (self._ground if share < 1.0 else 0.0) + share * found.ground
 
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
         line, age = self._track.line, now - self._time
@@ -133,7 +168,7 @@ class EdgeDetector:
 
     def _as_edge(self, now: int, line: Line) -> CropEdge:
         sign, steep = self._sign, 1.0 + line.slope**2
-        shift = self._half_spot + self._overhang * max(self._crop, 0.0)
+        shift = self._half_spot + self._overhang.shift(self._crop)
         return CropEdge(
             t=now,
             offset=sign * (line.offset + shift * float(np.sqrt(steep))),

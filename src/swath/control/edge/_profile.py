@@ -26,6 +26,11 @@ class Profile:
     z: F64
     sensor: tuple[float, float, float]
 
+    def below(self, top: float) -> "Profile":
+        """Without the echoes above a height [m]."""
+        keep = self.z < top
+        return self if keep.all() else Profile(self.x[keep], self.u[keep], self.z[keep], self.sensor)
+
 
 @dataclass(frozen=True)
 class Reach:

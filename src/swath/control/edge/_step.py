@@ -40,7 +40,13 @@ class Gates:
 
 @dataclass(frozen=True)
 class Step:
-    """An edge point. x, u [m]; variance [m2] of u; quality 0..1; crop_height, stubble_height [m]."""
+    """An edge point. x, u [m]; variance [m2] of u; quality 0..1; crop_height, stubble_height [m].
+
+    lateral [m]: of all echoes of the profile from the edge as it was known before, clear ways of stubble
+    echoes included; height [m]: above the foot of the stubble side; both in lateral order, shape
+    (echo_count,); limit [m]: height midway between both sides; ground [m]: that foot, in the machine frame
+    separation: as in `Gates`
+    """
 
     x: float
     u: float
@@ -48,6 +54,11 @@ class Step:
     quality: float
     crop_height: float
     stubble_height: float
+    lateral: F64
+    height: F64
+    limit: float
+    ground: float
+    separation: float
 
 
 @dataclass(frozen=True)
@@ -97,9 +108,19 @@ def find_step(
     foot = slope * (found.high - found.low)  # the canopy leans out of a rolled machine's frame
     ahead = _abreast(x, lateral - at, found.first)
     quality = float(np.clip((separation - 0.5 * gates.min_separation) / gates.min_separation, 0.2, 1.0))
-    crop, stubble = _heights(level, found.first)
+    crop, stubble, ground = _heights(level, found.first)
     return Step(
-        ahead, float(line.at(ahead)) + at + foot, variance + gates.resolution**2, quality, crop, stubble
+        ahead,
+        float(line.at(ahead)) + at + foot,
+        variance + gates.resolution**2,
+        quality,
+        crop,
+        stubble,
+        lateral,
+        level - ground,
+        0.5 * (found.low + found.high) - ground,
+        ground,
+        float(separation),
     )
 
 
@@ -163,8 +184,8 @@ def _abreast(x: F64, beside: F64, first: int) -> float:
     return sum(middle) / len(middle) if middle else float(np.median(x))
 
 
-def _heights(z: F64, first: int) -> tuple[float, float]:
-    """(crop, stubble) heights: 90th percentiles of both sides above the 10th of the stubble side [m]."""
+def _heights(z: F64, first: int) -> tuple[float, float, float]:
+    """(crop, stubble, ground) [m]: 90th percentiles of both sides above the 10th of the stubble side; it."""
     low, high = np.sort(z[:first]), np.sort(z[first:])
     ground = low[int(0.1 * len(low))]
-    return float(high[int(0.9 * len(high))] - ground), float(low[int(0.9 * len(low))] - ground)
+    return float(high[int(0.9 * len(high))] - ground), float(low[int(0.9 * len(low))] - ground), float(ground)
