@@ -7,8 +7,10 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.field.crop import load_crop
 from swath.rays.chain import Chain
 from swath.sensing.lidar import empirical, plants
+from swath.sensing.tables import load_table
 from swath.sim.scenario import parse_scenario
 from swath.sim.world import assemble
 from swath.study.compare import compare
@@ -79,6 +81,26 @@ def test_measured_heights_agree_with_plants(density, sensor):
             assert found.ks < 0.13
             continue
         assert found.is_good, (pitch, found)
+
+
+@pytest.mark.parametrize(("crop", "density"), [("barley", 550), ("rye", 400)])
+def test_barley_and_rye_agree_with_plants(crop, density):
+    setup = site(density, f"field.stand.crop={crop}")
+    dear, cheap = pair(setup, sensor="sick-lms511-hr", step_deg=2.0)
+    for pitch in (10.0, 25.0, 50.0):
+        found = compare(heights(cheap, setup, pitch, 200, 4), heights(dear, setup, pitch, 100, 3))
+        assert found.is_good, (pitch, found)
+        assert cheap.notes == []  # nothing of it lies outside the table
+
+
+@pytest.mark.parametrize("name", ["wheat-median", "wheat-nearest", "barley-median", "rye-median"])
+def test_bundled_tables_say_what_they_are(name):
+    table = load_table(name)
+    crop = load_crop(table.about["crop"])
+    low, high = table.about["range"]["density_per_m2"]
+    assert low < crop.stand.density < high
+    assert table.about["fit"]["wasserstein_m"]["mean"] < 0.015
+    assert table.about["range"]["spot_mm"][1] >= 60.0
 
 
 def test_crop_edge_lies_where_it_does_for_plants():

@@ -32,7 +32,7 @@ def add(parsers: Any) -> None:
     lidar.add_argument("--profile", choices=("gaussian", "uniform"), default="gaussian", help="of the spot")
     lidar.add_argument("--lines", type=int, metavar="N", help="scan lines of 24 beams per place (default 80)")
     lidar.add_argument(
-        "--narrow", action="store_true", help="spots up to 60 mm and usual stands only: a smaller table"
+        "--narrow", action="store_true", help="spots up to 90 mm and usual stands only: a smaller table"
     )
     lidar.add_argument("--quick", action="store_true", help="a coarse design, to try things out")
     lidar.add_argument("--seed", type=int, default=1, help="another seed")

@@ -49,7 +49,7 @@ SMALL = Design(
     (150.0, 500.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=12, held_out=6, tile_count=8
 )
 # for scanners with a narrow beam over a crop as it is usually sown: less than half the size of the full one
-NARROW = Design((180.0, 280.0, 420.0, 630.0, 1000.0), (0.7, 1.0, 1.3), spot_mm=(10.0, 30.0, 60.0))
+NARROW = Design((180.0, 280.0, 420.0, 630.0, 1000.0), (0.7, 1.0, 1.3), spot_mm=(10.0, 30.0, 90.0))
 
 
 @dataclass(frozen=True)
