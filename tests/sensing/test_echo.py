@@ -110,13 +110,14 @@ def test_leading_edge_triggers_where_the_energy_reaches_the_threshold():
 
 def test_places_are_those_of_the_hits():
     d = np.array([[2.0, 4.0, NAN], [NAN, NAN, NAN]])
-    points = d[:, :, None] * np.array([[[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]])
+    starts = np.full((2, 3, 3), 10.0)
+    rays = np.broadcast_to(np.eye(3), (2, 3, 3)), d  # each along another axis
     bundle = Bundle(d, np.full(3, 1 / 3), np.ones((2, 3)))
-    nearest = receive(bundle, Receiver("nearest")).places(points)
-    assert nearest[0, 0].tolist() == [2.0, 0.0, 0.0]
+    nearest = receive(bundle, Receiver("nearest")).places(starts, *rays)
+    assert nearest[0, 0].tolist() == [12.0, 10.0, 10.0]
     assert np.isnan(nearest[1]).all()
-    mean = receive(bundle, Receiver("mean")).places(points)
-    assert mean[0, 0] == pytest.approx([1.6, 0.8, 0.0])  # energies 1/4 and 1/16: 0.8 and 0.2
+    mean = receive(bundle, Receiver("mean")).places(starts, *rays)
+    assert mean[0, 0] == pytest.approx([11.6, 10.8, 10.0])  # energies 1/4 and 1/16: 0.8 and 0.2
 
 
 @pytest.mark.parametrize("rule", RULES)

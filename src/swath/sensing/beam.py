@@ -156,10 +156,13 @@ def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F6
     """
     half_exit = 0.5 * np.asarray(beam.exit_diameter)
     half_angle = 0.5 * np.asarray(beam.divergence)
-    across, along = axes[:, None, :, 1], axes[:, None, :, 2]
-    u, v = pattern[:, :, 0, None], pattern[:, :, 1, None]
-    start = origins[:, None, :] + u * half_exit[0] * across + v * half_exit[1] * along
-    direction = axes[:, None, :, 0] + u * half_angle[0] * across + v * half_angle[1] * along
+    u, v = pattern[:, :, 0], pattern[:, :, 1]
     length = np.sqrt(1.0 + (u * half_angle[0]) ** 2 + (v * half_angle[1]) ** 2)  # the axes are a frame
-    direction *= 1.0 / length
+    out = (u * half_exit[0], v * half_exit[1]), (u * half_angle[0], v * half_angle[1]), 1.0 / length
+    start = np.empty((len(origins), pattern.shape[1], 3))
+    direction = np.empty_like(start)
+    for k in range(3):  # by coordinate: numpy is slow over a last axis of three
+        forward, across, along = (axes[:, k, i, None] for i in range(3))
+        start[:, :, k] = origins[:, k, None] + out[0][0] * across + out[0][1] * along
+        direction[:, :, k] = (forward + out[1][0] * across + out[1][1] * along) * out[2]
     return start, direction

@@ -82,10 +82,19 @@ class Echoes:
     signal: F64
     share: F64
 
-    def places(self, points: F64) -> F64:
-        """World points of the echoes (n, k, 3) from those of the sub-rays (n, s, 3), nan = no echo."""
-        placed: F64 = np.einsum("nks,nsc->nkc", self.share, np.nan_to_num(points))
-        placed[np.isnan(self.distance)] = np.nan
+    def places(self, starts: F64, directions: F64, hits: F64) -> F64:
+        """World points of the echoes (n, k, 3), nan = no echo.
+
+        From the sub-rays: starts and directions (n, s, 3), hits (n, s) [m], nan = none.
+        """
+        is_lost = np.isnan(self.distance)
+        if np.count_nonzero(self.share) == np.count_nonzero(~is_lost):  # each echo is one of the hits
+            at = np.arange(len(hits))[:, None], self.share.argmax(axis=2)
+            placed: F64 = starts[at] + hits[at][:, :, None] * directions[at]
+        else:
+            points = np.nan_to_num(starts + hits[:, :, None] * directions)
+            placed = np.einsum("nks,nsc->nkc", self.share, points)
+        placed[is_lost] = np.nan
         return placed
 
 
@@ -185,6 +194,8 @@ def _echo(hits: _Sorted, member: NDArray[np.bool_], within: Within, receiver: Re
 
 def _pick(groups: list[Echoes], receiver: Receiver, shape: tuple[int, ...]) -> Echoes:
     """The echoes that are reported, of those in order of range: (n, echo_count)."""
+    if len(groups) == 1 and receiver.echo_count == 1:
+        return groups[0]
     n, s = shape
     none = Echoes(np.full((n, 1), np.nan), np.full((n, 1), np.nan), np.zeros((n, 1)), np.zeros((n, 1, s)))
     found = [*groups, *([none] * max(receiver.echo_count - len(groups), 0))]

@@ -136,7 +136,7 @@ class PlantsLidar:
             distance, albedo = disturb(self.params.weather, distance, albedo, self.card.range_min, air)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
         measured = self.scanner.measure(echoes.distance, rng, echoes.signal)
-        points = echoes.places(starts + distance[:, :, None] * directions)
+        points = echoes.places(starts, directions, distance)
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
 
     def save(self) -> State:
