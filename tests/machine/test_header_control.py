@@ -115,7 +115,6 @@ def test_a_rolling_machine_is_met_half_way():
         header, _ = make(lead=lead, gain_per_s=3.0, dead_band_m=0.0)
         _, heights = go(header, 10.0, lambda t: {"roll": DEG * math.sin(0.8 * math.pi * t)})
         off[lead] = max(np.abs(h.heights - 0.15).max() for h in heights[250:])
-    print({k: round(float(v), 4) for k, v in off.items()})
     assert off[True] < 0.75 * off[False]
 
 

@@ -45,7 +45,7 @@ def scan(lidar, pose, t=10**9):
 
 
 def heights(lidar, setup, pitch, count, seed):
-    """measured heights [m] from random places in the crop, 2.4 m up."""
+    """Measured heights [m] from random places in the crop, 2.4 m up."""
     rng, found = np.random.default_rng(seed), []
     lidar.reset(Stream(seed, "lidar"))
     for k in range(count):

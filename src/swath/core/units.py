@@ -12,5 +12,4 @@ CM = 1e-2
 MRAD = 1e-3
 PERCENT = 1e-2
 MS = 1e-3
-HECTARE = 1e4
 GRAM = 1e-3

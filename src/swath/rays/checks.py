@@ -16,11 +16,11 @@ FEW_PAGES = 4
 
 
 class Place(Protocol):
-    """What is asked of a field, as in `engine.Castable`."""
+    """Where things lie in a field; `stand_yaw` [rad] turns the stand frame into the world."""
 
     @property
     def pages(self) -> Pages:
-        """Page memory."""
+        """Page memory; its arrays are replaced when they grow."""
 
     @property
     def library(self) -> PlantLibrary:

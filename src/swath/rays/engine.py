@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from swath.field.layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
 from swath.field.solids import solid_count
 from swath.field.wind import GUST_SHARE, Sway
-from swath.rays.checks import check_origins, check_range
+from swath.rays.checks import Place, check_origins, check_range
 from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import make_things
 from swath.rays.groups.cast import GroupWalk, can_walk
@@ -24,20 +24,8 @@ F64 = NDArray[np.float64]
 CHUNK_MIN = 1024  # fewer rays than this are not worth another thread
 
 
-class Castable(Protocol):
-    """What rays need of a field; `stand_yaw` [rad] turns the stand frame into the world."""
-
-    @property
-    def pages(self) -> Pages:
-        """Page memory; its arrays are replaced when they grow."""
-
-    @property
-    def library(self) -> PlantLibrary:
-        """Plant prototypes."""
-
-    @property
-    def stand_yaw(self) -> float:
-        """Turns the stand frame into the world [rad]."""
+class Castable(Place, Protocol):
+    """What rays need of a field."""
 
     @property
     def wind(self) -> Sway | None:

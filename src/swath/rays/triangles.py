@@ -74,20 +74,6 @@ def facet_triangles(a: Array, b: Array, width: Array) -> Array:
     return result
 
 
-def tile_triangles(library: PlantLibrary, tile: int, *, sides: int, rings: int) -> Array:
-    """Whole plants of a tile in prototype coordinates, (k, 3, 3) [m]."""
-    index, a, b = own_primitives(library, tile)
-    rod, ribbon, facet = (library.shape[index] == kind for kind in Shape)
-    radius, width = library.radius[index].astype(float), library.width[index].astype(float)
-    return np.concatenate(
-        [
-            capsule_triangles(a[rod], b[rod], radius[rod], sides=sides, rings=rings),
-            ribbon_triangles(a[ribbon], b[ribbon], width[ribbon]),
-            facet_triangles(a[facet], b[facet], width[facet]),
-        ]
-    )
-
-
 def to_stand(points: Array, plane: Array, stand: Array, size: float) -> Array:
     """Prototype coordinates (..., 3) seen from a tile's lower corner; plane and stand as in the pages."""
     zeta = points[..., 2]

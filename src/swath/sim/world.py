@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
@@ -26,11 +24,9 @@ from swath.sim.choices import MachineSection, SlotChoice
 from swath.sim.ground import build_field
 from swath.sim.laid_straw import LaidStraw
 from swath.sim.messages import OPTICAL_FRAME, RecordedMachine
+from swath.sim.placing import check_room, check_side, start_pose
 from swath.sim.scenario import Scenario
-from swath.sim.sections import StartPose
 from swath.sim.slots import CONTROL, EXCHANGEABLE, SLOTS, TRUTH
-
-LOOK_AHEAD_M = 5.0  # the edge must go on this far beyond where the header ends up
 
 
 @dataclass(frozen=True)
@@ -150,7 +146,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
             _check_pace(scenario, machine)
         machines[section.name] = machine
         nodes += [n for n in own_nodes if only is None or n.slot.name in only]
-        _check_room(scenario, section, field, machine.card)
+        check_room(scenario, section, field, machine.card)
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, field, ground.obstacles, ground.driven, site.bodies, graph, machines)
     if any(hasattr(part, "ends_at") for machine in machines.values() for part in machine.parts.values()):
@@ -194,8 +190,8 @@ class Site:
 
 def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[Node]]:
     card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
-    _check_side(section, site.field)
-    start = _start(section, site.field, card)
+    check_side(section, site.field)
+    start = start_pose(section, site.field, card)
     site.bodies.add(section.name, machine_body(card), start)
     parts: dict[str, Any] = {}
     mountings: dict[str, Pose] = {}
@@ -227,7 +223,7 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     file = world.scenario.file
     base = file.parent if file is not None else Path.cwd()
     site = Site(world.field, world.obstacles, world.bodies, base, machine.origin)
-    start = _start(section, world.field, machine.card)
+    start = start_pose(section, world.field, machine.card)
     setup = _setup(section, slot, choice, machine.card, start, machine.mountings, site)
     component = _make(machine_name, slot, choice, setup)
     return component, _node(section, slot, choice, component, machine.parts).wires
@@ -354,54 +350,8 @@ def _node(
     return Node(timing, component, wires)
 
 
-def _start(section: MachineSection, field: Field, card: MachineCard) -> Pose:
-    """pose_world_machine at t = 0, level; motion puts it on the ground."""
-    start = section.start
-    if isinstance(start, StartPose):
-        x, y, yaw = start.x_m, start.y_m, np.radians(start.heading_deg)
-    else:
-        edge = field.nominal_edge
-        along = float(edge.heading_at(start.along_edge_m))
-        yaw = along + np.radians(start.heading_error_deg)
-        left = np.array([-np.sin(along), np.cos(along)])
-        end = edge.point_at(start.along_edge_m) + start.offset_m * left
-        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        x, y = end - turn @ np.array(card.header_end(section.common.edge_side))
-    return Pose.from_euler((x, y, float(field.ground_height(x, y))), yaw=float(yaw))
-
-
 def _check_pace(scenario: Scenario, machine: Machine) -> None:
     """Parts that answer by the clock on the wall need a run that goes by it."""
     for slot, part in machine.parts.items():
         if (why := getattr(part, "needs_real_time", "")) and not scenario.is_paced:
             raise InputError(f"{machine.name}.{slot}", None, f"{why}: expected a run with --real-time")
-
-
-def _check_side(section: MachineSection, field: Field) -> None:
-    """The crop must stand on the machine's side of the edge."""
-    crop_side, edge_side = field.nominal_edge.crop_side, section.common.edge_side
-    if crop_side == edge_side:
-        other = "right" if edge_side == "left" else "left"
-        expected = f"expected {other}, because the crop stands to the {crop_side} of the edge"
-        raise InputError(f"{section.name}.edge_side", edge_side, expected)
-
-
-def _check_room(scenario: Scenario, section: MachineSection, field: Field, card: MachineCard) -> None:
-    """The edge, and the field around it, must go on for as long as the run does."""
-    if isinstance(section.start, StartPose):
-        return
-    begin = section.start.along_edge_m
-    room = field.nominal_edge.length - begin - LOOK_AHEAD_M
-    if scenario.run.distance_m > room:
-        expected = f"expected at most {max(room, 0.0):.0f} m, the edge ends there"
-        raise InputError("run.distance_m", scenario.run.distance_m, expected)
-    s = np.linspace(begin, begin + scenario.run.distance_m + LOOK_AHEAD_M, 200)
-    along, at = field.nominal_edge.heading_at(s), field.nominal_edge.point_at(s)
-    left = np.stack([-np.sin(along), np.cos(along)], axis=1)
-    inward = -1.0 if section.common.edge_side == "left" else 1.0
-    for across in (0.0, inward * card.header_width):
-        points = at + across * left
-        if not np.all(field.covers(points[:, 0], points[:, 1])):
-            short = float(s[np.argmin(field.covers(points[:, 0], points[:, 1]))] - begin)
-            expected = f"expected a field that covers the run, it ends after {short:.0f} m"
-            raise InputError("run.distance_m", scenario.run.distance_m, expected)

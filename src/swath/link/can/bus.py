@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra, SwathError
@@ -116,11 +117,10 @@ class Node:
 
 def check_bus(where: Where) -> None:
     """InputError when python-can has no such interface, MissingExtra when it is not there."""
-    try:
-        import can
-        import cantools  # noqa: F401
-    except ImportError:
-        raise MissingExtra("can", "a CAN bus") from None
+    if find_spec("can") is None or find_spec("cantools") is None:
+        raise MissingExtra("can", "a CAN bus")
+    import can
+
     names = sorted(can.VALID_INTERFACES)
     if where.interface not in names:
         raise InputError("interface", where.interface, f"expected one of {', '.join(names)}")

@@ -26,7 +26,6 @@ from swath.sim.scenario import Scenario
 from swath.sim.yamlfile import dump
 
 PACKAGES = {3: "pythonfmu3", 2: "pythonfmu"}
-FOLDER_KEYS = ("folder",)
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that its bytes do not depend on the clock
 BINARIES = (".so", ".dll", ".dylib")
 

@@ -78,25 +78,22 @@ def close_node(node: Any) -> None:
 
 def stream_qos() -> Any:
     """Reliable, so that best-effort and reliable readers both match; for topics that never rest."""
-    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=STREAM_DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.VOLATILE,
-    )
+    return _qos(STREAM_DEPTH, "VOLATILE")
 
 
 def latched_qos() -> Any:
     """Reliable, and what was sent is given to who comes later: as /tf_static wants it."""
+    return _qos(LATCHED_DEPTH, "TRANSIENT_LOCAL")
+
+
+def _qos(depth: int, durability: str) -> Any:
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=LATCHED_DEPTH,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        durability=DurabilityPolicy[durability],
     )
 
 

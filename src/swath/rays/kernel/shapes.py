@@ -80,12 +80,6 @@ def hit_facet(o: wp.vec3, d: wp.vec3, a: wp.vec3, b: wp.vec3, w: wp.vec3, taper:
 
 
 @wp.func
-def hit_ribbon(o: wp.vec3, d: wp.vec3, a: wp.vec3, b: wp.vec3, w: wp.vec3) -> float:
-    """Parallelogram a - w, a + w, b + w, b - w."""
-    return hit_facet(o, d, a, b, w, 0.0)
-
-
-@wp.func
 def hit_box(o: wp.vec3, d: wp.vec3, half: wp.vec3) -> wp.vec4:
     """(distance, unit normal) on the box |x| <= half, in its own axes."""
     enter = float(-MISS)
