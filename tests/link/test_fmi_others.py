@@ -11,7 +11,7 @@ from made_fmus import component, connection, connector, needs_cc, package, store
 
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import read_fmu
-from swath.link.fmi.instance import make_instance
+from swath.link.fmi.open_unit import make_instance
 from swath.link.fmi.ssp import read_system
 from swath.sim.loop import drive
 from swath.sim.world import assemble

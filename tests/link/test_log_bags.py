@@ -29,7 +29,7 @@ from swath.link.levels.log import LogPlayer
 from swath.link.log_sources import GeoOrigin, Params
 from swath.sensing.mount import Mount
 from swath.sim.recorded.files import open_log
-from swath.sim.recorded.fixes import TangentPlane
+from swath.sim.recorded.tangent_plane import TangentPlane
 from swath.sim.slots import SLOTS
 
 

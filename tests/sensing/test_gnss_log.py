@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swath.sensing.gnss._errors import RECEIVERS
-from swath.sim.recorded.fixes import TangentPlane
+from swath.sim.recorded.tangent_plane import TangentPlane
 
 LOG = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))

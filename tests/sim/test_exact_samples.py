@@ -15,7 +15,7 @@ from swath.sim.exact import can_keep, signal_type, unpack
 from swath.sim.mcap import McapFile
 from swath.sim.record import Recorder
 from swath.sim.recorded.feed import exact_samples, exact_topic, own_outputs
-from swath.sim.recorded.files import McapLog
+from swath.sim.recorded.mcap_log import McapLog
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from swath.cli import main
 from swath.core.errors import InputError
 from swath.sim.record import Recorder
 from swath.sim.recorded.feed import exact_samples, exact_topic, own_outputs
-from swath.sim.recorded.files import BROKEN, CUT_OFF, DAMAGED, McapLog, open_log
+from swath.sim.recorded.files import open_log
+from swath.sim.recorded.mcap_log import BROKEN, CUT_OFF, DAMAGED, McapLog
 
 MANY = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 SLOTS = ("combine.motion", "combine.lidar", "combine.edge", "combine.steering")

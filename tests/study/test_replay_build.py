@@ -15,7 +15,7 @@ from swath.core.units import DEG
 from swath.rays.height_grid import NONE, load_height_grid
 from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster, surface
 from swath.sim.mcap import McapFile
-from swath.sim.recorded.files import CUT_OFF
+from swath.sim.recorded.mcap_log import CUT_OFF
 from swath.study.replay.build import Settings, build_replay, open_source
 from swath.study.replay.gather import Gatherer, Samples, pool
 from swath.study.replay.passing import Passing, stop_weights

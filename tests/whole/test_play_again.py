@@ -18,7 +18,7 @@ from swath.commands.replay import with_verb
 from swath.core.errors import InputError
 from swath.core.registry import Level
 from swath.job import run_job
-from swath.sim.recorded.files import McapLog
+from swath.sim.recorded.mcap_log import McapLog
 from swath.sim.slots import SLOTS
 
 

@@ -10,7 +10,7 @@ from swath.again import plan_again
 from swath.core.schedule import NS
 from swath.job import run_job
 from swath.sim.recorded.feed import exact_samples, exact_topic
-from swath.sim.recorded.files import McapLog
+from swath.sim.recorded.mcap_log import McapLog
 
 LAW = '''
 from swath.core.component import Port

@@ -163,7 +163,7 @@ def _antenna(text: str | None) -> tuple[float, float, float]:
 
 def _to_local(folder: Path | None, origin: str | None) -> Any:
     from swath.core.errors import InputError
-    from swath.sim.recorded.fixes import TangentPlane, field_plane
+    from swath.sim.recorded.tangent_plane import TangentPlane, field_plane
 
     if folder is not None and origin is not None:
         raise InputError("--origin", origin, "expected --field or --origin, not both")

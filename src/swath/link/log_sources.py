@@ -16,8 +16,8 @@ from swath.sensing.mount import Mount
 from swath.sim import positioning
 from swath.sim.recorded import feed as feeds
 from swath.sim.recorded.files import Log
-from swath.sim.recorded.fixes import TangentPlane, ToLocal, field_plane
 from swath.sim.recorded.messages import Context, maker_for, message_names
+from swath.sim.recorded.tangent_plane import TangentPlane, ToLocal, field_plane
 
 FIX = "sensor_msgs/msg/NavSatFix"
 BESIDE: dict[type[Signal], str] = {

@@ -11,7 +11,7 @@ from swath.core.schedule import NS
 from swath.core.setup import LinkSetup
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.feed import Feed
-from swath.link.fmi.instance import Unit
+from swath.link.fmi.open_unit import Unit
 from swath.link.fmi.samples import Samples
 from swath.link.fmi.wiring import Wiring
 

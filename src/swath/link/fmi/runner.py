@@ -5,7 +5,8 @@ from typing import Any
 
 from swath.link.fmi.description import Description, Variable, need_library
 from swath.link.fmi.errors import FmuError
-from swath.link.fmi.instance import Instance, Steps, make_instance
+from swath.link.fmi.instance import Instance, Steps
+from swath.link.fmi.open_unit import make_instance
 from swath.link.fmi.own import OwnProcess
 
 _LIVE: dict[str, int] = {}  # instances in this process of FMUs that allow only one, by their token

@@ -9,7 +9,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from swath.core.errors import SwathError
-from swath.link.fmi.instance import Instance, make_instance
+from swath.link.fmi.instance import Instance
+from swath.link.fmi.open_unit import make_instance
 
 PR_SET_PDEATHSIG = 1
 

@@ -14,7 +14,7 @@ from swath.core.registry import Level
 from swath.core.setup import LinkSetup
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import Description, read_fmu
-from swath.link.fmi.instance import Unit
+from swath.link.fmi.open_unit import Unit
 from swath.link.fmi.part import FmuPart
 from swath.link.fmi.runner import Runner
 from swath.link.fmi.ssp import SUFFIXES, System, read_system

@@ -8,6 +8,7 @@ import numpy as np
 
 from swath.core.signals import F64, FIX_QUALITIES, Fix, Inertial
 from swath.sim.positioning import UNKNOWN
+from swath.sim.recorded.tangent_plane import TangentPlane
 
 # Horizontal sd up to which a position is called so, where a message does not say [m]
 CALLED = (("fix", 0.05), ("float", 0.3), ("dgps", 1.0))
@@ -29,8 +30,6 @@ class FixOfNavSat:
         if status < 0 or not np.isfinite(place).all():
             return Fix(t, nan, nan, nan, nan, nan, nan, nan, nan, 0)
         if self._to_local is None:
-            from swath.sim.recorded.fixes import TangentPlane
-
             self._to_local = TangentPlane(*place[0].tolist())
         x, y, z = (float(v) for v in self._to_local(place)[0])
         wide = high = nan

@@ -11,7 +11,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.sim.recorded.files import Cut, McapLog
+from swath.sim.recorded.mcap_log import Cut, McapLog
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7  # values of the field `op`

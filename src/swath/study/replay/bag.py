@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.sim.recorded.files import BROKEN, Log, open_log
+from swath.sim.recorded.files import Log, open_log
 from swath.sim.recorded.fixes import poses_of_fixes, read_fixes
 from swath.sim.recorded.frames import BASES, chain
+from swath.sim.recorded.mcap_log import BROKEN
 from swath.sim.recorded.messages import cloud_table
 from swath.study.replay.poses import PoseTrack, euler_of, make_track, pose_of
 from swath.study.replay.source import Echoes, Source, Wanted, polar_points

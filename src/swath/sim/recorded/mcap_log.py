@@ -1,0 +1,247 @@
+"""An MCAP file, read from its beginning, without its index, up to where it breaks off.
+
+Messages are taken apart by the definitions that travel in the file.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.schedule import NS
+
+MAGIC = b"\x89MCAP0\r\n"
+CUT_OFF = "recording broke off"
+BROKEN = "messages not readable"
+DAMAGED = "parts of the file are damaged and left out"
+_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F  # opcodes of MCAP
+_HEAD = struct.Struct("<HIQQ")  # of a message: channel, sequence, log time, publish time
+_CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the compression's name
+
+
+class McapLog:
+    """Reads an MCAP file from its beginning, without its index.
+
+    notes: what went wrong, with how often; grows while reading
+    """
+
+    magic, kind = MAGIC, "an MCAP file"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notes: dict[str, int] = {}
+        self._codecs: dict[tuple[str, bytes], Any] = {}
+        with path.open("rb") as file:
+            if file.read(len(self.magic)) != self.magic:
+                raise InputError("recording", path.name, f"expected {self.kind}", file=path)
+
+    def topics(self) -> dict[str, str]:
+        """Topic -> type, in the order they were declared."""
+        found = self._indexed_topics()
+        if found is None:
+            found = {}
+            for channel, schema, _, _ in self._records(lambda topic: False, channels=True):
+                found.setdefault(channel.topic, (channel.id, schema))
+        ordered = sorted(found.items(), key=lambda item: item[1][0])
+        return {topic: _ros_name(schema.name) if schema is not None else "" for topic, (_, schema) in ordered}
+
+    def begin(self) -> int:
+        """Log time of the first message [ns]; 0 where there is none."""
+        return next((t for _, _, t, _ in self._records(lambda topic: True)), 0)
+
+    def end(self) -> int:
+        """Log time of the last message [ns]; 0 where there is none."""
+        summary = self._summary()
+        if summary is not None and summary.statistics is not None:
+            return int(summary.statistics.message_end_time)
+        return max((t for _, _, t, _ in self._records(lambda topic: True)), default=0)
+
+    def messages(self, wanted: Collection[str], also_first: str = "") -> Iterator[tuple[str, int, Any]]:
+        """(topic, log time [ns], message) of some topics, and the first one of another, in file order."""
+        rest = {also_first} - {""}
+        for channel, schema, t, data in self._records(lambda topic: topic in wanted or topic in rest):
+            topic = channel.topic
+            rest.discard(topic)
+            try:
+                made = self._decode(channel, schema, data)
+            except Exception:  # what a broken message raises depends on where it is broken
+                self.notes[BROKEN] = self.notes.get(BROKEN, 0) + 1
+                continue
+            yield topic, t, made
+
+    def attachment(self, name: str) -> bytes | None:
+        """A file that was put into the file before its first message."""
+        from mcap.records import Attachment, Chunk, Message
+        from mcap.stream_reader import StreamReader
+
+        with self.path.open("rb") as file:
+            try:
+                records: Any = StreamReader(file, emit_chunks=True).records
+                for record in records:
+                    if isinstance(record, Attachment) and record.name == name:
+                        return bytes(record.data)
+                    if isinstance(record, Chunk | Message):
+                        break
+            except Exception:  # a torn or broken file has none
+                return None
+        return None
+
+    def _indexed_topics(self) -> dict[str, tuple[int, Any]] | None:
+        """From the summary at the end of a whole file."""
+        summary = self._summary()
+        if summary is None or not summary.channels:
+            return None
+        return {c.topic: (c.id, summary.schemas.get(c.schema_id)) for c in summary.channels.values()}
+
+    def _summary(self) -> Any:
+        from mcap.reader import make_reader
+
+        try:
+            with self.path.open("rb") as file:
+                return make_reader(file).get_summary()
+        except Exception:  # torn, or no index
+            return None
+
+    def _records(
+        self, is_wanted: Callable[[str], bool], *, channels: bool = False
+    ) -> Iterator[tuple[Any, Any, int, bytes]]:
+        """(channel, schema, log time, data) of messages; with `channels` of every channel when it is met."""
+        from mcap.records import Channel, Schema
+
+        known: dict[int, tuple[Any, Any]] = {}
+        schemas: dict[int, Any] = {}
+        first: int | None = None
+        reached = 0
+        with self.path.open("rb") as file:
+            try:
+                for entry in self._entries(file):
+                    if entry is DAMAGED:
+                        self.notes[DAMAGED] = self.notes.get(DAMAGED, 0) + 1
+                    elif isinstance(entry, Schema):
+                        schemas[entry.id] = entry
+                    elif isinstance(entry, Channel):
+                        known[entry.id] = (entry, schemas.get(entry.schema_id))
+                        if channels:
+                            yield (*known[entry.id], 0, b"")
+                    else:
+                        number, t, data = entry
+                        first, reached = t if first is None else first, max(reached, t)
+                        if number in known and is_wanted(known[number][0].topic):
+                            yield (*known[number], t, bytes(data))
+            except GeneratorExit:
+                raise
+            except Exception:  # the ways in which a torn file fails are those of zstd, struct and mcap
+                for old in [note for note in self.notes if note.startswith(CUT_OFF)]:
+                    del self.notes[old]
+                self.notes[f"{CUT_OFF} after {(reached - (first or 0)) / NS:.2f} s"] = 1
+
+    def _entries(self, file: Any) -> Iterator[Any]:
+        return _entries(file)
+
+    def _decode(self, channel: Any, schema: Any, data: bytes) -> Any:
+        key = (schema.name, schema.data)
+        if key not in self._codecs:
+            self._codecs[key] = _store_of(schema)
+        name, store = _ros_name(schema.name), self._codecs[key]
+        if channel.message_encoding == "ros1":
+            return store.deserialize_ros1(data, name)
+        return store.deserialize_cdr(data, name)
+
+
+class Cut(Exception):
+    """The file ends before its data do."""
+
+
+def _entries(file: Any) -> Iterator[Any]:
+    """Schemas, channels and (channel number, log time, data) of messages, in the order of the file.
+
+    DAMAGED stands for a chunk whose checksum is wrong. Of a chunk that is torn, what can be unpacked is given
+    before Cut is raised. The layout of the records is that of the MCAP specification, version 0
+    (mcap.dev/spec).
+    """
+    size = file.seek(0, 2)
+    file.seek(len(MAGIC))
+    while True:
+        head = file.read(9)
+        if len(head) < 9:
+            raise Cut
+        opcode, length = head[0], int.from_bytes(head[1:], "little")
+        if opcode == _DATA_END:
+            return
+        if opcode not in (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK):
+            file.seek(length, 1)
+            continue
+        body = file.read(min(length, size - file.tell()))
+        if opcode == _CHUNK:
+            records = _unpacked(body)
+            is_sound = len(body) < length or _CHUNK_HEAD.unpack_from(body)[3] in (0, zlib.crc32(records))
+            yield from _records_of(memoryview(records)) if is_sound else (DAMAGED,)
+        elif len(body) == length:
+            yield from _records_of(memoryview(head + body))
+        if len(body) < length:
+            raise Cut
+
+
+def _records_of(view: memoryview) -> Iterator[Any]:
+    """What _entries gives, of whole records one after the other."""
+    from mcap.records import Channel, Schema
+
+    at = 0
+    while at + 9 <= len(view):
+        end = at + 9 + int.from_bytes(view[at + 1 : at + 9], "little")
+        if end > len(view):
+            return
+        opcode, body = view[at], view[at + 9 : end]
+        at = end
+        if opcode == _MESSAGE:
+            number, _, t, _ = _HEAD.unpack_from(body)
+            yield number, t, body[_HEAD.size :]
+        elif opcode in (_SCHEMA, _CHANNEL):
+            yield _read(Schema if opcode == _SCHEMA else Channel, body)
+
+
+def _unpacked(chunk: bytes) -> bytes:
+    """The records in a chunk; of a torn one as many bytes as can be had."""
+    if len(chunk) < _CHUNK_HEAD.size:
+        return b""
+    size = _CHUNK_HEAD.unpack_from(chunk)[-1]
+    begin = _CHUNK_HEAD.size + size
+    kind, data = bytes(chunk[_CHUNK_HEAD.size : begin]), chunk[begin + 8 :]
+    if kind == b"zstd":
+        import zstandard
+
+        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    if kind == b"lz4":
+        import lz4.frame  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
+    return data if kind == b"" else b""
+
+
+def _read(kind: Any, body: memoryview) -> Any:
+    from io import BytesIO
+
+    from mcap.data_stream import ReadDataStream
+
+    return kind.read(ReadDataStream(BytesIO(bytes(body))))
+
+
+def _ros_name(name: str) -> str:
+    """`sensor_msgs/LaserScan`, as ROS 1 says, as `sensor_msgs/msg/LaserScan`."""
+    package, _, rest = name.partition("/")
+    return f"{package}/msg/{rest}" if rest and "/" not in rest else name
+
+
+def _store_of(schema: Any) -> Any:
+    """A type store of a schema's own definitions; of ROS 2 Jazzy where it has none."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if not schema.data:
+        return get_typestore(Stores.ROS2_JAZZY)
+    text, name = schema.data.decode(), _ros_name(schema.name)
+    found = get_types_from_idl(text) if schema.encoding == "ros2idl" else get_types_from_msg(text, name)
+    store = get_typestore(Stores.EMPTY)
+    store.register(found)
+    return store
