@@ -149,6 +149,20 @@ def test_run(job, capsys, code):
     assert "runs/small-9/report.html" in said
 
 
+def test_a_run_says_which_defaults_it_uses(job, capsys):
+    main(["run", "small.yaml", "--set", "combine.lidar.sub_rays=7"])
+    said = capsys.readouterr().out
+    assert said.splitlines()[0].startswith("defaults in use, not written in small")
+    (lidar,) = [line for line in said.splitlines() if line.startswith("lidar plants")]
+    assert "echo percentile" in lidar
+    assert "sub_rays" not in said
+    for flag in ("--quiet", "--no-defaults"):
+        main(["run", "small.yaml", flag])
+        assert "echo percentile" not in capsys.readouterr().out
+    main(["run", "runs/small-3"])
+    assert "defaults" not in capsys.readouterr().out
+
+
 def test_runs_do_not_overwrite_each_other(job, capsys):
     for _ in range(3):
         main(["run", "small.yaml", "--quiet"])

@@ -17,6 +17,7 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.signals import F64, Image, MachineState, Scan, ScanTruth
 from swath.link.realtime import Pacer, make_pacer, paced
+from swath.sim.defaults import default_lines
 from swath.sim.digest import Digest
 from swath.sim.interventions import Interventions, Restart, Script
 from swath.sim.loop import Progress, drive
@@ -212,6 +213,7 @@ class Watch:
         data = collect(
             summary,
             world.scenario.resolved(),
+            default_lines=default_lines(world.scenario),
             field=world.field,
             referee=self.referees[name],
             keeper=self.keeper,

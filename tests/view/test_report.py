@@ -110,6 +110,11 @@ def test_a_summary_without_anything_makes_a_page():
     assert "–" in text
 
 
+def test_defaults_are_pale():
+    text = render({}, "written: 1\nnot: <2>\n", [], default_lines={2})
+    assert "<pre>written: 1\n<i>not: &lt;2&gt;</i></pre>" in text
+
+
 def test_an_empty_run_makes_a_report(tmp_path):
     combine = machine()
     referee = Referee(GridField(ArcEdge()), combine, overlap=0.0)

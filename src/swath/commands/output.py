@@ -21,6 +21,25 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, 
     console.print(made)
 
 
+def paragraphs(items: Sequence[tuple[str, str]]) -> None:
+    """Print titled paragraphs, wrapped beside their titles; the texts dim where the terminal can."""
+    import textwrap
+
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False, soft_wrap=True)
+    width = min(console.width, 120) if console.is_terminal else 120
+    indent = min(max((len(title) for title, _ in items), default=0), 24) + 2
+    for title, text in items:
+        head = f"{title:<{indent - 2}}  "
+        lines = textwrap.wrap(
+            text, width, initial_indent=head, subsequent_indent=" " * indent, break_on_hyphens=False
+        )
+        body = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
+        console.print(Text(body[: len(head)]).append(body[len(head) :], style="dim"))
+
+
 def number(value: Any) -> str:
     """A number at a readable length, anything else as it is."""
     if value is None:

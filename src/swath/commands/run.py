@@ -25,6 +25,9 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--events", type=Path, metavar="RUN", help="do the changes again that an earlier run's folder lists"
     )
+    parser.add_argument(
+        "--no-defaults", action="store_true", help="do not print the values that the scenario leaves open"
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -68,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
     from swath.sim.interventions import read_events
 
     events = read_events(args.events) if args.events is not None else []
+    if not (args.quiet or args.no_defaults):
+        print_defaults(scenario)
     try:
         with _bridge(args) as bridge:
             result = run_job(scenario, out, progress=not args.quiet, events=events, companion=bridge)
@@ -81,6 +86,17 @@ def run(args: argparse.Namespace) -> int:
     else:
         report(result.summary, out)
     return int(result.exit_code)
+
+
+def print_defaults(scenario: Any) -> None:
+    """Print every value that the scenario and the flags leave to swath, a paragraph per slot."""
+    from swath.commands.output import paragraphs
+    from swath.sim.defaults import paragraphs as by_slot
+
+    items = by_slot(scenario)
+    if items:
+        print(f"defaults in use, not written in {scenario.name} (meanings: swath levels SLOT):", flush=True)
+        paragraphs(items)
 
 
 @contextmanager

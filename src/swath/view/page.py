@@ -1,6 +1,6 @@
 """The HTML of a report: text in, text out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -72,6 +72,7 @@ td,th{padding:4px 8px 4px 0;text-align:left;border-bottom:1px solid #eceef0;vert
 th{font-size:12px;color:var(--soft);font-weight:600}
 .n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 td.v{font-weight:600}td.limit{color:var(--soft);font-size:13px;white-space:nowrap}
+@media(min-width:801px){.metrics td.n{width:128px}.metrics td.limit{width:92px}}
 td.mark{width:74px;white-space:nowrap;font-size:13px;font-weight:600;padding-right:0}
 figure{margin:0}figure img{width:100%;display:block}
 figcaption{color:var(--soft);font-size:13.5px;margin-top:4px}
@@ -80,11 +81,12 @@ print-color-adjust:exact}
 code,pre{font:12.5px/1.45 ui-monospace,"DejaVu Sans Mono",Menlo,Consolas,monospace}
 pre{background:#f6f7f8;border:1px solid var(--line);border-radius:6px;padding:14px 16px;white-space:pre-wrap;
 overflow-wrap:anywhere}
+pre i{font-style:normal;color:#8b9097}
 details{margin-top:14px}summary{cursor:pointer;font-weight:600}
 .digest{overflow-wrap:anywhere}
 footer{margin-top:34px;color:var(--soft);font-size:13px}
 @media(max-width:800px){main{padding:22px 18px}header{display:block}.metrics{grid-template-columns:1fr}
-dl.facts{grid-template-columns:repeat(2,auto)}}
+dl.facts{grid-template-columns:repeat(2,auto)}.wide{overflow-x:auto}.wide img,.wide table{min-width:700px}}
 @media print{body{background:#fff;font-size:11.5px}main{max-width:none;padding:0}section,figure,tr
 {break-inside:avoid}h2{break-after:avoid;margin-top:22px}@page{margin:14mm}}
 """
@@ -99,8 +101,13 @@ class Figure:
     caption: str
 
 
-def render(summary: Mapping[str, Any], scenario: str, figures: Sequence[Figure]) -> str:
-    """The whole page."""
+def render(
+    summary: Mapping[str, Any],
+    scenario: str,
+    figures: Sequence[Figure],
+    default_lines: Collection[int] = (),
+) -> str:
+    """The whole page. default_lines: numbers, from 1, of the lines of the scenario to show as defaults."""
     name = str(summary.get("name", "run"))
     body = [
         _header(summary, name),
@@ -108,7 +115,7 @@ def render(summary: Mapping[str, Any], scenario: str, figures: Sequence[Figure])
         _section("Results", _metrics(summary)),
         *(_section(f.title, _figure(f)) for f in figures),
         _section("Cost", _cost(summary)) if summary.get("cost") else "",
-        _section("Scenario as run", _scenario(scenario)),
+        _section("Scenario as run", _scenario(scenario, default_lines)),
     ]
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -125,7 +132,7 @@ def _section(title: str, content: str) -> str:
 
 def _figure(figure: Figure) -> str:
     return (
-        f'<figure><img src="{figure.image}" alt="{escape(figure.title)}">'
+        f'<figure><div class="wide"><img src="{figure.image}" alt="{escape(figure.title)}"></div>'
         f"<figcaption>{escape(figure.caption)}</figcaption></figure>"
     )
 
@@ -222,11 +229,15 @@ def _cost(summary: Mapping[str, Any]) -> str:
         rows.append(f'<tr><td>{escape(slot)}</td>{numbers}<td style="width:38%">{bar}</td></tr>')
     head = "<tr><th>slot</th><th class=n>steps</th><th class=n>per step</th><th class=n>wall time</th>"
     head += "<th class=n>share</th><th class=n>of real time</th><th></th></tr>"
-    return f"<table>{head}{''.join(rows)}</table>"
+    return f"<div class=wide><table>{head}{''.join(rows)}</table></div>"
 
 
-def _scenario(text: str) -> str:
+def _scenario(text: str, default_lines: Collection[int]) -> str:
+    lines = (
+        f"<i>{escape(line)}</i>" if number in default_lines else escape(line)
+        for number, line in enumerate(text.splitlines(), 1)
+    )
     return (
-        "<p>Every value the run used, defaults included.</p><details><summary>Show the resolved scenario"
-        f"</summary><pre>{escape(text)}</pre></details>"
+        "<p>Every value the run used; pale are the defaults, which the scenario does not write.</p><details>"
+        "<summary>Show the resolved scenario</summary><pre>" + "\n".join(lines) + "</pre></details>"
     )

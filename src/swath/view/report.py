@@ -1,6 +1,6 @@
 """report.html: one self-contained page about a run; no scripts, prints on paper."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ class ReportData:
     map: from `make_map`; scans: from `ScanKeeper.pick()`, the newest last
     stand: the field, when stems can be drawn from its pages
     edge: initial edge, (k, 2) world [m]; obstacles: (x, y, radius) [m]; driven: a track driven in reality
+    default_lines: numbers, from 1, of the lines of `scenario` that nobody wrote
     """
 
     summary: Mapping[str, Any]
@@ -41,12 +42,14 @@ class ReportData:
     edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
     obstacles: Sequence[tuple[float, float, float]] = ()
     driven: F64 | None = None
+    default_lines: Collection[int] = ()
 
 
 def collect(
     summary: Mapping[str, Any],
     scenario: str,
     *,
+    default_lines: Collection[int] = (),
     field: Any,
     referee: Referee,
     keeper: ScanKeeper,
@@ -78,6 +81,7 @@ def collect(
         edge=edge,
         obstacles=[] if obstacles is None else circles_of(obstacles),
         driven=driven,
+        default_lines=default_lines,
     )
 
 
@@ -99,7 +103,7 @@ def write_report(run_dir: Path, data: ReportData) -> Path:
 
     path = run_dir / "report.html"
     with matplotlib.rc_context(plots.STYLE):
-        text = page.render(data.summary, data.scenario, list(_figures(data)))
+        text = page.render(data.summary, data.scenario, list(_figures(data)), data.default_lines)
     part = path.with_suffix(".html.part")
     part.write_text(text, encoding="utf-8")
     part.replace(path)
