@@ -26,11 +26,13 @@ def default_lines(scenario: Scenario) -> set[int]:
     """Numbers, from 1, of the lines of `scenario.resolved()` on which there is nothing but defaults."""
     unwritten = set(_leaves(defaults(scenario), ()))
     lines: dict[int, bool] = {}
-    for path, place in parse(scenario.resolved()).places.items():
+    places = parse(scenario.resolved()).places
+    insides = {path[:-1] for path in places if path}
+    for path in places.keys() - insides:
         is_default = any(path[:end] in unwritten for end in range(1, len(path) + 1))
-        is_open = not is_default and any(leaf[: len(path)] == path for leaf in unwritten)
-        if path and place.line is not None and not is_open:
-            lines[place.line] = lines.get(place.line, True) and is_default
+        for end in range(1, len(path) + 1):  # a heading is pale when all below it is
+            line = places[path[:end]].line or 0
+            lines[line] = lines.get(line, True) and is_default
     return {line for line, is_default in lines.items() if is_default}
 
 
