@@ -224,11 +224,11 @@ def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
     passes = SimpleNamespace(write_pass_scenario=lambda folder: folder / "scenario.yaml")
     monkeypatch.setitem(sys.modules, "swath.field.io.importer", importer)
     monkeypatch.setitem(sys.modules, "swath.sim.pass_scenario", passes)
-    flags = ["--dem", "d.tif", "--grain-g-per-stem", "1.1"]
+    flags = ["--dem", "d.tif", "--grain-g-per-stem", "1.1", "--header-width-m", "9"]
     assert main(["field", "import", "log.csv", "--out", "field", *flags]) == 0
     assert asked[0][:2] == ("log.csv", "field")
     assert str(asked[0][2]["dem"]) == "d.tif"
-    assert asked[0][2]["settings"] == {"grain_g_per_stem": 1.1}
+    assert asked[0][2]["settings"] == {"grain_g_per_stem": 1.1, "header_width_m": 9.0}
     assert main(["field", "show", "field"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said == ["3 records", "drive along one of its passes: swath run field", "field/overview.png"]

@@ -19,6 +19,7 @@ from swath.field.io import folder
 from swath.field.io.columns import find_columns, guess
 from swath.field.io.importer import Settings, import_log, show
 from swath.field.io.log import read_log
+from swath.field.io.outline import read_outline
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +41,14 @@ NO_LOGS = {
     "this is binary": bytes(range(256)) * 4,
     "readable file": b"\x1f\x8b\x08\x00 not really gzip",
     "three named columns": b"hello world\n" * 50,
-    "expected columns for lat and lon": b"a,b,c\n" + b"1,2,3\n" * 50,
-    "grain_flow or yield": b"lat,lon,moisture\n" + b"47.1,-110.2,12\n" * 50,
+    "lat and lon (or easting and northing); say which with --columns": b"a,b,c\n" + b"1,2,3\n" * 50,
+    "lines like yield: {column: Name, unit: t/ha}": b"lat,lon,moisture\n" + b"47.1,-110.2,12\n" * 50,
     "each column name once": b"lat,lon,flow,lat\n" + b"47.1,-110.2,12,1\n" * 50,
     "at least 30 whole rows": (HEAD + "".join(GOOD[:10])).encode(),
     "at least 30 usable rows": (HEAD + "x,y,z,q,w\n" * 50).encode(),
     "known unit": b"lat,lon,Flow (furlong/s)\n" + b"47.1,-110.2,12\n" * 50,
-    "header_width": b"lat,lon,flow,speed\n" + b"".join(b"47.%d,-110.2,8,2\n" % (1000 + i) for i in range(60)),
+    "--header-width-m": b"lat,lon,flow,speed\n"
+    + b"".join(b"47.%d,-110.2,8,2\n" % (1000 + i) for i in range(60)),
 }
 
 
@@ -61,6 +63,16 @@ def test_what_is_no_log_gets_one_clear_error(tmp_path, reason):
     assert "\n" not in text
     assert "thing.dat" in text
     assert [p.name for p in tmp_path.iterdir()] == ["thing.dat"]
+
+
+def test_names_of_a_common_yield_monitor():
+    header = ["Longitude", "Latitude", "Crop Flw(M)(lb/s)", "Duration(s)", "Swth Wdth(in)", "Moisture(%)"]
+    found = guess(header, "log.csv").columns
+    flow, width = found["grain_flow"], found["header_width"]
+    assert (flow.column, flow.unit) == ("Crop Flw(M)(lb/s)", "lb/s")
+    assert (width.column, width.unit) == ("Swth Wdth(in)", "in")
+    assert guess(["Yld Mass(Wet)(lb/ac)"], "log.csv").columns["yield"].unit == "lb/ac"
+    assert "yield" not in guess(["Yld Mass(Dry)(lb/ac)"], "log.csv").columns  # grain is mapped as harvested
 
 
 def test_missing_files_and_folders_are_named(tmp_path):
@@ -204,11 +216,20 @@ def test_settings_that_cannot_be_are_refused(tmp_path, small, changes):
 
 
 BOUNDARIES = {
-    "expected GeoJSON or a zipped": b"\x00\x01",
+    "expected GeoJSON or a polygon": b"\x00\x01",
     "expected GeoJSON": b"[]",
     "expected a polygon": b'{"type": "Point", "coordinates": [-110.5, 47.9]}',
     "of the records inside": b'{"type":"Polygon","coordinates":[[[10,50],[10.1,50],[10.1,50.1],[10,50]]]}',
 }
+
+
+def test_a_bare_shapefile_is_a_boundary(tmp_path):
+    shapefile = pytest.importorskip("shapefile")
+    with shapefile.Writer(tmp_path / "b") as writer:
+        writer.field("name", "C")
+        writer.poly([[(9.0, 52.0), (9.0, 52.01), (9.01, 52.01), (9.01, 52.0), (9.0, 52.0)]])
+        writer.record("x")
+    assert read_outline(tmp_path / "b.shp", 32632).area == pytest.approx(1113.2 * 687.0, rel=0.01)
 
 
 @pytest.mark.parametrize("reason", BOUNDARIES)

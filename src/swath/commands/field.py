@@ -18,14 +18,21 @@ def add(parsers: Any) -> None:
     )
     imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
     imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")
-    imports.add_argument(
-        "--boundary", type=Path, metavar="F", help="GeoJSON or zipped shapefile of the field"
-    )
+    imports.add_argument("--boundary", type=Path, metavar="F", help="GeoJSON or shapefile of the field")
     imports.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
     imports.add_argument(
         "--grain-g-per-stem", type=float, metavar="G", help="grain on a stem [g], for stems from the yield"
     )
     imports.add_argument("--crop-height-m", type=float, metavar="H", help="height of the crop [m]")
+    imports.add_argument(
+        "--header-width-m", type=float, metavar="W", help="width of the header [m], where the log holds none"
+    )
+    imports.add_argument(
+        "--flow-delay-s",
+        type=float,
+        metavar="S",
+        help="from the knife to the flow sensor [s] (default: found)",
+    )
     imports.set_defaults(run=run_import)
     shows = verbs.add_parser("show", help="draw a field folder as a picture")
     shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
@@ -40,7 +47,8 @@ def run_import(args: argparse.Namespace) -> int:
     from swath.field.io.importer import Settings, import_log
     from swath.sim.pass_scenario import write_pass_scenario
 
-    given = {"grain_g_per_stem": args.grain_g_per_stem, "crop_height_m": args.crop_height_m}
+    keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s")
+    given = {key: getattr(args, key) for key in keys}
     settings = Settings(**{key: value for key, value in given.items() if value is not None})
     files = {"dem": args.dem, "boundary": args.boundary, "columns": args.columns}
     report = import_log(args.log, args.out, **files, settings=settings)

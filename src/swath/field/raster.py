@@ -89,11 +89,14 @@ class Raster:
         return Raster(self.values, self.x0 + dx, self.y0 + dy, self.cell, self.epsg)
 
     @staticmethod
-    def from_geotiff(path: Path | str, origin: tuple[float, float] | None = None) -> "Raster":
+    def from_geotiff(
+        path: Path | str, origin: tuple[float, float] | None = None, *, may_be_empty: bool = False
+    ) -> "Raster":
         """First band of a GeoTIFF. origin: (easting, northing) [m] to subtract, None = keep the file's.
 
         Raises InputError naming the file when it cannot be read, has no projected system in metres, is
-        rotated, has cells that are not square, or holds no number at all. A nodata value becomes nan.
+        rotated, has cells that are not square, or, unless it `may_be_empty`, holds no number at all. A nodata
+        value becomes nan.
         """
         path = Path(path)
         with open_geotiff(path) as dataset:
@@ -102,7 +105,7 @@ class Raster:
             masked = dataset.read(1, masked=True)
             west, north = float(dataset.transform.c), float(dataset.transform.f)
         values = np.asarray(masked.astype(np.float32).filled(np.nan))[::-1]
-        if not np.isfinite(values).any():
+        if not (may_be_empty or np.isfinite(values).any()):
             raise InputError("raster", None, "expected at least one number, every cell is empty", file=path)
         values = np.where(np.isfinite(values), values, np.float32(np.nan))
         east0, north0 = origin if origin is not None else (0.0, 0.0)

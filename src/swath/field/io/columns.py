@@ -120,9 +120,12 @@ _USUAL: dict[str, tuple[str, str]] = {  # canonical -> (default unit, pattern on
     "record": ("1", r"record|id|obj_?_?id|objectid|fid|counter|k"),
     "speed": ("m/s", r"v|speed|velocity|ground_?speed|vehicle_?speed"),
     "distance": ("m", r"dist|distance"),
-    "header_width": ("m", r"swath|swath_?width|header_?width|cut(ting)?_?width|working_?width|width"),
-    "grain_flow": ("kg/s", r"flow|grain_?flow|mass_?flow|crop_?flow|throughput|grain_?mass_?flow"),
-    "yield": ("kg/ha", r"yield|yld|yield_?(wet|mass|wet_?mass|mass_?wet)|wet_?yield"),
+    "header_width": ("m", r"swath|sw(a)?th_?wi?dth|header_?width|cut(ting)?_?width|working_?width|width"),
+    "grain_flow": (
+        "kg/s",
+        r"flow|grain_?flow|mass_?flow|crop_?flow|crop_flw(_m)?|throughput|grain_?mass_?flow",
+    ),
+    "yield": ("kg/ha", r"yield|yld|(yield|yld)_?(wet|mass|wet_?mass|(mass|vol)_?wet)|wet_?yield"),
     "moisture": ("%", r"moisture|grain_?moisture|moist|water_?content"),
     "work_state": ("text", r"work_?state|header_?(state|status|up|down)|recording"),
     "crop_height": ("m", r"crop_?height|canopy_?height|plant_?height"),
@@ -139,6 +142,8 @@ _SUFFIX_UNITS = {
     "deg": "deg", "rad": "rad", "rpm": "rpm", "rad_s": "rad/s", "l_h": "l/h", "lh": "l/h", "l_s": "l/s",
     "gal_h": "gal/h",
 }  # fmt: skip
+
+_NAME_IT = "; say which with --columns MAP.yaml, in it lines like {}: {{column: Name, unit: {}}}"
 
 
 def find_columns(header: Sequence[str], path: Path, columns: Path | None, has_points: bool) -> ColumnMap:
@@ -222,11 +227,11 @@ def _entry(key: str, value: object, header: Sequence[str], path: Path) -> Column
 def _require(found: ColumnMap, header: Sequence[str], path: Path, has_points: bool) -> None:
     columns, shown = found.columns, ", ".join(h[:24] for h in header[:12])
     if not has_points and not ({"lat", "lon"} <= set(columns) or {"easting", "northing"} <= set(columns)):
-        raise InputError(
-            "log.header", shown, "expected columns for lat and lon (or easting and northing)", file=path
-        )
+        what = "columns for lat and lon (or easting and northing)"
+        raise InputError("log.header", shown, f"expected {what}{_NAME_IT.format('lat', 'deg')}", file=path)
     if "grain_flow" not in columns and "yield" not in columns:
-        raise InputError("log.header", shown, "expected a column for grain_flow or yield", file=path)
+        what = "a column for grain_flow or yield"
+        raise InputError("log.header", shown, f"expected {what}{_NAME_IT.format('yield', 't/ha')}", file=path)
 
 
 def _split_unit(name: str) -> tuple[str, str | None]:
@@ -239,7 +244,7 @@ def _split_unit(name: str) -> tuple[str, str | None]:
     if bracket:
         unit = bracket[2].strip().replace("lbs/", "lb/")
         unit = {"°": "deg", "percent": "%", "kph": "km/h", "kmh": "km/h"}.get(unit, unit)
-        return re.sub(r"[\s\-.]+", "_", bracket[1].strip()), unit
+        return re.sub(r"[\s\-.()\[\]]+", "_", bracket[1]).strip("_"), unit
     bare = re.sub(r"[\s\-./]+", "_", text).strip("_")
     for suffix in sorted(_SUFFIX_UNITS, key=len, reverse=True):
         if bare.endswith("_" + suffix) and len(bare) > len(suffix) + 1:

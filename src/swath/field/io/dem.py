@@ -30,6 +30,7 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     with open_geotiff(path) as dataset:
         if dataset.crs is None:
             raise InputError("dem.crs", None, "expected a coordinate system, the file names none", file=path)
+        system = dataset.crs.to_string()[:40]
         rasterio.warp.reproject(
             _band(dataset), values, src_transform=dataset.transform, src_crs=dataset.crs, src_nodata=np.nan,
             dst_transform=target, dst_crs=f"EPSG:{grid.epsg}", dst_nodata=np.nan,
@@ -39,7 +40,11 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     known = np.isfinite(values)
     share = float(known.mean())
     if share < LEAST_KNOWN:
-        expected = f"expected heights for at least {LEAST_KNOWN:.0%} of the field and its margin"
+        middle = f"{west + 0.5 * nx * grid.cell:.0f} E, {north - 0.5 * ny * grid.cell:.0f} N"
+        expected = (
+            f"expected heights for at least {LEAST_KNOWN:.0%} of the field and its margin; the field is at "
+            f"{middle} (EPSG:{grid.epsg}), the file says {system}"
+        )
         raise InputError("dem", f"{share:.0%}", expected, file=path)
     nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
     return Raster(values[tuple(nearest)], grid.x0, grid.y0, grid.cell, grid.epsg), share

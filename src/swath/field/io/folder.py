@@ -22,6 +22,7 @@ from swath.field.raster import Raster
 
 Array = NDArray[np.float64]
 FORMAT, VERSION = "swath field", 1
+OPTIONAL = ("moisture",)  # maps that may be without a single number: not every log measures it
 RASTERS = {
     "terrain": "terrain.tif",
     "stems": "density.tif",
@@ -73,7 +74,7 @@ def read(path: Path | str) -> FieldFolder:
     corner = (origin.easting, origin.northing)
     rasters = {}
     for key, name in RASTERS.items():
-        raster = Raster.from_geotiff(path / name, corner)
+        raster = Raster.from_geotiff(path / name, corner, may_be_empty=key in OPTIONAL)
         if raster.epsg != origin.epsg:
             raise InputError(
                 "raster.crs", raster.epsg, f"expected EPSG {origin.epsg} of field.yaml", file=path / name

@@ -248,9 +248,8 @@ def _assemble(
     width = values["header_width"]
     if not np.isfinite(width).any():
         if header_width is None:
-            raise InputError(
-                "header_width", None, "expected a column, or the width of the header given", file=path
-            )
+            expected = "expected a column (name it with --columns), or --header-width-m"
+            raise InputError("header_width", None, expected, file=path)
         width = np.full(len(time), header_width)
     flow = values["grain_flow"]
     if "grain_flow" not in found.columns:

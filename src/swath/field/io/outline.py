@@ -21,7 +21,7 @@ EMPTY_AREA = 100.0  # m2: less is no field
 
 
 def read_outline(path: Path, epsg: int) -> Any:
-    """Polygon of a boundary file in the system epsg [m]: GeoJSON (lon/lat) or a zipped polygon shapefile.
+    """Polygon of a boundary file in the system epsg [m]: GeoJSON (lon/lat) or polygon shapefile, zipped too.
 
     Several polygons are united; the largest part is the field. Raises InputError.
     """
@@ -33,13 +33,15 @@ def read_outline(path: Path, epsg: int) -> Any:
             )
         with path.open("rb") as stream:
             zipped = stream.read(4) == b"PK\x03\x04"
-        geometries, crs = _from_zip(path) if zipped else _from_geojson(path)
+        is_bare = path.suffix.lower() == ".shp"
+        read = _from_zip if zipped else _from_shp if is_bare else _from_geojson
+        geometries, crs = read(path)
         shapes = [shapely.geometry.shape(g) for g in geometries]
     except InputError:
         raise
     except Exception as error:  # whatever json, zipfile, pyshp and shapely meet in a damaged file
         raise InputError(
-            "boundary", None, f"expected GeoJSON or a zipped polygon shapefile: {_reason(error)}", file=path
+            "boundary", None, f"expected GeoJSON or a polygon shapefile: {_reason(error)}", file=path
         ) from error
     polygons = [s for s in shapes if s.geom_type in ("Polygon", "MultiPolygon") and not s.is_empty]
     if not polygons:
@@ -47,9 +49,8 @@ def read_outline(path: Path, epsg: int) -> Any:
     system = known_crs(crs or "EPSG:4326")
     moved = [shapely.transform(s, lambda p: transform(p[:, :2], system, f"EPSG:{epsg}")) for s in polygons]
     if not all(np.isfinite(shapely.get_coordinates(s)).all() for s in moved):
-        raise InputError(
-            "boundary", None, "expected lon/lat in degrees (or a .prj beside the .shp)", file=path
-        )
+        expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
+        raise InputError("boundary", None, expected, file=path)
     return _largest(shapely.union_all([shapely.make_valid(s) for s in moved]), path)
 
 
@@ -108,18 +109,28 @@ def _from_geojson(path: Path) -> tuple[list[Any], str]:
     return [data], name
 
 
+def _from_shp(path: Path) -> tuple[list[Any], str]:
+    prj = path.with_suffix(".prj")
+    with path.open("rb") as stream:
+        shapes = _shapes(stream)
+    return shapes, prj.read_text(encoding="utf-8", errors="replace") if prj.is_file() else ""
+
+
 def _from_zip(path: Path) -> tuple[list[Any], str]:
-    try:
-        import shapefile
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a shapefile") from error
     with zipfile.ZipFile(path) as archive:
         parts = shapefile_parts(archive, path, "boundary")
         shp, prj = parts["shp"], parts.get("prj")
         with archive.open(shp) as stream:
-            reader = shapefile.Reader(shp=stream)
-            shapes = [shape.__geo_interface__ for shape in reader.shapes()]
+            shapes = _shapes(stream)
         return shapes, archive.read(prj).decode("utf-8", "replace") if prj else ""
+
+
+def _shapes(stream: Any) -> list[Any]:
+    try:
+        import shapefile
+    except ImportError as error:
+        raise MissingExtra("geo", "reading a shapefile") from error
+    return [shape.__geo_interface__ for shape in shapefile.Reader(shp=stream).shapes()]
 
 
 def _largest(shape: Any, path: Path | None) -> Any:

@@ -1,0 +1,40 @@
+"""The scenario that an import writes runs as it is."""
+
+import pytest
+from made_log import COLUMNS, MadeLog
+
+pytest.importorskip("rasterio")
+
+from swath.core.errors import InputError
+from swath.field.io.importer import Settings, import_log
+from swath.sim.pass_scenario import write_pass_scenario
+from swath.sim.scenario import load_scenario
+from swath.sim.world import assemble
+
+
+@pytest.fixture(scope="module")
+def field(tmp_path_factory):
+    """Of a log that ends where the crop ends, so that passes reach the outline, and without moisture."""
+    folder, log = tmp_path_factory.mktemp("made"), MadeLog(passes=4, delay_s=0.0)
+    log.rows = [row for row in log.rows if row["flow"] > 0.3]
+    log.write(folder / "log.csv", drop=("moisture",))
+    (folder / "map.yaml").write_text("".join(c for c in COLUMNS.splitlines(True) if "moisture" not in c))
+    settings = Settings(flow_delay_s=0.0)
+    import_log(
+        folder / "log.csv", folder / "f", columns=folder / "map.yaml", settings=settings, progress=False
+    )
+    return folder / "f"
+
+
+def test_machine_and_run_keep_inside_the_field(field):
+    scenario = load_scenario(write_pass_scenario(field))
+    assert scenario.run.distance_m == 150.0
+    assemble(scenario).close()
+
+
+def test_no_straight_stretch_inside_the_field(field):
+    tracks = field / "tracks.geojson"
+    text = tracks.read_text()
+    tracks.write_text(text.replace('"straights":[{', '"straights":[],"former":[{'))
+    with pytest.raises(InputError, match="at least 60 m inside the field"):
+        write_pass_scenario(field)
