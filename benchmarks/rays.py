@@ -62,8 +62,8 @@ def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
             jobs["groups"] = lambda o=o, lines=lines: caster.cast_image(o[0, 0], lines, range_max=REACH)
         else:
             jobs["groups"] = lambda o=o, d=d: caster.cast_bundles(o, d, range_max=REACH)
-            jobs["nearest"] = lambda o=o, d=d: caster.cast_nearest(o, d, 1, range_max=REACH)
-            jobs["median"] = lambda o=o, d=d, k=(subs + 1) // 2: caster.cast_nearest(o, d, k, range_max=REACH)
+            jobs["nearest"] = lambda o=o, d=d: caster.cast_order(o, d, 1, range_max=REACH)
+            jobs["median"] = lambda o=o, d=d, k=(subs + 1) // 2: caster.cast_order(o, d, k, range_max=REACH)
         times = interleave(jobs, rounds=rounds)
         ours, theirs = jobs["plain"](), np.asarray(jobs["embree"]())
         near = np.abs(jobs["groups"]().distance.ravel() - ours.distance) < 1e-4

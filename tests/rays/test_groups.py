@@ -203,10 +203,36 @@ def test_the_nearest_hits_are_those_of_the_full_answer(hills, subs):
     order = np.argsort(full.distance, axis=1, kind="stable")
     for count in {1, (subs + 1) // 2, subs}:
         near = caster.cast_nearest(o, d, count, range_max=12.0)
+        last = caster.cast_order(o, d, count, range_max=12.0)
         assert near.distance.shape == (len(o), count)
         for name in ("distance", "organ", "cosine", "reflectance"):
             expected = np.take_along_axis(getattr(full, name), order[:, :count], axis=1)
             np.testing.assert_array_equal(getattr(near, name), expected)
+            np.testing.assert_array_equal(getattr(last, name), expected[:, -1])
+
+
+def test_nearest_hits_with_solids_wide_bundles_and_lost_rays():
+    """Bundles too wide for one part of the walk, solids within and behind the crop, pages that end."""
+    field = HandField(make_pages(LIBRARY, pages=1, mixed=1), LIBRARY)
+    solids = Solids(
+        box_centre=np.array([[20.0, 4.0, 2.0], [5.0, 4.0, 0.4]]),
+        box_axes=np.stack([np.eye(3)] * 2),
+        box_half=np.array([[1.0, 9.0, 9.0], [0.3, 0.3, 0.4]]),
+        box_reflectance=np.array([0.5, 0.7]),
+    )
+    caster = RayCaster(field, threads=1)
+    for width in (0.05, 1.6):
+        o, d = bundles([3.0, 4.0, 2.2], np.linspace(-0.5, 0.5, 40), np.tile([0.02, 0.3], 20), 37, width=width)
+        full = caster.cast_bundles(o, d, range_max=30.0, solids=solids)
+        assert Organ.SOLID in full.organ
+        order = np.argsort(full.distance, axis=1, kind="stable")
+        for count in (1, 19, 37):
+            near = caster.cast_nearest(o, d, count, range_max=30.0, solids=solids)
+            last = caster.cast_order(o, d, count, range_max=30.0, solids=solids)
+            for name, found in vars(near).items():
+                expected = np.take_along_axis(getattr(full, name), order[:, :count], axis=1)
+                np.testing.assert_array_equal(found, expected)
+                np.testing.assert_array_equal(getattr(last, name), expected[:, -1])
 
 
 def test_threads_order_and_company_change_no_bit(hills):
@@ -236,6 +262,13 @@ def test_what_is_refused_and_what_the_plain_kernel_serves(hills):
         caster.cast_bundles(o[0], d[0], range_max=30.0)
     with pytest.raises(InputError, match="below"):
         caster.cast_bundles(o - [0, 0, 5.0], d, range_max=30.0)
+    for spoil in ((7, 3, 0), (0, 0, 2), (14, 36, 1)):
+        for value in (np.nan, np.inf):
+            for which in (0, 1):
+                rays = [a.copy() for a in bundles(over(hills, 2.0, 4.0, 2.5), FAN[:15], 0.4, 37)]
+                rays[which][spoil] = value
+                with pytest.raises(ValueError, match="finite"):
+                    caster.cast_bundles(*rays, range_max=30.0)
     assert caster.cast_bundles(o[:0], d[:0], range_max=30.0).distance.shape == (0, 600)
     assert caster.cast_image([2.0, 4.0, 9.0], np.zeros((0, 5, 3)), range_max=30.0).distance.shape == (0, 5)
 

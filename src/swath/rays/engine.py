@@ -16,7 +16,7 @@ from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.checks import Place, check_origins, check_range
 from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import make_things
-from swath.rays.groups.cast import GroupWalk, can_walk
+from swath.rays.groups.cast import Crew, GroupWalk, Task, can_walk, no_hits
 from swath.rays.groups.lanes import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
 
 F32 = NDArray[np.float32]
@@ -64,9 +64,12 @@ class RayCaster:
         self.threads = thread_count() if threads is None else threads
         self.device = device
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._crew = Crew(self._pool, self.threads)
         self._scene: Any = None
         self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
         self._revision = -1
+        self._version = 0  # goes up whenever the scene changes
+        self._yaw = float("nan")
         self._library: PlantLibrary | None = None
         self._group_walk: GroupWalk | None = None
 
@@ -87,7 +90,7 @@ class RayCaster:
         the ground or where no page is in memory.
         """
         o, d = self._checked(origins, directions, range_max)
-        hits = _no_hits(len(o))
+        hits = Hits(*no_hits(len(o)))
         if len(o):
             self._launch(o, d, float(range_max), solids or Solids(), hits, t)
         return hits
@@ -112,7 +115,7 @@ class RayCaster:
         if not self._walks(s):
             return _shaped(self.cast(o, d, range_max=range_max, solids=solids, t=t), (n, s))
         lanes = bundle_lanes(n, d[0]) if o.size else None
-        return _shaped(self._walk(o, d, lanes, range_max, solids, t, 0), (n, s))
+        return _shaped(self._walk(o, d, lanes, range_max, solids, t), (n, s))
 
     def cast_nearest(
         self,
@@ -130,17 +133,48 @@ class RayCaster:
         bundle is done when nothing nearer can come. The last is an order statistic: of 37 sub-rays that all
         hit something, the 19th is the median.
         """
+        return self._nearest(origins, directions, count, False, range_max, solids, t)
+
+    def cast_order(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        rank: int,
+        *,
+        range_max: float,
+        solids: Solids | None = None,
+        t: int = 0,
+    ) -> Hits:
+        """The one hit of each bundle (n, s, 3) that is number `rank`, counted from 1, by distance: (n,).
+
+        As the last of `cast_nearest` with so many, without the others: 1 is the nearest, 19 the median of 37
+        sub-rays that all hit something; nan where a bundle has fewer.
+        """
+        found = self._nearest(origins, directions, rank, True, range_max, solids, t)
+        return Hits(*(a[:, 0] for a in _arrays(found)))
+
+    def _nearest(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        count: int,
+        only: bool,
+        range_max: float,
+        solids: Solids | None,
+        t: int,
+    ) -> Hits:
+        """The `count` nearest hits of each bundle, or only the last of these, (n, 1)."""
         o, d = _of_shape(origins, directions, 3)
         n, s = o.shape[:2]
         if not 1 <= count <= s:
-            raise ValueError(f"count = {count}: expected 1 to {s}, the number of sub-rays")
+            raise ValueError(f"{count}: expected a count of 1 to {s}, the number of sub-rays")
+        asked = (n, 1 if only else count)
         if self._walks(s) and o.size:
-            lanes = bundle_lanes(n, d[0])
-            found = self._walk(o, d, lanes, range_max, solids, t, count if lanes.is_whole else 0)
-        else:
-            found = self.cast(o, d, range_max=range_max, solids=solids, t=t)
+            need, lanes = (0 if s == 1 else count), bundle_lanes(n, d[0])
+            return _shaped(self._walk(o, d, lanes, range_max, solids, t, s, need, only), asked)
+        found = self.cast(o, d, range_max=range_max, solids=solids, t=t)
         all_hits = [a.reshape(n, s) for a in _arrays(found)]
-        order = np.argsort(all_hits[0], axis=1, kind="stable")[:, :count]  # nan sorts last
+        order = np.argsort(all_hits[0], axis=1, kind="stable")[:, count - asked[1] : count]  # nan sorts last
         return Hits(*(np.take_along_axis(a, order, axis=1) for a in all_hits))
 
     def cast_image(
@@ -163,7 +197,7 @@ class RayCaster:
         if not self._walks(1):
             return _shaped(self.cast(o, d, range_max=range_max, solids=solids, t=t), shape)
         lanes = image_lanes(*shape, _pitch(d)) if o.size else None
-        return _shaped(self._walk(o, d, lanes, range_max, solids, t, 0), shape)
+        return _shaped(self._walk(o, d, lanes, range_max, solids, t), shape)
 
     def _walks(self, sub_rays: int) -> bool:
         """Does the group walk serve such bundles? Else the plain kernel does, and says so once."""
@@ -178,24 +212,34 @@ class RayCaster:
         return True
 
     def _walk(
-        self, o: F64, d: F64, lanes: Lanes | None, range_max: float, solids: Solids | None, t: int, need: int
+        self,
+        o: F64,
+        d: F64,
+        lanes: Lanes | None,
+        range_max: float,
+        solids: Solids | None,
+        t: int,
+        sub_rays: int = 1,
+        need: int = 0,
+        only: bool = False,
     ) -> Hits:
-        """Hits of rays in any shape, flat."""
-        o, d = self._checked(o, d, range_max)
-        hits = _no_hits(len(o))
+        """Hits of rays, or the `need` nearest of each bundle, or `only` the last of these; flat."""
+        check_range(range_max)
         if lanes is None:
-            return hits
+            return Hits(*no_hits(0))
+        rays = np.ascontiguousarray(o).reshape(-1, 3), np.ascontiguousarray(d).reshape(-1, 3)
         wp = start_warp()
         scene = self._refresh(wp)
         self._blow(wp, scene, t)
         if self._group_walk is None or self._group_walk.library is not self.field.library:
             self._group_walk = GroupWalk(wp, self.field.library)
-        has_solids = solids is not None and solid_count(solids) > 0
-        things = self._things(wp, solids or Solids()) if has_solids else None
-        self._group_walk.cast(
-            wp, scene, things, (o, d), lanes, float(range_max), need, _arrays(hits), self._pool, self.threads
-        )
-        return hits
+        things = None if solids is None or solid_count(solids) == 0 else self._things(wp, solids)
+        hits = no_hits(len(rays[0]) // sub_rays * (1 if only else need) if need else len(rays[0]))
+        task = Task(rays, sub_rays, lanes, float(range_max), need, only, hits)
+        doubts = self._group_walk.cast(wp, scene, self._version, things, task, self._crew)
+        if doubts:
+            self._checked(*rays, range_max)  # raises where there is something wrong with them
+        return Hits(*hits)
 
     def _checked(self, origins: ArrayLike, directions: ArrayLike, range_max: float) -> tuple[F64, F64]:
         """Rays as (n, 3) each, after all that `cast` refuses."""
@@ -262,6 +306,9 @@ class RayCaster:
     def _blow(self, wp: Any, scene: Any, t: int) -> None:
         """The wind at a time [ns]."""
         wind = self.field.wind
+        if wind is None and scene.sways == 0:
+            return
+        self._version += 1
         scene.sways = 0 if wind is None else 1
         if wind is None:
             return
@@ -282,8 +329,10 @@ class RayCaster:
             self._library = self.field.library
             self._take_library(wp, self._library)
         scene, pages = self._scene, self.field.pages
-        scene.turn = wp.vec2d(np.cos(self.field.stand_yaw), np.sin(self.field.stand_yaw))
-        is_stale = pages.revision != self._revision
+        is_stale = pages.revision != self._revision or self.field.stand_yaw != self._yaw
+        if self.field.stand_yaw != self._yaw:
+            self._yaw = self.field.stand_yaw
+            scene.turn = wp.vec2d(np.cos(self._yaw), np.sin(self._yaw))
         for name, dtype in (
             ("table", wp.int32),
             ("ground", wp.float32),
@@ -304,8 +353,8 @@ class RayCaster:
         if is_stale:
             self._held["page_top"] = page_tops(pages, self._library.tile_size)
             scene.page_top = self._share(wp, self._held["page_top"], wp.float32)
-        scene.table_x, scene.table_y = pages.table_x, pages.table_y
-        self._revision = pages.revision
+            scene.table_x, scene.table_y = pages.table_x, pages.table_y
+            self._revision, self._version = pages.revision, self._version + 1
         return scene
 
     def _take_library(self, wp: Any, library: PlantLibrary) -> None:
@@ -345,12 +394,6 @@ def page_tops(pages: Pages, tile_size: float) -> F32:
     corner = plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2]))
     top: F32 = (corner + np.maximum(pages.tile_top, pages.tile_bump)).max(axis=(1, 2)).astype(np.float32)
     return top
-
-
-def _no_hits(n: int) -> Hits:
-    return Hits(
-        np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)
-    )
 
 
 def _shaped(hits: Hits, shape: tuple[int, int]) -> Hits:

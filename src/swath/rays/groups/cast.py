@@ -1,8 +1,9 @@
 """Rays through the group walk: index, solids, launches over threads."""
 
-from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,43 @@ from swath.rays.groups.lanes import Lanes
 RAYS_PER_TASK = 2048  # fewer are not worth another thread
 
 
-class Pool(Protocol):
-    """Runs a function on every item, on several threads."""
+F32 = NDArray[np.float32]
+Room = tuple[F32, NDArray[np.uint8], F32, F32]
+Hits = tuple[NDArray[Any], ...]
+WRONG, LOW = 1, 2  # doubts
+JOB = np.dtype(  # as in walk.cpp
+    [(name, np.int64) for name in ("origins", "directions", "lanes", "first_pack")]
+    + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance")]
+    + [(name, np.int64) for name in ("solid", "solid_organ", "solid_cosine", "solid_reflectance")]
+    + [(name, np.int64) for name in ("width", "groups", "sub_rays", "need", "only", "next", "doubts")]
+    + [("range_max", np.float64)]
+)
 
-    def map(self, work: Callable[[int], None], items: Any, /) -> Any:
-        """As `concurrent.futures.Executor.map`."""
+
+@dataclass(frozen=True)
+class Crew:
+    """Threads that work on one cast; workers: none = the caller's own thread."""
+
+    workers: Executor | None
+    threads: int
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is asked for.
+
+    rays: origins, directions (rays, 3), contiguous; out: distance, organ, cosine, reflectance, each (rays,),
+    or, where need > 0, the so many nearest hits of each bundle of sub_rays rays (bundles * need,); only: of
+    these the last alone (bundles,)
+    """
+
+    rays: tuple[NDArray[np.float64], NDArray[np.float64]]
+    sub_rays: int
+    lanes: Lanes
+    range_max: float
+    need: int
+    only: bool
+    out: Hits
 
 
 @cache
@@ -52,56 +85,64 @@ class GroupWalk:
         index.primitive = wp.array(held.primitive, dtype=wp.int32, device="cpu", copy=False)
         index.coarse = wp.array(held.coarse, dtype=wp.int16, device="cpu", copy=False)
         self.index = index
+        self.job = np.zeros(1, JOB)
+        self.launch: Any = None
+        self.version = -1
 
-    def cast(
-        self,
-        wp: Any,
-        scene: Any,
-        things: Any,
-        rays: tuple[NDArray[np.float64], NDArray[np.float64]],
-        lanes: Lanes,
-        range_max: float,
-        need: int,
-        out: tuple[NDArray[Any], ...],
-        pool: Pool | None,
-        threads: int,
-    ) -> None:
-        """Fill `out` (distance, organ, cosine, reflectance), each (n,), for rays (origins, directions)."""
-        from swath.rays.groups.kernel import cast_things, walk_groups
+    def cast(self, wp: Any, scene: Any, version: int, things: Any, task: Task, pool: Crew) -> int:
+        """Fill `task.out`; version: of the scene, a new one where it has changed.
 
-        def share(array: NDArray[Any], dtype: Any) -> Any:
-            return wp.array(array, dtype=dtype, device="cpu", copy=False)
+        Returns doubts, which rays are to be looked at again.
+        WRONG: rays that are not finite or not of unit length, of which nothing is known; LOW: rays that start
+        where no page is known, or below the highest thing there, which are cast all the same.
+        """
+        from swath.rays.groups.kernel import walk_groups
 
-        n, groups = len(rays[0]), lanes.group_count
-        ways = [share(a, wp.vec3d) for a in rays]
-        found = [
-            share(a, k) for a, k in zip(out, (wp.float32, wp.uint8, wp.float32, wp.float32), strict=True)
-        ]
-        table = [share(lanes.table, wp.int32), share(lanes.first, wp.int32)]
-
-        def meet_things(first: int, count: int) -> None:
-            wp.launch(cast_things, dim=count, inputs=[things, *ways, range_max, first, *found], device="cpu")
-
-        def walk(first: int, count: int) -> None:
-            inputs = [scene, self.index, *table, *ways, need, first, *found]
-            wp.launch(walk_groups, dim=count, inputs=inputs, device="cpu")
-
-        if things is not None:
-            _spread(meet_things, n, RAYS_PER_TASK, pool, threads)
+        before = () if things is None else self._meet(wp, things, task, pool)
+        lanes, job = task.lanes, self.job
+        arrays: Hits = (*task.rays, lanes.table, lanes.first, *task.out, *before)
+        places = [a.ctypes.data for a in arrays] + [0] * (12 - len(arrays))
+        sizes = (lanes.table.shape[1], lanes.group_count, task.sub_rays, task.need, task.only)
+        job[0] = (*places, *sizes, 0, 0, task.range_max)
+        if self.launch is None:
+            shared = wp.array(job.view(np.uint8), dtype=wp.uint8, device="cpu", copy=False)
+            inputs = [scene, self.index, shared]
+            self.launch = wp.launch(walk_groups, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        elif version != self.version:
+            self.launch.set_param_at_index(0, scene)
+        self.version = version
+        run = self.launch.launch
+        parts = min(pool.threads, lanes.group_count, len(task.rays[0]) // RAYS_PER_TASK)
+        if pool.workers is None or parts < 2:
+            run()
         else:
-            for array, nothing in zip(out, (range_max, 0, 0.0, 0.0), strict=True):
-                array[:] = nothing
-        _spread(walk, groups, max(1, RAYS_PER_TASK * groups // max(n, 1)), pool, threads)
-        out[0][out[1] == 0] = np.nan
+            list(pool.workers.map(lambda _: run(), range(parts)))
+        return int(job["doubts"][0])
+
+    def _meet(self, wp: Any, things: Any, task: Task, pool: Crew) -> Hits:
+        """Nearest solid of every ray: distance, organ, cosine, reflectance, each (rays,)."""
+        from swath.rays.groups.kernel import cast_things
+
+        n = len(task.rays[0])
+        found = no_hits(n) if task.need else task.out
+        kinds = (wp.vec3d, wp.vec3d, wp.float32, wp.uint8, wp.float32, wp.float32)
+        shared = [
+            wp.array(a, dtype=kind, device="cpu", copy=False)
+            for a, kind in zip((*task.rays, *found), kinds, strict=True)
+        ]
+
+        def meet(first: int, count: int) -> None:
+            inputs = [things, *shared[:2], task.range_max, first, *shared[2:]]
+            wp.launch(cast_things, dim=count, inputs=inputs, device="cpu")
+
+        if pool.workers is None or n < 2 * RAYS_PER_TASK:
+            meet(0, n)
+        else:
+            step = max(RAYS_PER_TASK, -(-n // (8 * pool.threads)))
+            list(pool.workers.map(lambda first: meet(first, min(step, n - first)), range(0, n, step)))
+        return found
 
 
-def _spread(
-    work: Callable[[int, int], None], count: int, least: int, pool: Pool | None, threads: int
-) -> None:
-    """Run work(first, count) over all, in pieces of `least` or more on the threads of the pool."""
-    if pool is None or count < 2 * least:
-        if count:
-            work(0, count)
-        return
-    step = max(least, -(-count // (8 * threads)))
-    list(pool.map(lambda first: work(first, min(step, count - first)), range(0, count, step)))
+def no_hits(n: int) -> Room:
+    """Room for the hits of n rays: distance, organ, cosine, reflectance."""
+    return np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)

@@ -7,6 +7,8 @@ import warp as wp
 from swath.rays.kernel.cast import hit_things
 from swath.rays.kernel.scene import Scene, Things, no_hit
 
+# Warp asks LLVM to inline whatever it can, which takes twice as long to compile and is no faster here
+wp.set_module_options({"cpu_compiler_flags": "-march=native"})
 _WALK = (Path(__file__).parent / "walk.cpp").read_text(encoding="utf-8")
 
 
@@ -27,41 +29,13 @@ class Index:
 
 
 @wp.func_native(_WALK)
-def walk_group(
-    g: int,
-    scene: Scene,
-    index: Index,
-    lanes: wp.array2d(dtype=int),
-    first_pack: wp.array(dtype=int),
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    need: int,
-    distance: wp.array(dtype=float),
-    organ: wp.array(dtype=wp.uint8),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-): ...
+def walk(scene: Scene, index: Index, job_bytes: wp.array(dtype=wp.uint8)): ...
 
 
 @wp.kernel(enable_backward=False)
-def walk_groups(
-    scene: Scene,
-    index: Index,
-    lanes: wp.array2d(dtype=int),
-    first_pack: wp.array(dtype=int),
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    need: int,
-    first: int,
-    distance: wp.array(dtype=float),
-    organ: wp.array(dtype=wp.uint8),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-):
-    g = first + wp.tid()
-    walk_group(
-        g, scene, index, lanes, first_pack, origins, directions, need, distance, organ, cosine, reflectance
-    )
+def walk_groups(scene: Scene, index: Index, job: wp.array(dtype=wp.uint8)):
+    """Walks groups of a job (`cast.JOB`) until none is left: launched once on each thread."""
+    walk(scene, index, job)
 
 
 @wp.kernel(enable_backward=False)

@@ -16,18 +16,18 @@ I32 = NDArray[np.int32]
 N = 16  # lanes of a slice
 GROUP_LANES = 1024  # the walk's room
 GROUP_PACKS = 32
+SINGLES = 8  # rays of a pack, where bundles are single rays
 SUB_RAYS_MAX = 512  # of a bundle that goes through the walk
 
 
 @dataclass(frozen=True)
 class Lanes:
     """table: (packs, width) number of the ray in each lane, -1 = none, width a multiple of 16
-    first: (groups + 1,) first pack of each group; is_whole: a pack is one bundle, no more and no less
+    first: (groups + 1,) first pack of each group
     """
 
     table: I32
     first: I32
-    is_whole: bool
 
     @property
     def group_count(self) -> int:
@@ -38,10 +38,12 @@ class Lanes:
 def bundle_lanes(count: int, directions: F64) -> Lanes:
     """Lanes of `count` bundles of sub-rays side by side; directions (s, 3) of the first bundle.
 
-    From 9 sub-rays on a bundle is a pack; its slices are sectors of the spot, so that each is compact.
+    A bundle is a pack; its slices are sectors of the spot, so that each is compact. Of single rays SINGLES
+    make a pack.
     """
     s = len(directions)
-    order = np.argsort(_turn(directions), kind="stable") if s > N else np.arange(s)
+    with np.errstate(invalid="ignore"):  # rays that are none are refused later
+        order = np.argsort(_turn(directions), kind="stable") if s > N else np.arange(s)
     return _bundle_lanes(count, tuple(order.tolist()))
 
 
@@ -49,19 +51,17 @@ def bundle_lanes(count: int, directions: F64) -> Lanes:
 def _bundle_lanes(count: int, order: tuple[int, ...]) -> Lanes:
     """The same for sub-rays in this order."""
     s = len(order)
-    if s > N // 2:
-        slices = -(-s // N)
-        parts = np.array_split(np.array(order), slices)
-        column = np.concatenate([N * i + np.arange(len(part)) for i, part in enumerate(parts)])
-        table = np.full((count, N * slices), -1, np.int32)
-        table[:, column] = np.arange(count, dtype=np.int32)[:, None] * s + np.array(order, np.int32)
-    else:
-        each = N // s * s  # lanes that whole bundles fill
-        packs = -(-count * s // each)
-        table = np.full((packs, N), -1, np.int32)
-        table[:, :each] = np.arange(packs * each, dtype=np.int32).reshape(packs, each)
-        table[table >= count * s] = -1
-    return _grouped(table, is_whole=s > N // 2)
+    if s == 1:
+        table = np.full((-(-count // SINGLES), N), -1, np.int32)
+        table[:, :SINGLES] = np.arange(table.shape[0] * SINGLES, dtype=np.int32).reshape(-1, SINGLES)
+        table[table >= count] = -1
+        return _grouped(table)
+    slices = -(-s // N)
+    parts = np.array_split(np.array(order), slices)
+    column = np.concatenate([N * i + np.arange(len(part)) for i, part in enumerate(parts)])
+    table = np.full((count, N * slices), -1, np.int32)
+    table[:, column] = np.arange(count, dtype=np.int32)[:, None] * s + np.array(order, np.int32)
+    return _grouped(table)
 
 
 def image_lanes(rows: int, columns: int, pitch: tuple[float, float]) -> Lanes:
@@ -79,7 +79,7 @@ def image_lanes(rows: int, columns: int, pitch: tuple[float, float]) -> Lanes:
     table = np.where((row < rows) & (column < columns), row * columns + column, -1).astype(np.int32)
     key = (py // group[0]) * (len(x) // group[1] + 1) + px // group[1]
     first = np.concatenate([np.flatnonzero(np.diff(key, prepend=-1)), [len(key)]]).astype(np.int32)
-    return Lanes(table, first, is_whole=False)
+    return Lanes(table, first)
 
 
 def _near_square(high: int, wide: int, ratio: float) -> tuple[int, int]:
@@ -101,8 +101,8 @@ def _turn(directions: F64) -> F64:
     return np.asarray(np.arctan2(y - y.mean(), x - x.mean()))
 
 
-def _grouped(table: I32, *, is_whole: bool) -> Lanes:
+def _grouped(table: I32) -> Lanes:
     packs, width = table.shape
     step = max(1, min(GROUP_PACKS, GROUP_LANES // width))
     first = np.append(np.arange(0, packs, step), packs).astype(np.int32)
-    return Lanes(table, first, is_whole)
+    return Lanes(table, first)

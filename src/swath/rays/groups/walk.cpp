@@ -17,6 +17,8 @@ typedef unsigned char U __attribute__((vector_size(64)));
 typedef unsigned char B16 __attribute__((vector_size(16)));
 typedef unsigned long long W8 __attribute__((vector_size(64)));
 typedef bool B __attribute__((ext_vector_type(16)));
+typedef double D __attribute__((vector_size(64)));  // half of the lanes
+typedef float F8 __attribute__((vector_size(32)));
 constexpr int N = 16;            // lanes of a vector
 constexpr int ROOM = 1024;       // lanes of a group
 constexpr int SLICES = ROOM / N, PACKS = SLICES;  // packs of a group at most
@@ -120,63 +122,142 @@ struct { int piece, slice; } pair[PAIRS + N];
 int asked_piece[PAIRS + N], asked_slice[PAIRS + N];
 const I every = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
-const int width = lanes.shape[1], slices = width / N, cap = ROOM / width;
+struct Job {  // as JOB in cast.py
+  const double *origins, *directions;                        // of all rays, (rays, 3)
+  const int *lanes, *first_pack;                             // (packs, width) ray of each lane, -1 = none; per group
+  float* distance; unsigned char* organ; float *cosine, *reflectance;  // out: per ray, or per bundle as asked
+  const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null
+  long long width, groups, sub_rays, need, only;  // need > 0: so many nearest hits per bundle; only: the last of them
+  long long next, doubts;                         // shared by all threads: the next group; what is to be looked at again
+  double range_max;
+};
+constexpr int WRONG = 1, LOW = 2;  // doubts: rays that are none; rays that start low or where nothing is known
+Job& job = *(Job*)job_bytes.data;
+const int width = job.width, slices = width / N, cap = ROOM / width, need = job.need;
 const float size = (float)scene.tile_size;
 const double dsize = scene.tile_size, per_size = 1.0 / dsize;
-const int* lane_of = lanes.data;
+const int* lane_of = job.lanes;
 
 
-for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
-  // ---- 1. The rays of the next packs, in the stand frame, each from its own tile: as `to_stand` in kernel/scene.py
-  const int left = first_pack.data[g + 1] - at;
+struct Early { float t[ROOM], cosine[ROOM], albedo[ROOM]; int what[ROOM]; } early;  // of a pack that is walked in parts
+
+for (long long g; (g = __atomic_fetch_add(&job.next, 1, __ATOMIC_RELAXED)) < job.groups;)
+for (int at = job.first_pack[g], from = -1; at < job.first_pack[g + 1];) {
+  // ---- 1. The rays of the next packs, in the stand frame, each from its own tile: as `to_stand` in kernel/scene.py.
+  // Packs that are too far from the first one wait for the next turn; a pack that is too wide goes part by part,
+  // lanes [from, after)
+  const int left = job.first_pack[g + 1] - at;
   int packs = from >= 0 ? 1 : left < cap ? left : cap, after = width;
-  int gx = 0, gy = 0;
+  double origin[2];  // corner of the first ray's tile, in tiles
   double gz = 0.0;
-  float apex[3] = {0, 0, 0}, lead[3] = {0, 0, 0};
-  auto take = [&](int j, int ray, bool live) {  // false: too far from the first for one group
-    Block& b = r[j / N];
-    const int l = j % N;
-    const auto& o = origins.data[ray];
-    const auto& v = directions.data[ray];
-    const double c = scene.turn[0], s = scene.turn[1];
-    const double x = c * o[0] + s * o[1], y = c * o[1] - s * o[0];
-    const double tx = __builtin_floor(x * per_size), ty = __builtin_floor(y * per_size), z0 = __builtin_floor(o[2]);
-    const float dx = (float)(c * v[0] + s * v[1]), dy = (float)(c * v[1] - s * v[0]), dz = (float)v[2];
-    const bool is_first = j == 0;
-    if (is_first) { gx = (int)tx; gy = (int)ty; gz = z0; lead[0] = dx; lead[1] = dy; lead[2] = dz; }
-    b.ray[l] = live ? ray : -1;
-    b.t[l] = live ? distance.data[ray] : -1.0f;
-    b.what[l] = live && organ.data[ray] > 0 ? -1 : 0;
-    b.tx[l] = (float)(tx - gx);
-    b.ty[l] = (float)(ty - gy);
-    b.z0[l] = (float)(z0 - gz);
-    b.ox[l] = (float)(x - tx * dsize);
-    b.oy[l] = (float)(y - ty * dsize);
-    b.oz[l] = (float)(o[2] - z0);
-    b.dx[l] = dx;
-    b.dy[l] = dy;
-    b.dz[l] = dz;
-    float px = b.ox[l] + b.tx[l] * size, py = b.oy[l] + b.ty[l] * size, pz = b.oz[l] + b.z0[l];
-    if (is_first) { apex[0] = px; apex[1] = py; apex[2] = pz; }
-    px -= apex[0]; py -= apex[1]; pz -= apex[2];
-    return px * px + py * py + pz * pz <= SPREAD * SPREAD && dx * lead[0] + dy * lead[1] + dz * lead[2] >= 1.0f - NARROW;
+  float apex[3], lead[3];
+  D lowest[3], highest[3];
+  bool is_wrong = false;
+  auto turned = [&](D* v) { D x = v[0]; v[0] = scene.turn[0] * x + scene.turn[1] * v[1]; v[1] = scene.turn[0] * v[1] - scene.turn[1] * x; };
+  auto fetch = [&](const double* v, const int* ray, D* to) {
+    for (int i = 0; i < 3; ++i) for (int l = 0; l < 8; ++l) to[i][l] = v[3 * (size_t)ray[l] + i];
   };
-  for (int p = 0; p < packs; ++p) {
-    const int* mine = lane_of + (at + p) * width;
-    const int begin = from < 0 ? 0 : from;
-    bool fits = take(p * width, mine[begin], begin == 0);
-    for (int l = 1; l < width && fits; ++l) {
-      const bool live = mine[l] >= 0 && l >= begin && l < after;
-      if (!take(p * width + l, mine[live ? l : begin], live)) {
-        if (from < 0) fits = false;
-        else if (l > begin) { after = l; take(p * width + l, mine[begin], false); }
-      }
+  auto whole = [](D v) -> D { return __builtin_elementwise_floor(v); };
+  auto narrow = [](D v, float* to) { F8 f = __builtin_convertvector(v, F8); __builtin_memcpy(to, &f, 32); };
+  auto lead_by = [&](int ray) {
+    const int same[8] = {ray, ray, ray, ray, ray, ray, ray, ray};
+    D o[3], d[3];
+    fetch(job.origins, same, o);
+    fetch(job.directions, same, d);
+    turned(o);
+    turned(d);
+    const D tile[3] = {whole(o[0] * per_size), whole(o[1] * per_size), whole(o[2])};
+    origin[0] = tile[0][0]; origin[1] = tile[1][0]; gz = tile[2][0];
+    const double unit[3] = {dsize, dsize, 1.0};
+    for (int i = 0; i < 3; ++i) {
+      apex[i] = (float)(o[i] - tile[i] * unit[i])[0];
+      lead[i] = (float)d[i][0];
+      lowest[i] = highest[i] = o[i];
     }
-    if (from > 0) take(begin, mine[begin], true);
+  };
+  auto take = [&](int slice, const int* ray) {  // false: some of it too far from the first for one group
+    Block& b = r[slice];
+    for (int h = 0; h < N; h += 8) {
+      D o[3], d[3];
+      fetch(job.origins, ray + h, o);
+      fetch(job.directions, ray + h, d);
+      D bad = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - 1.0;
+      auto fine = (bad < 0.99e-3) & (bad > -0.99e-3) & (o[0] < 1e8) & (o[0] > -1e8) & (o[1] < 1e8) & (o[1] > -1e8) & (o[2] < 1e8) & (o[2] > -1e8);
+      is_wrong |= __builtin_reduce_and(fine) == 0;
+      turned(o);
+      turned(d);
+      for (int i = 0; i < 3; ++i) {
+        lowest[i] = o[i] < lowest[i] ? o[i] : lowest[i];
+        highest[i] = o[i] > highest[i] ? o[i] : highest[i];
+      }
+      const D tx = whole(o[0] * per_size), ty = whole(o[1] * per_size), z0 = whole(o[2]);
+      narrow(tx - origin[0], b.tx + h);
+      narrow(ty - origin[1], b.ty + h);
+      narrow(z0 - gz, b.z0 + h);
+      narrow(o[0] - tx * dsize, b.ox + h);
+      narrow(o[1] - ty * dsize, b.oy + h);
+      narrow(o[2] - z0, b.oz + h);
+      narrow(d[0], b.dx + h);
+      narrow(d[1], b.dy + h);
+      narrow(d[2], b.dz + h);
+    }
+    F x = load(b.ox) + load(b.tx) * size - apex[0], y = load(b.oy) + load(b.ty) * size - apex[1], z = load(b.oz) + load(b.z0) - apex[2];
+    F turn = load(b.dx) * lead[0] + load(b.dy) * lead[1] + load(b.dz) * lead[2];
+    return bits((x * x + y * y + z * z <= SPREAD * SPREAD) & (turn >= 1.0f - NARROW));
+  };
+  auto start = [&](int slice, const int* ray, I live) {
+    Block& b = r[slice];
+    storei(b.ray, live ? loadi(ray) : puti(-1));
+    store(b.t, live ? put((float)job.range_max) : put(-1.0f));
+    storei(b.what, I{});
+    if (!job.solid) return;
+    for (int l = 0; l < N; ++l) {
+      if (b.ray[l] < 0) continue;
+      b.t[l] = job.solid[ray[l]];
+      b.what[l] = job.solid_organ[ray[l]] > 0 ? -1 : 0;
+    }
+  };
+  lead_by(lane_of[at * width + (from < 0 ? 0 : from)]);
+  for (int p = 0; p < packs; ++p) {
+    const int begin = from < 0 ? 0 : from;
+    bool fits = true;
+    for (int v = 0; v < slices && fits; ++v) {
+      const int* mine = lane_of + (at + p) * width;
+      alignas(64) int ray[N];
+      unsigned ok = 0xffff;
+      for (;;) {
+        I lane = every + v * N, known = loadi(mine + v * N);
+        I live = (known >= 0) & (lane >= begin) & (lane < after);
+        storei(ray, live ? known : puti(mine[begin]));
+        ok = take(p * slices + v, ray);
+        if (ok == 0xffff || from < 0 || is_wrong) { start(p * slices + v, ray, live); break; }
+        after = v * N + __builtin_ctz(~ok);  // so far one part
+      }
+      fits = ok == 0xffff;
+    }
     if (!fits) { packs = p; break; }
   }
-  if (packs == 0) { from = 0; continue; }  // the first pack alone is too wide: piece by piece
+  if (is_wrong) { __atomic_fetch_or(&job.doubts, WRONG, __ATOMIC_RELAXED); break; }
+  if (packs == 0) { from = 0; continue; }  // the first pack alone is too wide: part by part
+  const int gx = (int)origin[0], gy = (int)origin[1];
   const int count = packs * slices, count16 = (count + N - 1) & ~(N - 1);
+  auto page_at = [&](int x, int y) {
+    const int i = x - scene.table_x, j = y - scene.table_y;
+    if (i < 0 || j < 0 || i >= scene.table.shape[1] || j >= scene.table.shape[0]) return -1;
+    return scene.table.data[j * scene.table.shape[1] + i];
+  };
+  {  // do all start above all that stands or lies there?
+    double low[3], high[3];
+    for (int i = 0; i < 3; ++i) { low[i] = __builtin_reduce_min(lowest[i]); high[i] = __builtin_reduce_max(highest[i]); }
+    auto page_of = [&](double x) { return (int)__builtin_floor(x * per_size * 0.125); };
+    bool is_above = high[0] - low[0] < 8.0 * dsize && high[1] - low[1] < 8.0 * dsize;
+    for (int y = page_of(low[1]); is_above && y <= page_of(high[1]); ++y)
+      for (int x = page_of(low[0]); is_above && x <= page_of(high[0]); ++x) {
+        const int slot = page_at(x, y);
+        is_above = slot >= 0 && low[2] > scene.page_top.data[slot];
+      }
+    if (!is_above) __atomic_fetch_or(&job.doubts, LOW, __ATOMIC_RELAXED);
+  }
 
   // ---- 2. The frame of the group, and every ray in slopes
   float e0[3] = {0, 0, 0}, e1[3], e2[3];
@@ -352,11 +433,6 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
         if (iy < jy * 8 || iy > jy * 8 + 7) return;
       }
     }
-  };
-  auto page_at = [&](int x, int y) {
-    const int i = x - scene.table_x, j = y - scene.table_y;
-    if (i < 0 || j < 0 || i >= scene.table.shape[1] || j >= scene.table.shape[0]) return -1;
-    return scene.table.data[j * scene.table.shape[1] + i];
   };
   auto code_at = [&](int x, int y) {  // cut code of a cell of the stand frame
     const int i = per(x, 512), j = per(y, 512), slot = page_at(i, j);
@@ -1091,19 +1167,74 @@ for (int at = first_pack.data[g], from = -1; at < first_pack.data[g + 1];) {
   }
 
   // ---- 6. Out
-  for (int j = 0; j < packs * width; ++j) {
-    const int i = r[j / N].ray[j % N];
-    if (i < 0) continue;
-    if (r[j / N].what[j % N] > 0) {
-      distance.data[i] = r[j / N].t[j % N];
-      organ.data[i] = (unsigned char)r[j / N].what[j % N];
-      cosine.data[i] = r[j / N].cosine[j % N];
-      reflectance.data[i] = r[j / N].albedo[j % N];
+  auto write = [&](size_t to, float t, int what, float cosine, float albedo) {
+    job.distance[to] = t;
+    job.organ[to] = (unsigned char)what;
+    job.cosine[to] = cosine;
+    job.reflectance[to] = albedo;
+  };
+  auto settled = [&](int block) {  // what is known of its lanes by now: nothing nearer than a solid is the solid
+    Block& b = r[block];
+    for (int l = 0; l < N; ++l) {
+      const int i = b.ray[l];
+      if (b.what[l] > 0 || i < 0) continue;
+      const bool is_solid = job.solid && job.solid_organ[i] > 0;
+      if (is_solid && b.what[l] == 0) k.until[block / slices] = FAR;  // lost before it came to the solid
+      b.t[l] = is_solid ? job.solid[i] : __builtin_nanf("");
+      b.what[l] = is_solid ? job.solid_organ[i] : 0;
+      b.cosine[l] = is_solid ? job.solid_cosine[i] : 0.0f;
+      b.albedo[l] = is_solid ? job.solid_reflectance[i] : 0.0f;
     }
+  };
+  auto all_of = [&](Block& b) {
+    for (int l = 0; l < N; ++l) if (b.ray[l] >= 0) write(b.ray[l], b.t[l], b.what[l], b.cosine[l], b.albedo[l]);
+  };
+  auto nearest_of = [&](int p) {  // the place of each hit in the order of its bundle, ties by number
+    Block* mine = r + p * slices;
+    const size_t to = (size_t)(mine[0].ray[0] / job.sub_rays) * (job.only ? 1 : need);
+    int found = 0;
+    for (int v = 0; v < slices; ++v) found += __builtin_popcount(bits((loadi(mine[v].ray) >= 0) & (loadi(mine[v].what) > 0)));
+    for (int j = 0; j < width; ++j) {
+      Block& b = mine[j / N];
+      const int l = j % N;
+      if (b.ray[l] < 0 || b.what[l] == 0 || b.t[l] > k.until[p]) continue;
+      int place = 0;
+      for (int v = 0; v < slices; ++v) {
+        F t = load(mine[v].t);
+        I ray = loadi(mine[v].ray);
+        place += __builtin_popcount(bits((ray >= 0) & ((t < b.t[l]) | ((t == b.t[l]) & (ray < b.ray[l])))));
+      }
+      if (place >= need || (job.only && place != need - 1)) continue;
+      write(to + (job.only ? 0 : place), b.t[l], b.what[l], b.cosine[l], b.albedo[l]);
+    }
+    for (int i = job.only ? need - 1 : found; i < need; ++i)
+      if (i >= found) write(to + (job.only ? 0 : i), __builtin_nanf(""), 0, 0.0f, 0.0f);
+  };
+  for (int b = 0; b < count; ++b) {
+    settled(b);
+    if (need == 0) all_of(r[b]);
   }
-  if (from < 0) at += packs;
-  else {
+  if (from < 0) {
+    for (int p = 0; need > 0 && p < packs; ++p) nearest_of(p);
+    at += packs;
+  } else {
+    for (int j = from; j < after; ++j) {
+      early.t[j] = r[j / N].t[j % N]; early.what[j] = r[j / N].what[j % N];
+      early.cosine[j] = r[j / N].cosine[j % N]; early.albedo[j] = r[j / N].albedo[j % N];
+    }
     for (from = after; from < width && lane_of[at * width + from] < 0;) ++from;
-    if (from == width) { ++at; from = -1; }
+    if (from == width) {
+      if (need > 0) {
+        for (int j = 0; j < width; ++j) {
+          r[j / N].ray[j % N] = lane_of[at * width + j];
+          r[j / N].t[j % N] = early.t[j]; r[j / N].what[j % N] = early.what[j];
+          r[j / N].cosine[j % N] = early.cosine[j]; r[j / N].albedo[j % N] = early.albedo[j];
+        }
+        k.until[0] = FAR;
+        nearest_of(0);
+      }
+      ++at;
+      from = -1;
+    }
   }
 }
