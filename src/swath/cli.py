@@ -11,6 +11,7 @@ from swath import __version__
 from swath.commands import (
     calibrate,
     can,
+    cards,
     compare,
     field,
     fmu,
@@ -26,7 +27,23 @@ from swath.commands import (
 )
 from swath.core.errors import SwathError
 
-COMMANDS = (run, scenarios, levels, field, lab, replay, calibrate, compare, scan, fmu, ros2, can, osi, schema)
+COMMANDS = (
+    run,
+    scenarios,
+    levels,
+    cards,
+    field,
+    lab,
+    replay,
+    calibrate,
+    compare,
+    scan,
+    fmu,
+    ros2,
+    can,
+    osi,
+    schema,
+)
 BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 EXAMPLES = """\

@@ -242,7 +242,7 @@ def test_what_cannot_be_a_plant_is_refused_by_name(tmp_path, pairs, files, messa
     with pytest.raises(InputError) as caught:
         load_crop(path)
     assert message.format(tmp_path) in str(caught.value)
-    assert str(caught.value).endswith(f"({path})")
+    assert f"({path}" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

@@ -188,3 +188,28 @@ def test_faulty_card_names_key_and_file(tmp_path):
         load_lidar("mine.yaml", tmp_path)
     with pytest.raises(InputError, match="did you mean 'sick-lms111'"):
         load_lidar("sick-lms11")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("divergence_mrad", "divergance_mrad", r"beam.divergence_mrad: missing, there is 'divergance_mrad'"),
+        ("  count:", "  cuont:", r"echo.cuont: unknown key, did you mean 'echo.count'\?"),
+        ("divergence_mrad: {value: [15.0", "divergence_mrad: {value: [860", "both 0 to 100"),
+        (
+            "step_deg: {value: 0.5, unit: deg",
+            "step_deg: {value: 0.5, unit: rad",
+            "step_deg.unit = rad: expected deg",
+        ),
+        ("kind: lidar", "kind: radar", "kind = radar: expected lidar"),
+        ("noise_mm: {value:", "noise_mm: {vale:", r"expected \{value: 4.7, unit: mrad, tag: S"),
+    ],
+)
+def test_a_slip_in_an_own_card_is_named_with_its_line(tmp_path, old, new, message):
+    text = find_card("sensors", "sick-lms111").read_text()
+    assert old in text
+    path = tmp_path / "mine.yaml"
+    path.write_text(text.replace(old, new))
+    line = 1 + text[: text.index(old)].count("\n")
+    with pytest.raises(InputError, match=rf"{message}.*mine.yaml:{line}\)"):
+        load_lidar("mine.yaml", tmp_path)

@@ -175,11 +175,11 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
         height_cv=number(card, "stand.height_cv", RATIO, 0.0, 0.5),
         stubble_height=number(card, "stand.stubble_height", LENGTH, 0.0, 2.0),
         sowing_jitter=number(card, "stand.sowing_jitter", RATIO, 0.0, 1.0)
-        if "sowing_jitter" in card.entry("stand")
+        if card.has("stand.sowing_jitter")
         else 1.0,
     )
     leafy = habit in ("cereal", "maize", "weed")
-    return Crop(
+    crop = Crop(
         name=card.text("name"),
         habit=habit,
         stand=stand,
@@ -196,6 +196,8 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
         reflectance=_reflectance(card, habit) | ({} if mesh is None else mesh.reflectances()),
         mesh=mesh,
     )
+    card.refuse_unknown("habit", "summary", "kind", "note")
+    return crop
 
 
 def _habit(card: Card) -> Habit:

@@ -90,10 +90,8 @@ def read_machine(card: Card) -> MachineCard:
     geometry = _geometry(card)
     dynamics = _dynamics(card)
     if dynamics.cg_behind >= geometry["wheelbase"]:
-        raise InputError(
-            "mass.cg_behind_axle_m", dynamics.cg_behind, "expected less than the wheelbase", file=card.path
-        )
-    return MachineCard(
+        raise card.error("mass.cg_behind_axle_m", dynamics.cg_behind, "expected less than the wheelbase")
+    made = MachineCard(
         **geometry,
         steers_ahead=_steers_ahead(card),
         body=_body(card),
@@ -102,6 +100,14 @@ def read_machine(card: Card) -> MachineCard:
         masses=read_masses(card),
         works=read_works(card),
     )
+    free = [] if made.masses else ["mass", "tyres", "suspension", "tank"]
+    free += (
+        []
+        if made.works
+        else ["tank", "power", "hydrostat", "transport", "threshing", "cleaning", "unloading"]
+    )
+    card.refuse_unknown("kind", "note", "cart", *free)
+    return made
 
 
 def dynamics_of(machine: MachineGeometry) -> Dynamics:
@@ -153,7 +159,7 @@ def _steers_ahead(card: Card) -> bool:
         return False
     axle = card.text("steers")
     if axle not in ("front", "rear"):
-        raise InputError("steers", axle, "expected front or rear", file=card.path)
+        raise card.error("steers", axle, "expected front or rear")
     return axle == "front"
 
 
@@ -161,7 +167,7 @@ def _body(card: Card) -> tuple[float, float, float, float, float]:
     rear, front = card.number("chassis.rear_x_m", high=0), card.number("chassis.front_x_m", low=0)
     bottom, top = card.number("chassis.bottom_m", low=0), card.number("chassis.top_m", high=10)
     if bottom >= top:
-        raise InputError("chassis.top_m", top, f"expected more than bottom_m = {bottom:g}", file=card.path)
+        raise card.error("chassis.top_m", top, f"expected more than bottom_m = {bottom:g}")
     return rear, front, card.number("chassis.half_width_m", low=0.1, high=5), bottom, top
 
 

@@ -6,7 +6,6 @@ from typing import Any, get_args
 
 import numpy as np
 
-from swath.core.errors import InputError
 from swath.core.signals import F64
 from swath.core.units import DEG, MM, MRAD
 from swath.data.cards import Card, find_card
@@ -76,7 +75,9 @@ def load_lidar(name: str, base: Path | None = None) -> LidarCard:
     if card.has("range.noise_by_signal"):
         by_signal = _rows(card, "range.noise_by_signal", "[[signal_to_noise, sigma_mm], ...]", low=1e-3)
     fov = card.numbers("scan.field_of_view_deg")
-    return LidarCard(
+    if card.data.get("kind", "lidar") != "lidar":
+        raise card.error("kind", card.data["kind"], "expected lidar")
+    made = LidarCard(
         name=card.text("name"),
         beam=_beam(card),
         line_elevation=np.asarray(card.numbers("scan.line_elevation_deg"), dtype=float) * DEG,
@@ -96,6 +97,8 @@ def load_lidar(name: str, base: Path | None = None) -> LidarCard:
         signal_noise=by_signal * np.array([1.0, MM]),
         signal_at_reach=_optional(card, "range.signal_at_reach", 1.0, low=1e-3, high=1e6),
     )
+    card.refuse_unknown("kind", "note")
+    return made
 
 
 def _beam(card: Card) -> Beam:
@@ -103,17 +106,17 @@ def _beam(card: Card) -> Beam:
     convention: Convention = _choice(card, "beam.convention", get_args(Convention))
     contour: Contour = _choice(card, "beam.contour", get_args(Contour))
 
-    def pair(key: str, unit: float) -> tuple[float, float]:
-        across, along = (full_angle(v, convention, contour, profile) * unit for v in _pair(card, key))
+    def pair(key: str, unit: float, most: float) -> tuple[float, float]:
+        across, along = (full_angle(v, convention, contour, profile) * unit for v in _pair(card, key, most))
         return across, along
 
-    return Beam(pair("beam.exit_mm", MM), pair("beam.divergence_mrad", MRAD), profile)
+    return Beam(pair("beam.exit_mm", MM, 200.0), pair("beam.divergence_mrad", MRAD, 100.0), profile)
 
 
 def _choice(card: Card, key: str, allowed: tuple[str, ...]) -> Any:
     value = card.text(key)
     if value not in allowed:
-        raise InputError(key, value, f"expected {', '.join(allowed)}", file=card.path)
+        raise card.error(key, value, f"expected {', '.join(allowed)}")
     return value
 
 
@@ -129,12 +132,12 @@ def _rows(card: Card, key: str, form: str, *, low: float = 0.0) -> F64:
         rows = np.zeros(0)
     good = rows.ndim == 2 and rows.shape[1] == 2 and bool(np.isfinite(rows).all())
     if not good or np.any(np.diff(rows[:, 0]) <= 0) or np.any(rows < low):
-        raise InputError(key, card.value(key), f"expected {form}, the first rising", file=card.path)
+        raise card.error(key, card.value(key), f"expected {form}, the first rising")
     return rows
 
 
-def _pair(card: Card, key: str) -> tuple[float, float]:
+def _pair(card: Card, key: str, most: float) -> tuple[float, float]:
     values = card.numbers(key)
-    if len(values) != 2 or any(not isinstance(v, int | float) or v < 0 for v in values):
-        raise InputError(key, values, "expected [across, along], both >= 0", file=card.path)
+    if len(values) != 2 or any(not isinstance(v, int | float) or not 0 <= v <= most for v in values):
+        raise card.error(key, values, f"expected [across, along], both 0 to {most:g}")
     return float(values[0]), float(values[1])
