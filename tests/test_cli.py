@@ -38,10 +38,12 @@ class Job:
         self.exit_code = 0
         self.error = None
 
-    def run_job(self, scenario, out, progress, events=(), companion=None):
+    def run_job(self, scenario, out, progress, events=(), companion=None, begun=None):
         self.calls.append((scenario, out, progress))
         if self.error is not None:
             raise self.error
+        if begun is not None:
+            begun()
         out.mkdir(parents=True, exist_ok=True)
         (out / "scenario.yaml").write_text(scenario.resolved())
         (out / "summary.json").write_text("{}")
@@ -173,7 +175,9 @@ def test_an_error_while_assembling_gets_its_line(job, capsys):
     job.error = InputError("combine.lidar.mount.z_m", -1, "expected a sensor above the ground")
     assert main(["run", "small.yaml"]) == 2
     expected = "swath: combine.lidar.mount.z_m = -1: expected a sensor above the ground (small.yaml:19)\n"
-    assert capsys.readouterr().err == expected
+    said = capsys.readouterr()
+    assert said.err == expected
+    assert said.out == ""  # no wall of defaults before it
 
 
 def test_interrupt_and_mistakes(job, capsys, monkeypatch):
@@ -191,7 +195,7 @@ def test_interrupt_and_mistakes(job, capsys, monkeypatch):
 
 
 def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
-    def stopped(scenario, out, progress, events=(), companion=None):
+    def stopped(scenario, out, progress, events=(), companion=None, begun=None):
         out.mkdir(parents=True)
         (out / "summary.json").write_text("{}")
         raise KeyboardInterrupt

@@ -70,20 +70,21 @@ def run_job(
     events: Sequence[Mapping[str, Any]] = (),
     companion: Companion | None = None,
     judge: Judge | None = None,
+    begun: Callable[[], None] | None = None,
 ) -> JobResult:
     """Run a scenario into a folder.
 
     events: changes on the way, as an earlier run's summary.json has them; companion: goes along; judge: looks
-    on, and adds to the summary
+    on, and adds to the summary; begun: called once the world is assembled, before the first tick
 
     The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C and
     crashes leave a valid folder marked incomplete; the exception goes on.
     """
     while True:
         try:
-            return _run_once(scenario, out, progress, report, events, companion, judge)
+            return _run_once(scenario, out, progress, report, events, companion, judge, begun)
         except Restart:
-            continue
+            begun = None
 
 
 def _run_once(
@@ -94,6 +95,7 @@ def _run_once(
     events: Sequence[Mapping[str, Any]],
     companion: Companion | None,
     judge: Judge | None,
+    begun: Callable[[], None] | None,
 ) -> JobResult:
     world = assemble(scenario)
     _spare_what_is_read(world, out)
@@ -102,6 +104,8 @@ def _run_once(
     clear_run_folder(out)
     (out / "scenario.yaml").write_text(scenario.resolved(), encoding="utf-8")
     watch = Watch(world, out, pacer, judge)
+    if begun is not None:
+        begun()
     started = time.perf_counter()
     try:
         with _progress_bar(world, progress) as show, watch.recorder, paced(world.graph, pacer):

@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,11 +72,12 @@ def run(args: argparse.Namespace) -> int:
     from swath.sim.interventions import read_events
 
     events = read_events(args.events) if args.events is not None else []
-    if not (args.quiet or args.no_defaults):
-        print_defaults(scenario)
+    begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario)
     try:
         with _bridge(args) as bridge:
-            result = run_job(scenario, out, progress=not args.quiet, events=events, companion=bridge)
+            result = run_job(
+                scenario, out, progress=not args.quiet, events=events, companion=bridge, begun=begun
+            )
     except InputError as error:
         raise scenario.locate(error) from error
     except KeyboardInterrupt:
