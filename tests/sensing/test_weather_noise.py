@@ -122,4 +122,4 @@ def test_angle_noise_and_drop_outs_have_their_size():
     assert swing.std() == pytest.approx(0.01, rel=0.03)
     assert np.mean([noise.dropped(t, 500).mean() for t in range(40)]) == pytest.approx(0.05, abs=0.005)
     assert noise_of("sick-lms111").swing(0, 5) is None
-    assert not noise_of("sick-lms111").dropped(0, 5).any()
+    assert noise_of("sick-lms111").dropped(0, 5) is None

@@ -28,6 +28,15 @@ class Stream:
         words[3] = np.uint64(counter)
         return np.random.Generator(np.random.Philox(counter=words, key=self._key()))
 
+    @property
+    def key(self) -> np.ndarray:
+        """The generator's key, two words of 64 bits, for kernels that draw themselves.
+
+        The words 4 n to 4 n + 3 that `at(counter)` draws are block n + 1 of Philox 4x64: its counter words
+        are (n + 1, 0, 0, counter).
+        """
+        return self._key()
+
     def child(self, name: str) -> "Stream":
         """Stream of a part of this component."""
         return Stream(self.seed, f"{self.name}.{name}")

@@ -1,96 +1,120 @@
 """Beams against bodies: solids, ground, and the canopy with a drawn depth. One ray per beam."""
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from swath.field.layout import Solids
 from swath.field.solids import solid_count
+from swath.rays.beams.desk import ASTRAY, CLAMPED, NOT_FINITE, PACK, Desk
 from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp
-from swath.rays.engine import Castable, Hits, RayCaster
+from swath.rays.engine import Castable, RayCaster
 from swath.rays.spread import SpreadTable, double_log
 
-F32 = NDArray[np.float32]
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
-MARGIN = 0.01  # more than that, and than the rounding of tops [m]
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
-
-
-@dataclass(frozen=True)
-class BodyHits:
-    """hits: as of rays; clamped: (n,) bit k is set where a beam left axis k of the table."""
-
-    hits: Hits
-    clamped: NDArray[np.int64]
+STRIDE = 7  # between the drawn stems that neighbouring beams look for
 
 
 class BodyCaster(RayCaster):
-    """Casts one ray per beam; how deep it goes into crop is given for each.
+    """Casts the beams of a desk, one ray each; how deep one goes into crop is drawn by its normal number.
 
+    desk: the beams; apart: angle to the neighbour on the line [rad], (count,); line_count: lines of the
+    scanner, beams ordered by azimuth, then by line; 0 = neighbours draw independently
     table: of the spread; crop_height: of the field's crop at scale 1 [m]; exit [m], divergence [rad]: of the
     beam, mean of both directions; pitch: step through crop [m]
     """
+
+    top_room = TOP_ROOM + 1e-3
 
     def __init__(
         self,
         field: Castable,
         table: SpreadTable,
+        desk: Desk,
+        apart: Any,
         *,
+        line_count: int,
         crop_height: float,
         exit_diameter: float,
         divergence: float,
         pitch: float = PITCH,
     ) -> None:
         super().__init__(field, threads=1)
-        self.table = table
+        self.table, self.desk, self.line_count = table, desk, line_count
+        self._apart = np.zeros(len(desk.score), np.float32)
+        self._apart[: desk.count] = apart
         self._numbers = (crop_height, exit_diameter, divergence, pitch)
-        self._desk: _Desk | None = None
-        self._room, self._roomed = 0.0, -1  # and the revision of the pages that it was taken from
-        self._kept: list[Any] = []  # arrays whose memory the kernel reads
+        self._launch: Any = None
+        self._made_for = -1  # version of the scene
+        self._seen: tuple[Solids | None, Any] = (None, None)  # solids, and as the kernel reads them
+        self._called = (0.0, 0)  # range and flag of solids it has
+        self._kept: list[Any] = []  # arrays whose memory it reads
 
-    def cast_beams(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        scores: ArrayLike,
-        *,
-        range_max: float,
-        solids: Solids | None = None,
-    ) -> BodyHits:
-        """Hits of beams within range_max [m].
+    def cast_beams(self, *, range_max: float, solids: Solids | None = None) -> int:
+        """Nearest body of each beam within range_max [m]: fills distance, kind (organ), cosine, reflectance.
 
-        origins [m], directions (unit): (n, 3), world; scores: (n,) standard normal numbers, low = high up
-        Raises as `RayCaster.cast`.
+        Returns a number whose bit k is set when some beam left axis k of the table. Raises as
+        `RayCaster.cast`.
         """
-        o = np.asarray(origins, dtype=np.float64).reshape(-1, 3)
-        d = np.asarray(directions, dtype=np.float64).reshape(-1, 3)
-        z = np.asarray(scores, dtype=np.float32)
-        if o.shape != d.shape or z.shape != o.shape[:1]:
-            raise ValueError(f"origins {o.shape}, directions {d.shape}, scores {z.shape}: expected one each")
-        if not math.isfinite(o.sum() + d.sum() + z.sum()):  # one bad number spoils the sum
-            raise ValueError("expected finite origins, directions and scores")
         check_range(range_max)
-        check_origins(self.field, o)
+        if self.desk.count == 0:
+            return 0
         wp = start_warp()
-        if self._desk is None or len(self._desk.out) != len(o):
-            self._desk = _Desk(wp, self, len(o))
-        out = self._desk.cast(wp, self, (o, d, z), float(range_max), solids or Solids())
-        organ = out[:, 1].astype(np.uint8)
-        distance = np.where(organ > 0, out[:, 0], np.float32(np.nan))
-        return BodyHits(Hits(distance, organ, out[:, 2], out[:, 3]), out[:, 4].astype(np.int64))
+        scene = self._refresh(wp)
+        has_solids = int(solids is not None and solid_count(solids) > 0)
+        if solids is not None and has_solids:
+            self._meet_things(wp, solids, range_max)
+        if self._made_for != self._version:
+            self._prepare(wp, scene, range_max, has_solids)
+        elif self._called != (range_max, has_solids):
+            self._launch.set_param_at_index(7, range_max)
+            self._launch.set_param_at_index(9, has_solids)
+        self._called = range_max, has_solids
+        self._launch.launch()
+        return self._judged()
 
-    def pack(self, wp: Any) -> Any:
-        """The table as the kernel reads it."""
-        from swath.rays.kernel.bodies import Canopy
+    def _judged(self) -> int:
+        """The axes that were left, after all that `cast` refuses."""
+        found = int(self.desk.fault[0])
+        self.desk.fault[0] = 0
+        if found & NOT_FINITE:
+            raise ValueError("expected finite origins and directions")
+        if found & ASTRAY:
+            check_origins(self.field, self.desk.origins[: self.desk.count])
+        return found >> CLAMPED
+
+    def _prepare(self, wp: Any, scene: Any, range_max: float, has_solids: int) -> None:
+        """The launch that is repeated until the field's memory moves."""
+        from swath.rays.beams.kernel import cast_bodies
+
+        desk = self.desk
+        self._kept = []
+        rays = desk.shared("origins", "directions", "normal")
+        out = desk.shared("score", "distance", "kind", "cosine", "reflectance", "fault")
+        apart = self._keep(wp, self._apart)
+        told = [self.line_count, range_max, desk.count, has_solids]
+        inputs = [scene, self._pack(wp), *rays, apart, *told, *out]
+        self._launch = wp.launch(cast_bodies, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        self._made_for = self._version
+
+    def _meet_things(self, wp: Any, solids: Solids, range_max: float) -> None:
+        from swath.rays.beams.kernel import meet_things
+
+        if self._seen[0] is not solids:
+            self._seen = solids, self._things(wp, solids)
+        rays = self.desk.shared("origins", "directions", "distance", "kind", "cosine", "reflectance")
+        inputs = [self._seen[1], range_max, *rays]
+        wp.launch(meet_things, dim=self.desk.count, inputs=inputs, device="cpu")
+
+    def _pack(self, wp: Any) -> Any:
+        """The table as native code reads it."""
+        from swath.rays.beams.kernel import Canopy
 
         table, canopy = self.table, Canopy()
-        axes = np.concatenate(table.scaled_axes())
-        lean = np.ascontiguousarray(table.lean, dtype=np.float32)
-        canopy.axes = self._keep(wp, axes)
+        canopy.axes = self._keep(wp, np.concatenate(table.scaled_axes()))
         canopy.size = wp.vec4i(*(len(a) for a in table.axes))
         canopy.quantile = self._keep(wp, table.quantile.ravel())
         canopy.ground = self._keep(wp, double_log(table.ground_share).ravel())
@@ -98,29 +122,13 @@ class BodyCaster(RayCaster):
         canopy.node_count = table.quantile.shape[-1]
         canopy.depth = self._keep(wp, table.silhouette)
         canopy.fine = table.fine
-        self._kept.append(lean)
-        canopy.lean = self._share(wp, lean, wp.vec2)
+        canopy.lean = self._keep(wp, lean_of_packs(table.lean).ravel())
         canopy.height, canopy.exit, canopy.divergence, canopy.pitch = self._numbers
         canopy.density_max = self.field.library.density_max
         canopy.cosine = table.cosine
         canopy.tangents = wp.vec2(*np.exp(table.scaled_axes()[2][[0, -1]]))
+        canopy.correlation = wp.vec2(*table.correlation)
         return canopy
-
-    def scene(self, wp: Any) -> Any:
-        """The field as it is now."""
-        return self._refresh(wp)
-
-    def room(self) -> float:
-        """How far measured heights may lie above the crop of the field as it is now [m]."""
-        pages = self.field.pages
-        if pages.revision != self._roomed:
-            self._room = TOP_ROOM * float(pages.tile_top.max(initial=0.0)) + MARGIN
-            self._roomed = pages.revision
-        return self._room
-
-    def things(self, wp: Any, solids: Solids) -> Any:
-        """Solids as the kernel reads them."""
-        return self._things(wp, solids)
 
     def _keep(self, wp: Any, array: Any) -> Any:
         kept = np.ascontiguousarray(array, dtype=np.float32)
@@ -128,55 +136,7 @@ class BodyCaster(RayCaster):
         return self._share(wp, kept, wp.float32)
 
 
-class _Desk:
-    """A prepared launch for a fixed number of beams: what does not change is handed over once."""
-
-    def __init__(self, wp: Any, caster: BodyCaster, count: int) -> None:
-        self.rays: tuple[NDArray[Any], ...] = (
-            np.zeros((count, 3)),
-            np.zeros((count, 3)),
-            np.zeros(count, np.float32),
-        )
-        self.out = np.zeros((count, 5), np.float32)
-        kinds = (wp.vec3d, wp.vec3d, wp.float32)
-        arrays = [
-            wp.array(a, dtype=k, device="cpu", copy=False) for a, k in zip(self.rays, kinds, strict=True)
-        ]
-        target = wp.array(self.out, dtype=wp.float32, device="cpu", copy=False)
-        self.is_empty = True
-        self.canopy = caster.pack(wp)
-        self.inputs = [None, caster.things(wp, Solids()), self.canopy, *arrays, 0.0, target]
-        self.launch: Any = None
-        self.range_max = 0.0
-
-    def cast(
-        self, wp: Any, caster: BodyCaster, rays: tuple[Any, Any, Any], range_max: float, solids: Solids
-    ) -> F32:
-        """Rows of distance, organ, cosine, reflectance, clamped; overwritten by the next call."""
-        if len(self.out) == 0:
-            return self.out
-        for kept, new in zip(self.rays, rays, strict=True):
-            kept[...] = new
-        scene, room = caster.scene(wp), caster.room()
-        count = solid_count(solids)
-        things = None if count == 0 and self.is_empty else caster.things(wp, solids)
-        self.is_empty = count == 0
-        is_moved, self.canopy.room = self.canopy.room != room, room
-        if self.launch is None:
-            from swath.rays.kernel.bodies import cast_bodies
-
-            self.inputs[0], self.inputs[1], self.inputs[6] = scene, things or self.inputs[1], range_max
-            self.launch = wp.launch(
-                cast_bodies, dim=len(self.out), inputs=self.inputs, device="cpu", record_cmd=True
-            )
-        else:
-            self.launch.set_param_at_index(0, scene)
-            if range_max != self.range_max:
-                self.launch.set_param_at_index(6, range_max)
-            if things is not None:
-                self.launch.set_param_at_index(1, things)
-            if is_moved:
-                self.launch.set_param_at_index(2, self.canopy)
-        self.range_max = range_max
-        self.launch.launch()
-        return self.out
+def lean_of_packs(lean: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places of tips (n, 2) for the beams of a pack, (n, 2, PACK): row k holds their k-th stems."""
+    stem = np.arange(len(lean))[:, None] + STRIDE * np.arange(PACK)
+    return np.ascontiguousarray(lean[stem % len(lean)].transpose(0, 2, 1))

@@ -59,6 +59,8 @@ class RayCaster:
     On the CPU the kernel reads the field's own memory; on another device a copy, renewed after each change.
     """
 
+    top_room = 0.0  # hits may lie above crop by this share of its height
+
     def __init__(self, field: Castable, *, threads: int | None = None, device: str = "cpu") -> None:
         self.field = field
         self.threads = thread_count() if threads is None else threads
@@ -67,9 +69,10 @@ class RayCaster:
         self._crew = Crew(self._pool, self.threads)
         self._scene: Any = None
         self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
+        self._pages: Pages | None = None  # as they were at the revision
         self._revision = -1
-        self._version = 0  # goes up whenever the scene changes
-        self._yaw = float("nan")
+        self._version = 0  # goes up whenever the scene itself changes, not what its arrays hold
+        self._place = (float("nan"), 0, 0)  # yaw of the stand, first page of the table
         self._library: PlantLibrary | None = None
         self._group_walk: GroupWalk | None = None
 
@@ -326,13 +329,18 @@ class RayCaster:
         if self._scene is None:
             self._scene = Scene()
         if self._library is not self.field.library:
-            self._library = self.field.library
+            self._library, self._pages = self.field.library, None
             self._take_library(wp, self._library)
         scene, pages = self._scene, self.field.pages
-        is_stale = pages.revision != self._revision or self.field.stand_yaw != self._yaw
-        if self.field.stand_yaw != self._yaw:
-            self._yaw = self.field.stand_yaw
-            scene.turn = wp.vec2d(np.cos(self._yaw), np.sin(self._yaw))
+        yaw = self.field.stand_yaw
+        if pages is self._pages and pages.revision == self._revision and yaw == self._place[0]:
+            return scene
+        self._pages, self._revision = pages, pages.revision
+        place = yaw, pages.table_x, pages.table_y
+        if place != self._place:
+            self._place, self._version = place, self._version + 1
+            scene.turn = wp.vec2d(np.cos(yaw), np.sin(yaw))
+            scene.table_x, scene.table_y = pages.table_x, pages.table_y
         for name, dtype in (
             ("table", wp.int32),
             ("ground", wp.float32),
@@ -346,16 +354,21 @@ class RayCaster:
             ("cut", wp.uint8),
         ):
             pool = getattr(pages, name)
-            if self._held.get(name) is not pool or (is_stale and self.device != "cpu"):
-                is_stale = True
+            if self._held.get(name) is not pool or self.device != "cpu":
                 self._held[name] = pool
+                self._version += 1
                 setattr(scene, name, self._share(wp, pool, dtype))
-        if is_stale:
-            self._held["page_top"] = page_tops(pages, self._library.tile_size)
-            scene.page_top = self._share(wp, self._held["page_top"], wp.float32)
-            scene.table_x, scene.table_y = pages.table_x, pages.table_y
-            self._revision, self._version = pages.revision, self._version + 1
+        self._hold_tops(wp, page_tops(pages, self._library.tile_size, self.top_room))
         return scene
+
+    def _hold_tops(self, wp: Any, tops: F32) -> None:
+        held = self._held.get("page_top")
+        if held is not None and held.shape == tops.shape and self.device == "cpu":
+            held[:] = tops
+            return
+        self._held["page_top"] = tops
+        self._version += 1
+        self._scene.page_top = self._share(wp, tops, wp.float32)
 
     def _take_library(self, wp: Any, library: PlantLibrary) -> None:
         packed = {
@@ -365,6 +378,7 @@ class RayCaster:
             "reflectance": (library.reflectance, wp.float32),
         }
         scene = self._scene
+        self._version += 1
         for name, (array, dtype) in packed.items():
             self._held[name] = array
             setattr(scene, name, self._share(wp, array, dtype))
@@ -388,11 +402,12 @@ def pack_primitives(library: PlantLibrary) -> F32:
     return result
 
 
-def page_tops(pages: Pages, tile_size: float) -> F32:
-    """Highest thing in each page [m], (n,): ground, straw or live crop."""
+def page_tops(pages: Pages, tile_size: float, room: float = 0.0) -> F32:
+    """Highest thing in each page [m], (n,): ground, straw or live crop with room for this share above it."""
     plane = pages.tile_plane
     corner = plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2]))
-    top: F32 = (corner + np.maximum(pages.tile_top, pages.tile_bump)).max(axis=(1, 2)).astype(np.float32)
+    crop = pages.tile_top if room == 0.0 else (1.0 + room) * pages.tile_top
+    top: F32 = (corner + np.maximum(crop, pages.tile_bump)).max(axis=(1, 2)).astype(np.float32)
     return top
 
 

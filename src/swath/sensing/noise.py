@@ -46,8 +46,8 @@ class Noise:
             return None
         return self.angle * self._stream.child("angle").at(t).standard_normal(count)
 
-    def dropped(self, t: int, count: int) -> NDArray[np.bool_]:
-        """Which beams of the sweep that ends at t are lost, (count,)."""
+    def dropped(self, t: int, count: int) -> NDArray[np.bool_] | None:
+        """Which beams of the sweep that ends at t are lost, (count,), None = none ever."""
         if self.drop_out == 0.0:
-            return np.zeros(count, dtype=bool)
+            return None
         return np.asarray(self._stream.child("drop_out").at(t).uniform(size=count) < self.drop_out)

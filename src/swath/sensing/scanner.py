@@ -10,14 +10,14 @@ import numpy as np
 
 from swath.core.component import Outputs, Port
 from swath.core.errors import InputError
-from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.signals import F64, MachineState, Scan, ScanTruth, beam_directions
+from swath.core.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
 from swath.core.units import DEG
 from swath.field.site import SiteSetup
 from swath.sensing.card import load_lidar
-from swath.sensing.mount import Mount, poses_at
+from swath.sensing.mount import Mount
 from swath.sensing.noise import Noise
+from swath.sensing.sweep import Sweep
 
 WHITE_SHARE = 0.1  # diffuse reflectance that the data sheet's reach refers to
 
@@ -57,6 +57,7 @@ class Scanner:
     line_count: beams that share an azimuth; reach: no echo comes from further away [m]
     echo_count: echoes per beam of a scan; angle_noise: one sigma of the beams' direction [rad], None = the
     card's; drop_out: chance that a beam is lost
+    noise: what the electronics add
     """
 
     def __init__(
@@ -89,27 +90,32 @@ class Scanner:
             Port("scan", Scan, unit="m", shape=(len(self.azimuth),)),
             Port("truth", ScanTruth),
         )
-        self._noise = Noise(
+        self._sweep = Sweep(self.mounting, self.beam_t)
+        self.noise = Noise(
             self.card, is_on=params.noise == "data_sheet", angle=angle_noise, drop_out=drop_out
         )
 
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan; draws the constant range bias of this instance, uniform in the data sheet's band."""
-        self._noise.reset(stream)
+        self.noise.reset(stream)
         nothing = np.full((len(self.azimuth), self.echo_count), np.nan)
         points = np.full((len(self.azimuth), self.echo_count, 3), np.nan)
         return self.outputs_of(0, nothing, nothing, points, np.full((len(self.azimuth), 3), np.nan))
 
+    @property
+    def has_angle_noise(self) -> bool:
+        """Do the beams point elsewhere in every sweep?"""
+        return self.noise.angle != 0.0
+
     def axes_at(self, t: int) -> F64:
         """Beam frames of the sweep that ends at t [ns]: where the beams really point."""
-        swing = self._noise.swing(t, len(self.azimuth))
+        swing = self.noise.swing(t, len(self.azimuth))
         return self.axes if swing is None else _beam_axes(self.azimuth + swing, self.elevation)
 
     def sweep(self, states: tuple[MachineState, ...], end: int) -> tuple[F64, F64]:
         """Sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world, each beam at its own
         time of the sweep that ends at `end` [ns]."""
-        position, rotation = poses_at(states, end + self.beam_t * 1e9)
-        return mounted(position, rotation, self.mounting)
+        return self._sweep(states, end)
 
     def is_seen(self, true_range: F64, intensity: F64) -> np.ndarray:
         """Does enough light come back? Reach goes with the root of the intensity."""
@@ -122,9 +128,11 @@ class Scanner:
 
         signal: received energy over the least detectable, for sensors whose noise grows as it falls
         """
-        return self._noise.measure(true_range, rng, signal)
+        return self.noise.measure(true_range, rng, signal)
 
-    def outputs_of(self, t: int, ranges: F64, intensity: F64, points: F64, origins: F64) -> Outputs:
+    def outputs_of(
+        self, t: int, ranges: F64 | F32, intensity: F64 | F32, points: F64, origins: F64
+    ) -> Outputs:
         """The two outputs of a scan, less the beams that drop out; nan = no echo.
 
         ranges, intensity: (beam_count,) or (beam_count, echo_count); points: world, with 3 more; origins:
@@ -132,8 +140,8 @@ class Scanner:
         """
         if ranges.ndim == 1:
             ranges, intensity, points = ranges[:, None], intensity[:, None], points[:, None, :]
-        lost = self._noise.dropped(t, len(self.azimuth))
-        if lost.any():
+        lost = self.noise.dropped(t, len(self.azimuth))
+        if lost is not None:
             ranges, intensity, points = (
                 np.where(lost.reshape(-1, *[1] * (a.ndim - 1)), np.nan, a)
                 for a in (ranges, intensity, points)
@@ -143,15 +151,10 @@ class Scanner:
             self.beam_t,
             self.azimuth,
             self.elevation,
-            ranges.astype(np.float32),
-            intensity.astype(np.float32),
+            ranges.astype(np.float32, copy=False),
+            intensity.astype(np.float32, copy=False),
         )
         return {"scan": scan, "truth": ScanTruth(t, points, origins)}
-
-
-def mounted(position: F64, rotation: F64, mounting: Pose) -> tuple[F64, F64]:
-    """Sensor origins (n, 3) and rotations (n, 3, 3) in the world from machine poses and the mounting."""
-    return position + rotation @ mounting.position, rotation @ mounting.rotation
 
 
 def _sector(sector_deg: tuple[float, float] | None, fov: tuple[float, float]) -> tuple[float, float]:

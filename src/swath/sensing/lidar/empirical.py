@@ -23,15 +23,14 @@ from swath.core.units import DEG
 from swath.field.crop import load_crop
 from swath.field.site import SiteSetup
 from swath.rays.bodies import BodyCaster
-from swath.rays.chain import Chain
 from swath.rays.spread import AXES, SpreadTable
-from swath.sensing.echo import least_energy
 from swath.sensing.mount import Mount
 from swath.sensing.scanner import Scanner
+from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, valid_range
-from swath.sensing.weather import Weather, disturb
+from swath.sensing.weather import Weather
 
-ENSURE_EVERY = 0.5  # travel after which pages are asked for again [m]
+ENSURE_EVERY = 2.0  # travel after which pages are asked for again [m]
 
 
 @dataclass(frozen=True)
@@ -72,21 +71,18 @@ class EmpiricalLidar:
         crop = setup.field.stand.crop
         self.table = load_table(params.table or table_name(crop, params.echo), setup.base)
         _check_reading(self.table, params, crop)
-        self._height = load_crop(crop).stand.height
+        self.rays = SingleRays(self.scanner)
         beam = self.card.beam
-        self._exit, self._divergence = float(np.mean(beam.exit_diameter)), float(np.mean(beam.divergence))
         self.caster = BodyCaster(
             setup.field,
             self.table,
-            crop_height=self._height,
-            exit_diameter=self._exit,
-            divergence=self._divergence,
+            self.rays.desk,
+            self.scanner.step * np.cos(self.elevation),
+            line_count=self.scanner.line_count,
+            crop_height=load_crop(crop).stand.height,
+            exit_diameter=float(np.mean(beam.exit_diameter)),
+            divergence=float(np.mean(beam.divergence)),
         )
-        self._below = setup.field.footprint(np.zeros((1, 2)))
-        self._chain = Chain(len(self.azimuth), self.scanner.line_count)
-        self._forward = np.ascontiguousarray(self.scanner.axes[:, :, 0])
-        self._apart = self.scanner.step * np.cos(self.elevation)  # between neighbours [rad]
-        self._least = least_energy(self.card.range_10)
         self._last: MachineState | None = None
         self.ray_count = 0
         self.notes: list[str] = []
@@ -95,12 +91,13 @@ class EmpiricalLidar:
 
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan."""
-        self._stream = stream
         self._last = None
         self.ray_count = self._clamped = 0
         self.notes = []
         self._ensured = (math.inf, math.inf)
-        return self.scanner.reset(stream)
+        outputs = self.scanner.reset(stream)
+        self.rays.reset(stream)
+        return outputs
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The sweep that ends at t + dt, every beam from where the sensor was at its own time."""
@@ -113,32 +110,13 @@ class EmpiricalLidar:
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        rng = self._stream.at(t)
-        middle = origins[len(origins) // 2]
-        self._ensure(middle)
-        axes = self.scanner.axes_at(t)
-        forward = self._forward if axes is self.scanner.axes else axes[:, :, 0]
-        directions = np.einsum("nij,nj->ni", rotations, forward)
-        scores = self._scores(rng, middle, directions)
-        found = self.caster.cast_beams(
-            origins, directions, scores, range_max=self.scanner.reach, solids=self.setup.solids()
-        )
+        self._ensure(origins[len(origins) // 2])
+        self.rays.aim(t, origins, rotations)
+        clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
         self.ray_count += len(origins)
-        self._note(int(np.bitwise_or.reduce(found.clamped, initial=0)))
-        distance = found.hits.distance.astype(np.float64)
-        distance[distance < self.card.range_min] = np.nan
-        albedo = (found.hits.reflectance * found.hits.cosine).astype(np.float64)
-        if not self.params.weather.is_clear:
-            air = self._stream.child("weather").at(t)
-            pair = disturb(self.params.weather, distance[:, None], albedo[:, None], self.card.range_min, air)
-            distance, albedo = pair[0][:, 0], pair[1][:, 0]
-        signal = albedo / np.square(distance) / self._least
-        distance = np.where(signal >= 1.0, distance, np.nan)
-        measured = self.scanner.measure(distance, rng, signal)
-        points = origins + distance[:, None] * directions
-        return self.scanner.outputs_of(
-            t, measured, np.where(np.isnan(distance), np.nan, albedo), points, origins
-        )
+        self._note(clamped)
+        self.rays.disturb(self.params.weather, t)
+        return self.rays.report(t, origins)
 
     def save(self) -> State:
         """The last pose, the ray counter and what was noted; constants follow from the stream."""
@@ -156,22 +134,8 @@ class EmpiricalLidar:
         self.notes = list(state["notes"])
         self._ensured = (math.inf, math.inf)
 
-    def _scores(self, rng: np.random.Generator, middle: F64, directions: F64) -> F64:
-        """Standard normal scores of the beams, AR(1) along each line of the scanner.
-
-        Beams d apart correlate as exp(-d / (c0 + c1 * spot)); d and spot where they meet half the crop's
-        height over flat ground.
-        """
-        z = rng.standard_normal(len(directions))
-        x, y, z_sensor = middle.tolist()
-        over = z_sensor - float(self._below.heights(x, y, 0.0)[0]) - 0.5 * self._height
-        far = np.clip(over / np.maximum(-directions[:, 2], 1e-3), 0.5, self.scanner.reach)
-        c0, c1 = self.table.correlation
-        rho = np.exp(-far * self._apart / (c0 + c1 * (self._exit + self._divergence * far)))
-        return self._chain(z, rho)
-
     def _ensure(self, middle: F64) -> None:
-        """Pages around the sensor, asked for anew after every half metre."""
+        """Pages around the sensor, asked for anew after some way."""
         x, y = float(middle[0]), float(middle[1])
         if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY:
             self.setup.field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)

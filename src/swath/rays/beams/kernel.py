@@ -1,0 +1,146 @@
+"""Single rays as Warp kernels: their bodies are native code, 16 beams side by side, after `lanes.cpp`."""
+
+from pathlib import Path
+
+import warp as wp
+
+from swath.rays.kernel.cast import hit_things
+from swath.rays.kernel.scene import Scene, Things, no_hit
+
+_HERE = Path(__file__).parent
+
+
+def lanes() -> str:
+    """What the native functions of this room share."""
+    return (_HERE / "lanes.cpp").read_text(encoding="utf-8")
+
+
+def _source(name: str) -> str:
+    return lanes() + (_HERE / f"{name}.cpp").read_text(encoding="utf-8")
+
+
+@wp.struct
+class Canopy:
+    """The table as native code reads it, see `rays/spread.py`.
+
+    axes: log density, height [m], log tan depression, log spot, one after the other; size: of each
+    quantile: relative heights, node_count per cell; ground: log(-log(ground share)) per cell
+    lift: mean measured height of ground returns per cell [m]
+    depth: silhouette per stem above equal steps `fine` of the relative height [m2]
+    lean: sideways place of tips per plant height of k drawn stems, x then y for a pack of beams: (k, 2, 16)
+    pitch: step along the ray [m]; height: of the crop at scale 1 [m]; density_max [1/m2]
+    exit, divergence: of the beam [m, rad]; cosine: mean |cos| of incidence on crop
+    tangents: of the flattest and the steepest depression of the table; correlation: c0 [m], c1
+    """
+
+    axes: wp.array(dtype=float)
+    size: wp.vec4i
+    quantile: wp.array(dtype=float)
+    ground: wp.array(dtype=float)
+    lift: wp.array(dtype=float)
+    node_count: int
+    depth: wp.array(dtype=float)
+    fine: float
+    lean: wp.array(dtype=float)
+    pitch: float
+    height: float
+    density_max: float
+    exit: float
+    divergence: float
+    cosine: float
+    tangents: wp.vec2
+    correlation: wp.vec2
+
+
+@wp.kernel(enable_backward=False)
+def meet_things(
+    things: Things,
+    range_max: float,
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    distance: wp.array(dtype=float),
+    kind: wp.array(dtype=int),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+):
+    """Nearest solid of each ray, range_max and kind 0 without one."""
+    i = wp.tid()
+    hit = hit_things(things, origins[i], wp.vec3(directions[i]), no_hit(range_max))
+    distance[i] = hit.t
+    kind[i] = hit.organ
+    cosine[i] = hit.cosine
+    reflectance[i] = hit.reflectance
+
+
+@wp.func_native(_source("scores"))
+def chain_scores(
+    scene: Scene,
+    canopy: Canopy,
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    normal: wp.array2d(dtype=float),
+    apart: wp.array(dtype=float),
+    lines: int,
+    reach: float,
+    count: int,
+    score: wp.array(dtype=float),
+): ...
+
+
+@wp.func_native(_source("bodies"))
+def meet_bodies(
+    p: int,
+    scene: Scene,
+    canopy: Canopy,
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    score: wp.array(dtype=float),
+    reach: float,
+    count: int,
+    has_solids: int,
+    distance: wp.array(dtype=float),
+    kind: wp.array(dtype=int),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+    fault: wp.array(dtype=int),
+): ...
+
+
+@wp.kernel(enable_backward=False)
+def cast_bodies(
+    scene: Scene,
+    canopy: Canopy,
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    normal: wp.array2d(dtype=float),
+    apart: wp.array(dtype=float),
+    lines: int,
+    reach: float,
+    count: int,
+    has_solids: int,
+    score: wp.array(dtype=float),
+    distance: wp.array(dtype=float),
+    kind: wp.array(dtype=int),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+    fault: wp.array(dtype=int),
+):
+    """All beams of a scan in one thread. lines = 0: the normal numbers are the scores themselves."""
+    chain_scores(scene, canopy, origins, directions, normal, apart, lines, reach, count, score)
+    for p in range((count + 15) // 16):
+        meet_bodies(
+            p,
+            scene,
+            canopy,
+            origins,
+            directions,
+            score,
+            reach,
+            count,
+            has_solids,
+            distance,
+            kind,
+            cosine,
+            reflectance,
+            fault,
+        )
