@@ -194,6 +194,20 @@ def test_interrupt_and_mistakes(job, capsys, monkeypatch):
     assert "Traceback" in capsys.readouterr().err
 
 
+def test_a_mistake_in_the_users_own_level_is_the_users(job, capsys, tmp_path):
+    from swath.core.registry import Registry
+
+    (tmp_path / "own.py").write_text("class Own:\n    def step(self):\n        return 1 / 0\n")
+    own = Registry({"steer": []}).get("steer", "own.py:Own", base=tmp_path).component()
+    job.run_job = lambda *args, **more: own.step()
+    assert main(["run", "small.yaml"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(
+        f"swath: {tmp_path}/own.py:3: ZeroDivisionError: division by zero (in your own level"
+    )
+    assert len(said.splitlines()) == 1
+
+
 def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
     def stopped(scenario, out, progress, events=(), companion=None, begun=None):
         out.mkdir(parents=True)

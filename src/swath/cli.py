@@ -26,6 +26,7 @@ from swath.commands import (
     schema,
 )
 from swath.core.errors import SwathError
+from swath.core.registry import user_line
 
 COMMANDS = (
     run,
@@ -91,6 +92,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if debug:
             traceback.print_exc()
+        place = user_line(error)
+        if place is not None:
+            file, line = place
+            what = f"{file}:{line}: {type(error).__name__}: {error}"
+            return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the way there)", BAD_INPUT)
         return _say(
             f"{type(error).__name__}: {error}. This is a mistake in swath, not in your input. Please run it "
             "again with SWATH_DEBUG=1 and report what it prints, with the scenario",

@@ -10,7 +10,7 @@ from synthetic_edge import Scanner, Stand, mounting
 from swath.core.component import Component
 from swath.core.random import Stream
 from swath.core.registry import Registry
-from swath.core.signals import Odometry
+from swath.core.signals import CropEdge, Odometry
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 REGISTRY = Registry({"edge": ["swath.control.edge"], "steer": ["swath.control.steer"]})
@@ -30,6 +30,25 @@ def test_the_template_finds_a_straight_edge(side, sign):
         edge = detector.step(i * 40_000_000, 40_000_000, inputs)["edge"]
     assert edge.is_found
     assert edge.offset == pytest.approx(5.9 * sign, abs=0.15)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_template_of_a_law_steers_the_header_end_to_the_edge(side):
+    level = REGISTRY.get("steer", "my_steering_law.py:MySteeringLaw", base=EXAMPLES)
+    setup = setup_of(side, 0.02, mounting(side))
+    law, outward = level.component(level.params(), setup), 1.0 if side == "left" else -1.0
+    assert isinstance(law, Component)
+    assert not law.reset(Stream(1, "steer"))["command"].is_engaged
+    end_y = setup.machine.header_end(side)[1] - 0.1 * outward
+
+    def command(offset, curvature=0.0):
+        edge = CropEdge(0, offset, 0.0, curvature, 0.0, 1.0, 0.8, 0.1)
+        return law.step(0, 20_000_000, {"edge": edge, "odometry": Odometry(0, 2.0, 0.0, 0.0)})["command"]
+
+    assert command(end_y).curvature == 0.0
+    assert command(end_y + 0.5).curvature == pytest.approx(2 * 0.5 / (10.0**2 + 0.5**2))  # to the left
+    assert command(end_y, curvature=0.02).curvature == pytest.approx(0.02, rel=0.02)  # along the bend
+    assert not command(np.nan).is_engaged
 
 
 def test_built_in_levels_are_found_by_file_name():

@@ -164,3 +164,22 @@ def test_open_and_dangling_wires_are_refused(wires, words):
     nodes = [Node(Slot("a", MS), Source(port)), Node(Slot("b", MS), Sink(Port("i", Number, "m")), wires)]
     with pytest.raises(WiringError, match=words):
         Graph(nodes, 1)
+
+
+@pytest.mark.parametrize(
+    ("gives", "words"),
+    [
+        (None, r"a: gave None, expected a dict of \['total'\]"),
+        ({"totl": Number(0, 1.0)}, r"a\.totl: there is no such output; it has \['total'\]"),
+        ({"total": 1.0}, r"a\.total: gave a float, expected a Number"),
+    ],
+)
+def test_what_a_component_gives_must_be_what_it_declares(gives, words):
+    class Wrong(Counter):
+        def step(self, t, dt, inputs):
+            return gives
+
+    made = Graph([Node(Slot("a", 10 * MS), Wrong())], 1)
+    made.reset()
+    with pytest.raises(WiringError, match=words):
+        made.run(10 * MS)

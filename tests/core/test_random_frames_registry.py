@@ -1,10 +1,12 @@
+import sys
+
 import numpy as np
 import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose, wrap_angle
 from swath.core.random import Stream
-from swath.core.registry import Level, Registry
+from swath.core.registry import Level, Registry, user_line
 
 
 def test_stream_depends_on_seed_name_and_counter_only():
@@ -76,3 +78,36 @@ def test_users_own_file_is_a_level(tmp_path):
         REGISTRY.get("odometry", "mine.py:Yours", base=tmp_path)
     with pytest.raises(InputError, match="there is no file"):
         REGISTRY.get("odometry", "other.py:Mine", base=tmp_path)
+
+
+OWN = """
+from __future__ import annotations
+from dataclasses import dataclass
+from beside_it import LIMIT
+
+class Own:
+    @dataclass(frozen=True)
+    class Params:
+        limit: float = LIMIT
+
+    def __init__(self, params, setup):
+        self.params = params
+
+    def step(self):
+        return self.nothing
+"""
+
+
+def test_a_user_file_may_import_what_lies_beside_it_and_its_errors_have_its_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "beside_it.py").write_text("LIMIT = 0.5\n")
+    (tmp_path / "own.py").write_text(OWN)
+    level = Registry({"steer": []}).get("steer", "own.py:Own", base=tmp_path)
+    part = level.component(level.params(), None)
+    assert part.params.limit == 0.5
+    with pytest.raises(AttributeError) as caught:
+        part.step()
+    assert user_line(caught.value) == (str(tmp_path / "own.py"), len(OWN.splitlines()))
+    with pytest.raises(ZeroDivisionError) as other:
+        1 / 0  # noqa: B018
+    assert user_line(other.value) is None

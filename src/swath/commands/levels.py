@@ -35,8 +35,32 @@ def run(args: argparse.Namespace) -> int:
     table("", ("slot", "level", "what it is", "cost", "checked, tolerance"), rows)
     print("* the default. Your own: `level: file.py:Class`.")
     if args.slot:
+        _ports(args.slot)
         _parameters(args.slot)
     return 0
+
+
+def _ports(name: str) -> None:
+    """What a level of the slot may see, and what it must give, with the fields of the samples."""
+    from dataclasses import fields
+
+    from swath.sim.kit import KIT
+
+    kind = next((slot for slot in KIT.slots if slot.name == name), None)
+    if kind is None:
+        return
+    outputs = {slot.name: {p.name: p for p in (*slot.outputs, *slot.more)} for slot in KIT.slots}
+
+    def said(port: str, signal: type) -> str:
+        return f"{port} ({signal.__name__}: {', '.join(f.name for f in fields(signal))})"
+
+    sees = [said(port, outputs[slot][output].signal) for port, (slot, output) in kind.wires.items()]
+    gives = [said(port.name, port.signal) for port in kind.outputs]
+    gives += [f"{said(port.name, port.signal)}, if it likes" for port in kind.more]
+    for title, ports in (("inputs", sees), ("outputs", gives)):
+        for port in ports or ["none"]:
+            print(f"{title:8} {port}")
+            title = ""
 
 
 def _parameters(kind: str) -> None:

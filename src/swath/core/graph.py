@@ -58,6 +58,7 @@ class Graph:
         self._queues: dict[tuple[str, str], list[Signal]] = {}
         self._listeners: dict[str, list[tuple[str, Wire]]] = {}  # slot -> (output, queue)
         self._reads: dict[str, list[tuple[str, Wire, bool]]] = {}  # slot -> (port, source or queue, is queue)
+        self._sends: dict[str, dict[str, type[Signal]]] = {}  # slot -> output -> what it sends
         self._connect()
         self._latches = any(n.slot.latch for n in nodes)
 
@@ -156,6 +157,7 @@ class Graph:
     def _connect(self) -> None:
         """Check every wire; note who reads what, and who wants every sample."""
         self._queues, self._listeners, self._reads = {}, {}, {}
+        self._sends = {n.slot.name: {p.name: p.signal for p in n.component.outputs} for n in self.nodes}
         for node in self.nodes:
             ports = {p.name: p for p in node.component.inputs}
             for name in node.wires:
@@ -204,8 +206,12 @@ class Graph:
         return values
 
     def _publish(self, node: Node, t: int, outputs: Outputs) -> None:
-        name = node.slot.name
+        name, sends = node.slot.name, self._sends[node.slot.name]
+        if not isinstance(outputs, dict):
+            raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(sends)}")
         for output, signal in outputs.items():
+            if not isinstance(signal, sends.get(output, ())):
+                raise _unfit(name, output, signal, sends)
             self._latest[name, output] = signal
         if name in self._listeners:
             for output, key in self._listeners[name]:
@@ -213,3 +219,10 @@ class Graph:
                     self._queues[key].append(outputs[output])
         for observe in self.observers:
             observe(name, t, outputs)
+
+
+def _unfit(slot: str, output: str, signal: Any, sends: Mapping[str, type[Signal]]) -> WiringError:
+    if output not in sends:
+        return WiringError(f"{slot}.{output}: there is no such output; it has {sorted(sends)}")
+    given = type(signal).__name__
+    return WiringError(f"{slot}.{output}: gave a {given}, expected a {sends[output].__name__}")

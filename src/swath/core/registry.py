@@ -14,6 +14,8 @@ import difflib
 import importlib
 import importlib.util
 import pkgutil
+import sys
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -23,6 +25,7 @@ from typing import Any
 from swath.core.errors import InputError, SwathError
 
 GROUP = "swath.levels"
+USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
 
 
 @dataclass(frozen=True)
@@ -108,10 +111,14 @@ def _from_file(kind: str, reference: str, base: Path) -> Level:
     file = Path(file_text) if Path(file_text).is_absolute() else base / file_text
     if not file.is_file():
         raise InputError(f"{kind}.level", reference, f"expected file.py:Class, but there is no file {file}")
-    spec = importlib.util.spec_from_file_location(f"swath_user_{file.stem}", file)
+    unique = zlib.crc32(str(file.resolve()).encode())
+    spec = importlib.util.spec_from_file_location(f"{USER_MODULE}{file.stem}_{unique:08x}", file)
     if spec is None or spec.loader is None:
         raise InputError(f"{kind}.level", reference, "expected a Python file")
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses and annotations look their module up there
+    if str(file.parent.resolve()) not in sys.path:
+        sys.path.append(str(file.parent.resolve()))  # it may import what lies beside it
     try:
         spec.loader.exec_module(module)
     except Exception as error:
@@ -126,3 +133,13 @@ def _level_of_class(component: Any) -> Level:
     params = getattr(component, "Params", None)
     summary = (component.__doc__ or component.__name__).strip().splitlines()[0]
     return Level(component, params, summary, cost="not stated", tolerance="not stated")
+
+
+def user_line(error: BaseException) -> tuple[str, int] | None:
+    """File and line of the innermost call of a user's own level on the way to an error; None without one."""
+    found, trace = None, error.__traceback__
+    while trace is not None:
+        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
+            found = trace.tb_frame.f_code.co_filename, trace.tb_lineno
+        trace = trace.tb_next
+    return found

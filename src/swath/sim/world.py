@@ -314,7 +314,7 @@ def _build_order(slots: Mapping[str, SlotChoice]) -> list[str]:
 
 def _make(machine: str, slot: str, choice: SlotChoice, setup: Any) -> Any:
     try:
-        return choice.make(setup)
+        component = choice.make(setup)
     except InputError as error:
         if error.file is not None:
             raise
@@ -324,8 +324,13 @@ def _make(machine: str, slot: str, choice: SlotChoice, setup: Any) -> Any:
     except Exception as error:
         if ".py:" not in choice.level:
             raise
-        what = f"could not be made: {type(error).__name__}: {error}"
+        what = f"could not be made by Class(params, setup): {type(error).__name__}: {error}"
         raise InputError(f"{machine}.{slot}.level", choice.level, what) from error
+    absent = [name for name in ("inputs", "outputs", "reset", "step") if not hasattr(component, name)]
+    if absent:
+        what = f"has no {', '.join(absent)}; expected a component as in examples/my_edge_detector.py"
+        raise InputError(f"{machine}.{slot}.level", choice.level, what)
+    return component
 
 
 def _node(
