@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import Solids
-from swath.field.solids import solid_count
-from swath.rays.beams.desk import ASTRAY, CLAMPED, NOT_FINITE, PACK, Desk
+from swath.rays.beams.desk import ASTRAY, CLAMPED, PACK, Desk
 from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp
 from swath.rays.engine import Castable, RayCaster
@@ -49,7 +48,6 @@ class BodyCaster(RayCaster):
         self._numbers = (crop_height, exit_diameter, divergence, pitch)
         self._launch: Any = None
         self._made_for = -1  # version of the scene
-        self._seen: tuple[Solids | None, Any] = (None, None)  # solids, and as the kernel reads them
         self._called = (0.0, 0)  # range and flag of solids it has
         self._kept: list[Any] = []  # arrays whose memory it reads
 
@@ -64,9 +62,7 @@ class BodyCaster(RayCaster):
             return 0
         wp = start_warp()
         scene = self._refresh(wp)
-        has_solids = int(solids is not None and solid_count(solids) > 0)
-        if solids is not None and has_solids:
-            self._meet_things(wp, solids, range_max)
+        has_solids = int(self.desk.meet(solids, range_max))
         if self._made_for != self._version:
             self._prepare(wp, scene, range_max, has_solids)
         elif self._called != (range_max, has_solids):
@@ -74,14 +70,7 @@ class BodyCaster(RayCaster):
             self._launch.set_param_at_index(9, has_solids)
         self._called = range_max, has_solids
         self._launch.launch()
-        return self._judged()
-
-    def _judged(self) -> int:
-        """The axes that were left, after all that `cast` refuses."""
-        found = int(self.desk.fault[0])
-        self.desk.fault[0] = 0
-        if found & NOT_FINITE:
-            raise ValueError("expected finite origins and directions")
+        found = self.desk.take_fault()
         if found & ASTRAY:
             check_origins(self.field, self.desk.origins[: self.desk.count])
         return found >> CLAMPED
@@ -99,15 +88,6 @@ class BodyCaster(RayCaster):
         inputs = [scene, self._pack(wp), *rays, apart, *told, *out]
         self._launch = wp.launch(cast_bodies, dim=1, inputs=inputs, device="cpu", record_cmd=True)
         self._made_for = self._version
-
-    def _meet_things(self, wp: Any, solids: Solids, range_max: float) -> None:
-        from swath.rays.beams.kernel import meet_things
-
-        if self._seen[0] is not solids:
-            self._seen = solids, self._things(wp, solids)
-        rays = self.desk.shared("origins", "directions", "distance", "kind", "cosine", "reflectance")
-        inputs = [self._seen[1], range_max, *rays]
-        wp.launch(meet_things, dim=self.desk.count, inputs=inputs, device="cpu")
 
     def _pack(self, wp: Any) -> Any:
         """The table as native code reads it."""

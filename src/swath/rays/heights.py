@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import Solids
+from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
-from swath.rays.geometry import make_things
 from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
@@ -21,7 +21,8 @@ class HeightHits:
     """Nearest hits of n rays, all (n,).
 
     distance [m], nan = nothing; of UNMEASURED where the ground was reached; what: one of the four above
-    cell: index into the flattened pools of the grid, -1 = none; cosine, reflectance: of a solid
+    cell: index into the flattened pools of the grid, -1 = none; cosine, reflectance: of a solid; of what was
+    measured 1 and the intensity
     """
 
     distance: NDArray[np.float32]
@@ -32,7 +33,7 @@ class HeightHits:
 
 
 class HeightCaster:
-    """Marches rays through a grid, every ray alone, with one random number each (`kernel/heights.py`).
+    """Marches rays through a grid, every ray alone, with one random number each (`beams/heights.cpp`).
 
     In an even stand the heights it reports are distributed as the measured ones. An own draw in every cell
     would let the highest of them win.
@@ -43,10 +44,10 @@ class HeightCaster:
     def __init__(self, grid: HeightGrid) -> None:
         self.grid = grid
         self.cut = np.full(grid.count.shape, UNTOUCHED, np.uint8)
-        self._highest = grid.origin[2] + float(grid.ground.max(initial=0.0))
-        self._scene: Any = None
+        self._whole, self._real = np.zeros(2, np.int32), np.zeros(3, np.float32)
+        self._desk = Desk(0)
+        self._kept: list[NDArray[Any]] = []  # arrays whose memory the launch reads
         self._launch: Any = None
-        self._size = -1
 
     def cast(
         self,
@@ -59,73 +60,78 @@ class HeightCaster:
         grain: float = 0.05,
         solids: Solids | None = None,
     ) -> HeightHits:
-        """Nearest hit of each ray.
+        """Nearest hit of each ray. origins [m], directions (unit): (n, 3), world; rest as `cast_beams`."""
+        n = len(origins)
+        desk = self._desk if self._desk.count == n else Desk(n)
+        desk.origins[:n], desk.directions[:n] = origins, directions
+        if not (np.isfinite(desk.origins).all() and np.isfinite(desk.directions).all()):
+            raise ValueError("expected finite origins and directions")
+        self.cast_beams(desk, range_max=range_max, seed=seed, share=share, grain=grain, solids=solids)
+        what, cell = desk.kind[:n].copy(), desk.cell[:n].copy()
+        distance, cosine, albedo = (a[:n].copy() for a in (desk.distance, desk.cosine, desk.reflectance))
+        return HeightHits(distance, what, cell, cosine, albedo)
 
-        origins [m], directions (unit): (n, 3), world. share: stop every ray where this share of
-        the measured heights is still below it, or < 0: drawn by a hash of the seed and the cell of side
-        `grain` [m] in which the ray would end on the ground. Raises ValueError on rays that are not finite,
-        InputError on a range that is not > 0 and on rays that start under the measured ground.
+    def cast_beams(
+        self,
+        desk: Desk,
+        *,
+        range_max: float,
+        seed: int = 0,
+        share: float = -1.0,
+        grain: float = 0.05,
+        solids: Solids | None = None,
+    ) -> None:
+        """Fill distance, kind, cell, cosine and reflectance of a desk, as in `HeightHits`.
+
+        share: stop every ray where this share of the measured heights is still below it, or < 0: drawn by a
+        hash of the seed and the cell of side `grain` [m] in which the ray would end on the ground. Raises
+        ValueError on rays that are not finite, InputError on a range that is not > 0 and on rays that start
+        under the measured ground.
         """
         check_range(range_max)
-        wp = start_warp()
-        from swath.rays.kernel.heights import cast_heights
-
-        if self._scene is None:
-            self._scene = self._make_scene(wp)
-        if len(origins) != self._size:
-            self._reserve(wp, len(origins))
-        self._origins[:] = origins
-        self._directions[:] = directions
-        if not (np.isfinite(self._origins).all() and np.isfinite(self._directions).all()):
-            raise ValueError("expected finite origins and directions")
-        if self._size and self._origins[:, 2].min() < self._highest:
-            refuse_below(self._origins, self.grid.ground_height(self._origins[:, 0], self._origins[:, 1]))
-        self._draw.seed, self._draw.share, self._draw.grain = seed & 0xFFFFFFFF, share, grain
-        things = make_things(wp, solids or Solids(), "cpu")
-        if self._launch is None:
-            inputs = [self._scene, things, self._draw, range_max, *self._shared]
-            self._launch = wp.launch(
-                cast_heights, dim=self._size, inputs=inputs, device="cpu", record_cmd=True
-            )
-        else:
-            for index, value in ((1, things), (2, self._draw), (3, range_max)):
-                self._launch.set_param_at_index(index, value)
-        if self._size:
+        if desk is not self._desk or self._launch is None:
+            self._desk, self._launch = desk, self._prepare(desk)
+        self._whole.view(np.uint32)[0] = seed & 0xFFFFFFFF
+        self._whole[1] = desk.meet(solids, range_max)
+        self._real[:] = share, grain, range_max
+        if desk.count:
             self._launch.launch()
-        distance, what, cell, cosine, reflectance = (a.copy() for a in self._out)
-        return HeightHits(distance, what, cell, cosine, reflectance)
+        if desk.take_fault() & ASTRAY:
+            o = desk.origins[: desk.count]
+            refuse_below(o, self.grid.ground_height(o[:, 0], o[:, 1]))
 
-    def _reserve(self, wp: Any, n: int) -> None:
-        from swath.rays.kernel.heights import Draw
+    def _prepare(self, desk: Desk) -> Any:
+        wp = start_warp()
+        from swath.rays.beams.kernel import Heights, cast_heights
 
-        self._size, self._launch = n, None
-        self._draw = Draw()
-        self._origins, self._directions = np.zeros((n, 3)), np.zeros((n, 3))
-        kinds = (np.float32, np.int32, np.int32, np.float32, np.float32)
-        self._out: tuple[Any, ...] = tuple(np.zeros(n, k) for k in kinds)
-        pairs: list[tuple[Any, Any]] = [(self._origins, wp.vec3d), (self._directions, wp.vec3d)]
-        pairs += [(a, wp.float32 if a.dtype == np.float32 else wp.int32) for a in self._out]
-        self._shared = [wp.array(a, dtype=t, device="cpu", copy=False) for a, t in pairs]
+        def share(array: NDArray[Any], kind: Any) -> Any:
+            self._kept.append(array)
+            return wp.array(array, dtype=kind, device="cpu", copy=False)
 
-    def _make_scene(self, wp: Any) -> Any:
-        from swath.rays.kernel.heights import Heights
-
-        g = self.grid
-        self._tops = tile_tops(g)
-        scene = Heights()
+        g, scene = self.grid, Heights()
+        self._kept = []
         scene.origin = wp.vec3d(*g.origin)
         scene.turn = wp.vec2d(np.cos(g.yaw), np.sin(g.yaw))
-        scene.cell, scene.tile, scene.levels, scene.none = g.cell, TILE, LEVELS, NONE
-        scene.nodes_per_m = 1.0 / g.node
-        for name, array, dtype in (
-            ("table", g.table, wp.int32),
-            ("tile_top", self._tops, wp.float32),
-            ("quantiles", g.quantiles, wp.int16),
-            ("cut", self.cut, wp.uint8),
-            ("ground", g.ground, wp.float32),
-        ):
-            setattr(scene, name, wp.array(array, dtype=dtype, device="cpu", copy=False))
-        return scene
+        scene.cell, scene.tile, scene.nodes_per_m = g.cell, TILE, 1.0 / g.node
+        scene.table, scene.ground = share(g.table, wp.int32), share(g.ground, wp.float32)
+        scene.tile_top = share(tile_tops(g).ravel(), wp.float32)
+        top = np.where(g.is_measured, g.quantiles[..., -1], NONE).astype(np.int16)
+        scene.quantiles, scene.top = share(_aligned(g.quantiles), wp.int16), share(top.ravel(), wp.int16)
+        scene.cut = share(self.cut.reshape(-1), wp.uint8)
+        scene.intensity = share(g.intensity.reshape(-1), wp.float32)
+        told = [share(self._whole, wp.int32), share(self._real, wp.float32)]
+        rays = desk.shared("origins", "directions")
+        out = desk.shared("distance", "kind", "cell", "cosine", "reflectance", "fault")
+        inputs = [scene, *told, *rays, desk.count, *out]
+        return wp.launch(cast_heights, dim=desk.pack_count, inputs=inputs, device="cpu", record_cmd=True)
+
+
+def _aligned(quantiles: NDArray[np.int16]) -> NDArray[np.int16]:
+    """Flat, each cell on a cache line of its own."""
+    room = np.empty(quantiles.size + 32, np.int16)
+    first = -room.ctypes.data % 64 // 2
+    room[first : first + quantiles.size] = quantiles.ravel()
+    return room[first : first + quantiles.size]
 
 
 def tile_tops(grid: HeightGrid) -> NDArray[np.float32]:

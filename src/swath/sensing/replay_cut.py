@@ -7,7 +7,7 @@ from swath.field.field import Field
 from swath.field.layout import PAGE_CUT_CELLS, STANDING
 from swath.field.pages import Codes, Key
 from swath.rays.height_grid import TILE
-from swath.rays.heights import MEASURED, UNTOUCHED, HeightCaster, HeightHits
+from swath.rays.heights import UNTOUCHED, HeightCaster
 
 Ints = NDArray[np.int64]
 
@@ -31,12 +31,12 @@ class CutWatch:
         """Start anew from the field as it is; `lower` finds again what is cut."""
         self.caster.cut[:] = UNTOUCHED
 
-    def lower(self, hits: HeightHits) -> bool:
-        """True when hits lie on cells that were cut: those are lowered now, cast again."""
+    def lower(self, met: NDArray[np.int32]) -> bool:
+        """True when some cells that rays met (-1 = none) were cut: those are lowered now, cast again."""
         store = self.field.store
         if not (store.recut or store.packed):
             return False
-        cell = np.unique(hits.cell[hits.what == MEASURED].astype(np.int64))
+        cell = np.unique(met[met >= 0].astype(np.int64))
         held = self.caster.cut.reshape(-1)[cell]
         u, v, page = self._places(cell)
         keys = np.unique(page, axis=0)

@@ -193,18 +193,19 @@ auto enter = [&](I who, F from, F to, I tile, F a, F b) {
 };
 auto code_at = [&](I who, I x, I y) -> I {  // of cut cells, counted from the page's corner
   const I inside = ((x | y) & ~511) == 0;
-  I code = -1 - row;
+  struct alignas(64) { int x[N], y[N], row[N], code[N]; } at;
+  storei(at.x, x), storei(at.y, y), storei(at.row, row), storei(at.code, -1 - row);
   for (unsigned m = bits(who & inside & (row >= 0)); m; m &= m - 1) {
     const int l = __builtin_ctz(m);
-    code[l] = scene.cut.data[((size_t)row[l] * 512 + y[l]) * 512 + x[l]];
+    at.code[l] = scene.cut.data[((size_t)at.row[l] * 512 + at.y[l]) * 512 + at.x[l]];
   }
   for (unsigned m = bits(who & ~inside); m; m &= m - 1) {  // in a neighbouring page
-    const int l = __builtin_ctz(m), i = page_x[l] + (x[l] >> 9) - scene.table_x, j = page_y[l] + (y[l] >> 9) - scene.table_y;
+    const int l = __builtin_ctz(m), i = page_x[l] + (at.x[l] >> 9) - scene.table_x, j = page_y[l] + (at.y[l] >> 9) - scene.table_y;
     const int other = i < 0 || j < 0 || i >= nx || j >= ny ? -1 : scene.table.data[j * nx + i];
     const int its = other < 0 ? -1 - STANDING : scene.cut_slot.data[other];
-    code[l] = its < 0 ? -1 - its : scene.cut.data[((size_t)its * 512 + (y[l] & 511)) * 512 + (x[l] & 511)];
+    at.code[l] = its < 0 ? -1 - its : scene.cut.data[((size_t)its * 512 + (at.y[l] & 511)) * 512 + (at.x[l] & 511)];
   }
-  return code;
+  return loadi(at.code);
 };
 auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   const F dt = least(pick(above < THIN, 2.0f * pitch, pitch), until - t), middle = t + 0.5f * dt;

@@ -144,3 +144,69 @@ def cast_bodies(
             reflectance,
             fault,
         )
+
+
+@wp.struct
+class Heights:
+    """A `HeightGrid`, all flat but the table and the ground.
+
+    tile_top: highest surface in a tile above origin z, ground where nothing was measured; of a cell:
+    quantiles, top: the highest of them, intensity; cut: 255 = as measured, else stubble height [cm]
+    """
+
+    origin: wp.vec3d
+    turn: wp.vec2d
+    cell: float
+    tile: int
+    nodes_per_m: float
+    table: wp.array2d(dtype=int)
+    tile_top: wp.array(dtype=float)
+    quantiles: wp.array(dtype=wp.int16)
+    top: wp.array(dtype=wp.int16)
+    cut: wp.array(dtype=wp.uint8)
+    intensity: wp.array(dtype=float)
+    ground: wp.array2d(dtype=float)
+
+
+@wp.func_native(_source("heights"))
+def meet_heights(
+    p: int,
+    g: Heights,
+    seed: int,
+    share: float,
+    grain: float,
+    reach: float,
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    count: int,
+    has_solids: int,
+    distance: wp.array(dtype=float),
+    kind: wp.array(dtype=int),
+    cell: wp.array(dtype=int),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+    fault: wp.array(dtype=int),
+): ...
+
+
+@wp.kernel(enable_backward=False)
+def cast_heights(
+    g: Heights,
+    whole: wp.array(dtype=int),
+    real: wp.array(dtype=float),
+    origins: wp.array(dtype=wp.vec3d),
+    directions: wp.array(dtype=wp.vec3d),
+    count: int,
+    distance: wp.array(dtype=float),
+    kind: wp.array(dtype=int),
+    cell: wp.array(dtype=int),
+    cosine: wp.array(dtype=float),
+    reflectance: wp.array(dtype=float),
+    fault: wp.array(dtype=int),
+):
+    """One thread per pack of 16 rays. whole: seed of this scan, flag of solids; real: share u of all beams,
+    < 0 = drawn per cell of the ground, whose side [m], range [m]"""
+    meet_heights(
+        wp.tid(), g, whole[0], real[0], real[1], real[2], origins, directions, count, whole[1],
+        distance, kind, cell, cosine, reflectance, fault,
+    )  # fmt: skip

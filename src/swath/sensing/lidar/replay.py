@@ -18,13 +18,13 @@ from swath.core.registry import Level
 from swath.core.signals import F64, MachineState
 from swath.core.units import DEG
 from swath.field.field import Field
-from swath.field.hashing import hash_cells
 from swath.field.site import SiteSetup
 from swath.rays.height_grid import HeightGrid, load_height_grid
-from swath.rays.heights import MEASURED, SOLID, UNMEASURED, HeightCaster
+from swath.rays.heights import SOLID, UNMEASURED, HeightCaster
 from swath.sensing.mount import Mount
 from swath.sensing.replay_cut import CutWatch
 from swath.sensing.scanner import Scanner
+from swath.sensing.single import SingleRays
 
 DULL = 0.3  # intensity where the measurement had none, assumed
 Place = Annotated[float, Ge(-1e5), Le(1e5)]
@@ -76,20 +76,20 @@ class ReplayLidar:
         self.grid = _placed(grid, params, setup.field)
         self.caster = HeightCaster(self.grid)
         self.watch = CutWatch(setup.field, self.caster)
-        self._intensity = np.nan_to_num(self.grid.intensity, nan=DULL).ravel()
-        self._forward = np.ascontiguousarray(self.scanner.axes[:, :, 0])
+        self.rays = SingleRays(self.scanner, judged=SOLID, blind=UNMEASURED, by_signal=False)
         self._share = params.percentile / 100.0 if params.draw == "percentile" else -1.0
         self._last: MachineState | None = None
         self.ray_count = self.beam_count = self.unmeasured_count = 0
 
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan."""
-        self._stream = stream
         self._seed = stream.integer()
         self._last = None
         self.ray_count = self.beam_count = self.unmeasured_count = 0
         self.watch.forget()
-        return self.scanner.reset(stream)
+        outputs = self.scanner.reset(stream)
+        self.rays.reset(stream)
+        return outputs
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The sweep that ends at t + dt, every beam from where the sensor was at its own time."""
@@ -102,37 +102,24 @@ class ReplayLidar:
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        directions = np.einsum("nij,nj->ni", rotations, self._forward)
-        solids = self.setup.solids()
-        seed = int(hash_cells(self._seed, t)[0])
+        self.rays.aim(t, origins, rotations)
+        solids, desk, n = self.setup.solids(), self.rays.desk, len(origins)
+        seed = _mixed(self._seed, t)
         while True:
-            hits = self.caster.cast(
-                origins,
-                directions,
+            self.caster.cast_beams(
+                desk,
                 range_max=self.scanner.reach,
                 seed=seed,
                 share=self._share,
                 grain=self.params.grain_m,
                 solids=solids,
             )
-            if not self.watch.lower(hits):
+            if not self.watch.lower(desk.cell[:n]):
                 break
-        is_unmeasured = hits.what == UNMEASURED
-        self.ray_count += len(origins)
-        self.beam_count += len(origins)
-        self.unmeasured_count += int(np.count_nonzero(is_unmeasured))
-        distance = hits.distance.astype(np.float64)
-        distance[is_unmeasured | (distance < self.card.range_min)] = np.nan
-        intensity = np.where(hits.what == MEASURED, self._intensity[hits.cell], np.nan)
-        if (hits.what == SOLID).any():
-            intensity = np.where(hits.what == SOLID, hits.reflectance * hits.cosine, intensity)
-            distance[(hits.what == SOLID) & ~self.scanner.is_seen(distance, intensity)] = np.nan
-        measured = distance
-        if self.params.noise != "none":
-            measured = self.scanner.measure(distance, self._stream.at(t))
-        intensity[np.isnan(distance)] = np.nan
-        points = origins + distance[:, None] * directions
-        return self.scanner.outputs_of(t, measured, intensity, points, origins)
+        self.ray_count += n
+        self.beam_count += n
+        self.unmeasured_count += int(np.count_nonzero(desk.kind[:n] == UNMEASURED))
+        return self.rays.report(t, origins)
 
     @property
     def notes(self) -> list[str]:
@@ -154,13 +141,22 @@ class ReplayLidar:
         self.watch.forget()
 
 
+def _mixed(seed: int, t: int) -> int:
+    """32 bits of both numbers: the finish of splitmix64 (Steele et al. 2014, doi:10.1145/2660193.2660195)."""
+    z = (seed * 0x9E3779B97F4A7C15 + t) & 0xFFFFFFFFFFFFFFFF
+    z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & 0xFFFFFFFFFFFFFFFF
+    z = (z ^ z >> 27) * 0x94D049BB133111EB & 0xFFFFFFFFFFFFFFFF
+    return (z ^ z >> 31) & 0xFFFFFFFF
+
+
 def _placed(grid: HeightGrid, params: Params, ground: Field) -> HeightGrid:
     """The grid where the parameters want it."""
     turn = params.heading_deg * DEG
     c, s = np.cos(turn), np.sin(turn)
     x, y, z = grid.origin
     origin = np.array([params.x_m + c * x - s * y, params.y_m + s * x + c * y, params.z_m + z])
-    grid = dataclasses.replace(grid, origin=origin, yaw=grid.yaw + turn)
+    intensity = np.nan_to_num(grid.intensity, nan=DULL)
+    grid = dataclasses.replace(grid, origin=origin, yaw=grid.yaw + turn, intensity=intensity)
     if params.ground == "measured":
         return grid
     ny, nx = grid.ground.shape

@@ -1,0 +1,241 @@
+// Rays through a grid of measured heights: the body of one native function (kernel.py), after lanes.cpp. One pack of 16 rays.
+//
+// In a cell F(z) is the share of the heights measured there that lie below z. A ray that sinks from a to b in it goes on with
+// probability F(b) / F(a): it is above a already. It is stopped where the product along its way falls below its own number u in
+// [0, 1). In an even stand the product is F(z): it meets measured heights as often as they were measured.
+//
+// In: p, the pack; g (see `Heights` in kernel.py), seed, share, grain of the draw, origins, directions, reach [m], count.
+// In and out, per ray: distance, kind, cosine, reflectance: with has_solids the nearest solid's, else only out; kind as in
+// rays/heights.py, of solids SOLID. Out: cell, -1 = none; fault, 2 where a ray starts under the ground.
+
+typedef short S32 __attribute__((vector_size(64)));
+typedef bool B32 __attribute__((ext_vector_type(32)));
+constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, NONE = -32768, UNTOUCHED = 255;
+constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in study/replay/passing.py; rays/checks.py
+
+const int start = p * N, columns = g.table.shape[1], rows = g.table.shape[0], nodes_x = g.ground.shape[1], nodes_y = g.ground.shape[0];
+const float side = g.cell * g.tile, per_side = 1.0f / side, per_cell = 1.0f / g.cell;
+const I live = count_up + start < count;
+
+// ---- The rays in the grid's frame
+struct alignas(64) { float ox[N], oy[N], oz[N], dx[N], dy[N], dz[N]; } raw = {};
+for (int l = 0; l < N && start + l < count; ++l) {
+  const auto& o = origins.data[start + l];
+  const auto& v = directions.data[start + l];
+  const double c = g.turn[0], s = g.turn[1], x = o[0] - g.origin[0], y = o[1] - g.origin[1];
+  raw.ox[l] = (float)(c * x + s * y), raw.oy[l] = (float)(c * y - s * x), raw.oz[l] = (float)(o[2] - g.origin[2]);
+  raw.dx[l] = (float)(c * v[0] + s * v[1]), raw.dy[l] = (float)(c * v[1] - s * v[0]), raw.dz[l] = (float)v[2];
+}
+const F ox = load(raw.ox), oy = load(raw.oy), oz = load(raw.oz), dx = load(raw.dx), dy = load(raw.dy), dz = load(raw.dz);
+const I right = dx > 0.0f, upward = dy > 0.0f, stays_x = size_of(dx) < 1.0e-9f, stays_y = size_of(dy) < 1.0e-9f;
+const F per_x = pick(stays_x, F{}, 1.0f / dx), per_y = pick(stays_y, F{}, 1.0f / dy), flattest = FLATTEST * root(dx * dx + dy * dy);
+
+auto ground_at = [&](F x, F y) -> F {  // bilinear, beyond the lattice as at its border
+  const F fx = within(x * g.nodes_per_m, 0.0f, (float)(nodes_x - 1)), fy = within(y * g.nodes_per_m, 0.0f, (float)(nodes_y - 1));
+  const I i = leasti(whole(fx), puti(nodes_x - 2)), j = leasti(whole(fy), puti(nodes_y - 2)), at = j * nodes_x + i;
+  const F u = fx - real(i), v = fy - real(j);
+  float h[4][N];
+  int k[N];
+  storei(k, at);
+  for (int l = 0; l < N; ++l) {
+    const float* n = g.ground.data + k[l];
+    h[0][l] = n[0], h[1][l] = n[1], h[2][l] = n[nodes_x], h[3][l] = n[nodes_x + 1];
+  }
+  const F low = load(h[0]) + (load(h[1]) - load(h[0])) * u, high = load(h[2]) + (load(h[3]) - load(h[2])) * u;
+  return low + (high - low) * v;
+};
+auto height_over = [&](F t) -> F { return oz + dz * t - ground_at(ox + dx * t, oy + dy * t); };
+auto exit_x = [&](I i, float width) -> F { return pick(stays_x, put(FAR), (real(i - right) * width - ox) * per_x); };
+auto exit_y = [&](I j, float width) -> F { return pick(stays_y, put(FAR), (real(j - upward) * width - oy) * per_y); };
+
+// ---- What is drawn for a ray: the share u, of all rays or by the cell of ground that it is aimed at
+const F under = ground_at(ox, oy);
+if (any(live & (I)(under - oz > BELOW))) fault.data[0] |= 2;
+F drawn = put(share);
+if (share < 0.0f) {
+  const F aim = pick(dz < -1.0e-6f, within((under - oz) / pick(dz < -1.0e-6f, dz, put(-1.0f)), 0.0f, reach), put(reach));
+  auto mix = [](I h) -> I {  // lowbias32, C. Wellons, hash-prospector (public domain)
+    typedef unsigned U __attribute__((vector_size(64)));
+    U v = (U)h;
+    v = (v ^ (v >> 16)) * 0x7FEB352Du;
+    v = (v ^ (v >> 15)) * 0x846CA68Bu;
+    return (I)(v ^ (v >> 16));
+  };
+  const I h = mix(mix(puti(seed) ^ mix(down((ox + dx * aim) / grain))) ^ down((oy + dy * aim) / grain));
+  drawn = (real((h >> 8) & 0xffffff) + 0.5f) / 16777216.0f;
+}
+
+// ---- The distribution of a cell: its quantiles [mm] and what is left of it when it was cut
+auto row_of = [&](int at) -> const short* { return g.quantiles.data + (size_t)at * LEVELS; };
+auto share_below = [&](int at, float z) -> float {  // of the heights in it, linear between its quantiles
+  const short* q = row_of(at);
+  const float mm = 1000.0f * z;
+  float part = mm > (float)q[LEVELS - 1] ? 1.0f : 0.0f;
+  if (mm > (float)q[0] && part < 1.0f) {
+    S32 all;
+    __builtin_memcpy(&all, q, 64);
+    const B32 lower = __builtin_convertvector(all < (short)__builtin_ceilf(mm), B32);
+    unsigned found;
+    __builtin_memcpy(&found, &lower, 4);
+    int k = __builtin_popcount(found) - 1;  // largest level below z
+    k = k > LEVELS - 2 ? LEVELS - 2 : k < 0 ? 0 : k;
+    const float a = q[k], b = q[k + 1];
+    part = ((float)k + 0.5f + (mm - a) / (b - a > 1.0f ? b - a : 1.0f)) / LEVELS;
+  }
+  const int stubble = g.cut.data[at];
+  if (stubble < UNTOUCHED) {
+    const float cut = 100.0f * z / (stubble > 0 ? (float)stubble : 0.01f), kept = cut < 0.0f ? 0.0f : cut > 1.0f ? 1.0f : cut;
+    part = part > kept ? part : kept;
+  }
+  return part;
+};
+auto height_at = [&](int at, float part) -> float {  // that a share of the heights lies below [m]
+  const short* q = row_of(at);
+  float f = part * LEVELS - 0.5f;
+  f = f < 0.0f ? 0.0f : f > LEVELS - 1 ? (float)(LEVELS - 1) : f;
+  const int k = (int)f > LEVELS - 2 ? LEVELS - 2 : (int)f;
+  const float z = 0.001f * (q[k] + (float)(q[k + 1] - q[k]) * (f - (float)k));
+  const int stubble = g.cut.data[at];
+  const float left = 0.01f * (float)stubble * part;
+  return stubble < UNTOUCHED && left < z ? left : z;
+};
+
+// ---- Into the box of the grid
+F hit_t = has_solids ? load(distance.data + start) : put(reach), hit_cosine = has_solids ? load(cosine.data + start) : F{};
+F hit_albedo = has_solids ? load(reflectance.data + start) : F{};
+I hit_kind = {}, hit_cell = puti(-1);
+const I solid = has_solids ? loadi(kind.data + start) != 0 : I{};
+auto slab_in = [&](F o, F per, I stays, float high) -> F {
+  const F a = -o * per, b = (high - o) * per;
+  return pick(stays, pick((o < 0.0f) | (o >= high), put(FAR), put(-FAR)), least(a, b));
+};
+auto slab_out = [&](F o, F per, I stays, float high) -> F {
+  const F a = -o * per, b = (high - o) * per;
+  return pick(stays, pick((o < 0.0f) | (o >= high), put(-FAR), put(FAR)), most(a, b));
+};
+F t = most(most(slab_in(ox, per_x, stays_x, side * columns), slab_in(oy, per_y, stays_y, side * rows)), F{});
+F t_out = least(slab_out(ox, per_x, stays_x, side * columns), slab_out(oy, per_y, stays_y, side * rows));
+const I beside = t >= t_out;
+t = pick(beside, F{}, t);
+t_out = pick(beside, F{}, t_out);
+F a = height_over(t), survived = put(1.0f);
+auto stop = [&](I who, F at, int what) {
+  hit_t = pick(who, at, hit_t);
+  hit_kind = picki(who, puti(what), hit_kind);
+};
+const F limit = hit_t;  // nothing behind a solid counts
+const I early = live & (I)(t < limit) & (I)(t < t_out) & (I)(a < 0.0f);  // into the ground before the box
+stop(early, t, UNMEASURED);
+F end = least(t_out, limit), leave = {};
+I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
+I slot = {}, cx = {}, cy = {};  // of the tile; the cell, counted from the corner of the grid
+I tiles = live & ~early & (I)(t < end), cells = {}, over = live & ~early & ~tiles;  // at a tile's border; in its cells; behind it all
+
+// ---- Tiles and their cells in the order of the rays
+struct alignas(64) { float low[N], high[N], drawn[N], survived[N], part[N]; int at[N], top[N], done[N], rises[N]; } in = {};
+alignas(64) float corner[4][N] = {};  // ground of the patch of 8 x 8 cells that each ray is in
+I patch_x = puti(-1), patch_y = puti(-1);
+while (any(tiles | cells)) {
+  if (__builtin_popcount(bits(tiles)) > __builtin_popcount(bits(cells))) {
+    leave = pick(tiles, most(least(least(exit_x(i, side), exit_y(j, side)), end), t), leave);
+    const I tile = j * columns + i;
+    const F top = gather(g.tile_top.data, tile, tiles);
+    const I low = tiles & (I)(oz + least(dz * t, dz * leave) <= top), on = tiles & ~low;
+    if (any(low)) {  // on to where the ray comes down to the highest surface of the tile
+      slot = picki(low, gatheri(g.table.data, tile, low), slot);
+      const F lower = least((top - oz) / pick(dz < -1.0e-6f, dz, put(-1.0f)), leave);
+      const I sinks = low & (I)(dz < -1.0e-6f) & (I)(lower > t);
+      t = pick(sinks, lower, t);
+      a = pick(low, height_over(t), a);
+      const I first_x = i * g.tile, first_y = j * g.tile;
+      cx = picki(low, mosti(leasti(down((ox + dx * t) * per_cell), first_x + (g.tile - 1)), first_x), cx);
+      cy = picki(low, mosti(leasti(down((oy + dy * t) * per_cell), first_y + (g.tile - 1)), first_y), cy);
+      cells |= low;
+      tiles &= ~low;
+    }
+    t = pick(on, leave, t);
+  } else {
+    const F ex = exit_x(cx, g.cell), ey = exit_y(cy, g.cell), after = most(least(least(ex, ey), leave), t);
+    const I px = cx >> 3, py = cy >> 3, fresh = cells & ((px != patch_x) | (py != patch_y));
+    if (any(fresh)) {
+      patch_x = picki(fresh, px, patch_x), patch_y = picki(fresh, py, patch_y);
+      storei(in.at, patch_y * nodes_x + patch_x);
+      for (unsigned m = bits(fresh); m; m &= m - 1) {
+        const int l = __builtin_ctz(m);
+        const float* n = g.ground.data + in.at[l];
+        corner[0][l] = n[0], corner[1][l] = n[1] - n[0], corner[2][l] = n[nodes_x] - n[0], corner[3][l] = n[nodes_x + 1] - n[1] - n[nodes_x] + n[0];
+      }
+    }
+    const F u = (ox + dx * after) * g.nodes_per_m - real(patch_x), v = (oy + dy * after) * g.nodes_per_m - real(patch_y);
+    const F b = oz + dz * after - (load(corner[0]) + load(corner[1]) * u + (load(corner[2]) + load(corner[3]) * u) * v);
+    const I at = (slot * g.tile + (cy - j * g.tile)) * g.tile + (cx - i * g.tile);
+    const F low = least(least(a, b), a - flattest * (after - t)), high = most(a, b);
+    const I known = cells & (slot >= 0);
+    storei(in.at, at), storei(in.top, puti(NONE));
+    for (unsigned m = bits(known); m; m &= m - 1) {
+      const int l = __builtin_ctz(m);
+      in.top[l] = g.top.data[in.at[l]];
+    }
+    const I top = loadi(in.top), is_measured = top != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
+    store(in.low, low), store(in.high, high), store(in.drawn, drawn), store(in.survived, survived);
+    storei(in.done, I{}), storei(in.rises, b > a);
+    for (unsigned m = bits(is_measured & (I)(1000.0f * low <= real(top))); m; m &= m - 1) {  // others are above all that was measured
+      const int l = __builtin_ctz(m), n = in.at[l];
+      const float below = share_below(n, in.low[l]);
+      if (below >= 1.0f) continue;
+      const float above = share_below(n, in.high[l]), left = above > 0.0f ? in.survived[l] * below / above : 0.0f;
+      if (left > in.drawn[l]) {
+        in.survived[l] = left;
+        continue;
+      }
+      in.done[l] = -1;
+      in.part[l] = 0.0f;
+      if (above > 0.0f && in.high[l] > in.low[l]) {
+        const float part = (in.high[l] - height_at(n, in.drawn[l] * above / in.survived[l])) / (in.high[l] - in.low[l]);
+        const float held = part < 0.0f ? 0.0f : part > 1.0f ? 1.0f : part;
+        in.part[l] = in.rises[l] ? 1.0f - held : held;
+      }
+    }
+    survived = load(in.survived);
+    const I done = loadi(in.done);
+    hit_t = pick(done, t + (after - t) * load(in.part), hit_t);
+    hit_cell = picki(done, at, hit_cell);
+    hit_kind = picki(done, puti(MEASURED), hit_kind);
+    stop(ground, t + (after - t) * within(a / most(a - b, put(1.0e-9f)), 0.0f, 1.0f), UNMEASURED);
+    cells &= ~(done | ground);
+    a = pick(cells, b, a);
+    t = pick(cells, after, t);
+    const I along_x = ex <= ey, out = cells & (I)(after >= leave);
+    cx += picki(cells & ~out & along_x, picki(right, puti(1), puti(-1)), I{});
+    cy += picki(cells & ~out & ~along_x, picki(upward, puti(1), puti(-1)), I{});
+    const I lx = cx - i * g.tile, ly = cy - j * g.tile;
+    const I crossed = out | (cells & ((lx < 0) | (ly < 0) | (lx >= g.tile) | (ly >= g.tile)));
+    cells &= ~crossed;
+    t = pick(crossed, leave, t);
+    tiles |= crossed;
+    if (!any(crossed)) continue;
+  }
+  const I moves = tiles & (I)(t >= leave), along_x = exit_x(i, side) <= exit_y(j, side);  // to the next tile
+  i += picki(moves & along_x, picki(right, puti(1), puti(-1)), I{});
+  j += picki(moves & ~along_x, picki(upward, puti(1), puti(-1)), I{});
+  leave = pick(moves, put(FAR), leave);
+  const I gone = moves & ((i < 0) | (j < 0) | (i >= columns) | (j >= rows) | (I)(t >= end));
+  over |= gone;
+  tiles &= ~gone;
+}
+
+// ---- Beyond the box the ground goes on as at its border
+if (any(over)) {
+  const F reached = t - height_over(t) / pick(dz < 0.0f, dz, put(-1.0f));
+  stop(over & (I)(t < limit) & (I)(dz < 0.0f) & (I)(reached < limit), reached, UNMEASURED);
+}
+const I measured = hit_kind == MEASURED;
+hit_cosine = pick(measured, put(1.0f), hit_cosine);
+hit_albedo = pick(measured, gather(g.intensity.data, hit_cell, measured), hit_albedo);
+hit_kind = picki(solid & (hit_kind == 0), puti(SOLID), hit_kind);
+hit_t = pick(hit_kind == 0, put(__builtin_nanf("")), hit_t);
+store(distance.data + start, hit_t);
+storei(kind.data + start, hit_kind);
+storei(cell.data + start, hit_cell);
+store(cosine.data + start, hit_cosine);
+store(reflectance.data + start, hit_albedo);
