@@ -18,6 +18,7 @@ from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import make_things
 from swath.rays.groups.cast import Crew, GroupWalk, Task, can_walk, no_hits
 from swath.rays.groups.lanes import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
+from swath.rays.warps import cast as warps
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -74,7 +75,7 @@ class RayCaster:
         self._version = 0  # goes up whenever the scene itself changes, not what its arrays hold
         self._place = (float("nan"), 0, 0)  # yaw of the stand, first page of the table
         self._library: PlantLibrary | None = None
-        self._group_walk: GroupWalk | None = None
+        self._group_walk: GroupWalk | warps.WarpWalk | None = None
 
     def cast(
         self,
@@ -111,7 +112,7 @@ class RayCaster:
 
         Neighbouring bundles walk through the crop together (docs/rays.md). Whatever the rays are, they hit
         what `cast` says they hit; it only pays when the sub-rays of a bundle lie close together. More than
-        512 sub-rays, and rays on another device, go through `cast`.
+        512 sub-rays (384 on another device) go through `cast`.
         """
         o, d = _of_shape(origins, directions, 3)
         n, s = o.shape[:2]
@@ -204,13 +205,13 @@ class RayCaster:
 
     def _walks(self, sub_rays: int) -> bool:
         """Does the group walk serve such bundles? Else the plain kernel does, and says so once."""
-        if self.device != "cpu":
-            return False
-        if not can_walk():
+        is_cpu = self.device == "cpu"
+        most = SUB_RAYS_MAX if is_cpu else warps.SUB_RAYS_MAX
+        if not (can_walk() if is_cpu else warps.can_walk(self.device)):
             _warn("groups of rays cannot be compiled on this machine: cast one by one, which is slower")
             return False
-        if sub_rays > SUB_RAYS_MAX:
-            _warn(f"{sub_rays} sub-rays: more than {SUB_RAYS_MAX} are cast one by one, which is slower")
+        if sub_rays > most:
+            _warn(f"{sub_rays} sub-rays: more than {most} are cast one by one, which is slower")
             return False
         return True
 
@@ -235,7 +236,8 @@ class RayCaster:
         scene = self._refresh(wp)
         self._blow(wp, scene, t)
         if self._group_walk is None or self._group_walk.library is not self.field.library:
-            self._group_walk = GroupWalk(wp, self.field.library)
+            library, is_cpu = self.field.library, self.device == "cpu"
+            self._group_walk = GroupWalk(wp, library) if is_cpu else warps.WarpWalk(wp, library, self.device)
         things = None if solids is None or solid_count(solids) == 0 else self._things(wp, solids)
         hits = no_hits(len(rays[0]) // sub_rays * (1 if only else need) if need else len(rays[0]))
         task = Task(rays, sub_rays, lanes, float(range_max), need, only, hits)

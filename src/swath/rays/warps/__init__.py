@@ -1,0 +1,1 @@
+"""Rays in groups on a card: one warp for some neighbouring beams (docs/rays.md)."""
