@@ -40,6 +40,12 @@ class JobResult:
     exit_code: int
     folder: Path
 
+    def __repr__(self) -> str:
+        verdicts = [entry["verdict"] for entry in self.summary.get("expect", {}).values()]
+        limits = f"{verdicts.count('kept')} of {len(verdicts)} limits kept" if verdicts else "no limits"
+        name, seed = self.summary.get("name"), self.summary.get("seed")
+        return f"<run of {name}, seed {seed}: {limits}, in {self.folder}>"
+
 
 class Companion(Protocol):
     """Somebody who goes along with a run: shows it elsewhere, acts on it.

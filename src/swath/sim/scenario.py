@@ -38,6 +38,10 @@ class Scenario:
     realtime: RealTimeSection | None = None
     document: Document = dataclasses.field(default_factory=lambda: Document(None), repr=False)
 
+    def __repr__(self) -> str:
+        machines = ", ".join(self.machines)
+        return f"<scenario {self.name}, seed {self.seed}: {machines}; .resolved() is all of it>"
+
     @property
     def file(self) -> Path | None:
         """Where it was read from."""

@@ -1,0 +1,55 @@
+"""swath from Python: what `import swath` offers. A script or a notebook needs nothing else.
+
+import swath
+
+result = swath.run("straight", "runs/slow", sets={"combine.speed.speed_kmh": 5})
+result.summary["lateral_rms_m"], result.exit_code, result.folder
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.job import JobResult, run_job
+from swath.sim.runfolder import choose_run_folder
+from swath.sim.scenario import Scenario
+from swath.sim.scenario import load_scenario as _load
+
+Sets = Mapping[str, Any] | Sequence[str]
+
+
+def load_scenario(source: str | Path, *, sets: Sets = (), seed: int | None = None) -> Scenario:
+    """A bundled scenario by name, a file, or the scenario of a run folder, with changes.
+
+    sets: {"combine.speed.speed_kmh": 5}, or texts as after `--set`; seed: instead of the scenario's
+    Raises swath.core.errors.InputError, which names key, value, what was expected, file and line.
+    """
+    texts = [f"{k}={json.dumps(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
+    return _load(source, sets=texts, flags={} if seed is None else {"seed": f"seed={seed}"})
+
+
+def run(
+    scenario: str | Path | Scenario,
+    out: str | Path | None = None,
+    *,
+    sets: Sets = (),
+    seed: int | None = None,
+    report: bool = True,
+    progress: bool = False,
+) -> JobResult:
+    """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
+
+    out: default: a new folder in `runs`; sets, seed: as in `load_scenario`; report: write report.html
+    progress: a bar on a terminal. Raises InputError; a broken limit raises nothing, see `exit_code`.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario, sets=sets, seed=seed)
+    elif sets or seed is not None:
+        raise InputError("sets", None, "expected with a name or a file; give them to load_scenario instead")
+    folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
+    try:
+        return run_job(scenario, folder, progress=progress, report=report)
+    except InputError as error:
+        raise scenario.locate(error) from error

@@ -1,0 +1,84 @@
+"""swath from Python: what `import swath` offers, and the example that makes many runs."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import swath
+from swath.core.errors import InputError
+from swath.sim.scenario import Scenario
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "many_runs.py"
+TINY = {
+    "run.distance_m": 1,
+    "run.record": "standard",
+    "combine.lidar.sub_rays": 1,
+    "combine.lidar.step_deg": 2.0,
+    "combine.motion.start_speed_kmh": 7,
+}
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return swath.run("straight", tmp_path_factory.mktemp("runs") / "r", sets=TINY, seed=5, report=False)
+
+
+def test_a_run_from_python(result):
+    assert result.summary["seed"] == 5
+    assert (result.folder / "summary.json").is_file()
+    assert not (result.folder / "report.html").exists()
+    resolved = yaml.safe_load((result.folder / "scenario.yaml").read_text())
+    assert resolved["combine"]["lidar"]["sub_rays"] == 1
+    assert repr(result).startswith("<run of straight, seed 5: ")
+    assert repr(result).endswith(f"limits kept, in {result.folder}>")
+
+
+def test_a_scenario_that_is_read_already(result):
+    scenario = swath.load_scenario(result.folder)
+    assert isinstance(scenario, Scenario)
+    assert repr(scenario) == "<scenario straight, seed 5: combine; .resolved() is all of it>"
+    with pytest.raises(InputError, match="give them to load_scenario"):
+        swath.run(scenario, seed=4)
+
+
+def test_errors_name_the_key():
+    with pytest.raises(
+        InputError, match=r"combine\.speed\.sped_kmh: unknown key, did you mean 'speed_kmh'\?"
+    ):
+        swath.run("straight", sets={"combine.speed.sped_kmh": 5})
+
+
+def test_import_loads_nothing_and_says_what_there_is():
+    code = "import sys, swath; print('numpy' in sys.modules, 'run' in dir(swath)); swath.nothing"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.stdout.split() == ["False", "True"]
+    assert "it offers load_scenario, run" in run.stderr
+
+
+def test_many_runs_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("many_runs", EXAMPLE)
+    many = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(many)
+    monkeypatch.setattr(many, "OUT", tmp_path)
+    cases = many.cases()
+    assert len(cases) == len({folder for folder, _, _ in cases}) == 12
+    folder, sets, seed = cases[0]
+    calls = []
+
+    def fake(scenario, out, **more):
+        calls.append((scenario, more["sets"]["combine.speed.speed_kmh"], more["seed"]))
+        out.mkdir(exist_ok=True)
+        (out / "summary.json").write_text(json.dumps({"incomplete": len(calls) == 1, "lateral_rms_m": 0.02}))
+        return type("Result", (), {"summary": {}})
+
+    monkeypatch.setattr(swath, "run", fake, raising=False)
+    for _ in range(3):  # stopped, made, there already
+        many.run_one(folder, sets, seed)
+    assert calls == [("straight", 5, 1)] * 2
+    many.draw([{**sets, "seed": seed, "lateral_rms_m": 0.02}])
+    assert (tmp_path / "table.png").stat().st_size > 5000
