@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """file: GeoTIFF in a projected system; datum_m: height above sea level of z = 0, by default the mean of
-    the map; roughness_class: added ISO 8608 roughness, or `none`; waviness: its exponent w
+    """file: GeoTIFF in a projected system, whose middle is x = y = 0 unless there is a field folder
+    datum_m: height above sea level of z = 0, by default the mean of the map
+    roughness_class: added ISO 8608 roughness, or `none`; waviness: its exponent w
     """
 
     file: str
