@@ -22,12 +22,12 @@ auto per = [&](int a, int b) { const int q = a / b; return a - q * b < 0 ? q - 1
 constexpr unsigned EVERY = 0xffffffffu;
 auto before_me = [&]() { return (1u << (threadIdx.x & 31u)) - 1u; };
 auto fold_low = [&](float& all, float x) {
-  for (int d = WARP / 2; d > 0; d /= 2) x = ::fminf(x, __shfl_xor_sync(EVERY, x, d));  // the same for all, nan or not
-  all = ::fminf(all, x);
+  for (int d = WARP / 2; d > 0; d /= 2) x = fminf(x, __shfl_xor_sync(EVERY, x, d));  // the same for all, nan or not
+  all = fminf(all, x);
 };
 auto fold_high = [&](float& all, float x) {
-  for (int d = WARP / 2; d > 0; d /= 2) x = ::fmaxf(x, __shfl_xor_sync(EVERY, x, d));
-  all = ::fmaxf(all, x);
+  for (int d = WARP / 2; d > 0; d /= 2) x = fmaxf(x, __shfl_xor_sync(EVERY, x, d));
+  all = fmaxf(all, x);
 };
 auto fold_least = [&](int& all, int x) {
   for (int d = WARP / 2; d > 0; d /= 2) { const int y = __shfl_xor_sync(EVERY, x, d); x = y < x ? y : x; }

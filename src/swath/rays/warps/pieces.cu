@@ -13,16 +13,16 @@ auto set_frame = [&]() {
     return V(flip_x * (e[0] + e[2] * tile.plane1), flip_y * (e[1] + e[2] * tile.plane2),
              e[0] * tile.lean_x + e[1] * tile.lean_y + e[2] * (tile.plane1 * tile.lean_x + tile.plane2 * tile.lean_y + tile.height));
   };
-  const V m0 = turned(s.e0), m1 = turned(s.e1), m2 = turned(s.e2);
+  const V m0 = turned(vector(s.e0)), m1 = turned(vector(s.e1)), m2 = turned(vector(s.e2));
   const float m11 = wp::dot(m1, m1), m22 = wp::dot(m2, m2), m12 = wp::dot(m1, m2);
   const float half = 0.25f * (m11 - m22) * (m11 - m22) + m12 * m12, step = index.step;
   swell = 1.0001f * ::sqrtf(0.5f * (m11 + m22) + ::sqrtf(half)) * step;
   deep = 1.0001f * ::sqrtf(wp::dot(m0, m0)) * step;
   rank_max = tile.share >= 1.0f ? 32767 : (int)(tile.share * 32767.0f) + 1;
   EACH_LANE if (lane == 0) {
-    s.m[0] = {m0[0] * step, m0[1] * step, m0[2] * step, wp::dot(s.e0, corner)};
-    s.m[1] = {m1[0] * step, m1[1] * step, m1[2] * step, wp::dot(s.e1, corner)};
-    s.m[2] = {m2[0] * step, m2[1] * step, m2[2] * step, wp::dot(s.e2, corner)};
+    s.m[0] = {m0[0] * step, m0[1] * step, m0[2] * step, wp::dot(vector(s.e0), corner)};
+    s.m[1] = {m1[0] * step, m1[1] * step, m1[2] * step, wp::dot(vector(s.e1), corner)};
+    s.m[2] = {m2[0] * step, m2[1] * step, m2[2] * step, wp::dot(vector(s.e2), corner)};
   }
 };
 

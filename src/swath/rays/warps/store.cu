@@ -57,12 +57,13 @@ struct alignas(16) Store {
   unsigned long long tried[WARP];
   unsigned char is_new[WARP];
   int run_first[RUNS], run_at[RUNS], run_copy[RUNS];
-  V apex, e0, e1, e2;            // frame of the group
+  float apex[3], e0[3], e1[3], e2[3];  // frame of the group
   Four m[3];                     // from the prototype, in steps, into that frame: depth, u, v = m x + w
   float lift;                    // height of the tile's plane above the group's
   Tile tile;
   float tallest[64];             // of what is left in the columns of the tile
 };
+static_assert(__is_trivially_constructible(Store), "as shared memory has to be");
 SHARED Store s;
 #if !defined(__CUDA_ARCH__)
 __builtin_memset(&s, order % 2 ? 0xff : 0x7f, sizeof s);  // nan, or huge: nothing is read before it is written
@@ -88,6 +89,9 @@ auto key_t = [&](unsigned long long key) {
   const unsigned high = (unsigned)(key >> 32);
   return float_of((int)(high & 0x80000000u ? high & 0x7fffffffu : ~high));
 };
+
+auto vector = [&](const float* x) { return V(x[0], x[1], x[2]); };
+auto keep_vector = [&](float* x, V v) { for (int i = 0; i < 3; ++i) x[i] = v[i]; };
 
 // All lanes know these. Of the launch:
 const int width = lanes.shape[1], bundle_slices = width / N;

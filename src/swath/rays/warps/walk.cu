@@ -27,7 +27,7 @@ auto take = [&](int from) {
   gy = (int)first.ty;
   gz = first.z0;
   const V apex(first.ox, first.oy, first.oz);
-  EACH_LANE if (lane == 0) s.apex = apex;
+  EACH_LANE if (lane == 0) keep_vector(s.apex, apex);
   int end = packs * width;
   for (int pass = 0; pass < 2; ++pass) {  // again where only some of a bundle fit: the others become copies of the first
     const int all = packs * width, until = pass == 0 ? all : end;
@@ -71,8 +71,12 @@ auto set_group = [&]() {
   if (wp::dot(e1, e1) < 1e-6f)
     e1 = e0[2] * e0[2] > 0.9f ? V(1.0f - e0[0] * e0[0], -e0[0] * e0[1], -e0[0] * e0[2]) : V(-e0[1], e0[0], 0.0f);
   e1 = unit(e1);
-  const V e2 = wp::cross(e0, e1), apex = s.apex;
-  EACH_LANE if (lane == 0) { s.e0 = e0; s.e1 = e1; s.e2 = e2; }
+  const V e2 = wp::cross(e0, e1), apex = vector(s.apex);
+  EACH_LANE if (lane == 0) {
+    keep_vector(s.e0, e0);
+    keep_vector(s.e1, e1);
+    keep_vector(s.e2, e2);
+  }
   A = e0[0] * e0[0] >= e0[1] * e0[1] ? 0 : 1;
   sway_u = 0.0f;
   w_origin = 0.0f;
