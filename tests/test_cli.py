@@ -119,7 +119,8 @@ def test_version_and_help(capsys):
     [
         (["rnu"], "swath: rnu: no such command, did you mean 'run'?"),
         (["run"], "the following arguments are required: NAME|FILE"),
-        (["run", "a", "--fast"], "unrecognized arguments: --fast"),
+        (["run", "a", "--fast"], "unrecognized arguments: --fast (see swath run --help)"),
+        (["run", "a", "--sed", "3"], "unrecognized arguments: --sed 3, did you mean --seed?"),
         (["run", "nowhere.yaml"], "swath: scenario = nowhere.yaml: there is no such file"),
         (["run", "strait"], "did you mean 'straight'?"),
         (["run", "small.yaml", "--seed", "x"], "seed = x: expected a whole number (--seed x)"),

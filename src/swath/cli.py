@@ -5,7 +5,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from swath import __version__
 from swath.commands import (
@@ -68,6 +68,17 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message} (see {self.prog} --help)")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse, but a command itself refuses what it does not know, and says what is near."""
+        found, extra = super().parse_known_args(args, namespace)
+        if extra and self._subparsers is None:
+            import difflib
+
+            near = difflib.get_close_matches(extra[0].partition("=")[0], self._option_string_actions, 1, 0.75)
+            hint = f", did you mean {near[0]}?" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(extra)}{hint}")
+        return found, extra
 
 
 def main(argv: Sequence[str] | None = None) -> int:

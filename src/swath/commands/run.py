@@ -131,7 +131,8 @@ def report(summary: dict[str, Any], out: Path) -> None:
             entry = limits.get(name, {})
             bounds = entry.get("limit", {})
             bound = ", ".join(f"{k} {number(v)}" for k, v in bounds.items() if v is not None)
-            rows.append((name, number(summary[name]), bound, entry.get("verdict", "")))
+            unmeasured = ": nothing measured" if entry and summary[name] is None else ""
+            rows.append((name, number(summary[name]), bound, entry.get("verdict", "") + unmeasured))
     table("", ("metric", "value", "limit", "verdict"), rows)
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
