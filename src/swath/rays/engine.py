@@ -119,7 +119,7 @@ class RayCaster:
         if not self._walks(s):
             return _shaped(self.cast(o, d, range_max=range_max, solids=solids, t=t), (n, s))
         lanes = bundle_lanes(n, d[0]) if o.size else None
-        return _shaped(self._walk(o, d, lanes, range_max, solids, t), (n, s))
+        return self._walk((n, s), o, d, lanes, range_max, solids, t)
 
     def cast_nearest(
         self,
@@ -175,7 +175,7 @@ class RayCaster:
         asked = (n, 1 if only else count)
         if self._walks(s) and o.size:
             need, lanes = (0 if s == 1 else count), bundle_lanes(n, d[0])
-            return _shaped(self._walk(o, d, lanes, range_max, solids, t, s, need, only), asked)
+            return self._walk(asked, o, d, lanes, range_max, solids, t, s, need, only)
         found = self.cast(o, d, range_max=range_max, solids=solids, t=t)
         all_hits = [a.reshape(n, s) for a in _arrays(found)]
         order = np.argsort(all_hits[0], axis=1, kind="stable")[:, count - asked[1] : count]  # nan sorts last
@@ -201,7 +201,7 @@ class RayCaster:
         if not self._walks(1):
             return _shaped(self.cast(o, d, range_max=range_max, solids=solids, t=t), shape)
         lanes = image_lanes(*shape, _pitch(d)) if o.size else None
-        return _shaped(self._walk(o, d, lanes, range_max, solids, t), shape)
+        return self._walk(shape, o, d, lanes, range_max, solids, t)
 
     def _walks(self, sub_rays: int) -> bool:
         """Does the group walk serve such bundles? Else the plain kernel does, and says so once."""
@@ -217,6 +217,7 @@ class RayCaster:
 
     def _walk(
         self,
+        shape: tuple[int, int],
         o: F64,
         d: F64,
         lanes: Lanes | None,
@@ -227,10 +228,11 @@ class RayCaster:
         need: int = 0,
         only: bool = False,
     ) -> Hits:
-        """Hits of rays, or the `need` nearest of each bundle, or `only` the last of these; flat."""
+        """Hits of rays, or the `need` nearest of each bundle, or `only` the last of these."""
         check_range(range_max)
+        hits = Hits(*no_hits(shape))
         if lanes is None:
-            return Hits(*no_hits(0))
+            return hits
         rays = np.ascontiguousarray(o).reshape(-1, 3), np.ascontiguousarray(d).reshape(-1, 3)
         wp = start_warp()
         scene = self._refresh(wp)
@@ -239,12 +241,12 @@ class RayCaster:
             library, is_cpu = self.field.library, self.device == "cpu"
             self._group_walk = GroupWalk(wp, library) if is_cpu else warps.WarpWalk(wp, library, self.device)
         things = None if solids is None or solid_count(solids) == 0 else self._things(wp, solids)
-        hits = no_hits(len(rays[0]) // sub_rays * (1 if only else need) if need else len(rays[0]))
-        task = Task(rays, sub_rays, lanes, float(range_max), need, only, hits)
+        out = tuple(a.reshape(-1) for a in _arrays(hits))
+        task = Task(rays, sub_rays, lanes, float(range_max), need, only, out)
         doubts = self._group_walk.cast(wp, scene, self._version, things, task, self._crew)
         if doubts:
             self._checked(*rays, range_max)  # raises where there is something wrong with them
-        return Hits(*hits)
+        return hits
 
     def _checked(self, origins: ArrayLike, directions: ArrayLike, range_max: float) -> tuple[F64, F64]:
         """Rays as (n, 3) each, after all that `cast` refuses."""

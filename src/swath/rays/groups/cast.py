@@ -20,7 +20,7 @@ F32 = NDArray[np.float32]
 Room = tuple[F32, NDArray[np.uint8], F32, F32]
 Hits = tuple[NDArray[Any], ...]
 WRONG, LOW = 1, 2  # doubts
-JOB = np.dtype(  # as in walk.cpp
+JOB = np.dtype(  # as in native/rays.cpp
     [(name, np.int64) for name in ("origins", "directions", "lanes", "first_pack")]
     + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance")]
     + [(name, np.int64) for name in ("solid", "solid_organ", "solid_cosine", "solid_reflectance")]
@@ -100,8 +100,8 @@ class GroupWalk:
 
         before = () if things is None else self._meet(wp, things, task, pool)
         lanes, job = task.lanes, self.job
-        arrays: Hits = (*task.rays, lanes.table, lanes.first, *task.out, *before)
-        places = [a.ctypes.data for a in arrays] + [0] * (12 - len(arrays))
+        o, d, *held = [a.ctypes.data for a in (*task.rays, *task.out, *before)]
+        places = (o, d, *lanes.places, *held, *[0] * (8 - len(held)))
         sizes = (lanes.table.shape[1], lanes.group_count, task.sub_rays, task.need, task.only)
         job[0] = (*places, *sizes, 0, 0, task.range_max)
         if self.launch is None:
@@ -143,6 +143,6 @@ class GroupWalk:
         return found
 
 
-def no_hits(n: int) -> Room:
-    """Room for the hits of n rays: distance, organ, cosine, reflectance."""
-    return np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.float32), np.empty(n, np.float32)
+def no_hits(shape: int | tuple[int, int]) -> Room:
+    """Room for hits: distance, organ, cosine, reflectance."""
+    return tuple(np.empty(shape, t) for t in (np.float32, np.uint8, np.float32, np.float32))  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""The group walk as a Warp kernel: its body is native code, `walk.cpp`, explained in docs/rays.md."""
+"""The group walk as a Warp kernel: its body is native code, `native/`, explained in docs/rays.md."""
 
 from pathlib import Path
 
@@ -8,8 +8,11 @@ from swath.rays.kernel.cast import hit_things
 from swath.rays.kernel.scene import Scene, Things, no_hit
 
 # Warp asks LLVM to inline whatever it can, which takes twice as long to compile and is no faster here
-wp.set_module_options({"cpu_compiler_flags": "-march=native"})
-_WALK = (Path(__file__).parent / "walk.cpp").read_text(encoding="utf-8")
+wp.set_module_options({"cpu_compiler_flags": "-march=native", "fuse_fp": False})
+_PARTS = ("lanes", "rays", "tiles", "crop", "walk")  # each built on those before it
+_WALK = "\n".join(
+    (Path(__file__).parent / "native" / f"{part}.cpp").read_text(encoding="utf-8") for part in _PARTS
+)
 
 
 @wp.struct

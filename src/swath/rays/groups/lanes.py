@@ -6,7 +6,7 @@ of this depends on the number of threads, and none of it changes what a ray hits
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,11 @@ class Lanes:
         """Groups."""
         return len(self.first) - 1
 
+    @cached_property
+    def places(self) -> tuple[int, int]:
+        """Where table and first lie in memory."""
+        return self.table.ctypes.data, self.first.ctypes.data
+
 
 def bundle_lanes(count: int, directions: F64) -> Lanes:
     """Lanes of `count` bundles of sub-rays side by side; directions (s, 3) of the first bundle.
@@ -42,8 +47,10 @@ def bundle_lanes(count: int, directions: F64) -> Lanes:
     make a pack.
     """
     s = len(directions)
+    if s <= N:
+        return _bundle_lanes(count, tuple(range(s)))
     with np.errstate(invalid="ignore"):  # rays that are none are refused later
-        order = np.argsort(_turn(directions), kind="stable") if s > N else np.arange(s)
+        order = np.argsort(_turn(directions), kind="stable")
     return _bundle_lanes(count, tuple(order.tolist()))
 
 

@@ -1,0 +1,468 @@
+// The crop of a tile: which pieces of which plants the rays of a group may touch.
+
+struct alignas(64) Ways {  // of the packs through the tile at hand, along the walk's axis: first, last, and linear
+  float a0[PACKS], a1[PACKS], from[PACKS], reach[PACKS], until[PACKS];  // bounds from `from` on: across low and
+  float bound[5][PACKS], rise[5][PACKS];                   // high, other axis low and high, least depth
+};
+struct Kept {  // pieces in slopes: middle, direction, half length, half width; least depth, 1 / depth; entry, image
+  float u[KEPT + N], v[KEPT + N], tu[KEPT + N], tv[KEPT + N], h[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
+  int prim[KEPT + N], image[KEPT + N];
+};
+
+struct Crop : Tiles {
+  IndexRef index;
+  int walkers[PACKS], walking, walker_of[PACKS];  // packs that go through crop in the tile at hand
+  float m[3][3], shift[3], deep, swell;        // prototype to group: depth, u, v = m x + shift; how lengths grow
+  int axis, ib, ic, sense;                     // the axis it is walked along, the others; which way most rays go
+  float cell[3], per_cell[3], wide[3], way0, way1, reach_w, fat;
+  float gu0, gu1, gv0, gv1;                    // its live slices in slopes
+  Ways way;
+  Kept kept;
+  int waiting;
+  struct { int piece, slice; } pair[PAIRS + N];
+  int asked_piece[PAIRS + N], asked_slice[PAIRS + N];
+  unsigned char touched[SLICES];
+  int fresh[SLICES + SLICES], news;            // slices with new hits
+  alignas(64) float box[4][N];                 // of N slices looked at together, one lane each: least u, most u, v, v
+  float c_low[SPAN], c_high[SPAN];
+
+  Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {}
+
+  void through_crop() {
+    find_box();
+    find_tops();
+    set_frame();
+    together_through();
+    for (int n = 0; n < walking; ++n)
+      for (int v = 0; v < slices; ++v) {
+        Block& b = r[walkers[n] * slices + v];
+        for (unsigned hit = bits(b.prim >= 0); hit; hit &= hit - 1) tell(b, __builtin_ctz(hit), k.until[walkers[n]]);
+      }
+  }
+  void find_box() {  // of the live slices, in slopes
+    gu0 = gv0 = FAR;
+    gu1 = gv1 = -FAR;
+    for (int n = 0; n < walking; ++n)
+      for (int b = walkers[n] * slices; b < (walkers[n] + 1) * slices; ++b) {
+        gu0 = lower(gu0, c.cu[b] - c.ru[b]);
+        gu1 = upper(gu1, c.cu[b] + c.ru[b]);
+        gv0 = lower(gv0, c.cv[b] - c.rv[b]);
+        gv1 = upper(gv1, c.cv[b] + c.rv[b]);
+      }
+  }
+  void set_frame() {  // from the prototype into the group's frame
+    const float flip[2] = {tile.mirror_x ? -1.0f : 1.0f, tile.mirror_y ? -1.0f : 1.0f};
+    const float cx = tile.mirror_x ? size : 0.0f, cy = tile.mirror_y ? size : 0.0f;
+    const float *plane = tile.plane, *stand = tile.stand;
+    const float at[3] = {tile.x * size + cx - apex[0], tile.y * size + cy - apex[1],
+                         (float)(plane[0] - gz) + plane[1] * (cx - 0.5f * size) + plane[2] * (cy - 0.5f * size) - apex[2]};
+    for (int i = 0; i < 3; ++i) {
+      m[i][0] = flip[0] * (e[i][0] + e[i][2] * plane[1]);
+      m[i][1] = flip[1] * (e[i][1] + e[i][2] * plane[2]);
+      m[i][2] = e[i][0] * stand[1] + e[i][1] * stand[2] + e[i][2] * (plane[1] * stand[1] + plane[2] * stand[2] + stand[0]);
+      shift[i] = dot3(e[i], at);
+    }
+    const float m11 = dot3(m[1], m[1]), m22 = dot3(m[2], m[2]), m12 = dot3(m[1], m[2]);
+    swell = 1.0001f * __builtin_sqrtf(0.5f * (m11 + m22) + __builtin_sqrtf(0.25f * (m11 - m22) * (m11 - m22) + m12 * m12));
+    deep = 1.0001f * __builtin_sqrtf(dot3(m[0], m[0]));
+  }
+
+  // Where cells of the tile are cut: how high what is left can reach, for each column, by the highest code of
+  // the columns around it in which its stems may stand; beyond the page all may stand
+  static U bytes(const unsigned char* p) { U v; __builtin_memcpy(&v, p, 64); return v; }
+  void find_tops() {
+    tile.trims = false;
+    if (tile.cut_row < 0 || index.columns != AROUND || index.skirt > 4) return;
+    const unsigned char* codes = scene.cut.data + (size_t)tile.cut_row * 512 * 512;
+    U least_code = bytes(codes + (size_t)(tile.jy * 64) * 512 + tile.jx * 64);
+    for (int y = 1; y < 64; ++y)
+      least_code = __builtin_elementwise_min(least_code, bytes(codes + (size_t)(tile.jy * 64 + y) * 512 + tile.jx * 64));
+    tile.trims = __builtin_reduce_min(least_code) != STANDING;
+    if (!tile.trims) return;
+    unsigned char block[16][16];  // highest code of columns, from four before the tile on
+    for (int y = 0; y < 16; ++y) column_codes(codes, tile.jy * 8 - 4 + y, block[y]);
+    const int begin = 4 - index.skirt, side = 2 * index.skirt + 1;
+    unsigned char across[16][AROUND];
+    auto higher = [](unsigned char a, unsigned char b) { return a > b ? a : b; };
+    for (int y = 0; y < 16; ++y)
+      for (int x = 0; x < AROUND; ++x) {
+        across[y][x] = block[y][x + begin];
+        for (int i = 1; i < side; ++i) across[y][x] = higher(across[y][x], block[y][x + begin + i]);
+      }
+    for (int y = 0; y < AROUND; ++y)
+      for (int x = 0; x < AROUND; ++x) {
+        unsigned char code = across[y + begin][x];
+        for (int i = 1; i < side; ++i) code = higher(code, across[y + begin + i][x]);
+        tile.live[tile.mirror_y ? 7 - y : y][tile.mirror_x ? 7 - x : x] =
+            code == STANDING ? FAR : code == 0 ? -FAR : 0.01f * (float)code * tile.squeeze + 0.02f;
+      }
+  }
+  void column_codes(const unsigned char* codes, int row, unsigned char* to) const {  // 16 columns of a row of columns
+    __builtin_memset(to, STANDING, 16);
+    if (row < 0 || row > 63) return;
+    for (int half = 0; half < 2; ++half) {
+      const int first = tile.jx * 8 - 4 + half * 8, from = first < 0 ? 0 : first > 56 ? 56 : first;  // of the page
+      U high = bytes(codes + (size_t)row * 8 * 512 + from * 8);
+      for (int v = 1; v < 8; ++v) high = __builtin_elementwise_max(high, bytes(codes + (size_t)(row * 8 + v) * 512 + from * 8));
+      for (int bit = 32; bit >= 8; bit /= 2) {
+        W8 q;
+        __builtin_memcpy(&q, &high, 64);
+        q >>= bit;
+        U moved;
+        __builtin_memcpy(&moved, &q, 64);
+        high = __builtin_elementwise_max(high, moved);
+      }
+      for (int x = 0; x < 8; ++x)
+        if (first + x >= from && first + x < from + 8) to[half * 8 + x] = high[8 * (first + x - from)];
+    }
+  }
+  float live_top(int x, int y) const {  // of a column of the unwrapped prototype
+    if (!tile.trims || x < 0 || y < 0 || x >= index.columns || y >= index.columns) return FAR;
+    return tile.live[y][x];
+  }
+
+  void together_through() {
+    find_ways();
+    box_slices();
+    waiting = news = 0;
+    for (int b = 0; b < packs * slices; ++b) touched[b] = 0;
+    for (int n = 0; n < walking; ++n) walker_of[walkers[n]] = n;
+    Run run{};
+    const int first = slab_of(axis == 2 ? way0 - wide[2] : way0 - wide[axis]), last = slab_of(way1 + wide[axis]);
+    for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
+    for (int n = 0; n <= last - first; ++n) {
+      walk_slab(sense >= 0 ? first + n : last - n, &run);
+      queue(&run, 0, 0, 0, 0);
+      if (waiting >= FLUSH) flush();
+    }
+    flush();
+  }
+  int slab_of(float x) const { return axis == 2 ? bin_of(x) : down(x * per_cell[axis]); }
+  int bin_of(float z) const {
+    const int i = down(z * per_cell[2]);
+    return i < 0 ? 0 : i >= index.bins ? index.bins - 1 : i;
+  }
+
+  // The walk's axis, and each pack's way as linear bounds along it
+  void find_ways() {
+    float lead_q[3] = {0, 0, 0};
+    for (int j = walkers[0] * width; j < (walkers[0] + 1) * width; ++j) {
+      const Block& b = r[j / N];
+      if (b.limit[j % N] < 0.0f) continue;
+      for (int i = 0; i < 3; ++i) lead_q[i] = __builtin_fabsf(b.q[i][j % N]);
+      break;
+    }
+    axis = lead_q[2] > upper(lead_q[0], lead_q[1]) ? 2 : lead_q[0] >= lead_q[1] ? 0 : 1;
+    ib = axis == 2 ? 1 : 1 - axis;
+    ic = axis == 2 ? 0 : 2;
+    for (int i = 0; i < 3; ++i) {
+      cell[i] = i == 2 ? index.bin_height : index.side;
+      per_cell[i] = 1.0f / cell[i];
+      wide[i] = index.reach[i] + ROUND;
+    }
+    way0 = FAR;
+    way1 = reach_w = -FAR;
+    sense = 0;
+    for (int b = 0; b < packs * slices || b % N; ++b) c.reach[b] = -FAR;
+    for (int n = 0; n < walking; ++n) find_way(n);
+    const float slant = upper(gu1 * gu1, gu0 * gu0) + upper(gv1 * gv1, gv0 * gv0);
+    fat = 1.01f * __builtin_sqrtf(1.0f + slant);
+  }
+  void find_way(int n) {
+    const int p = walkers[n];
+    int forth = 0, back = 0;
+    F a0 = put(FAR), a1 = put(-FAR), slowest = put(FAR), w_far = put(-FAR);
+    for (int b = p * slices; b < (p + 1) * slices; ++b) {
+      Block& k_ = r[b];
+      F limit = k_.limit, x = k_.p[axis], q = k_.q[axis], y = x + q * k_.end;
+      I live = limit >= 0.0f;
+      a0 = live ? least(a0, least(x, y)) : a0;
+      a1 = live ? most(a1, most(x, y)) : a1;
+      slowest = live ? least(slowest, size_of(q)) : slowest;
+      forth += count(live & (q > 0.0f));
+      back += count(live & (q <= 0.0f));
+      F w = live ? depth(k_, k_.start + limit * k_.shrink) + ROUND : put(-FAR);
+      w_far = most(w_far, w);
+      spot[b].deep = w;
+      c.reach[b] = highest_of(w);
+    }
+    way.a0[n] = lowest_of(a0);
+    way.a1[n] = highest_of(a1);
+    way.reach[n] = highest_of(w_far);
+    way.until[n] = k.until[p];
+    way0 = lower(way0, way.a0[n]);
+    way1 = upper(way1, way.a1[n]);
+    reach_w = upper(reach_w, way.reach[n]);
+    sense += forth - back;
+    const bool straight = lowest_of(slowest) > 0.05f && (forth == 0 || back == 0);
+    const float room = wide[axis] + cell[axis], plane0 = way.a0[n] - room, plane1 = way.a1[n] + room;
+    float edge[2][5];
+    bounds_at(p, straight, plane0, 0, edge[0]);
+    bounds_at(p, straight, plane1, 1, edge[1]);
+    way.from[n] = plane0;
+    for (int i = 0; i < 5; ++i) {
+      way.bound[i][n] = edge[0][i];
+      way.rise[i][n] = (edge[1][i] - edge[0][i]) / (plane1 - plane0);
+    }
+  }
+  static F depth(const Block& b, F t) { return b.w0 + b.w1 * t; }
+  void bounds_at(int p, bool straight, float plane, int side, float* edge) const {  // or of the whole way
+    F b0 = put(FAR), b1 = put(-FAR), c0 = put(FAR), c1 = put(-FAR), w0 = put(FAR);
+    for (int v = 0; v < slices; ++v) {
+      const Block& k_ = r[p * slices + v];
+      I live = k_.limit >= 0.0f;
+      for (int end = 0; end < (straight ? 1 : 2); ++end) {
+        F s = straight ? (plane - k_.p[axis]) / k_.q[axis] : end ? k_.end : F{};
+        F b = k_.p[ib] + s * k_.q[ib], c = k_.p[ic] + s * k_.q[ic];
+        F w = depth(k_, k_.start + s * k_.shrink);
+        b0 = live ? least(b0, b) : b0;
+        b1 = live ? most(b1, b) : b1;
+        c0 = live ? least(c0, c) : c0;
+        c1 = live ? most(c1, c) : c1;
+        w0 = live ? least(w0, w) : w0;
+      }
+    }
+    edge[0] = lowest_of(b0) - wide[ib];
+    edge[1] = highest_of(b1) + wide[ib];
+    edge[2] = lowest_of(c0) - wide[ic];
+    edge[3] = highest_of(c1) + wide[ic];
+    edge[4] = lowest_of(w0) - ROUND;
+  }
+
+  // A slab of columns: which columns and bins the packs pass, widened by reach
+  struct Run { int first, last, kx, ky; };  // of entries
+  void walk_slab(int i, Run* run) {
+    const float x0 = axis == 2 && i == 0 ? -FAR : i * cell[axis] - wide[axis];
+    const float x1 = axis == 2 && i == index.bins - 1 ? FAR : (i + 1) * cell[axis] + wide[axis];
+    int j0 = SPAN, j1 = -1;
+    for (int w = 0; w < walking; w += N) pass_slab(w, x0, x1, &j0, &j1);
+    for (int s = j0; s <= j1; ++s) {
+      const float c0 = c_low[s], c1 = c_high[s];
+      if (c0 > c1) continue;
+      c_low[s] = FAR;
+      c_high[s] = -FAR;
+      const int j = s - SPAN / 2;
+      for (int x = axis == 2 ? down(c0 * per_cell[0]) : 0; x <= (axis == 2 ? down(c1 * per_cell[0]) : 0); ++x) {
+        const int cx = axis == 2 ? x : axis == 0 ? i : j, cy = axis == 1 ? i : j;
+        const int kx = per(cx, index.columns), ky = per(cy, index.columns);
+        const float tallest = live_top(cx, cy) + wide[2];
+        const int column = (tile.kind * index.columns + cy - ky * index.columns) * index.columns + cx - kx * index.columns;
+        if (tallest < (axis == 2 ? i * cell[2] : c0)) continue;
+        const int low = axis == 2 ? i : bin_of(c0), high = axis == 2 ? i : bin_of(lower(c1, tallest));
+        queue(run, index.start.data[column * index.bins + low], index.start.data[column * index.bins + high + 1], kx, ky);
+      }
+    }
+  }
+  void pass_slab(int w, float x0, float x1, int* j0, int* j1) {  // N packs
+#pragma clang fp contract(fast)
+    F lo = most(put(x0), load(way.a0 + w)), hi = least(put(x1), load(way.a1 + w));
+    F f0 = lo - load(way.from + w), f1 = hi - load(way.from + w), found[5];
+    for (int q = 0; q < 5; ++q) {
+      F x = load(way.bound[q] + w), rise = load(way.rise[q] + w), y0 = x + rise * f0, y1 = x + rise * f1;
+      found[q] = q == 1 || q == 3 ? most(y0, y1) + ROUND : least(y0, y1) - ROUND;
+    }
+    I side0 = __builtin_convertvector(__builtin_elementwise_floor(found[0] * per_cell[ib]), I) + SPAN / 2;
+    I side1 = __builtin_convertvector(__builtin_elementwise_floor(found[1] * per_cell[ib]), I) + SPAN / 2;
+    side0 = side0 < 0 ? I{} : side0;
+    side1 = side1 >= SPAN ? puti(SPAN - 1) : side1;
+    unsigned some = bits((lo <= hi) & (found[4] <= load(way.reach + w)) & (every() < walking - w));
+    for (; some; some &= some - 1) {
+      const int l = __builtin_ctz(some), b0 = side0[l], b1 = side1[l];
+      const float c0 = found[2][l], c1 = found[3][l];
+      for (int j = b0; j <= b1; ++j) {
+        c_low[j] = lower(c_low[j], c0);
+        c_high[j] = upper(c_high[j], c1);
+      }
+      *j0 = b0 < *j0 ? b0 : *j0;
+      *j1 = b1 > *j1 ? b1 : *j1;
+    }
+  }
+  HOT void queue(Run* run, int first, int last, int kx, int ky) {  // gathers the run before: this one is on its way
+    for (int i = first; i < last && i < first + N; i += 4) __builtin_prefetch(index.coarse.data + (size_t)i * 8);
+    if (first < last) __builtin_prefetch(index.primitive.data + first);
+    if (run->first < run->last) gather_run(*run);
+    *run = {first, last, kx, ky};
+  }
+
+  // A run of pieces into the group's slopes; those outside the box of the group are dropped
+  HOT static F number(S4 a, S4 b, int i) {  // the i-th field of two halves
+    S s;
+    __builtin_memcpy(&s, (const short*)&a + 8 * i, 16);
+    __builtin_memcpy((short*)&s + 8, (const short*)&b + 8 * i, 16);
+    return __builtin_convertvector(s, F);
+  }
+  HOT static void turn_entries(const short* from, F* field) {  // 16 entries of 8 numbers into 8 vectors
+    auto head = [](S4 a, S4 b) -> S4 {
+      return __builtin_shufflevector(a, b, 0, 8, 16, 24, 32, 40, 48, 56, 1, 9, 17, 25, 33, 41, 49, 57, 2, 10, 18, 26,
+                                     34, 42, 50, 58, 3, 11, 19, 27, 35, 43, 51, 59);
+    };
+    auto tail = [](S4 a, S4 b) -> S4 {
+      return __builtin_shufflevector(a, b, 4, 12, 20, 28, 36, 44, 52, 60, 5, 13, 21, 29, 37, 45, 53, 61, 6, 14, 22, 30,
+                                     38, 46, 54, 62, 7, 15, 23, 31, 39, 47, 55, 63);
+    };
+    S4 raw[4];
+    __builtin_memcpy(raw, from, 256);
+    const S4 head0 = head(raw[0], raw[1]), head1 = head(raw[2], raw[3]);
+    const S4 tail0 = tail(raw[0], raw[1]), tail1 = tail(raw[2], raw[3]);
+    for (int i = 0; i < 4; ++i) field[i] = number(head0, head1, i);
+    for (int i = 0; i < 4; ++i) field[4 + i] = number(tail0, tail1, i);
+  }
+  HOT void gather_run(Run run) {
+#pragma clang fp contract(fast)
+    float n[3][3], off[3];  // m for ends in steps; the prototype's copy
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) n[i][j] = m[i][j] * index.step;
+      off[i] = shift[i] + (m[i][0] * run.kx + m[i][1] * run.ky) * size;
+    }
+    const float gcu = 0.5f * (gu0 + gu1), gru = 0.5f * (gu1 - gu0), gcv = 0.5f * (gv0 + gv1), grv = 0.5f * (gv1 - gv0);
+    const float deep_step = deep * index.step, swell_step = swell * index.step, swing = sway, fatter = fat, far = reach_w;
+    const float rank_max = (float)tile.rank_max;
+    const short* coarse = index.coarse.data;
+    const int* primitive = index.primitive.data;
+    int to = waiting;
+    for (int i = run.first; i < run.last; i += N) {
+      F f[8];
+      turn_entries(coarse + (size_t)i * 8, f);
+      const F thick = f[6];
+      auto along = [&](int row, const F* x) -> F { return n[row][0] * x[0] + n[row][1] * x[1] + n[row][2] * x[2] + off[row]; };
+      F wa = along(0, f), wb = along(0, f + 3), ua = along(1, f), ub = along(1, f + 3), va = along(2, f), vb = along(2, f + 3);
+      F near = least(wa, wb) - thick * deep_step - ROUND;
+      F ia = 1.0f / wa, iz = 1.0f / wb, nearer = most(ia, iz), thin = (thick * deep_step + ROUND) * nearer;
+      I inside = every() < run.last - i, close = (near < 0.05f) | (thin > 0.25f);
+      F inv = 0.5f * (ia + iz), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
+      ua *= ia; va *= ia; ub *= iz; vb *= iz;
+      F u = 0.5f * (ua + ub), v = 0.5f * (va + vb), hu = 0.5f * (ub - ua), hv = 0.5f * (vb - va);
+      F broad = (thick * swell_step + ROUND) * most_inv * fatter + swing * 0.71f * size_of(ia - iz);
+      F reach_u = broad + swing * most_inv;
+      I keep = (size_of(u - gcu) <= size_of(hu) + reach_u + gru) & (size_of(v - gcv) <= size_of(hv) + reach_u + grv);
+      keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max);
+      const unsigned found = bits(keep);
+      F h = root(hu * hu + hv * hv);
+      I tiny = h < 1.0e-9f;
+      F per_h = 1.0f / h;
+      keep_some(kept.u + to, close ? F{} : u, found);
+      keep_some(kept.v + to, close ? F{} : v, found);
+      keep_some(kept.tu + to, tiny ? put(1.0f) : hu * per_h, found);
+      keep_some(kept.tv + to, tiny ? F{} : hv * per_h, found);
+      keep_some(kept.h + to, close ? F{} : h, found);
+      keep_some(kept.wide + to, close ? put(FAR) : broad, found);
+      keep_some(kept.near + to, near, found);
+      keep_some(kept.inv + to, close ? F{} : inv, found);
+      keep_ints(kept.prim + to, loadi(primitive + i), found);
+      keep_ints(kept.image + to, puti(run.kx * 65536 + run.ky), found);
+      to += __builtin_popcount(found);
+      if (to <= KEPT - N) continue;
+      waiting = to;
+      flush();
+      to = 0;
+    }
+    waiting = to;
+  }
+
+  // The pieces that wait: against all slices at once, then against the lanes of those that they may touch;
+  // what is left is tested
+  void flush() {
+    int asked = 0;
+    for (int n = 0; n < waiting; ++n) {
+      asked = ask(n, asked);
+      if (asked > PAIRS - SLICES) {
+        settle(narrow_down(asked));
+        asked = 0;
+      }
+    }
+    settle(narrow_down(asked));
+    waiting = 0;
+    take_news();
+  }
+  void box_slices() {
+    static_assert(SLICES / N <= N, "one vector holds the boxes of all blocks");
+    for (int b = 0; b < N; ++b) {
+      float u0 = 4.0f * FAR, u1 = -u0, v0 = u0, v1 = -u0;  // beyond what any piece may touch
+      for (int i = b * N; i < (b + 1) * N && i < packs * slices; ++i) {
+        if (c.reach[i] <= -FAR) continue;
+        u0 = lower(u0, c.cu[i] - c.ru[i]);
+        u1 = upper(u1, c.cu[i] + c.ru[i]);
+        v0 = lower(v0, c.cv[i] - c.rv[i]);
+        v1 = upper(v1, c.cv[i] + c.rv[i]);
+      }
+      box[0][b] = u0; box[1][b] = u1; box[2][b] = v0; box[3][b] = v1;
+    }
+  }
+  HOT int ask(int n, int asked) {  // which slices a piece may touch
+#pragma clang fp contract(fast)
+    const float tu = kept.tu[n], tv = kept.tv[n], h = kept.h[n], inv = kept.inv[n], wide = kept.wide[n], near = kept.near[n];
+    const float u = kept.u[n], v = kept.v[n], su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv), swing = sway * inv;
+    const float out_u = su * h + wide + swing, out_v = sv * h + wide + swing;
+    I over = (load(box[0]) <= u + out_u) & (load(box[1]) >= u - out_u) & (load(box[2]) <= v + out_v) & (load(box[3]) >= v - out_v);
+    for (unsigned blocks = bits(over); blocks; blocks &= blocks - 1) {
+      const int b = __builtin_ctz(blocks) * N;
+      F du = load(c.cu + b) + load(c.ou + b) * inv - u, dv = load(c.cv + b) + load(c.ov + b) * inv - v;
+      F bu = load(c.ru + b) + load(c.pu + b) * inv, bv = load(c.rv + b) + load(c.pv + b) * inv;
+      F disc = load(c.disc + b) + load(c.pdisc + b) * inv;
+      I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
+                (size_of(du * tu + dv * tv) <= wide + h + least(bu * su + bv * sv, disc)) & (load(c.reach + b) >= near);
+      const unsigned found = bits(meets);
+      keep_ints(asked_slice + asked, every() + b, found);
+      storei(asked_piece + asked, puti(n));
+      asked += __builtin_popcount(found);
+    }
+    return asked;
+  }
+  HOT int narrow_down(int asked) {  // of the slices that a piece may touch, those of which it may touch a lane
+#pragma clang fp contract(fast)
+    int pairs = 0;
+    for (int q = 0; q < asked; ++q) {
+      const int n = asked_piece[q], i = asked_slice[q];
+      const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
+      const Spot& s = spot[i];
+      F lu = s.u + s.ou * inv - kept.u[n], lv = s.v + s.ov * inv - kept.v[n];
+      I may = (size_of(lv * tu - lu * tv) <= wide) & (size_of(lu * tu + lv * tv) <= wide + kept.h[n]) &
+              (s.deep >= kept.near[n]);
+      pair[pairs] = {n, i};  // no branch: whether it stays is hard to foretell
+      pairs += bits(may) != 0;
+    }
+    for (int q = 0; q < pairs; ++q) __builtin_prefetch(row_of(kept.prim[pair[q].piece]));
+    return pairs;
+  }
+  void settle(int pairs) {
+    for (int i = 0, next; i < pairs; i = next) {
+      const int n = pair[i].piece;
+      for (next = i + 1; next < pairs && pair[next].piece == n;) ++next;
+      Whole w;
+      if (!stands(kept.prim[n], kept.image[n], &w)) continue;
+      for (int s = i; s < next; ++s) {
+        const int b = pair[s].slice;
+        if (!test(r[b], w) || touched[b]) continue;
+        touched[b] = 1;
+        fresh[news++] = b;
+      }
+    }
+  }
+  void take_news() {  // new hits bring nearer how far lanes and slices still look, and with `need` their whole pack
+    for (int i = 0; i < news; ++i) touched[fresh[i]] = 0;
+    const int known = need > 0 ? news : 0;
+    for (int i = 0; i < known; ++i) {
+      const int p = fresh[i] / slices;
+      if (touched[p * slices]) continue;
+      way.until[walker_of[p]] = lower(k.until[p], enough(p, true));
+      for (int b = p * slices; b < (p + 1) * slices; ++b) {
+        if (b != fresh[i]) fresh[news++] = b;
+        touched[b] = 1;
+      }
+    }
+    for (int i = 0; i < news; ++i) {
+      const int b = fresh[i], p = b / slices, n = walker_of[p];
+      touched[b] = 0;
+      const Block& k_ = r[b];
+      F limit = k_.limit;
+      F w = depth(k_, least(k_.start + limit * k_.shrink, put(way.until[n]))) + ROUND;
+      w = limit >= 0.0f ? w : put(-FAR);
+      spot[b].deep = w;
+      c.reach[b] = highest_of(w);
+      float reach = -FAR;
+      for (int q = p * slices; q < (p + 1) * slices; ++q) reach = upper(reach, c.reach[q]);
+      way.reach[n] = reach;
+    }
+    news = 0;
+  }
+};

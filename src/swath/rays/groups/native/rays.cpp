@@ -1,0 +1,352 @@
+// Rays of a group: where they start and go, how far they look, what they hit.
+
+struct Job {  // as JOB in cast.py
+  const double *origins, *directions;                        // of all rays, (rays, 3)
+  const int *lanes, *first_pack;                             // (packs, width) ray of each lane, -1 = none; per group
+  float* distance; unsigned char* organ; float *cosine, *reflectance;  // out: per ray, or per bundle as asked
+  const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null
+  long long width, groups, sub_rays, need, only;  // need > 0: so many nearest hits per bundle; only: the last of them
+  long long next, doubts;                         // shared by all threads: the next group; what is to be looked at again
+  double range_max;
+};
+
+
+struct Block {  // N lanes side by side: all that is known of them lies together
+  I ray;
+  F ox, oy, oz, dx, dy, dz;     // stand frame, from the ray's own tile
+  F ivx, ivy, ofx, ofy;         // t of planes x = c: c * iv + of
+  F tx, ty, z0;                 // the ray's tile and height, from the group's
+  F w0, w1;                     // depth of the ray at t: w0 + w1 t
+  F t;                          // nearest so far
+  I what;                       // organ, 0 = nothing, -1 = the solid that was there before
+  F cosine, albedo;
+  // in the tile at hand: local ray from t = start, per t, where it enters, limit, nearest primitive
+  F p[3], q[3], low, limit, start, shrink, end, tin, tout;
+  I is_open, prim, image;
+};
+struct Spot { F u, v, ou, ov, deep; };  // for the cull: slope, offset of the origin, depth beyond which nothing counts
+struct alignas(64) Slices {  // N lanes each. Slopes: middle, half size, disc; the same of the offsets; depth
+  float cu[SLICES], cv[SLICES], ru[SLICES], rv[SLICES], disc[SLICES];
+  float ou[SLICES], ov[SLICES], pu[SLICES], pv[SLICES], pdisc[SLICES];
+  float reach[SLICES];  // depth beyond which nothing counts in the tile at hand
+};
+struct alignas(64) Packs {  // boxes of the rays of a pack: place o and direction d along A, across it, up
+  float until[PACKS];  // t beyond which nothing counts
+  float oa0[PACKS], oa1[PACKS], da0[PACKS], da1[PACKS], ob0[PACKS], ob1[PACKS], db0[PACKS], db1[PACKS];
+  float oz0[PACKS], oz1[PACKS], dz0[PACKS], dz1[PACKS];
+  float row_t0[PACKS], row_t1[PACKS], row_b0[PACKS], row_b1[PACKS], row_z0[PACKS];  // in the row of tiles at hand
+  int ground[PACKS];  // slices that get down to it in the tile at hand
+};
+
+struct Rays : Lanes {
+  Job& job;
+  SceneRef scene;
+  const int width = job.width, slices = width / N, need = job.need;
+  const float size = (float)scene.tile_size;
+  int packs, gx, gy, A;        // its packs; the tile it is seen from; tiles go by in rows along this axis of the stand
+  double gz, corner[2];        // the height it is seen from; the tile again
+  double lowest[3], highest[3];  // origins
+  float apex[3], lead[3], e[3][3], sway;  // sway: how far a ray is from its place in slopes where depth is 1, at most
+  bool is_wrong;
+  Block r[SLICES];
+  Spot spot[SLICES];
+  Slices c;
+  Packs k;
+
+  Rays(Job& j, SceneRef s) : job(j), scene(s) {}
+
+  // The rays of the next packs, in the stand frame, each from its own tile: as `to_stand` in kernel/scene.py.
+  // Of the last pack only lanes [from, after) count. Returns how many packs go together with the first
+  int take(int at, int wanted, int from, int after) {
+    is_wrong = false;
+    begin_at(job.lanes[at * width + from]);
+    for (int p = 0; p < wanted; ++p) {
+      const int* mine = job.lanes + (at + p) * width;
+      bool fits = true;
+      for (int v = 0; v < slices; ++v) {
+        I lane = every() + v * N, known = loadi(mine + v * N);
+        I live = (known >= 0) & (lane >= from) & (lane < after);
+        alignas(64) int ray[N];
+        storei(ray, live ? known : puti(mine[from]));
+        fits &= fetch(r[p * slices + v], ray);
+        start(r[p * slices + v], ray, live);
+      }
+      if (is_wrong) __atomic_fetch_or(&job.doubts, WRONG, __ATOMIC_RELAXED);
+      if (is_wrong || !fits) return p;
+    }
+    return wanted;
+  }
+
+  static D whole(D v) { return __builtin_elementwise_floor(v); }
+  void turn(D* v) const {
+    const D x = v[0], y = v[1];
+    v[0] = scene.turn[0] * x + scene.turn[1] * y;
+    v[1] = scene.turn[0] * y - scene.turn[1] * x;
+  }
+  HOT static void gather(const double* from, const int* ray, D* to) {
+    for (int l = 0; l < 8; ++l)
+      for (int i = 0; i < 3; ++i) to[i][l] = from[3 * (size_t)ray[l] + i];
+  }
+  void begin_at(int ray) {  // all is seen from the tile and the height of this ray
+    const int same[8] = {ray, ray, ray, ray, ray, ray, ray, ray};
+    D o[3], d[3];
+    gather(job.origins, same, o);
+    gather(job.directions, same, d);
+    turn(o);
+    turn(d);
+    const double per_size = 1.0 / scene.tile_size, unit[3] = {scene.tile_size, scene.tile_size, 1.0};
+    const double from[3] = {whole(o[0] * per_size)[0], whole(o[1] * per_size)[0], whole(o[2])[0]};
+    corner[0] = from[0];
+    corner[1] = from[1];
+    gz = from[2];
+    for (int i = 0; i < 3; ++i) {
+      apex[i] = (float)(o[i][0] - from[i] * unit[i]);
+      lead[i] = (float)d[i][0];
+      lowest[i] = highest[i] = o[i][0];
+    }
+  }
+  HOT bool fetch(Block& b, const int* ray) {  // false: some too far from the first ray for one group
+    const double per_size = 1.0 / scene.tile_size, unit = scene.tile_size;
+    for (int h = 0; h < N; h += 8) {
+      D o[3], d[3];
+      gather(job.origins, ray + h, o);
+      gather(job.directions, ray + h, d);
+      const D off = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - 1.0;
+      auto fine = (off < 0.99e-3) & (off > -0.99e-3);
+      for (int i = 0; i < 3; ++i) fine &= (o[i] < 1e8) & (o[i] > -1e8);
+      is_wrong |= __builtin_reduce_and(fine) == 0;
+      turn(o);
+      turn(d);
+      for (int i = 0; i < 3; ++i) {
+        const double a = __builtin_reduce_min(o[i]), z = __builtin_reduce_max(o[i]);
+        lowest[i] = a < lowest[i] ? a : lowest[i];
+        highest[i] = z > highest[i] ? z : highest[i];
+      }
+      const D tx = whole(o[0] * per_size), ty = whole(o[1] * per_size), z0 = whole(o[2]);
+      const D found[9] = {tx - corner[0], ty - corner[1], z0 - gz, o[0] - tx * unit, o[1] - ty * unit, o[2] - z0, d[0], d[1], d[2]};
+      F* const to[9] = {&b.tx, &b.ty, &b.z0, &b.ox, &b.oy, &b.oz, &b.dx, &b.dy, &b.dz};
+      for (int i = 0; i < 9; ++i) {
+        const F8 f = __builtin_convertvector(found[i], F8);
+        __builtin_memcpy((float*)to[i] + h, &f, 32);
+      }
+    }
+    return bits(together(b)) == 0xffff;
+  }
+  I together(const Block& b) const {  // lanes that look about the same way as the first ray, from about there
+    F x = b.ox + b.tx * size - apex[0], y = b.oy + b.ty * size - apex[1];
+    F z = b.oz + b.z0 - apex[2];
+    F turned = b.dx * lead[0] + b.dy * lead[1] + b.dz * lead[2];
+    return (x * x + y * y + z * z <= SPREAD * SPREAD) & (turned >= 1.0f - NARROW);
+  }
+  bool goes_along(int j) const { return bits(together(r[j / N])) >> (j % N) & 1; }
+  void start(Block& b, const int* ray, I live) const {
+    b.ray = live ? loadi(ray) : puti(-1);
+    b.t = live ? put((float)job.range_max) : put(-1.0f);
+    b.what = I{};
+    for (unsigned l = job.solid ? bits(live) : 0; l; l &= l - 1) {
+      const int i = __builtin_ctz(l);
+      b.t[i] = job.solid[ray[i]];
+      b.what[i] = job.solid_organ[ray[i]] > 0 ? -1 : 0;
+    }
+  }
+  int page_at(int x, int y) const {
+    const int i = x - scene.table_x, j = y - scene.table_y;
+    if (i < 0 || j < 0 || i >= scene.table.shape[1] || j >= scene.table.shape[0]) return -1;
+    return scene.table.data[j * scene.table.shape[1] + i];
+  }
+  void check_height() {  // do all rays start above whatever stands or lies there?
+    const double side = 8.0 * scene.tile_size;
+    auto page_of = [&](double x) { return (int)__builtin_floor(x / side); };
+    bool is_above = highest[0] - lowest[0] < side && highest[1] - lowest[1] < side;
+    for (int y = page_of(lowest[1]); is_above && y <= page_of(highest[1]); ++y)
+      for (int x = page_of(lowest[0]); is_above && x <= page_of(highest[0]); ++x) {
+        const int slot = page_at(x, y);
+        is_above = slot >= 0 && lowest[2] > scene.page_top.data[slot];
+      }
+    if (!is_above) __atomic_fetch_or(&job.doubts, LOW, __ATOMIC_RELAXED);
+  }
+
+  // The frame of the group, and every ray in slopes
+  void find_frame() {
+    gx = (int)corner[0];
+    gy = (int)corner[1];
+    for (int i = 0; i < 3; ++i) e[0][i] = 0.0f;
+    for (int p = 0; p < packs; ++p) {
+      const Block& b = r[p * slices];
+      e[0][0] += b.dx[0];
+      e[0][1] += b.dy[0];
+      e[0][2] += b.dz[0];
+    }
+    unit(e[0]);
+    A = e[0][0] * e[0][0] >= e[0][1] * e[0][1] ? 0 : 1;
+    const int j = (packs - 1) * width;
+    const Block &a = r[0], &z = r[j / N];
+    e[1][0] = z.dx[j % N] - a.dx[0];
+    e[1][1] = z.dy[j % N] - a.dy[0];
+    e[1][2] = z.dz[j % N] - a.dz[0];
+    const float along = dot3(e[0], e[1]);
+    for (int i = 0; i < 3; ++i) e[1][i] -= along * e[0][i];
+    if (unit(e[1]) < 1e-3f) {
+      const bool steep = e[0][2] * e[0][2] > 0.9f;
+      e[1][0] = steep ? 1.0f - e[0][0] * e[0][0] : -e[0][1];
+      e[1][1] = steep ? -e[0][0] * e[0][1] : e[0][0];
+      e[1][2] = steep ? -e[0][0] * e[0][2] : 0.0f;
+      unit(e[1]);
+    }
+    for (int i = 0; i < 3; ++i) {
+      const int n = (i + 1) % 3, o = (i + 2) % 3;
+      e[2][i] = e[0][n] * e[1][o] - e[0][o] * e[1][n];
+    }
+  }
+  void into_slopes() {
+    sway = 0.0f;
+    for (int p = 0; p < packs; ++p) {
+      F low[6], high[6];
+      for (int i = 0; i < 6; ++i) { low[i] = put(FAR); high[i] = put(-FAR); }
+      for (int b = p * slices; b < (p + 1) * slices; ++b) slope_of(b, low, high);
+      auto ends = [&](int i, float* a, float* z, float room) {
+        a[p] = lowest_of(low[i]) - room;
+        z[p] = highest_of(high[i]) + room;
+      };
+      ends(0, k.oa0, k.oa1, ROUND);
+      ends(1, k.da0, k.da1, 1e-7f);
+      ends(2, k.ob0, k.ob1, ROUND);
+      ends(3, k.db0, k.db1, 1e-7f);
+      ends(4, k.oz0, k.oz1, ROUND);
+      ends(5, k.dz0, k.dz1, 1e-7f);
+    }
+    for (int b = packs * slices; b % N; ++b)
+      c.cu[b] = c.cv[b] = c.ru[b] = c.rv[b] = c.disc[b] = c.ou[b] = c.ov[b] = c.pu[b] = c.pv[b] = c.pdisc[b] = 0.0f;
+  }
+  void slope_of(int b, F* low, F* high) {
+#pragma clang fp contract(on)
+    Block& k_ = r[b];
+    Spot& s_ = spot[b];
+    F dx = k_.dx, dy = k_.dy, dz = k_.dz, ox = k_.ox, oy = k_.oy;
+    I flat_x = size_of(dx) < 1e-12f, flat_y = size_of(dy) < 1e-12f;
+    k_.ivx = flat_x ? F{} : 1.0f / dx;
+    k_.ivy = flat_y ? F{} : 1.0f / dy;
+    k_.ofx = flat_x ? put(FAR) : -ox / dx;
+    k_.ofy = flat_y ? put(FAR) : -oy / dy;
+    F xx = ox + k_.tx * size, yy = oy + k_.ty * size, zz = k_.oz + k_.z0;
+    F found[6] = {A ? yy : xx, A ? dy : dx, A ? xx : yy, A ? dx : dy, zz, dz};
+    for (int i = 0; i < 6; ++i) { low[i] = least(low[i], found[i]); high[i] = most(high[i], found[i]); }
+    F x = xx - apex[0], y = yy - apex[1], z = zz - apex[2];
+    F d0 = dx * e[0][0] + dy * e[0][1] + dz * e[0][2], x0 = x * e[0][0] + y * e[0][1] + z * e[0][2];
+    F su = (dx * e[1][0] + dy * e[1][1] + dz * e[1][2]) / d0, sv = (dx * e[2][0] + dy * e[2][1] + dz * e[2][2]) / d0;
+    F ou = x * e[1][0] + y * e[1][1] + z * e[1][2] - x0 * su, ov = x * e[2][0] + y * e[2][1] + z * e[2][2] - x0 * sv;
+    k_.w0 = x0;
+    k_.w1 = d0;
+    s_.u = su;
+    s_.v = sv;
+    s_.ou = ou;
+    s_.ov = ov;
+    auto span = [&](F x, float* middle, float* half) {
+      const float a = lowest_of(x), z = highest_of(x);
+      middle[b] = 0.5f * (a + z);
+      half[b] = 0.5f * (z - a) + 1e-6f;
+    };
+    span(su, c.cu, c.ru);
+    span(sv, c.cv, c.rv);
+    span(ou, c.ou, c.pu);
+    span(ov, c.ov, c.pv);
+    F au = su - c.cu[b], av = sv - c.cv[b];
+    c.disc[b] = __builtin_sqrtf(highest_of(au * au + av * av)) + 1e-6f;
+    c.pdisc[b] = __builtin_sqrtf(c.pu[b] * c.pu[b] + c.pv[b] * c.pv[b]);
+    sway = upper(sway, upper(__builtin_fabsf(c.ou[b]) + c.pu[b], __builtin_fabsf(c.ov[b]) + c.pv[b]));
+  }
+
+  // How far a pack still looks: to the farthest of its rays' nearest hits, or as far as is needed
+  void look(int p) {
+    F t_far = put(-FAR);
+    for (int b = p * slices; b < (p + 1) * slices; ++b) t_far = most(t_far, r[b].t);
+    k.until[p] = highest_of(t_far);
+    if (need > 0) k.until[p] = lower(k.until[p], enough(p, false));
+  }
+  // t that at least `need` of a pack's hits do not exceed, at most a sixtieth of their spread above the least such;
+  // with what was hit in the tile at hand, too
+  float enough(int p, bool in_tile) const {
+    F low = put(FAR), high = put(-FAR), t[SLICES];
+    int hits = 0;
+    for (int v = 0; v < slices; ++v) {
+      const Block& b = r[p * slices + v];
+      I hit = b.what != 0;
+      F now = b.t;
+      if (in_tile) {
+        I is_new = b.prim >= 0;
+        now = is_new ? b.start + b.limit * b.shrink : now;
+        hit |= is_new;
+      }
+      t[v] = hit ? now : put(FAR);
+      low = least(low, t[v]);
+      high = most(high, hit ? now : put(-FAR));
+      hits += count(hit);
+    }
+    if (hits < need) return FAR;
+    float a = lowest_of(low), z = highest_of(high);
+    if (need == 1) return a;
+    for (int i = 0; i < 6 && hits > need; ++i) {
+      const float middle = 0.5f * (a + z);
+      int below = 0;
+      for (int v = 0; v < slices; ++v) below += count(t[v] <= middle);
+      (below >= need ? z : a) = middle;
+    }
+    return z;
+  }
+
+  // Out
+  void finish(int block) {  // lanes without a hit: the solid that is there, or nothing
+    Block& b = r[block];
+    for (unsigned none = bits((b.ray >= 0) & (b.what <= 0)); none; none &= none - 1) {
+      const int l = __builtin_ctz(none), i = b.ray[l];
+      const bool is_solid = job.solid && job.solid_organ[i] > 0;
+      if (is_solid && b.what[l] == 0) k.until[block / slices] = FAR;  // lost before it came to the solid
+      b.t[l] = is_solid ? job.solid[i] : __builtin_nanf("");
+      b.what[l] = is_solid ? job.solid_organ[i] : 0;
+      b.cosine[l] = is_solid ? job.solid_cosine[i] : 0.0f;
+      b.albedo[l] = is_solid ? job.solid_reflectance[i] : 0.0f;
+    }
+  }
+  void write(size_t to, const Block& b, int l) const {
+    job.distance[to] = b.t[l];
+    job.organ[to] = (unsigned char)b.what[l];
+    job.cosine[to] = b.cosine[l];
+    job.reflectance[to] = b.albedo[l];
+  }
+  void write_none(size_t to) const {
+    job.distance[to] = __builtin_nanf("");
+    job.organ[to] = 0;
+    job.cosine[to] = job.reflectance[to] = 0.0f;
+  }
+  void hand_out(int p) const {  // all rays of a pack, or the nearest hits of its bundle, ties by number
+    const Block* mine = r + p * slices;
+    int found = 0;
+    for (int v = 0; v < slices; ++v) {
+      I live = mine[v].ray >= 0;
+      found += count(live & (mine[v].what > 0));
+      for (unsigned l = need == 0 ? bits(live) : 0; l; l &= l - 1) write(mine[v].ray[__builtin_ctz(l)], mine[v], __builtin_ctz(l));
+    }
+    if (need == 0) return;
+    const size_t to = (size_t)(mine[0].ray[0] / job.sub_rays) * (job.only ? 1 : need);
+    for (int v = 0; v < slices; ++v) {
+      const Block& b = mine[v];
+      unsigned near = bits((b.ray >= 0) & (b.what > 0) & (b.t <= k.until[p]));
+      for (; near; near &= near - 1) {
+        const int l = __builtin_ctz(near), place = place_of(mine, b.t[l], b.ray[l]);
+        if (place < need && !job.only) write(to + place, b, l);
+        if (place == need - 1 && job.only) write(to, b, l);
+      }
+    }
+    for (int i = found; i < need && !job.only; ++i) write_none(to + i);
+    if (job.only && found < need) write_none(to);
+  }
+  int place_of(const Block* mine, float t, int ray) const {
+    int place = 0;
+    for (int v = 0; v < slices; ++v) {
+      F t_ = mine[v].t;
+      I ray_ = mine[v].ray;
+      place += count((ray_ >= 0) & ((t_ < t) | ((t_ == t) & (ray_ < ray))));
+    }
+    return place;
+  }
+};

@@ -1,0 +1,155 @@
+// The walk of a group: tiles in rows, front to back.
+
+struct Walk : Crop {
+  struct Found { F t, cosine, albedo; I what; } early[SLICES];  // of a pack that goes part by part
+  using Crop::Crop;
+
+  void run() {
+    for (long long g; (g = __atomic_fetch_add(&job.next, 1, __ATOMIC_RELAXED)) < job.groups;) {
+      int at = job.first_pack[g];
+      while (at < job.first_pack[g + 1]) {
+        const int left = job.first_pack[g + 1] - at, cap = ROOM / width;
+        packs = take(at, left < cap ? left : cap, 0, width);
+        if (packs > 0 && !is_wrong) {
+          cast();
+          for (int b = 0; b < packs * slices; ++b) finish(b);
+          for (int p = 0; p < packs; ++p) hand_out(p);
+        } else if (!is_wrong) {
+          part_by_part(at);
+          packs = 1;
+        }
+        if (is_wrong) break;
+        at += packs;
+      }
+    }
+  }
+
+  void cast() {
+    check_height();
+    find_frame();
+    into_slopes();
+    for (int p = 0; p < packs; ++p) look(p);
+    march();
+  }
+
+  // A pack that is too wide for one group: lanes [from, after), then those behind them
+  void part_by_part(int at) {
+    const int* mine = job.lanes + at * width;
+    for (int from = 0, after; from < width; from = after) {
+      after = width;
+      if (mine[from] < 0) { after = from + 1; continue; }
+      while ((packs = take(at, 1, from, after)) == 0 && !is_wrong) {  // as many as go together with the first
+        int l = from;
+        while (l < after && goes_along(l)) ++l;
+        after = l;
+      }
+      if (is_wrong) return;
+      cast();
+      for (int b = 0; b < slices; ++b) finish(b);
+      for (int b = 0; b < slices; ++b) {
+        const I lane = every() + b * N, mine_now = (lane >= from) & (lane < after);
+        Found& f = early[b];
+        f.t = mine_now ? r[b].t : f.t;
+        f.what = mine_now ? r[b].what : f.what;
+        f.cosine = mine_now ? r[b].cosine : f.cosine;
+        f.albedo = mine_now ? r[b].albedo : f.albedo;
+      }
+    }
+    for (int b = 0; b < slices; ++b) {
+      r[b].ray = loadi(mine + b * N);
+      r[b].t = early[b].t; r[b].what = early[b].what; r[b].cosine = early[b].cosine; r[b].albedo = early[b].albedo;
+    }
+    k.until[0] = FAR;
+    hand_out(0);
+  }
+
+  // Tiles in rows, front to back, until no pack looks further
+  void march() {
+    const float along = e[0][A];
+    const int step = along >= 0.0f ? 1 : -1;
+    bool mixed = false;
+    for (int p = 0; p < packs; ++p)
+      mixed |= (k.da0[p] <= 0.0f && k.da1[p] >= 0.0f) || (k.da0[p] > 0.0f) != (along >= 0.0f);
+    for (int n = -1;; ++n) {
+      bool goes_on = n < 1;
+      for (int side = 0; side < (mixed && n > 0 ? 2 : 1); ++side) {
+        const int row = side ? -step * n : step * n;
+        float b0 = FAR, b1 = -FAR;
+        for (int p = 0; p < packs; ++p) goes_on |= cross_row(p, row * size, row * size + size, &b0, &b1);
+        if (b0 > b1) continue;
+        for (int b = down(b0 / size); b <= down(b1 / size); ++b) A ? visit(b, row) : visit(row, b);
+      }
+      if (!goes_on) return;
+    }
+  }
+  bool cross_row(int p, float near, float far, float* b0, float* b1) {  // true: this row or a later one is to come
+    float t0, t1;
+    if (k.da0[p] > 1e-6f) {
+      const float x = near - k.oa1[p], y = far - k.oa0[p];
+      t0 = x > 0.0f ? x / k.da1[p] : x / k.da0[p];
+      t1 = y > 0.0f ? y / k.da0[p] : y / k.da1[p];
+    } else if (k.da1[p] < -1e-6f) {
+      const float x = k.oa0[p] - far, y = k.oa1[p] - near;
+      t0 = x > 0.0f ? x / -k.da0[p] : x / -k.da1[p];
+      t1 = y > 0.0f ? y / -k.da1[p] : y / -k.da0[p];
+    } else {
+      const float away = upper(upper(near - k.oa1[p], k.oa0[p] - far), 0.0f);
+      t0 = away / upper(upper(k.da1[p], -k.da0[p]), 1e-6f);
+      t1 = FAR;
+    }
+    t0 = upper(t0 - 1e-4f, 0.0f);
+    k.row_t0[p] = FAR;
+    k.row_t1[p] = -FAR;
+    const bool goes_on = t1 >= 0.0f && t0 <= k.until[p];
+    t1 = lower(t1 + 1e-4f, k.until[p]);
+    if (t0 > t1) return goes_on;
+    k.row_t0[p] = t0;
+    k.row_t1[p] = t1;
+    k.row_b0[p] = k.ob0[p] + lower(k.db0[p] * t0, k.db0[p] * t1) - ROUND;
+    k.row_b1[p] = k.ob1[p] + upper(k.db1[p] * t0, k.db1[p] * t1) + ROUND;
+    k.row_z0[p] = k.oz0[p] + lower(k.dz0[p] * t0, k.dz0[p] * t1) - 1e-4f;
+    *b0 = lower(*b0, k.row_b0[p]);
+    *b1 = upper(*b1, k.row_b1[p]);
+    return goes_on;
+  }
+
+  // One tile: X, Y counted from the group's
+  void visit(int X, int Y) {
+    tile.x = (float)X;
+    tile.y = (float)Y;
+    tile.page_x = per(gx + X, 8);
+    tile.page_y = per(gy + Y, 8);
+    tile.slot = page_at(tile.page_x, tile.page_y);
+    tile.jx = gx + X - tile.page_x * 8;
+    tile.jy = gy + Y - tile.page_y * 8;
+    const int place = tile.slot * 64 + tile.jy * 8 + tile.jx;
+    tile.crest = FAR;
+    if (tile.slot >= 0) read_heights(place);
+    int act[PACKS], acts = 0;
+    const float near = A ? tile.x * size : tile.y * size;
+    for (int p = 0; p < packs; ++p)
+      if (k.row_t0[p] <= k.row_t1[p] && k.row_b0[p] < near + size && k.row_b1[p] > near && k.row_z0[p] <= tile.crest)
+        act[acts++] = p;
+    if (acts == 0) return;
+    if (tile.slot >= 0) read_stand(place);
+    walking = 0;
+    for (int n = 0; n < acts; ++n) {
+      unsigned any = 0;
+      k.ground[act[n]] = 0;
+      for (int v = 0; v < slices; ++v) {
+        Block& b = r[act[n] * slices + v];
+        if (tile.slot < 0) lose(b);
+        else any |= enter(b, &k.ground[act[n]], 1 << v);
+      }
+      if (any) walkers[walking++] = act[n];
+    }
+    if (walking) through_crop();
+    for (int n = 0; n < acts; ++n) {
+      for (unsigned v = tile.slot < 0 ? 0 : k.ground[act[n]]; v; v &= v - 1) meet_ground(r[act[n] * slices + __builtin_ctz(v)]);
+      look(act[n]);
+    }
+  }
+};
+
+Walk walker(*(Job*)job_bytes.data, scene, index);
+walker.run();
