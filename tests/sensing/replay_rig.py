@@ -5,7 +5,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.signals import MachineState
-from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid
+from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, PER_THICKNESS, SHARES, THICK, TILE, HeightGrid
 from swath.sim.scenario import parse_scenario
 from swath.sim.world import assemble
 from swath.study.replay.poses import make_track
@@ -22,7 +22,12 @@ field:
 combine:
   lidar: {sub_rays: 7, sector_deg: [-25, 25], noise: none}
 """
-SHARES = (np.arange(LEVELS) + 0.5) / LEVELS
+
+
+def levels(heights):
+    """Quantiles at SHARES, or one height, as all levels of a cell that nobody looked through."""
+    even = np.round(np.broadcast_to(heights, len(SHARES)) * 1e3)
+    return np.concatenate([even[:1], np.full(DEEP - 1, THICK * PER_THICKNESS), even]).astype(np.int16)
 
 
 def small_world():
@@ -34,7 +39,7 @@ def hand_grid(tiles=(4, 6), cell=0.1, heights=0.8, origin=(0.0, 0.0, 0.0), yaw=0
     ty, tx = tiles
     m = ty * tx
     quantiles = np.full((m, TILE, TILE, LEVELS), 0, np.int16)
-    quantiles[:] = np.round(np.broadcast_to(heights, LEVELS) * 1e3)
+    quantiles[:] = levels(heights)
     node = cell * TILE / NODES
     ground = np.broadcast_to(slope * node * np.arange(tx * NODES + 1), (ty * NODES + 1, tx * NODES + 1))
     return HeightGrid(
@@ -43,6 +48,7 @@ def hand_grid(tiles=(4, 6), cell=0.1, heights=0.8, origin=(0.0, 0.0, 0.0), yaw=0
         cell=cell,
         table=np.arange(m, dtype=np.int32).reshape(ty, tx),
         quantiles=quantiles,
+        thickness=np.full((m, TILE, TILE), -THICK, np.float32),
         count=np.ones((m, TILE, TILE), np.uint16),
         intensity=np.full((m, TILE, TILE), 0.4, np.float32),
         ground=np.ascontiguousarray(ground, np.float32),
@@ -54,9 +60,7 @@ def set_where(grid, where, heights):
     """Give cells whose local centre (u, v) satisfies `where` other heights; None = never measured."""
     u, v = grid.to_local(*grid.cell_centres())
     chosen = where(u, v)
-    grid.quantiles[chosen] = (
-        NONE if heights is None else np.round(np.broadcast_to(heights, LEVELS) * 1e3).astype(np.int16)
-    )
+    grid.quantiles[chosen] = NONE if heights is None else levels(heights)
 
 
 def drive(lidar, world, offset=0.0, speed=2.0, length=8.0, rate=25.0):

@@ -22,7 +22,7 @@ from replay_rig import (
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.solids import post
-from swath.rays.height_grid import load_height_grid
+from swath.rays.height_grid import EVEN, load_height_grid
 from swath.rays.heights import MEASURED, NOTHING, SOLID, UNMEASURED, HeightCaster
 from swath.sensing.lidar.replay import Params, ReplayLidar
 from swath.study.replay.build import build_replay
@@ -102,15 +102,15 @@ def test_an_even_stand_gives_back_the_distribution_that_was_measured(down):
 
 
 def test_a_fixed_share_is_that_quantile_and_higher_shares_are_met_earlier():
-    grid = hand_grid(heights=np.linspace(0.4, 0.9, 32))
+    grid = hand_grid(heights=np.linspace(0.4, 0.9, EVEN))
     o, d = ray(2.0, 6.0, 2.4, 0.0, 30.0)
     caster = HeightCaster(grid)
     z = [2.4 - 0.5 * caster.cast(o, d, range_max=40, share=s).distance[0] for s in (0.1, 0.5, 0.9)]
-    assert np.allclose(z, np.interp([0.1, 0.5, 0.9], SHARES, np.linspace(0.4, 0.9, 32)), atol=0.01)
+    assert np.allclose(z, np.interp([0.1, 0.5, 0.9], SHARES, np.linspace(0.4, 0.9, EVEN)), atol=0.01)
 
 
 def test_each_ray_is_drawn_alone_and_anew_in_every_scan():
-    grid = hand_grid(heights=np.linspace(0.2, 0.9, 32))
+    grid = hand_grid(heights=np.linspace(0.2, 0.9, EVEN))
     rng = np.random.default_rng(2)
     o = np.column_stack([rng.uniform(2, 4, 50), rng.uniform(4, 8, 50), np.full(50, 2.4)])
     d = np.repeat(ray(0, 0, 0, 0.0, 20.0)[1], 50, axis=0)

@@ -12,13 +12,13 @@ from swath.cli import main
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.units import DEG
-from swath.rays.height_grid import NONE, load_height_grid
+from swath.rays.height_grid import DEEP, EVEN, LEVELS, NONE, THICK, load_height_grid
 from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster, surface
 from swath.sim.mcap import McapFile
 from swath.sim.recorded.mcap_log import CUT_OFF
 from swath.study.replay.build import Settings, build_replay, open_source
 from swath.study.replay.gather import Gatherer, Samples, pool
-from swath.study.replay.passing import Passing, stop_weights
+from swath.study.replay.passing import Passing, thicknesses
 from swath.study.replay.poses import PoseTrack, euler_of, make_track
 from swath.study.replay.source import Wanted
 
@@ -133,12 +133,12 @@ def test_heights_step_and_ground_of_a_made_drive(tmp_path):
     assert grid.about["scans"] == SCANS
     assert grid.about["echoes"] == SCANS * BEAMS
     x = np.linspace(4.8, 7.0, 23)
-    assert np.allclose(surface(grid, x, np.full(23, -0.4), 16), 5.8, atol=0.011)
-    assert np.allclose(surface(grid, x, np.full(23, 0.4), 16), 5.0, atol=0.011)
+    assert np.allclose(surface(grid, x, np.full(23, -0.4), 0.5), 5.8, atol=0.011)
+    assert np.allclose(surface(grid, x, np.full(23, 0.4), 0.5), 5.0, atol=0.011)
     assert np.allclose(grid.ground_height(x, 0 * x), 5.0, atol=1e-3)
-    assert np.isnan(surface(grid, [0.0, 50.0], [0.0, 0.0], 16)).all()
+    assert np.isnan(surface(grid, [0.0, 50.0], [0.0, 0.0], 0.5)).all()
     lit = grid.cells_at(5.0, -0.4)
-    assert grid.quantiles.reshape(-1, 32)[lit, 0] != NONE
+    assert grid.quantiles.reshape(-1, LEVELS)[lit, 0] != NONE
 
 
 def test_npz_csv_and_recordings_say_the_same(tmp_path):
@@ -152,7 +152,7 @@ def test_npz_csv_and_recordings_say_the_same(tmp_path):
     assert bag.about["echoes"] == SCANS * (BEAMS - 1)
     at = np.linspace(4.0, 6.0, 21)
     for y in (-0.5, 0.5):
-        a, b = (surface(g, at, np.full(21, y), 16) for g in (npz, bag))
+        a, b = (surface(g, at, np.full(21, y), 0.5) for g in (npz, bag))
         assert np.nanmax(np.abs(a - b)) < 0.003
     assert np.nanmean(bag.intensity) == pytest.approx(0.4, abs=1e-3)
 
@@ -297,23 +297,26 @@ def test_the_kept_sample_does_not_depend_on_the_parts_and_is_bounded():
 def test_stopped_beams_are_estimated_from_those_that_passed():
     # layers 0 and 3 of one cell: 10 of 20 beams stop in the upper one, all the rest in the lower one
     cell, layer = np.zeros(20, int), np.repeat([0, 3], 10)
-    share, passed = stop_weights(cell, layer, np.ones(20), np.repeat([10.0, 20.0], 10))
-    on = np.exp(-0.5 * (1 + 0.5 / 20))
-    assert share[layer == 3].sum() == pytest.approx(1 - on)
-    assert share[layer == 0].sum() == pytest.approx(on * (1 - np.exp(-1.0 * (1 + 0.5 / 10))))
-    assert share.sum() + passed[0] == pytest.approx(1.0)
+    upper, whole = thicknesses(cell, layer, np.ones(20), np.repeat([10.0, 20.0], 10))
+    above = 0.5 * (1 + 0.5 / 20)  # of the upper layer
+    assert upper[-1] == pytest.approx(0.0)
+    assert upper[layer == 0].min() == pytest.approx(above)
+    assert whole[0] == pytest.approx(above + 1.0 * (1 + 0.5 / 10))
+    assert (np.diff(upper) < 0.0).all()
     # ten times as many went through the upper layer: what was measured there weighs less
-    few, _ = stop_weights(cell, layer, np.ones(20), np.repeat([10.0, 200.0], 10))
-    assert few[layer == 3].sum() == pytest.approx(0.05, rel=0.03)
+    few, _ = thicknesses(cell, layer, np.ones(20), np.repeat([10.0, 200.0], 10))
+    assert few[layer == 0].min() == pytest.approx(0.05, rel=0.03)
 
 
 def test_cells_keep_a_distribution_and_neighbours_lend_theirs():
     key = np.full(100, 5 * 256 + 40)
     height = np.sort(np.repeat([0, 800], 50)).astype(np.int16)
     samples = Samples(256, key, height, key[:1], np.array([100]), np.array([0.5]))
-    block = pool(samples, 0, 0, along=0, across=0)
-    assert (block[5, 40, :16] == 0).all()
-    assert (block[5, 40, 16:] == 800).all()
+    block, thickness = pool(samples, 0, 0, along=0, across=0)
+    assert block[5, 40, 0] == 0
+    assert (block[5, 40, DEEP : DEEP + EVEN // 2] == 0).all()
+    assert (block[5, 40, DEEP + EVEN // 2 :] == 800).all()
+    assert (thickness[4:7, 39:42] <= -THICK).all()
     assert (block[4:7, 39:42] == block[5, 40]).all()
     assert (block[3, 40] == NONE).all()
     assert np.count_nonzero(block[..., 0] != NONE) == 9
@@ -328,10 +331,61 @@ def test_crop_is_not_lent_to_a_neighbour_that_beams_went_through():
     passing.times[5, 10, 16] = 25.0
     for through, held in ((0.0, 800), (3.0, NONE)):
         passing.times[6, 9:12, 10:] = through
-        found = pool(samples, 0, 0, along=1, across=0, fill=2, passing=passing)
+        found, _ = pool(samples, 0, 0, along=1, across=0, fill=2, passing=passing)
         assert found[5, 10, -1] == 800
         assert found[6, 10, -1] == held
         assert found[4, 10, -1] == 800  # nobody knows better
+
+
+def curtain(path, *, silent):
+    """A scanner 1 m up that looks to the left and sweeps from above to below, past a curtain of leaves in
+    the middle of a cell: between 0.5 m and 1.5 m half of the beams stop there, all others pass."""
+    angle = np.arange(-60.0, 60.5, 0.5)
+    rng = np.random.default_rng(5)
+    rise = -np.sin(angle * DEG)
+    flat = np.cos(angle * DEG)
+    at = 1.0 + 1.025 * rise / flat  # height at the curtain
+    stopped = (at > 0.5) & (at < 1.5) & (rng.random((80, len(angle))) < 0.5)
+    with np.errstate(divide="ignore"):
+        ground = np.where(rise < 0.0, 1.0 / -rise, np.inf)
+    ranges = np.where(stopped, 1.025 / flat, ground)
+    gone = ranges > 8.0
+    arrays = {"no_return": gone.astype(np.uint8)} if silent else {}
+    np.savez(
+        path,
+        ranges_m=np.where(gone, 8.19 if silent else np.nan, ranges),
+        angle_deg=angle,
+        scan_time_s=0.1 * np.arange(80),
+        x_m=0.05 * np.arange(80),
+        y_m=np.zeros(80),
+        **arrays,
+    )
+    return path, angle, stopped
+
+
+def test_a_curtain_stops_level_beams_and_those_that_rise_as_often_as_it_did(tmp_path):
+    """Though there is much crop above them, and though what passed it met only the sky."""
+    mount = Pose.from_euler((0.0, 0.0, 1.0), roll=-90 * DEG, yaw=90 * DEG)
+    share = []
+    for silent in (True, False):
+        path, angle, stopped = curtain(tmp_path / "curtain.npz", silent=silent)
+        grid = build_replay(open_source(path, Wanted(mount=mount, range_max=8.0)), Settings(reach_m=8.0))
+        d = mount.turn(np.stack([np.cos(angle * DEG), np.sin(angle * DEG), 0 * angle], axis=1))
+        found = []
+        for x in np.arange(0.5, 3.5, 0.05):
+            hits = HeightCaster(grid).cast(
+                np.tile([x, 0.0, 1.0], (len(angle), 1)), d, range_max=8.0, seed=int(1000 * x)
+            )
+            at = 1.0 + hits.distance * d[:, 2]
+            found.append((hits.what == MEASURED) & (hits.distance * d[:, 1] < 1.1) & (at > 0.3))
+        rate, real = np.mean(found, axis=0), stopped.mean(axis=0)
+        rise = np.arcsin(d[:, 2]) / DEG
+        low, level, up = (rise > -40) & (rise < -29), (rise > -20) & (rise < -8), (rise > 3) & (rise < 20)
+        assert rate[low].mean() < 0.05  # under it
+        assert rate[level].mean() == pytest.approx(real[level].mean(), abs=0.08)
+        share.append(rate[up].mean())
+    assert share[0] == pytest.approx(0.5, abs=0.08)
+    assert share[1] > 0.8  # nobody told what passed
 
 
 def test_poses_between_rows_and_over_the_jump_of_the_heading():
@@ -407,8 +461,17 @@ def test_real_scans_of_a_vineyard_are_driven_past():
     again = [scan(x, 0.0) for x in place]
     both = np.array([(h.what == MEASURED) for h in again]) & ~silent
     error = np.array([h.distance for h in again])[both] - ranges[both]
-    assert both.sum() > 0.75 * (~silent).sum()
+    assert both.sum() > 0.92 * (~silent).sum()
     assert np.median(np.abs(error)) < 0.03
+    # ... and as many of them meet the row, at every elevation: level ones are stopped, low ones pass below
+    high = np.array([(h.what == MEASURED) & (0.9 + h.distance * d[:, 2] > 0.3) for h in again])
+    row_before = ~silent & (0.9 + ranges * d[:, 2] > 0.3)
+    hits = sum(int((h.what == MEASURED).sum()) for h in again)
+    assert high.sum() / hits == pytest.approx(row_before.sum() / (~silent).sum(), abs=0.03)
+    elevation = np.arcsin(d[:, 2]) / DEG
+    for low in range(-50, 60, 10):
+        part = (elevation >= low) & (elevation < low + 10)
+        assert high[:, part].mean() == pytest.approx(row_before[:, part].mean(), abs=0.15)
     # 0.2 m nearer and at another speed: the row stands where it stood, and is as high
     nearer = [scan(x, 0.2) for x in np.arange(0.1, 1.8, 0.11)]
 

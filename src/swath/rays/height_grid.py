@@ -2,8 +2,10 @@
 
 Local frame: the world turned by `yaw` about z and moved to `origin`, x along the way that was driven while
 measuring. Square cells, TILE x TILE of them to a tile; only tiles with echoes are held. A cell keeps the
-distribution of the heights that were measured in and around it as LEVELS quantiles, the k-th at the share
-(k + 0.5) / LEVELS, so a canopy with gaps stays a canopy with gaps.
+distribution of the heights that were measured in and around it as LEVELS quantiles, so a canopy with gaps
+stays a canopy with gaps. The EVEN upper of the levels are quantiles of what beams from above see. What stands
+further down stops a beam that comes in through the side, however much crop there is above. So the lower DEEP
+levels hold how thick the crop above is, -log of the share of beams that get there, at even heights.
 """
 
 import json
@@ -18,8 +20,13 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 
 Array = NDArray[np.float64]
-FORMAT = "swath replay 1"
-LEVELS = 32
+FORMAT = "swath replay 2"
+DEEP, EVEN = 12, 32
+LEVELS = DEEP + EVEN
+SHARES = (np.arange(EVEN) + 0.5) / EVEN  # of the heights that lie below the upper levels
+THICK = -float(np.log(SHARES[0]))  # thickness above the lowest of these
+PER_THICKNESS = 50.0  # of the numbers held of it
+THICKEST = 650.0
 TILE = 32  # cells along a tile
 NODE_CELLS = 8  # cells between two nodes of the ground lattice
 NODES = TILE // NODE_CELLS
@@ -33,7 +40,10 @@ class HeightGrid:
 
     origin: (3,) world place of the local frame's corner [m]; yaw [rad]; cell: side of a cell [m]
     table: (ty, tx) row of the pools, -1 = nothing measured there
-    quantiles: (m, TILE, TILE, LEVELS) int16 heights above ground [mm], rising; NONE = never measured
+    quantiles: (m, TILE, TILE, LEVELS) int16. First the lowest height above ground [mm], NONE = never
+    measured; from DEEP on the heights at SHARES [mm], rising; between the two the thickness times
+    PER_THICKNESS at the heights that cut the way from the lowest to that at DEEP into equal parts
+    thickness: (m, TILE, TILE) at the lowest height; < 0: nobody looked further down, its size counts
     count: (m, TILE, TILE) echoes in the cell itself (neighbours lend to cells with 0 of them)
     intensity: (m, TILE, TILE) mean of the echoes, nan = none
     ground: (ty * NODES + 1, tx * NODES + 1) height of the ground [m] above origin[2], bilinear
@@ -45,6 +55,7 @@ class HeightGrid:
     cell: float
     table: NDArray[np.int32]
     quantiles: NDArray[np.int16]
+    thickness: NDArray[np.float32]
     count: NDArray[np.uint16]
     intensity: NDArray[np.float32]
     ground: NDArray[np.float32]
@@ -111,6 +122,7 @@ class HeightGrid:
                 cell_m=np.array(self.cell),
                 table=self.table,
                 height_quantiles_mm=self.quantiles,
+                thickness=self.thickness,
                 count=self.count,
                 intensity=self.intensity,
                 ground_m=self.ground,
@@ -170,6 +182,7 @@ def _grid_of(arrays: Mapping[str, NDArray[Any]]) -> HeightGrid:
         cell=float(take("cell_m", np.float64).item()),
         table=take("table", np.int32),
         quantiles=take("height_quantiles_mm", np.int16),
+        thickness=take("thickness", np.float32),
         count=take("count", np.uint16),
         intensity=take("intensity", np.float32),
         ground=take("ground_m", np.float32),
@@ -185,6 +198,8 @@ def _fault(g: HeightGrid) -> str | None:
     ty, tx = g.table.shape
     if g.quantiles.shape != (m, TILE, TILE, LEVELS) or m == 0:
         return f"quantiles of shape (m, {TILE}, {TILE}, {LEVELS})"
+    if g.thickness.shape != (m, TILE, TILE) or not np.isfinite(g.thickness).all():
+        return "a finite thickness in the shape of the cells"
     if g.count.shape != (m, TILE, TILE) or g.intensity.shape != (m, TILE, TILE):
         return "counts and intensities in the shape of the cells"
     if sorted(g.table[g.table >= 0].tolist()) != list(range(m)):

@@ -10,7 +10,7 @@ from swath.field.layout import Solids
 from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
-from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid, lattice_height
+from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, TILE, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
 UNTOUCHED = 255  # in `HeightCaster.cut`
@@ -116,7 +116,12 @@ class HeightCaster:
         scene.table, scene.ground = share(g.table, wp.int32), share(g.ground, wp.float32)
         scene.tile_top = share(tile_tops(g).ravel(), wp.float32)
         top = np.where(g.is_measured, g.quantiles[..., -1], NONE).astype(np.int16)
-        scene.quantiles, scene.top = share(_aligned(g.quantiles), wp.int16), share(top.ravel(), wp.int16)
+        scene.quantiles, scene.top = (
+            share(_aligned(g.quantiles[..., DEEP:]), wp.int16),
+            share(top.ravel(), wp.int16),
+        )
+        scene.deep = share(np.ascontiguousarray(g.quantiles[..., :DEEP]).ravel(), wp.int16)
+        scene.thickness = share(g.thickness.ravel(), wp.float32)
         scene.cut = share(self.cut.reshape(-1), wp.uint8)
         scene.intensity = share(g.intensity.reshape(-1), wp.float32)
         told = [share(self._whole, wp.int32), share(self._real, wp.float32)]
@@ -146,10 +151,13 @@ def tile_tops(grid: HeightGrid) -> NDArray[np.float32]:
     return np.asarray(top + 1e-3, dtype=np.float32)
 
 
-def surface(grid: HeightGrid, x: Any, y: Any, level: int) -> NDArray[np.float64]:
-    """Height of the surface of one quantile in the world [m], nan where nothing was measured."""
+def surface(grid: HeightGrid, x: Any, y: Any, share: float) -> NDArray[np.float64]:
+    """Height of the surface that a share of the heights lie below, in the world [m], nan where nothing was
+    measured."""
     u, v = grid.to_local(x, y)
     cell = grid.cells_at(x, y)
     q = grid.quantiles.reshape(-1, LEVELS)[cell]
-    height = np.where((cell >= 0) & (q[..., 0] != NONE), q[..., level] * 1e-3, np.nan)
+    height = np.where(
+        (cell >= 0) & (q[..., 0] != NONE), q[..., DEEP + int(np.searchsorted(SHARES, share))] * 1e-3, np.nan
+    )
     return np.asarray(grid.origin[2] + lattice_height(grid.ground, grid.node, u, v) + height)

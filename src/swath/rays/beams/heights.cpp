@@ -1,8 +1,9 @@
 // Rays through a grid of measured heights: the body of one native function (kernel.py), after lanes.cpp. One pack of 16 rays.
 //
-// In a cell F(z) is the share of the heights measured there that lie below z. A ray that sinks from a to b in it goes on with
-// probability F(b) / F(a): it is above a already. It is stopped where the product along its way falls below its own number u in
-// [0, 1). In an even stand the product is F(z): it meets measured heights as often as they were measured.
+// In a cell F(z) is the share of the heights measured there that lie below z, and -log F(z) the thickness of what stands above
+// z. A ray that sinks from a to b in it goes on with probability F(b) / F(a): it is above a already; one that rises from b to a
+// likewise. It is stopped where the product along its way falls below its own number u in [0, 1). In an even stand the product
+// is F(z): it meets measured heights as often as they were measured.
 //
 // In: p, the pack; g (see `Heights` in kernel.py), seed, share, grain of the draw, origins, directions, reach [m], count.
 // In and out, per ray: distance, kind, cosine, reflectance: with has_solids the nearest solid's, else only out; kind as in
@@ -10,7 +11,8 @@
 
 typedef short S32 __attribute__((vector_size(64)));
 typedef bool B32 __attribute__((ext_vector_type(32)));
-constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, NONE = -32768, UNTOUCHED = 255;
+constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, DEEP = 12, NONE = -32768, UNTOUCHED = 255;
+constexpr float PER_THICKNESS = 50.0f, THICK = 4.1588831f;  // as in rays/height_grid.py; LEVELS are its EVEN
 constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in study/replay/passing.py; rays/checks.py
 
 const int start = p * N, columns = g.table.shape[1], rows = g.table.shape[0], nodes_x = g.ground.shape[1], nodes_y = g.ground.shape[0];
@@ -65,36 +67,71 @@ if (share < 0.0f) {
   drawn = (real((h >> 8) & 0xffffff) + 0.5f) / 16777216.0f;
 }
 
-// ---- The distribution of a cell: its quantiles [mm] and what is left of it when it was cut
+// ---- The distribution of a cell: its quantiles [mm], the thickness below these, and what is left of it when it was cut
+auto log_one = [&](float x) -> float { return log_of(put(x))[0]; };
+auto exp_one = [&](float x) -> float { return x < -80.0f ? 0.0f : exp_of(put(x))[0]; };
 auto row_of = [&](int at) -> const short* { return g.quantiles.data + (size_t)at * LEVELS; };
-auto share_below = [&](int at, float z) -> float {  // of the heights in it, linear between its quantiles
+auto whole_of = [&](int at) -> float { return __builtin_fabsf(g.thickness.data[at]); };
+auto thickness_at = [&](int at, int k) -> float {  // at the k-th of the heights from the lowest up to the first quantile
+  return k == 0 ? whole_of(at) : k >= DEEP ? THICK : g.deep.data[(size_t)at * DEEP + k] / PER_THICKNESS;
+};
+struct Below { float share, thickness; };  // of the heights in a cell; thickness < 0: the share says it
+auto below = [&](int at, float z) -> Below {
   const short* q = row_of(at);
-  const float mm = 1000.0f * z;
-  float part = mm > (float)q[LEVELS - 1] ? 1.0f : 0.0f;
-  if (mm > (float)q[0] && part < 1.0f) {
+  const float mm = 1000.0f * z, whole = whole_of(at);
+  Below found = {0.0f, FAR};
+  if (mm > (float)q[LEVELS - 1]) {
+    found = {1.0f, -1.0f};
+  } else if (mm > (float)q[0]) {
     S32 all;
     __builtin_memcpy(&all, q, 64);
     const B32 lower = __builtin_convertvector(all < (short)__builtin_ceilf(mm), B32);
-    unsigned found;
-    __builtin_memcpy(&found, &lower, 4);
-    int k = __builtin_popcount(found) - 1;  // largest level below z
+    unsigned bits_below;
+    __builtin_memcpy(&bits_below, &lower, 4);
+    int k = __builtin_popcount(bits_below) - 1;  // largest level below z
     k = k > LEVELS - 2 ? LEVELS - 2 : k < 0 ? 0 : k;
     const float a = q[k], b = q[k + 1];
-    part = ((float)k + 0.5f + (mm - a) / (b - a > 1.0f ? b - a : 1.0f)) / LEVELS;
+    found = {((float)k + 0.5f + (mm - a) / (b - a > 1.0f ? b - a : 1.0f)) / LEVELS, -1.0f};
+    if (whole < THICK) {  // beams went below all that was measured here: no less than their share
+      const float passed = exp_one(-whole);
+      if (found.share < passed) found.share = passed;
+    }
+  } else if (const float lowest = g.deep.data[(size_t)at * DEEP]; mm > lowest) {
+    const float way = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (way > 1.0f ? way : 1.0f);
+    const int k = (int)f > DEEP - 1 ? DEEP - 1 : (int)f;
+    const float a = thickness_at(at, k), b = thickness_at(at, k + 1), thick = a + (b - a) * (f - (float)k);
+    found.thickness = thick < whole ? thick : whole;
+  } else if (z > 0.0f && g.thickness.data[at] >= 0.0f) {
+    found.thickness = whole;
   }
   const int stubble = g.cut.data[at];
   if (stubble < UNTOUCHED) {
     const float cut = 100.0f * z / (stubble > 0 ? (float)stubble : 0.01f), kept = cut < 0.0f ? 0.0f : cut > 1.0f ? 1.0f : cut;
-    part = part > kept ? part : kept;
+    const float part = found.thickness < 0.0f ? found.share : exp_one(-found.thickness);
+    found = {part > kept ? part : kept, -1.0f};
+    if (found.share <= 0.0f) found.thickness = FAR;
   }
-  return part;
+  return found;
 };
-auto height_at = [&](int at, float part) -> float {  // that a share of the heights lies below [m]
+auto thickness_of = [&](Below b) -> float { return b.thickness < 0.0f ? -log_one(b.share) : b.thickness; };
+auto height_under = [&](int at, float thickness) -> float {  // of a cell that has this thickness above it [m]
   const short* q = row_of(at);
-  float f = part * LEVELS - 0.5f;
-  f = f < 0.0f ? 0.0f : f > LEVELS - 1 ? (float)(LEVELS - 1) : f;
-  const int k = (int)f > LEVELS - 2 ? LEVELS - 2 : (int)f;
-  const float z = 0.001f * (q[k] + (float)(q[k + 1] - q[k]) * (f - (float)k));
+  const float part = exp_one(-thickness);
+  float z = 0.0f;  // the ground stops what nothing measured did
+  if (thickness <= whole_of(at) || g.thickness.data[at] < 0.0f) {
+    if (thickness <= THICK) {
+      float f = part * LEVELS - 0.5f;
+      f = f < 0.0f ? 0.0f : f > LEVELS - 1 ? (float)(LEVELS - 1) : f;
+      const int k = (int)f > LEVELS - 2 ? LEVELS - 2 : (int)f;
+      z = 0.001f * (q[k] + (float)(q[k + 1] - q[k]) * (f - (float)k));
+    } else {
+      int k = DEEP - 1;
+      while (k > 0 && thickness_at(at, k) < thickness) --k;
+      const float a = thickness_at(at, k), b = thickness_at(at, k + 1), lowest = g.deep.data[(size_t)at * DEEP];
+      const float f = a <= thickness ? 0.0f : (a - thickness) / (a - b > 1.0e-6f ? a - b : 1.0e-6f);
+      z = 0.001f * (lowest + ((float)q[0] - lowest) * ((float)k + (f > 1.0f ? 1.0f : f)) / DEEP);
+    }
+  }
   const int stubble = g.cut.data[at];
   const float left = 0.01f * (float)stubble * part;
   return stubble < UNTOUCHED && left < z ? left : z;
@@ -169,7 +206,8 @@ while (any(tiles | cells)) {
     const F u = (ox + dx * after) * g.nodes_per_m - real(patch_x), v = (oy + dy * after) * g.nodes_per_m - real(patch_y);
     const F b = oz + dz * after - (load(corner[0]) + load(corner[1]) * u + (load(corner[2]) + load(corner[3]) * u) * v);
     const I at = (slot * g.tile + (cy - j * g.tile)) * g.tile + (cx - i * g.tile);
-    const F low = least(least(a, b), a - flattest * (after - t)), high = most(a, b);
+    const F flat = flattest * (after - t);  // flat rays count as if they sank or rose more steeply
+    const F low = pick(b > a, a, least(b, a - flat)), high = pick(b > a, most(b, a + flat), a);
     const I known = cells & (slot >= 0);
     storei(in.at, at), storei(in.top, puti(NONE));
     for (unsigned m = bits(known); m; m &= m - 1) {
@@ -181,17 +219,24 @@ while (any(tiles | cells)) {
     storei(in.done, I{}), storei(in.rises, b > a);
     for (unsigned m = bits(is_measured & (I)(1000.0f * low <= real(top))); m; m &= m - 1) {  // others are above all that was measured
       const int l = __builtin_ctz(m), n = in.at[l];
-      const float below = share_below(n, in.low[l]);
-      if (below >= 1.0f) continue;
-      const float above = share_below(n, in.high[l]), left = above > 0.0f ? in.survived[l] * below / above : 0.0f;
+      const Below lower = below(n, in.low[l]);
+      if (lower.thickness < 0.0f && lower.share >= 1.0f) continue;
+      const Below upper = below(n, in.high[l]);
+      float left = 0.0f;
+      if (lower.thickness < 0.0f && upper.thickness < 0.0f) {
+        left = in.survived[l] * lower.share / upper.share;
+      } else if (upper.thickness < FAR && lower.thickness < FAR) {
+        left = in.survived[l] * exp_one(thickness_of(upper) - thickness_of(lower));
+      }
       if (left > in.drawn[l]) {
         in.survived[l] = left;
         continue;
       }
       in.done[l] = -1;
       in.part[l] = 0.0f;
-      if (above > 0.0f && in.high[l] > in.low[l]) {
-        const float part = (in.high[l] - height_at(n, in.drawn[l] * above / in.survived[l])) / (in.high[l] - in.low[l]);
+      if (upper.thickness < FAR && in.high[l] > in.low[l]) {
+        const float deeper = thickness_of(upper) - log_one(in.drawn[l] / in.survived[l]);
+        const float part = (in.high[l] - height_under(n, deeper)) / (in.high[l] - in.low[l]);
         const float held = part < 0.0f ? 0.0f : part > 1.0f ? 1.0f : part;
         in.part[l] = in.rises[l] ? 1.0f - held : held;
       }

@@ -151,7 +151,8 @@ class Heights:
     """A `HeightGrid`, all flat but the table and the ground.
 
     tile_top: highest surface in a tile above origin z, ground where nothing was measured; of a cell:
-    quantiles, top: the highest of them, intensity; cut: 255 = as measured, else stubble height [cm]
+    quantiles, top: the highest of them, deep: the levels below them, thickness, intensity
+    cut: 255 = as measured, else stubble height [cm]
     """
 
     origin: wp.vec3d
@@ -162,6 +163,8 @@ class Heights:
     table: wp.array2d(dtype=int)
     tile_top: wp.array(dtype=float)
     quantiles: wp.array(dtype=wp.int16)
+    deep: wp.array(dtype=wp.int16)
+    thickness: wp.array(dtype=float)
     top: wp.array(dtype=wp.int16)
     cut: wp.array(dtype=wp.uint8)
     intensity: wp.array(dtype=float)

@@ -35,6 +35,7 @@ POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     FIX,
 )
+FARTHEST = 200.0  # no scanner that matters here looks further [m]
 WORLD = ("map", "world", "odom")
 
 
@@ -145,24 +146,30 @@ def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator
             good = np.isfinite(echoes.time) & np.isfinite(far)
             if not source.frame_is_world:
                 good &= (far >= wanted.range_min) & (far <= wanted.range_max)
-        silent = int(np.count_nonzero(~good))
-        yield Echoes(echoes.time[good], echoes.points[good], echoes.intensity[good], silent)
+        found = echoes.time[good], echoes.points[good], echoes.intensity[good]
+        count, free = int(np.count_nonzero(~good)), echoes.silent
+        if len(free):  # not known further than where echoes are not taken any more
+            length = np.linalg.norm(free, axis=1, keepdims=True)
+            free = free * np.minimum(wanted.range_max / np.maximum(length, 1e-9), 1.0)
+        yield Echoes(*found, count, 1, free, echoes.silent_time)
 
 
 def _of_scan(message: Any) -> Echoes:
     ranges = np.asarray(message.ranges, dtype=np.float64)
     beam = np.arange(len(ranges))
     azimuth = np.asarray(message.angle_min + beam * float(message.angle_increment), dtype=np.float64)
-    outside = (ranges < message.range_min) | (ranges > message.range_max)
-    ranges[outside] = np.nan
+    gone = ranges > message.range_max  # inf: no echo
+    ranges[gone | (ranges < message.range_min)] = np.nan
     intensity = np.asarray(message.intensities, dtype=np.float64)
     if len(intensity) != len(ranges):
         intensity = np.full(len(ranges), np.nan)
     time: Array = np.asarray(
         _seconds(message.header.stamp) + beam * float(message.time_increment), np.float64
     )
-    with np.errstate(invalid="ignore"):  # inf: no echo
-        return Echoes(time, polar_points(ranges, azimuth), intensity)
+    reach = np.full(int(gone.sum()), min(float(message.range_max), FARTHEST))
+    free = polar_points(reach, azimuth[gone])
+    with np.errstate(invalid="ignore"):
+        return Echoes(time, polar_points(ranges, azimuth), intensity, silent=free, silent_time=time[gone])
 
 
 def _of_cloud(message: Any) -> Echoes:

@@ -14,7 +14,7 @@ from swath.study.replay import ground
 from swath.study.replay.bag import open_bag
 from swath.study.replay.gather import BLOCK, Gatherer, Samples, pool
 from swath.study.replay.passing import Passing
-from swath.study.replay.place import Frame, batches, placed
+from swath.study.replay.place import Frame, batches, left_above, placed
 from swath.study.replay.source import Echoes, Source, Wanted
 from swath.study.replay.tables import open_csv, open_npz
 
@@ -110,6 +110,7 @@ def build_replay(
         cell=settings.cell_m,
         table=pools.table,
         quantiles=quantiles,
+        thickness=np.stack(pools.thickness),
         count=np.stack(pools.count),
         intensity=np.stack(pools.intensity),
         ground=lattice.astype(np.float32),
@@ -170,10 +171,18 @@ class _Pools:
     def __init__(self, tiles: tuple[int, int]) -> None:
         self.table = np.full(tiles, -1, np.int32)
         self.quantiles: list[NDArray[np.int16]] = []
+        self.thickness: list[NDArray[np.float32]] = []
         self.count: list[NDArray[np.uint16]] = []
         self.intensity: list[NDArray[np.float32]] = []
 
-    def add(self, samples: Samples, row: int, column: int, heights: NDArray[np.int16]) -> None:
+    def add(
+        self,
+        samples: Samples,
+        row: int,
+        column: int,
+        heights: NDArray[np.int16],
+        thickness: NDArray[np.float32],
+    ) -> None:
         """The tiles of a block whose first is (row, column)."""
         count, light = _own(samples, column * TILE, row * TILE)
         for k in range(min(BLOCK // TILE, self.table.shape[1] - column)):
@@ -181,6 +190,7 @@ class _Pools:
             if (heights[part][..., 0] != NONE).any():
                 self.table[row, column + k] = len(self.quantiles)
                 self.quantiles.append(heights[part])
+                self.thickness.append(thickness[part])
                 self.count.append(count[part])
                 self.intensity.append(light[part])
 
@@ -206,12 +216,13 @@ def _cells(
             passing = Passing(first - margin, wide + 2 * margin, low, high - low, top)
             for echoes in batches(source):
                 passing.add(placed(source, echoes, frame, lattice), frame, lattice)
+                passing.add(left_above(source, echoes, frame, lattice, top), frame, lattice)
                 _tell(progress, echoes, source)
         for row in range(max(low // TILE, 0), min((high - 1) // TILE + 1, frame.tiles[0])):
             for column in range(first, min(first + wide, frame.width), BLOCK):
                 window = {"along": along, "across": across, "fill": fill}
-                heights = pool(samples, column, row * TILE, passing=passing, **window)
-                pools.add(samples, row, column // TILE, heights)
+                found = pool(samples, column, row * TILE, passing=passing, **window)
+                pools.add(samples, row, column // TILE, *found)
     return pools
 
 

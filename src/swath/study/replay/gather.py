@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.hashing import hash_cells
-from swath.rays.height_grid import LEVELS, NONE, TILE
-from swath.study.replay.passing import Passing, stop_weights
+from swath.rays.height_grid import DEEP, LEVELS, NONE, PER_THICKNESS, SHARES, THICK, THICKEST, TILE
+from swath.study.replay.passing import Passing, thicknesses
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -16,6 +16,7 @@ BUFFER = 1 << 20  # echoes that wait to be merged
 CELLS_MAX = 20_000_000
 FEWEST_BELOW = 0.25  # times that beams went below the lowest echo of a cell, for it to be open there
 BLOCK = 8 * TILE  # columns that are pooled at once
+TALL, WIDE = 1.0e4, 1.0e5  # apart lie cells in lists of thicknesses and of heights [mm]
 
 
 @dataclass(frozen=True)
@@ -117,9 +118,9 @@ def pool(
     across: int,
     fill: int = 1,
     passing: Passing | None = None,
-) -> NDArray[np.int16]:
-    """Quantiles [mm] of a block of cells whose first is (column, row), (TILE, BLOCK, LEVELS), NONE = never
-    measured.
+) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
+    """Levels of a block of cells whose first is (column, row), (TILE, BLOCK, LEVELS), NONE = never measured,
+    and their thickness, (TILE, BLOCK); as in a `HeightGrid`.
 
     A cell with an echo within `fill` rows and columns of it is measured. Its distribution is that of the
     echoes within `along` columns and `across` rows, `fill` of both where these hold none, less the layers
@@ -134,14 +135,14 @@ def pool(
     r, c, h = r[near] - row, c[near] - column, samples.height[low:high][near].astype(np.int64)
     number = samples.number[low:high][near]
     block = _Block(column, row, r, c, h, number, passing)
-    found = np.full((TILE * BLOCK, LEVELS), NONE, np.int16)
+    found = np.full((TILE * BLOCK, LEVELS), NONE, np.int16), np.zeros(TILE * BLOCK, np.float32)
     touched = _touched(r, c, fill)
     _fill(found, block, along, across, touched)
-    empty = touched & (found[:, 0] == NONE)
+    empty = touched & (found[0][:, 0] == NONE)
     if empty.any():
         open_to = None if passing is None else passing.pooled(row, column, (TILE, BLOCK), along, across)
         _fill(found, block, wide, reach, empty, open_to)
-    return found.reshape(TILE, BLOCK, LEVELS)
+    return found[0].reshape(TILE, BLOCK, LEVELS), found[1].reshape(TILE, BLOCK)
 
 
 @dataclass(frozen=True)
@@ -168,14 +169,14 @@ def _touched(r: Ints, c: Ints, fill: int) -> NDArray[np.bool_]:
 
 
 def _fill(
-    found: NDArray[np.int16],
+    found: tuple[NDArray[np.int16], NDArray[np.float32]],
     b: _Block,
     along: int,
     across: int,
     which: NDArray[np.bool_],
     open_to: Array | None = None,
 ) -> None:
-    """Quantiles of some cells from the window around them.
+    """Levels and thickness of some cells from the window around them.
 
     open_to: times that beams passed the layers of cells that have no echo of their own: where they did,
     heights of others do not count. Else crop would grow sideways into what lies open beside it.
@@ -204,30 +205,48 @@ def _fill(
             return
     first = np.flatnonzero(np.diff(cell, prepend=-1))
     count = np.diff(first, append=len(cell))
-    passed = np.zeros(len(first))
-    if b.passing is not None:
+    if b.passing is None:
+        upper, whole = _counted(first, count, weight), np.zeros(len(first))
+        closed = np.ones(len(first), bool)
+    else:
         layer = np.maximum(np.floor(height * 1e-3 / b.passing.layer).astype(np.int64), 0)
         times = b.passing.pooled(b.row, b.column, (TILE, BLOCK), along, across)
         layer = np.minimum(layer, times.shape[2] - 1)
         times = times.reshape(TILE * BLOCK, -1)
-        number = weight
-        weight, passed = stop_weights(cell, layer, number, times[cell, layer])
+        upper, whole = thicknesses(cell, layer, weight, times[cell, layer])
         lower = np.cumsum(times, axis=1)[cell[first], layer[first]] - times[cell[first], layer[first]]
-        closed = lower < FEWEST_BELOW  # nobody went further down: the lowest echoes stopped all the rest
-        is_lowest = layer == np.repeat(layer[first], count)
-        stop = np.where(is_lowest & np.repeat(closed, count), number, 0.0)
-        stop /= np.repeat(np.maximum(np.add.reduceat(stop, first), 1e-9), count)
-        weight = weight + np.repeat(passed, count) * stop
-        passed[closed] = 0.0
+        closed = lower < FEWEST_BELOW  # nobody went further down: the lowest echoes stopped the rest
+    whole = np.where(closed, upper[first], whole)
+    heights = found[0]
+    heights[cell[first], DEEP:] = height[
+        _reaching(first, count, upper, np.minimum(-np.log(SHARES), whole[:, None]))
+    ]
+    heights[cell[first], 0] = height[first]
+    heights[cell[first], 1:DEEP] = _between(first, count, height, upper, heights[cell[first], DEEP])
+    found[1][cell[first]] = np.minimum(np.where(closed, -np.maximum(whole, THICK), whole), THICKEST)
+
+
+def _reaching(first: Ints, count: Ints, upper: Array, wanted: Array) -> Ints:
+    """The lowest height of each cell whose upper side no more than a thickness lies above, both (n, k)."""
+    rank = TALL * np.arange(len(first))
+    sides = np.repeat(rank, count) - upper
+    index = np.searchsorted(sides, (rank[:, None] - wanted - 1e-9).ravel()).reshape(wanted.shape)
+    return np.clip(index, first[:, None], (first + count - 1)[:, None])
+
+
+def _between(first: Ints, count: Ints, height: Ints, upper: Array, middle: NDArray[np.int16]) -> Array:
+    """Thickness above even heights between the lowest of each cell and `middle`, as in a `HeightGrid`."""
+    part = np.arange(1, DEEP) / DEEP
+    at = height[first][:, None] + (middle - height[first])[:, None] * part
+    rank = WIDE * np.arange(len(first))
+    index = np.searchsorted(np.repeat(rank, count) + height, (rank[:, None] + at).ravel()).reshape(at.shape)
+    index = np.clip(index - 1, first[:, None], (first + count - 1)[:, None])  # the next lower height
+    return np.round(PER_THICKNESS * np.minimum(upper[index], THICKEST))
+
+
+def _counted(first: Ints, count: Ints, weight: Array) -> Array:
+    """Thickness above the upper side of each height, where all echoes say the same."""
     run = np.cumsum(weight)
-    before = np.concatenate([[0.0], run])[first]
-    scale = (1.0 - passed) / (run[first + count - 1] - before)
-    share = np.repeat(passed, count) + (run - np.repeat(before, count)) * np.repeat(scale, count)
-    rank = np.arange(len(first))
-    wanted = rank[:, None] + (np.arange(LEVELS) + 0.5) / LEVELS
-    index = np.searchsorted(share + np.repeat(rank, count), wanted.ravel()).reshape(wanted.shape)
-    index = np.clip(index, first[:, None], (first + count - 1)[:, None])
-    is_passed = wanted - rank[:, None] < passed[:, None]  # these go on below what was measured here
-    below = np.minimum(height[first], 0)
-    found[cell[first]] = np.where(is_passed, below[:, None], height[index])
-    found[cell[first], 0] = np.where(passed > 0.0, below, height[first])  # how deep one can look at all
+    before = np.repeat((run - weight)[first], count)
+    whole = np.repeat(np.add.reduceat(weight, first), count)
+    return np.asarray(-np.log(np.minimum((run - before) / whole, 1.0)))

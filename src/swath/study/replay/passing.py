@@ -86,36 +86,26 @@ class Passing:
         return np.asarray(total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w])
 
 
-def stop_weights(cell: NDArray[Any], layer: NDArray[Any], number: Array, times: Array) -> tuple[Array, Array]:
-    """Share of the beams that each measured height stands for, (n,), and of every cell that of the beams
-    that none of them stopped.
+def thicknesses(cell: NDArray[Any], layer: NDArray[Any], number: Array, times: Array) -> tuple[Array, Array]:
+    """Thickness of what stands above the upper side of each measured height, (n,), and of all there is in
+    every cell: -log of the share of beams that get there from above.
 
     cell: of each sample, rising; layer: of its height, rising within a cell; number: echoes it stands for
     times: beams through its layer in its cell, all (n,)
     """
     key = np.flatnonzero((np.diff(cell, prepend=-1) != 0) | (np.diff(layer, prepend=-1) != 0))
-    group = np.zeros(len(cell), np.int64)
-    group[key] = 1
-    group = np.cumsum(group) - 1
-    echoes = np.bincount(group, number)
+    size = np.diff(key, append=len(cell))
+    echoes = np.add.reduceat(number, key)
     number_through = np.maximum(times[key], 0.5 * FLATTEST * echoes)
     # exp(-echoes / times) scatters about exp(-hazard) with variance hazard / times; the second term takes
     # out what that adds to its mean (Jensen), to first order
-    onward = np.exp(-echoes / number_through * (1.0 + 0.5 / np.maximum(number_through, 0.5)))
-    of = cell[key]
-    last = np.flatnonzero(np.diff(of, append=-1))  # highest layer of each cell
-    lowest = np.concatenate([[0], last[:-1] + 1])
-    reached = _products_from_the_top(onward, lowest, last)
-    mass = reached * (1.0 - onward)
-    share: Array = mass[group] * number / echoes[group]
-    return share, reached[lowest] * onward[lowest]
-
-
-def _products_from_the_top(onward: Array, lowest: NDArray[Any], last: NDArray[Any]) -> Array:
-    """Per layer the product of `onward` over the layers above it in the same cell."""
-    size = last - lowest + 1
-    reached = np.ones(len(onward))
-    for step in range(1, int(size.max())):
-        at = (last - step)[size > step]
-        reached[at] = reached[at + 1] * onward[at + 1]
-    return reached
+    hazard = echoes / number_through * (1.0 + 0.5 / np.maximum(number_through, 4.0))
+    run = np.cumsum(number)
+    to_it = (run - np.repeat(run[key] - number[key], size)) / np.repeat(echoes, size)
+    total = np.cumsum(hazard)
+    last = np.flatnonzero(np.diff(cell[key], append=-1))  # highest layer of each cell
+    first = np.concatenate([[0], last[:-1] + 1])
+    over = np.repeat(total[last], np.diff(last, prepend=-1)) - total  # of the layers above
+    stopped = np.repeat(-np.expm1(-hazard), size)  # share of the beams that get there, the same per echo
+    upper: Array = np.repeat(over, size) - np.log1p(-stopped * np.clip(1.0 - to_it, 0.0, 1.0))
+    return upper, over[first] + hazard[first]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.rays.height_grid import LEVELS, NODES, NONE, TILE, HeightGrid
+from swath.rays.height_grid import DEEP, NODES, NONE, SHARES, TILE, HeightGrid
 
 Array = NDArray[np.float64]
 PIXELS = 1600  # along the longer side; larger grids are thinned
@@ -69,7 +69,7 @@ def _maps(
     shape = ((y1 - y0) * side, (x1 - x0) * side)
     count, low, high = (np.full(shape, np.nan) for _ in range(3))
     step = TILE // side
-    quantile = (int(0.05 * LEVELS), int(0.95 * LEVELS))
+    quantile = DEEP + np.searchsorted(SHARES, (0.05, 0.95))
     for ty in range(y0, y1):
         for tx in range(x0, x1):
             slot = grid.table[ty, tx]

@@ -79,12 +79,28 @@ def placed(source: Source, echoes: Echoes, frame: Frame, lattice: Array) -> Plac
     return Placed(local, height, sensor, echoes.intensity[known], unknown)
 
 
+def left_above(source: Source, echoes: Echoes, frame: Frame, lattice: Array, top: float) -> Placed:
+    """Beams without echo that got above everything, `top` over the ground [m], within the range known to be
+    free: where they did. Of one that should have met the ground nobody knows what became of it."""
+    place, rotation, known = source.track.at(echoes.silent_time)
+    start = place + rotation @ source.mounting.position
+    end = place + np.einsum("nij,nj->ni", rotation, source.mounting.apply(echoes.silent))
+    rise = end[:, 2] - start[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = (frame.z0 + float(lattice.max()) + top - start[:, 2]) / rise
+    good = known & (rise > 0.0) & (part > 0.0) & (part <= 1.0)
+    start, end = start[good], end[good]
+    end = start + part[good, None] * (end - start)
+    none = np.full(len(end), np.nan)
+    return Placed(frame.to_local(end), none, frame.to_local(start), none, 0)
+
+
 def batches(source: Source) -> Iterator[Echoes]:
     """All echoes of a source, several scans at once."""
     held: list[Echoes] = []
     for echoes in source.sweeps():
         held.append(echoes)
-        if sum(len(e.time) for e in held) >= BATCH:
+        if sum(len(e.time) + len(e.silent) for e in held) >= BATCH:
             yield _joined(held)
             held = []
     if held:
@@ -98,4 +114,6 @@ def _joined(held: list[Echoes]) -> Echoes:
         np.concatenate([e.intensity for e in held]),
         sum(e.silent_count for e in held),
         sum(e.scan_count for e in held),
+        np.concatenate([e.silent for e in held]),
+        np.concatenate([e.silent_time for e in held]),
     )

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 class Echoes:
     """Some echoes, in the sensor frame. time [s] on the clock of the poses, (n,); points (n, 3) [m];
     intensity (n,), nan = not known; scan_count: scans they are of; silent_count: beams of these without echo
+
+    silent: how far beams went without meeting anything, (m, 3) [m], as far as that is known; silent_time (m,)
     """
 
     time: Array
@@ -23,6 +25,8 @@ class Echoes:
     intensity: Array
     silent_count: int = 0
     scan_count: int = 1
+    silent: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    silent_time: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass

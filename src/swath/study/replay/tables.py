@@ -51,7 +51,20 @@ def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
             row, beam = np.nonzero(good)
             points = polar_points(ranges[part][row, beam], angle[beam], elevation[beam])
             bright = intensity[part][row, beam] if intensity is not None else np.full(len(row), np.nan)
-            yield Echoes(time[part][row] + late[beam], points, bright, good.size - len(row), len(good))
+            with np.errstate(invalid="ignore"):
+                gone = ~good & (ranges[part] > wanted.range_max)
+            if silent is not None:
+                gone |= silent[part]
+            free, way = np.nonzero(gone)
+            yield Echoes(
+                time[part][row] + late[beam],
+                points,
+                bright,
+                good.size - len(row),
+                len(good),
+                polar_points(np.full(len(way), wanted.range_max), angle[way], elevation[way]),
+                time[part][free] + late[way],
+            )
 
     return Source(path.name, track, wanted.mount or Pose.identity(), sweeps)
 
