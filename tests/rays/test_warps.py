@@ -334,7 +334,7 @@ def test_the_walk_compiles_for_cuda(tmp_path):
     except RuntimeError as error:
         pytest.skip(f"no CUDA compiler: {error}")
     text = next(tmp_path.glob("*.ptx")).read_text(encoding="latin-1")
-    walk = text[text.index(".entry walk_warps") : text.index(".entry meet_things")]
+    walk = text.split(".entry walk_warps")[1].split("\n}\n")[0]
     assert "bar.warp.sync" in walk
     assert "atom.shared.min.u64" in walk
     assert ".local" not in walk

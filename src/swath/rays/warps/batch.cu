@@ -13,8 +13,8 @@ auto test = [&](int found, int n, unsigned& fresh) {
       const Plant p = plant_at(number, s.piece_copy[i]);
       float t = FAR;
       if (p.rank < tile.share) {
-        const Four p0 = four(record + j * RECORD + 2), q0 = four(record + j * RECORD + 3);
-        const bool is_open = four(record + j * RECORD + 4).y <= 0.0f;
+        const Four p0 = four(ray_point + j), q0 = four(ray_ahead + j);
+        const bool is_open = four(ray_way + j).y <= 0.0f;
         const V o(p0.x, p0.y, p0.z), d(q0.x, q0.y, q0.z);
         t = p.radius > 0.0f ? hit_rod(o, d, p0.w, is_open, p.a, p.b, p.radius)
                             : hit_flat(o, d, p0.w, p.a, p.b, p.w, p.radius, p.top);
@@ -34,7 +34,7 @@ auto test = [&](int found, int n, unsigned& fresh) {
     if (key != s.key[j]) s.tried[lane] = 0;  // another one was nearer
     else {
       if (s.is_new[lane]) *copy_of(j) = NOWHERE;
-      s.t[j] = four(record + j * RECORD + 4).x + key_t(key) * four(record + j * RECORD + 3).w;
+      s.t[j] = four(ray_way + j).x + key_t(key) * four(ray_ahead + j).w;
       s.state[j] = HIT | HERE;
     }
   }

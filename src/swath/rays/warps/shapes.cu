@@ -91,7 +91,7 @@ auto plant_at = [&](int number, int copy) {
 
 // The ground of the tile at hand, t in [ta, tb]: as `walk_ground` in kernel/cast.py
 auto hit_ground = [&](int j, float ta, float tb) {
-  const Four o = record[j * RECORD], d = record[j * RECORD + 1];
+  const Four o = ray_origin[j], d = ray_direction[j];
   const float gap = size / 8.0f, cx0 = ((float)(tile.x - tile.jx) - cast_off(o.w, 0)) * size;
   const float cy0 = ((float)(tile.y - tile.jy) - cast_off(o.w, 1)) * size, z0 = (float)(gz + cast_off(o.w, 2));
   const float x = (o.x - cx0) / gap, y = (o.y - cy0) / gap, xd = d.x / gap, yd = d.y / gap;

@@ -107,12 +107,16 @@ const Tile& tile = s.tile;
 unsigned walkers = 0;
 float reach = 0.0f;
 
-// Records of a ray: 0 origin and where its tile and height lie from the group's, 1 direction, both in the stand frame, and
-// which copy of the prototype it hit; 2
-// point at `start` and where it enters, 3 direction and t per length, in the prototype; 4 start, tile entry, exit, end.
-// Their memory is that of the group's first ray on, whatever part of the group is at hand.
-Four* const record = (Four*)memory.data + (size_t)(first_pack.data[g] - first_pack.data[first]) * width * RECORD;
-auto copy_of = [&](int j) { return (int*)&record[j * RECORD + 1].w; };
+// What is kept of rays in the card's large memory, of one kind side by side. Its place is that of the group's first ray on,
+// whatever part of the group is at hand.
+const size_t first_slot = (size_t)(first_pack.data[g] - first_pack.data[first]) * width;
+const int slots = (first_pack.data[g + 1] - first_pack.data[g]) * width;
+Four* const ray_origin = (Four*)memory.data + first_slot * RECORD;  // stand frame; where its tile and height lie from the group's
+Four* const ray_direction = ray_origin + slots;  // stand frame; which copy of the prototype it hit
+Four* const ray_point = ray_direction + slots;   // prototype: where it is at `start`; way from there to where it enters
+Four* const ray_ahead = ray_point + slots;       // prototype: unit direction; t per length
+Four* const ray_way = ray_ahead + slots;         // t of start, tile entry and exit; length of the part in crop
+auto copy_of = [&](int j) { return (int*)&ray_direction[j].w; };
 auto cast_off = [&](float w, int axis) { return (float)(((bits_of(w) >> (8 * axis)) & 255) - 128); };
 auto ray_of = [&](int j) { return table[(size_t)begun * width + j]; };
 auto slot_of = [&](int page_x, int page_y) {

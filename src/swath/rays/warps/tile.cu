@@ -55,7 +55,7 @@ auto enter = [&](unsigned acts, const Heights& h, int& lead) {
       const int j = base + lane, k = j / N;
       unsigned low = 0, walks = 0;
       if (j < count && acts >> k & 1) {
-        const Four o = four(record + j * RECORD), d = four(record + j * RECORD + 1);
+        const Four o = four(ray_origin + j), d = four(ray_direction + j);
         const float now = s.t[j], best = lower(now, s.rest[k].w);
         const float kx = (float)tile.x - cast_off(o.w, 0), ky = (float)tile.y - cast_off(o.w, 1);
         float t0 = 0.0f, t1 = FAR;
@@ -93,10 +93,10 @@ auto enter = [&](unsigned acts, const Heights& h, int& lead) {
           if (tile.mirror_y) { y = size - y; yd = -yd; }
           const float stretch = ::sqrtf(xd * xd + yd * yd + zd * zd), shrink = 1.0f / stretch, end = (tb - ta) * stretch;
           live = live && end < 200.0f * size;
-          record[j * RECORD + 4] = {ta, t0, t1, end};
+          ray_way[j] = {ta, t0, t1, end};
           if (live) {
-            record[j * RECORD + 2] = {x, y, z, (t0 - ta) * stretch};
-            record[j * RECORD + 3] = {xd * shrink, yd * shrink, zd * shrink, shrink};
+            ray_point[j] = {x, y, z, (t0 - ta) * stretch};
+            ray_ahead[j] = {xd * shrink, yd * shrink, zd * shrink, shrink};
             s.state[j] |= HERE;
             s.key[j] = key_of((lower(t1, best) - ta) * stretch, 0);
             walks = 1u << k;
@@ -118,7 +118,7 @@ int sense = 0;
 
 // Where the rays of each slice go along the walk's axis, as linear bounds
 auto find_ways = [&](int lead) {
-  const Four q_ = four(record + lead * RECORD + 3);
+  const Four q_ = four(ray_ahead + lead);
   const float qx = ::fabsf(q_.x), qy = ::fabsf(q_.y), qz = ::fabsf(q_.z);
   axis = qz > upper(qx, qy) ? 2 : qx >= qy ? 0 : 1;
   ib = axis == 2 ? 1 : 1 - axis;
@@ -139,7 +139,7 @@ auto find_ways = [&](int lead) {
       for (int i = 0; i < N; ++i) {
         const int j = lane * N + i;
         if (!(s.state[j] & HERE)) continue;
-        const Four p = four(record + j * RECORD + 2), q = four(record + j * RECORD + 3), e = four(record + j * RECORD + 4);
+        const Four p = four(ray_point + j), q = four(ray_ahead + j), e = four(ray_way + j);
         const float x = of(axis, p.x, p.y, p.z), d = of(axis, q.x, q.y, q.z), y = x + d * e.w;
         a0 = lower(a0, lower(x, y));
         a1 = upper(a1, upper(x, y));
@@ -155,31 +155,35 @@ auto find_ways = [&](int lead) {
       s.a1[lane] = a1;
       s.from[lane] = plane0;
       s.leave[lane] = leave;
-      for (int side = 0; side < 2; ++side) {
-        float b0 = FAR, b1 = -FAR, c0 = FAR, c1 = -FAR, t0 = FAR;
-        for (int i = 0; i < (is_straight ? N : 2 * N); ++i) {
-          const int j = lane * N + i % N;
-          if (!(s.state[j] & HERE)) continue;
-          const Four p = four(record + j * RECORD + 2), q = four(record + j * RECORD + 3), e = four(record + j * RECORD + 4);
-          const float to = (side ? plane1 : plane0) - of(axis, p.x, p.y, p.z);
-          const float way = is_straight ? to / of(axis, q.x, q.y, q.z) : i < N ? 0.0f : e.w;
-          const float b = of(ib, p.x, p.y, p.z) + way * of(ib, q.x, q.y, q.z), c = of(ic, p.x, p.y, p.z) + way * of(ic, q.x, q.y, q.z);
-          b0 = lower(b0, b);
-          b1 = upper(b1, b);
-          c0 = lower(c0, c);
-          c1 = upper(c1, c);
-          t0 = lower(t0, e.x + way * q.w);
+      float low[2][3] = {{FAR, FAR, FAR}, {FAR, FAR, FAR}}, high[2][2] = {{-FAR, -FAR}, {-FAR, -FAR}};
+      for (int i = 0; i < N; ++i) {  // where they are at both planes, or from end to end
+        const int j = lane * N + i;
+        if (!(s.state[j] & HERE)) continue;
+        const Four p = four(ray_point + j), q = four(ray_ahead + j), e = four(ray_way + j);
+        const float per_d = 1.0f / of(axis, q.x, q.y, q.z), x = of(axis, p.x, p.y, p.z);
+        const float ways[2] = {is_straight ? (plane0 - x) * per_d : 0.0f, is_straight ? (plane1 - x) * per_d : e.w};
+        for (int end = 0; end < 2; ++end) {
+          const float way = ways[end], b = of(ib, p.x, p.y, p.z) + way * of(ib, q.x, q.y, q.z);
+          const float c = of(ic, p.x, p.y, p.z) + way * of(ic, q.x, q.y, q.z), t = e.x + way * q.w;
+          for (int side = 0; side < 2; ++side) {
+            if (is_straight && side != end) continue;
+            low[side][0] = lower(low[side][0], b);
+            high[side][0] = upper(high[side][0], b);
+            low[side][1] = lower(low[side][1], c);
+            high[side][1] = upper(high[side][1], c);
+            low[side][2] = lower(low[side][2], t);
+          }
         }
-        auto keep = [&](int i, float x) {
-          if (side == 0) s.bound[i][lane] = x;
-          else s.rise[i][lane] = (x - s.bound[i][lane]) / (plane1 - plane0);
-        };
-        keep(0, b0 - wide_b);
-        keep(1, b1 + wide_b);
-        keep(2, c0 - wide_c);
-        keep(3, c1 + wide_c);
-        keep(4, t0 - ROUND);
       }
+      auto bound = [&](int i, float x0, float x1) {
+        s.bound[i][lane] = x0;
+        s.rise[i][lane] = (x1 - x0) / (plane1 - plane0);
+      };
+      bound(0, low[0][0] - wide_b, low[1][0] - wide_b);
+      bound(1, high[0][0] + wide_b, high[1][0] + wide_b);
+      bound(2, low[0][1] - wide_c, low[1][1] - wide_c);
+      bound(3, high[0][1] + wide_c, high[1][1] + wide_c);
+      bound(4, low[0][2] - ROUND, low[1][2] - ROUND);
     }
     const Four box = walks ? s.box[lane] : Four{0.0f, 0.0f, 0.0f, 0.0f};
     fold_low(u0, walks ? box.x - box.z : FAR);
@@ -299,7 +303,7 @@ auto name_hits = [&]() {
       const int j = base + lane;
       if (j < count && walkers >> (j / N) & 1 && (unsigned)s.key[j] != 0) {
         const Plant p = plant_at((int)(unsigned)s.key[j] - 1, *copy_of(j));
-        const Four at = four(record + j * RECORD + 2), q = four(record + j * RECORD + 3), d = four(record + j * RECORD + 1);
+        const Four at = four(ray_point + j), q = four(ray_ahead + j), d = four(ray_direction + j);
         const V u = p.b - p.a, place = V(at.x, at.y, at.z) + key_t(s.key[j]) * V(q.x, q.y, q.z) - p.a;
         const float along = lower(upper(wp::dot(place, u) / upper(wp::dot(u, u), 1.0e-20f), 0.0f), 1.0f);
         const V normal = p.radius <= 0.0f ? wp::cross(u, p.w) : place - along * u;
@@ -401,7 +405,7 @@ auto visit = [&](int x, int y) {
     for (int base = 0; base < count; base += WARP) EACH_LANE {
       const int j = base + lane;
       if (j < count && grounds >> (j / N) & 1 && s.t[j] >= 0.0f) {
-        const Four o = four(record + j * RECORD), d = four(record + j * RECORD + 1), e = four(record + j * RECORD + 4);
+        const Four o = four(ray_origin + j), d = four(ray_direction + j), e = four(ray_way + j);
         const float t0 = e.y, t1 = lower(e.z, s.t[j]), kx = (float)x - cast_off(o.w, 0), ky = (float)y - cast_off(o.w, 1);
         const float h1 = d.z - tile.plane1 * d.x - tile.plane2 * d.y, rise = s.lift - cast_off(o.w, 2);
         const float h0 = o.z - rise - tile.plane1 * (o.x - (kx + 0.5f) * size) - tile.plane2 * (o.y - (ky + 0.5f) * size);

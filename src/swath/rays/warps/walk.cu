@@ -43,8 +43,8 @@ auto take = [&](int from) {
         const float along = p.dx * first.dx + p.dy * first.dy + p.dz * first.dz;
         fits = wp::dot(away, away) <= SPREAD * SPREAD && along >= 1.0f - NARROW && along <= 2.0f;
         const int off = fits ? ((int)tx + 128) | ((int)ty + 128) << 8 | ((int)z0 + 128) << 16 : 0;
-        record[j * RECORD] = {p.ox, p.oy, p.oz, float_of(off)};
-        record[j * RECORD + 1] = {p.dx, p.dy, p.dz, 0.0f};
+        ray_origin[j] = {p.ox, p.oy, p.oz, float_of(off)};
+        ray_direction[j] = {p.dx, p.dy, p.dz, 0.0f};
         s.t[j] = live ? distance.data[own] : -1.0f;
         s.state[j] = live && organ.data[own] > 0 ? HIT : 0;
       }
@@ -59,7 +59,7 @@ auto take = [&](int from) {
 // The frame of the group, rays as slopes in it, boxes of slices
 auto set_group = [&]() {
   auto direction = [&](int j) {
-    const Four d = four(record + j * RECORD + 1);
+    const Four d = four(ray_direction + j);
     return V(d.x, d.y, d.z);
   };
   auto unit = [&](V v) { return v / upper(::sqrtf(wp::dot(v, v)), 1e-20f); };
@@ -85,7 +85,7 @@ auto set_group = [&]() {
     float swings = 0.0f, w0_most = 0.0f, w1_most = 0.5f, low[10], high[10];
     for (int q = 0; q < 10; ++q) { low[q] = FAR; high[q] = -FAR; }
     for (int j = lane * N; j < (lane + 1) * N && lane < slice_count; ++j) {
-      const Four o = four(record + j * RECORD);
+      const Four o = four(ray_origin + j);
       const V d = direction(j), x(o.x + cast_off(o.w, 0) * size, o.y + cast_off(o.w, 1) * size, o.z + cast_off(o.w, 2));
       const float w0 = wp::dot(x - apex, e0), w1 = wp::dot(d, e0), u = wp::dot(d, e1) / w1, v = wp::dot(d, e2) / w1;
       const float ou = wp::dot(x - apex, e1) - w0 * u, ov = wp::dot(x - apex, e2) - w0 * v;
