@@ -14,6 +14,7 @@ from swath.rays.groups.index import make_index
 from swath.rays.groups.lanes import Lanes
 
 I32 = NDArray[np.int32]
+WARP = 32  # lanes, and threads of a block: of all kernels here, or all is compiled once more
 ROOM = 384  # slots of a group, as in store.cu
 RECORD = 5  # vectors that are kept of a ray while its group walks, as in store.cu
 SLOTS_AT_ONCE = 1 << 22  # of a launch: 335 MB of the card's memory
@@ -27,7 +28,7 @@ def can_walk(device: str) -> bool:
     from swath.rays.warps import kernel
 
     try:
-        wp.load_module(kernel, device=device)
+        wp.load_module(kernel, device=device, block_dim=WARP)
     except Exception:  # Warp raises a plain one
         return False
     return True
@@ -85,18 +86,18 @@ class WarpWalk:
         device, task, first = self.device, batch.task, batch.first
         things = Things() if things is None else things
         inputs = [scene, things, *batch.rays, task.range_max, *batch.found, batch.doubts]
-        wp.launch(meet_things, dim=len(task.rays[0]), inputs=inputs, device=device)
-        threads, width = (1 if device == "cpu" else 32), task.lanes.table.shape[1]
+        wp.launch(meet_things, dim=len(task.rays[0]), inputs=inputs, device=device, block_dim=WARP)
+        threads, width = (1 if device == "cpu" else WARP), task.lanes.table.shape[1]
         for begin, end in _blocks(first, max(1, SLOTS_AT_ONCE // width)):
             slots = int(first[end] - first[begin]) * width
             if self._memory is None or len(self._memory) < slots * RECORD:
                 self._memory = wp.empty(slots * RECORD, dtype=wp.vec4, device=device)
             inputs = [scene, self.index, *batch.table, begin, threads, *batch.rays, task.need, self.order]
             inputs += [self._memory, *batch.found]
-            wp.launch(walk_warps, dim=(end - begin) * threads, inputs=inputs, device=device, block_dim=32)
+            wp.launch(walk_warps, dim=(end - begin) * threads, inputs=inputs, device=device, block_dim=WARP)
         if task.need > 0:
             inputs = [task.sub_rays, task.need, int(task.only), *batch.found, *batch.picked]
-            wp.launch(pick, dim=len(task.rays[0]), inputs=inputs, device=device)
+            wp.launch(pick, dim=len(task.rays[0]), inputs=inputs, device=device, block_dim=WARP)
 
     def cast(self, wp: Any, scene: Any, version: int, things: Any, task: Task, pool: object) -> int:
         """As `GroupWalk.cast`; its version and pool are of no use here."""

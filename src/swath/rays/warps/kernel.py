@@ -13,7 +13,7 @@ from swath.rays.kernel.cast import hit_things
 from swath.rays.kernel.scene import Scene, Things, floor_div, no_hit, page_slot, to_stand
 from swath.rays.kernel.shapes import MISS
 
-PARTS = ("lane", "store", "shapes", "batch", "pieces", "tile", "walk")
+PARTS = ("lane", "store", "shapes", "batch", "pieces", "columns", "tile", "walk")
 _WALK = "".join((Path(__file__).parent / f"{part}.cu").read_text(encoding="utf-8") for part in PARTS)
 
 # Room for 11 groups on each processor of a card: so many fit into its shared memory. Older Warp does not ask.

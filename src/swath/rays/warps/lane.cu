@@ -1,5 +1,5 @@
 // The group walk for a card: one warp of 32 lanes per group of neighbouring beams. The files lane, store, shapes, batch,
-// pieces, tile and walk follow each other in the body of one native function (kernel.py); docs/rays.md explains them.
+// pieces, columns, tile and walk follow each other in the body of one native function (kernel.py); docs/rays.md explains it.
 //
 // ---- A warp. On the card each lane is a thread; elsewhere the lanes run one after the other, in a sequence that `order`
 // picks, so that the same text is tested without a card.

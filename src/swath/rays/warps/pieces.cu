@@ -39,9 +39,7 @@ auto gather = [&](bool is_end) {
           if (k + jump < runs && s.run_at[k + jump] <= base + lane) k += jump;
         const int e = s.run_first[k] + base + lane - s.run_at[k];
         copy = s.run_copy[k];
-        number = index.primitive.data[e];
-        const float per_step = size / index.step, ky = (short)(copy & 0xffff) * per_step;
-        const float kx = (copy - (short)(copy & 0xffff)) / 65536 * per_step;
+        const float kx = copy_x(copy) * tile_steps, ky = copy_y(copy) * tile_steps;
         const Four raw = four(index.coarse.data + (size_t)e * 8);  // 8 short numbers
         auto first = [&](float x) { return (float)(short)(bits_of(x) & 0xffff); };
         auto second = [&](float x) { return (float)(bits_of(x) >> 16); };
@@ -61,6 +59,7 @@ auto gather = [&](bool is_end) {
         const float room = broad + sway_u * most_inv, t = (near - w_origin) * w_rate - ROUND;
         keep = (close || (::fabsf(u - gcu) <= ::fabsf(hu) + room + gru && ::fabsf(v - gcv) <= ::fabsf(hv) + room + grv)) &&
                t <= reach && rank <= (float)rank_max;
+        if (keep) number = index.primitive.data[e];
         const float hh = hu * hu + hv * hv, per_h = about_inverse_root(hh);
         const bool tiny = hh < 1.0e-18f;
         piece = {close ? 0.0f : u, close ? 0.0f : v, tiny || close ? 1.0f : hu * per_h, tiny || close ? 0.0f : hv * per_h};

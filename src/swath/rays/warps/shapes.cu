@@ -45,7 +45,6 @@ auto hit_flat = [&](V o, V d, float low, V a, V b, V w, float radius, float top)
 auto cut_code = [&](float x, float y) {
   if (tile.mirror_x) x = size - x;
   if (tile.mirror_y) y = size - y;
-  const float fine = 64.0f / size;
   int cx = tile.jx * 64 + down(x * fine), cy = tile.jy * 64 + down(y * fine), row = tile.cut_row;
   if (cx < 0 || cy < 0 || cx > 511 || cy > 511) {
     const int i = tile.page_x + per(cx, 512), j = tile.page_y + per(cy, 512), slot = slot_of(i, j);
@@ -70,8 +69,7 @@ struct Plant { V a, b, w; float radius, rank, organ, albedo, top; int code; };
 auto plant_at = [&](int number, int copy) {
   const float* row = (const float*)scene.prims.data + (size_t)number * 16;
   const Four p0 = four(row), p1 = four(row + 4), p2 = four(row + 8), p3 = four(row + 12);
-  const int ky = (short)(copy & 0xffff), kx = (copy - ky) / 65536;
-  const float mx = kx * size, my = ky * size;
+  const float mx = copy_x(copy) * size, my = copy_y(copy) * size;
   Plant p;
   p.a = V(p0.x, p0.y, p0.z);
   p.b = V(p1.x, p1.y, p1.z);

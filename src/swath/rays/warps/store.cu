@@ -98,6 +98,7 @@ const int width = lanes.shape[1], bundle_slices = width / N;
 const int* table = lanes.data;
 const float size = (float)scene.tile_size;
 const double dsize = scene.tile_size;
+const float fine = 64.0f / size, tile_steps = size / index.step;  // cells of the cut per metre; steps of the index per tile
 // of the group:
 int begun = 0, packs = 0, count = 0, slice_count = 0, gx = 0, gy = 0, A = 0;
 double gz = 0.0;
@@ -116,6 +117,10 @@ Four* const ray_direction = ray_origin + slots;  // stand frame; which copy of t
 Four* const ray_point = ray_direction + slots;   // prototype: where it is at `start`; way from there to where it enters
 Four* const ray_ahead = ray_point + slots;       // prototype: unit direction; t per length
 Four* const ray_way = ray_ahead + slots;         // t of start, tile entry and exit; length of the part in crop
+// Copies of the prototype around it, by tiles in x and y
+auto copy_at = [&](int x, int y) { return x * 65536 + y; };
+auto copy_y = [&](int copy) { return (int)(short)(copy & 0xffff); };
+auto copy_x = [&](int copy) { return (copy - (int)(short)(copy & 0xffff)) >> 16; };
 auto copy_of = [&](int j) { return (int*)&ray_direction[j].w; };
 auto cast_off = [&](float w, int axis) { return (float)(((bits_of(w) >> (8 * axis)) & 255) - 128); };
 auto ray_of = [&](int j) { return table[(size_t)begun * width + j]; };
