@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import numpy as np
 from _harness import interleave, machine, median, write_json
 
-SCANS = 8  # of each level in a round
+SCANS = 24  # of each level in a round
 CASES = (  # name of the case, sector, step [deg]
     ("120 deg at 0.5 deg", [-60, 60], 0.5),
     ("120 deg at 0.167 deg", [-60, 60], 1 / 6),

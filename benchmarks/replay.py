@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import numpy as np
 from _harness import interleave, machine, median, write_json
 
-SCANS = 8  # of each level in a round
+SCANS = 24  # of each level in a round
 MEASURED = 120  # scans that the grid is made of, 8 cm apart
 CASES = (("120 deg at 0.5 deg", "[-60, 60]", 0.5), ("190 deg at 0.167 deg", "null", 1 / 6))
 

@@ -14,6 +14,7 @@ from swath.rays.spread import SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
+EMPTY = 2e-6  # less silhouette than this above a height stops no beam [m2]
 STRIDE = 7  # between the drawn stems that neighbouring beams look for
 
 
@@ -104,6 +105,9 @@ class BodyCaster(RayCaster):
         canopy.fine = table.fine
         canopy.lean = self._keep(wp, lean_of_packs(table.lean).ravel())
         canopy.height, canopy.exit, canopy.divergence, canopy.pitch = self._numbers
+        canopy.crest = (
+            self._numbers[0] * table.fine * (1 + int(np.flatnonzero(table.silhouette > EMPTY).max()))
+        )
         canopy.density_max = self.field.library.density_max
         canopy.cosine = table.cosine
         canopy.tangents = wp.vec2(*np.exp(table.scaled_axes()[2][[0, -1]]))

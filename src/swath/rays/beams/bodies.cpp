@@ -12,7 +12,7 @@ constexpr float SPOT_AT = 0.9f;        // share of the crop's height where the s
 constexpr float FLAT = 1.0e-3f;        // steps that change the relative height by less use the silhouette itself
 constexpr float TOP_ROOM = 0.12f;      // as in rays/bodies.py
 constexpr float FALL = 0.025f;         // steps lose no more height than this [m]
-constexpr float THIN = 1.0e-4f;        // where less silhouette than this lies above, steps are doubled [m2]
+constexpr float THIN = 1.0e-4f, FEW = 1.0e-5f;  // where less silhouette than this lies above, steps are doubled, and again [m2]
 constexpr float SNAP = 1.0e-4f;        // values so close to a node, in shares of a step, are taken as on it
 constexpr float STRAW_DEPTH = 0.005f;  // as in kernel/cast.py
 constexpr float MARGIN = 0.005f, SLACK = 0.001f, BELOW = 0.001f;  // as in kernel/cast.py, rays/checks.py
@@ -173,11 +173,11 @@ I row = {};
 const int stems = canopy.lean.shape[0] / (2 * N);
 int turn = start * 7 % stems;  // which of the drawn stems the next step looks for
 
-auto enter = [&](I who, F from, F to, I tile, F a, F b) {
+auto enter = [&](I who, F from, F to, I tile, F scales, F a, F b) {
   const float* stands = (const float*)scene.tile_stand.data;
   until = pick(who, to, until);
   h0 = pick(who, a, h0), h1 = pick(who, b, h1);
-  scale = pick(who, gather(stands, 4 * tile, who), scale);
+  scale = pick(who, scales, scale);
   lean_x = pick(who, gather(stands + 1, 4 * tile, who), lean_x), lean_y = pick(who, gather(stands + 2, 4 * tile, who), lean_y);
   density = pick(who, canopy.density_max * gather(stands + 3, 4 * tile, who), density);
   row = picki(who, gatheri(scene.cut_slot.data, slot, who), row);
@@ -208,7 +208,7 @@ auto code_at = [&](I who, I x, I y) -> I {  // of cut cells, counted from the pa
   return loadi(at.code);
 };
 auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
-  const F dt = least(pick(above < THIN, 2.0f * pitch, pitch), until - t), middle = t + 0.5f * dt;
+  const F dt = least(pick(above < THIN, pick(above < FEW, 4.0f * pitch, 2.0f * pitch), pitch), until - t), middle = t + 0.5f * dt;
   const F relative = r0 + r1 * middle, below = silhouette_above(r0 + r1 * (t + dt));
   const F bent = least(relative, put(1.2f)), bow = bent * bent * (canopy.height * fine);
   const float* stem = canopy.lean.data + turn * 2 * N;
@@ -274,12 +274,13 @@ auto visit = [&](I who) -> Visited {
   const F per_b = 1.0f / b;
   auto from = [&](F high) -> F { return pick(b < 0.0f, most(t, (high - a) * per_b), t); };              // where the beam
   auto to = [&](F high, F far) -> F { return pick(b > 0.0f, least(far, (high - a) * per_b), far); };  // is lower than that
-  const F bump = gather(scene.tile_bump.data, tile, who) + SLACK, top = gather(scene.tile_top.data, tile, who), crown = top + TOP_ROOM * top;
+  const F bump = gather(scene.tile_bump.data, tile, who) + SLACK, top = gather(scene.tile_top.data, tile, who), scales = gather((const float*)scene.tile_stand.data, 4 * tile, who);
+  const F crown = least(top + TOP_ROOM * top, scales * canopy.crest);
   const I is_low = who & (I)(lowest <= bump), is_in_crop = who & (I)(top > MARGIN) & (I)(lowest <= crown);
   if (any(is_low)) walk_ground(is_low, from(bump), to(bump, end));
   const F ta = from(crown), tb = to(crown, least(end, hit_t));
   const I enters = is_in_crop & (I)(ta < tb);
-  if (any(enters)) enter(enters, ta, tb, tile, a, b);
+  if (any(enters)) enter(enters, ta, tb, tile, scales, a, b);
   return {enters, ends, who & ~enters};
 };
 

@@ -28,7 +28,8 @@ class Canopy:
     lift: mean measured height of ground returns per cell [m]
     depth: silhouette per stem above equal steps `fine` of the relative height [m2]
     lean: sideways place of tips per plant height of k drawn stems, x then y for a pack of beams: (k, 2, 16)
-    pitch: step along the ray [m]; height: of the crop at scale 1 [m]; density_max [1/m2]
+    pitch: step along the ray [m]; height: of the crop at scale 1, crest: up to where it stops any beam [m]
+    density_max [1/m2]
     exit, divergence: of the beam [m, rad]; cosine: mean |cos| of incidence on crop
     tangents: of the flattest and the steepest depression of the table; correlation: c0 [m], c1
     """
@@ -42,6 +43,7 @@ class Canopy:
     depth: wp.array(dtype=float)
     fine: float
     lean: wp.array(dtype=float)
+    crest: float
     pitch: float
     height: float
     density_max: float
