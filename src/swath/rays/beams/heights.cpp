@@ -173,7 +173,7 @@ struct alignas(64) { float low[N], high[N], drawn[N], survived[N], part[N]; int 
 alignas(64) float corner[4][N] = {};  // ground of the patch of 8 x 8 cells that each ray is in
 I patch_x = puti(-1), patch_y = puti(-1);
 while (any(tiles | cells)) {
-  if (__builtin_popcount(bits(tiles)) > __builtin_popcount(bits(cells))) {
+  if (any(tiles)) {
     leave = pick(tiles, most(least(least(exit_x(i, side), exit_y(j, side)), end), t), leave);
     const I tile = j * columns + i;
     const F top = gather(g.tile_top.data, tile, tiles);
