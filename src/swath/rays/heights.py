@@ -10,7 +10,7 @@ from swath.field.layout import Solids
 from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
-from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, TILE, HeightGrid, lattice_height
+from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, THICK, TILE, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
 UNTOUCHED = 255  # in `HeightCaster.cut`
@@ -121,6 +121,9 @@ class HeightCaster:
             share(top.ravel(), wp.int16),
         )
         scene.deep = share(np.ascontiguousarray(g.quantiles[..., :DEEP]).ravel(), wp.int16)
+        size = np.abs(g.thickness).astype(np.float32)
+        passed = np.where(size < THICK, np.exp(-size), 0.0).astype(np.float32)
+        scene.passed = share(passed.ravel(), wp.float32)
         scene.thickness = share(g.thickness.ravel(), wp.float32)
         scene.cut = share(self.cut.reshape(-1), wp.uint8)
         scene.intensity = share(g.intensity.reshape(-1), wp.float32)

@@ -78,7 +78,7 @@ auto thickness_at = [&](int at, int k) -> float {  // at the k-th of the heights
 struct Below { float share, thickness; };  // of the heights in a cell; thickness < 0: the share says it
 auto below = [&](int at, float z) -> Below {
   const short* q = row_of(at);
-  const float mm = 1000.0f * z, whole = whole_of(at);
+  const float mm = 1000.0f * z;
   Below found = {0.0f, FAR};
   if (mm > (float)q[LEVELS - 1]) {
     found = {1.0f, -1.0f};
@@ -92,17 +92,15 @@ auto below = [&](int at, float z) -> Below {
     k = k > LEVELS - 2 ? LEVELS - 2 : k < 0 ? 0 : k;
     const float a = q[k], b = q[k + 1];
     found = {((float)k + 0.5f + (mm - a) / (b - a > 1.0f ? b - a : 1.0f)) / LEVELS, -1.0f};
-    if (whole < THICK) {  // beams went below all that was measured here: no less than their share
-      const float passed = exp_one(-whole);
-      if (found.share < passed) found.share = passed;
-    }
+    const float passed = g.passed.data[at];  // beams went below all that was measured here: no less than their share
+    if (found.share < passed) found.share = passed;
   } else if (const float lowest = g.deep.data[(size_t)at * DEEP]; mm > lowest) {
     const float way = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (way > 1.0f ? way : 1.0f);
     const int k = (int)f > DEEP - 1 ? DEEP - 1 : (int)f;
     const float a = thickness_at(at, k), b = thickness_at(at, k + 1), thick = a + (b - a) * (f - (float)k);
-    found.thickness = thick < whole ? thick : whole;
+    found.thickness = thick < whole_of(at) ? thick : whole_of(at);
   } else if (z > 0.0f && g.thickness.data[at] >= 0.0f) {
-    found.thickness = whole;
+    found.thickness = whole_of(at);
   }
   const int stubble = g.cut.data[at];
   if (stubble < UNTOUCHED) {
@@ -256,6 +254,13 @@ while (any(tiles | cells)) {
     const I lx = cx - i * g.tile, ly = cy - j * g.tile;
     const I crossed = out | (cells & ((lx < 0) | (ly < 0) | (lx >= g.tile) | (ly >= g.tile)));
     cells &= ~crossed;
+    storei(in.at, (slot * g.tile + ly) * g.tile + lx);
+    for (unsigned m = bits(cells & (slot >= 0) & is_measured & (I)(1000.0f * low - 60.0f <= real(top))); m; m &= m - 1) {
+      const int n = in.at[__builtin_ctz(m)];  // what the next round asks for is on its way
+      __builtin_prefetch(row_of(n));
+      __builtin_prefetch(g.passed.data + n);
+      __builtin_prefetch(g.cut.data + n);
+    }
     t = pick(crossed, leave, t);
     tiles |= crossed;
     if (!any(crossed)) continue;

@@ -154,7 +154,7 @@ class Heights:
 
     tile_top: highest surface in a tile above origin z, ground where nothing was measured; of a cell:
     quantiles, top: the highest of them, deep: the levels below them, thickness, intensity
-    cut: 255 = as measured, else stubble height [cm]
+    passed: share of beams that went below its quantiles, 0 where these say so; cut: 255 = as measured, else stubble height [cm]
     """
 
     origin: wp.vec3d
@@ -166,6 +166,7 @@ class Heights:
     tile_top: wp.array(dtype=float)
     quantiles: wp.array(dtype=wp.int16)
     deep: wp.array(dtype=wp.int16)
+    passed: wp.array(dtype=float)
     thickness: wp.array(dtype=float)
     top: wp.array(dtype=wp.int16)
     cut: wp.array(dtype=wp.uint8)
