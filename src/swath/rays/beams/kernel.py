@@ -154,7 +154,8 @@ class Heights:
 
     tile_top: highest surface in a tile above origin z, ground where nothing was measured; of a cell:
     quantiles, top: the highest of them, deep: the levels below them, thickness, intensity
-    passed: share of beams that went below its quantiles, 0 where these say so; cut: 255 = as measured, else stubble height [cm]
+    passed: share of beams that went below its quantiles, 0 where these say so
+    cut: 255 = as measured, else stubble height [cm]
     """
 
     origin: wp.vec3d
