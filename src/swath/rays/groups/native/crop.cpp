@@ -6,7 +6,7 @@ struct alignas(64) Ways {  // of the packs through the tile at hand, along the w
 };
 struct Kept {  // pieces in slopes: middle, direction, half length, half width; least depth, 1 / depth; entry, image
   float u[KEPT + N], v[KEPT + N], tu[KEPT + N], tv[KEPT + N], h[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
-  int prim[KEPT + N], image[KEPT + N];
+  int entry[KEPT + N], image[KEPT + N];
 };
 
 struct Crop : Tiles {
@@ -279,7 +279,6 @@ struct Crop : Tiles {
   }
   HOT void queue(Run* run, int first, int last, int kx, int ky) {  // gathers the run before: this one is on its way
     for (int i = first; i < last && i < first + N; i += 4) __builtin_prefetch(index.coarse.data + (size_t)i * 8);
-    if (first < last) __builtin_prefetch(index.primitive.data + first);
     if (run->first < run->last) gather_run(*run);
     *run = {first, last, kx, ky};
   }
@@ -318,7 +317,6 @@ struct Crop : Tiles {
     const float deep_step = deep * index.step, swell_step = swell * index.step, swing = sway, fatter = fat, far = reach_w;
     const float rank_max = (float)tile.rank_max;
     const short* coarse = index.coarse.data;
-    const int* primitive = index.primitive.data;
     int to = waiting;
     for (int i = run.first; i < run.last; i += N) {
       F f[8];
@@ -348,7 +346,7 @@ struct Crop : Tiles {
       keep_some(kept.wide + to, close ? put(FAR) : broad, found);
       keep_some(kept.near + to, near, found);
       keep_some(kept.inv + to, close ? F{} : inv, found);
-      keep_ints(kept.prim + to, loadi(primitive + i), found);
+      keep_ints(kept.entry + to, every() + i, found);
       keep_ints(kept.image + to, puti(run.kx * 65536 + run.ky), found);
       to += __builtin_popcount(found);
       if (to <= KEPT - N) continue;
@@ -421,7 +419,7 @@ struct Crop : Tiles {
       pair[pairs] = {n, i};  // no branch: whether it stays is hard to foretell
       pairs += bits(may) != 0;
     }
-    for (int q = 0; q < pairs; ++q) __builtin_prefetch(row_of(kept.prim[pair[q].piece]));
+    for (int q = 0; q < pairs; ++q) __builtin_prefetch(row_of(index.primitive.data[kept.entry[pair[q].piece]]));
     return pairs;
   }
   void settle(int pairs) {
@@ -429,7 +427,7 @@ struct Crop : Tiles {
       const int n = pair[i].piece;
       for (next = i + 1; next < pairs && pair[next].piece == n;) ++next;
       Whole w;
-      if (!stands(kept.prim[n], kept.image[n], &w)) continue;
+      if (!stands(index.primitive.data[kept.entry[n]], kept.image[n], &w)) continue;
       for (int s = i; s < next; ++s) {
         const int b = pair[s].slice;
         if (!test(r[b], w) || touched[b]) continue;

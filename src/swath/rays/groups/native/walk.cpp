@@ -75,41 +75,33 @@ struct Walk : Crop {
       for (int side = 0; side < (mixed && n > 0 ? 2 : 1); ++side) {
         const int row = side ? -step * n : step * n;
         float b0 = FAR, b1 = -FAR;
-        for (int p = 0; p < packs; ++p) goes_on |= cross_row(p, row * size, row * size + size, &b0, &b1);
+        for (int p = 0; p < packs; p += N) goes_on |= cross_row(p, row * size, row * size + size, &b0, &b1);
         if (b0 > b1) continue;
         for (int b = down(b0 / size); b <= down(b1 / size); ++b) A ? visit(b, row) : visit(row, b);
       }
       if (!goes_on) return;
     }
   }
-  bool cross_row(int p, float near, float far, float* b0, float* b1) {  // true: this row or a later one is to come
-    float t0, t1;
-    if (k.da0[p] > 1e-6f) {
-      const float x = near - k.oa1[p], y = far - k.oa0[p];
-      t0 = x > 0.0f ? x / k.da1[p] : x / k.da0[p];
-      t1 = y > 0.0f ? y / k.da0[p] : y / k.da1[p];
-    } else if (k.da1[p] < -1e-6f) {
-      const float x = k.oa0[p] - far, y = k.oa1[p] - near;
-      t0 = x > 0.0f ? x / -k.da0[p] : x / -k.da1[p];
-      t1 = y > 0.0f ? y / -k.da1[p] : y / -k.da0[p];
-    } else {
-      const float away = upper(upper(near - k.oa1[p], k.oa0[p] - far), 0.0f);
-      t0 = away / upper(upper(k.da1[p], -k.da0[p]), 1e-6f);
-      t1 = FAR;
-    }
-    t0 = upper(t0 - 1e-4f, 0.0f);
-    k.row_t0[p] = FAR;
-    k.row_t1[p] = -FAR;
-    const bool goes_on = t1 >= 0.0f && t0 <= k.until[p];
-    t1 = lower(t1 + 1e-4f, k.until[p]);
-    if (t0 > t1) return goes_on;
-    k.row_t0[p] = t0;
-    k.row_t1[p] = t1;
-    k.row_b0[p] = k.ob0[p] + lower(k.db0[p] * t0, k.db0[p] * t1) - ROUND;
-    k.row_b1[p] = k.ob1[p] + upper(k.db1[p] * t0, k.db1[p] * t1) + ROUND;
-    k.row_z0[p] = k.oz0[p] + lower(k.dz0[p] * t0, k.dz0[p] * t1) - 1e-4f;
-    *b0 = lower(*b0, k.row_b0[p]);
-    *b1 = upper(*b1, k.row_b1[p]);
+  bool cross_row(int p, float near, float far, float* b0, float* b1) {  // N packs; true: this row or a later is to come
+    const F oa0 = load(k.oa0 + p), oa1 = load(k.oa1 + p), da0 = load(k.da0 + p), da1 = load(k.da1 + p), until = load(k.until + p);
+    const I ahead = da0 > 1e-6f, turns = ~ahead & ~(da1 < -1e-6f), known = every() < packs - p;
+    const F to_go = ahead ? near - oa1 : oa0 - far, to_leave = ahead ? far - oa0 : oa1 - near;
+    const F slow = ahead ? da0 : -da1, fast = ahead ? da1 : -da0;
+    const F away = most(most(near - oa1, oa0 - far), F{}) / most(most(da1, -da0), put(1e-6f));
+    F t0 = turns ? away : to_go / (to_go > 0.0f ? fast : slow), t1 = turns ? put(FAR) : to_leave / (to_leave > 0.0f ? slow : fast);
+    t0 = most(t0 - 1e-4f, F{});
+    const bool goes_on = bits(known & (t1 >= 0.0f) & (t0 <= until)) != 0;
+    t1 = least(t1 + 1e-4f, until);
+    const I crosses = known & (t0 <= t1);
+    const F db0 = load(k.db0 + p), db1 = load(k.db1 + p), dz0 = load(k.dz0 + p), dz1 = load(k.dz1 + p);
+    const F low = load(k.ob0 + p) + least(db0 * t0, db0 * t1) - ROUND, high = load(k.ob1 + p) + most(db1 * t0, db1 * t1) + ROUND;
+    store(k.row_t0 + p, crosses ? t0 : put(FAR));
+    store(k.row_t1 + p, crosses ? t1 : put(-FAR));
+    store(k.row_b0 + p, low);
+    store(k.row_b1 + p, high);
+    store(k.row_z0 + p, load(k.oz0 + p) + least(dz0 * t0, dz0 * t1) - 1e-4f);
+    *b0 = lower(*b0, lowest_of(crosses ? low : put(FAR)));
+    *b1 = upper(*b1, highest_of(crosses ? high : put(-FAR)));
     return goes_on;
   }
 
