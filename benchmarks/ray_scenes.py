@@ -20,6 +20,7 @@ from swath.field.layout import (
 )
 from swath.field.library import make_library
 from swath.field.wind import Sway
+from swath.rays.spots import Spots
 from swath.rays.triangles import capsule_triangles, own_primitives, ribbon_triangles, to_stand
 
 SIDES = 8  # of a prism
@@ -207,18 +208,26 @@ def _weld(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners[first], index.reshape(-1, 3).astype(np.int32)
 
 
-def make_beams(sub_rays: int, count: int = 60_000, beams: int = 180) -> tuple[np.ndarray, np.ndarray]:
-    """About `count` rays, (beams, sub_rays, 3): lines of 6 mrad beams 1/6 deg apart, 14 to 22 deg down."""
+def make_spots(sub_rays: int, count: int = 60_000, beams: int = 180) -> Spots:
+    """About `count` rays: lines of 6 mrad beams 1/6 deg apart, 14 to 22 deg down."""
     lines = max(1, count // (beams * sub_rays))
     depression = np.radians(14 + 8 * (np.arange(lines) + 0.5) / lines)
     azimuth = np.radians((np.arange(beams) - 0.5 * (beams - 1)) / 6)
+    a, e = np.tile(azimuth, lines), -np.repeat(depression, beams)
+    ahead = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1)
+    left = np.stack([-np.sin(a), np.cos(a), 0 * a], axis=-1)
+    axes = np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
     ring = np.arange(sub_rays)
-    offset, turn = 0.003 * np.sqrt(ring / max(sub_rays - 1, 1)), ring * 2.399963  # sunflower
-    a = azimuth[None, :, None] + offset * np.cos(turn) + 0 * depression[:, None, None]
-    e = -depression[:, None, None] + offset * np.sin(turn) + 0 * azimuth[None, :, None]
-    d = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1).reshape(-1, sub_rays, 3)
-    origin = [0.0, 0.0, float(ground(10.0, 0.0)) + 4.0]
-    return np.ascontiguousarray(np.broadcast_to(origin, d.shape)), np.ascontiguousarray(d)
+    radius, turn = 0.003 * np.sqrt(ring / max(sub_rays - 1, 1)), ring * 2.399963  # sunflower
+    u, v = radius * np.cos(turn), radius * np.sin(turn)
+    offsets = np.stack([0 * u, 0 * u, u, v, 1.0 / np.sqrt(1.0 + u**2 + v**2)], axis=-1)[None]
+    origin = np.array([0.0, 0.0, float(ground(10.0, 0.0)) + 4.0])
+    return Spots(np.tile(origin, (len(a), 1)), axes, offsets)
+
+
+def make_beams(sub_rays: int, count: int = 60_000, beams: int = 180) -> tuple[np.ndarray, np.ndarray]:
+    """The same as rays, (beams, sub_rays, 3)."""
+    return make_spots(sub_rays, count, beams).rays()
 
 
 def make_picture(wide: float = 20.0) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from _harness import interleave, machine, median, resident_bytes, write_json
-from ray_scenes import make_beams, make_embree, make_picture, make_scene, organs
+from ray_scenes import make_beams, make_embree, make_picture, make_scene, make_spots, organs
 
 from swath.field.layout import shared_rows
 from swath.rays.engine import RayCaster
@@ -50,7 +50,8 @@ def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
     held = resident_bytes() - before
     rows = []
     for subs in (1, 9, 37):
-        o, d = make_beams(subs, count)
+        spots = make_spots(subs, count)
+        o, d = spots.rays()
         flat = o.reshape(-1, 3), d.reshape(-1, 3)
         single = flat[0].astype(np.float32), flat[1].astype(np.float32)
         jobs = {
@@ -61,9 +62,11 @@ def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
             lines = d.reshape(-1, 180, 3)
             jobs["groups"] = lambda o=o, lines=lines: caster.cast_image(o[0, 0], lines, range_max=REACH)
         else:
-            jobs["groups"] = lambda o=o, d=d: caster.cast_bundles(o, d, range_max=REACH)
-            jobs["nearest"] = lambda o=o, d=d: caster.cast_order(o, d, 1, range_max=REACH)
-            jobs["median"] = lambda o=o, d=d, k=(subs + 1) // 2: caster.cast_order(o, d, k, range_max=REACH)
+            jobs["groups"] = lambda spots=spots: caster.cast_spots(spots, range_max=REACH)
+            jobs["nearest"] = lambda spots=spots: caster.cast_spots(spots, 1, range_max=REACH)
+            jobs["median"] = lambda spots=spots, k=(subs + 1) // 2: caster.cast_spots(
+                spots, k, range_max=REACH
+            )
         times = interleave(jobs, rounds=rounds)
         ours, theirs = jobs["plain"](), np.asarray(jobs["embree"]())
         near = np.abs(jobs["groups"]().distance.ravel() - ours.distance) < 1e-4
@@ -124,9 +127,9 @@ def camera(rounds: int, out_dir: Path, density: float = 200.0) -> dict[str, Any]
 def lines_per_second(rounds: int) -> float:
     """Scan lines of 401 beams with 37 sub-rays per CPU-second, 600 plants/m2."""
     caster = RayCaster(make_scene(600.0), threads=1)
-    o, d = make_beams(37, 401 * 37 * 4, beams=401)
-    times = interleave({"lines": lambda: caster.cast_bundles(o, d, range_max=REACH)}, rounds=rounds)
-    return len(o) / 401 / median(times["lines"])
+    spots = make_spots(37, 401 * 37 * 4, beams=401)
+    times = interleave({"lines": lambda: caster.cast_spots(spots, range_max=REACH)}, rounds=rounds)
+    return len(spots.origins) / 401 / median(times["lines"])
 
 
 def scanner(rounds: int) -> dict[str, Any]:
@@ -158,9 +161,9 @@ def sweep(rounds: int, count: int) -> dict[str, list[list[float]]]:
     jobs, sizes = {}, {}
 
     def add(name: str, x: float, scene: Any, subs: int) -> None:
-        caster, (o, d) = RayCaster(scene, threads=1), make_beams(subs, count)
-        jobs[name, x] = lambda: caster.cast_bundles(o, d, range_max=REACH)
-        sizes[name, x] = o.size // 3
+        caster, spots = RayCaster(scene, threads=1), make_spots(subs, count)
+        jobs[name, x] = lambda: caster.cast_spots(spots, range_max=REACH)
+        sizes[name, x] = spots.shape[0] * subs
 
     base = make_scene(600.0)
     for subs in (2, 4, 9, 19, 37, 61):

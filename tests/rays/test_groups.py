@@ -21,6 +21,7 @@ from swath.field.terrain import formula
 from swath.field.weeds import Weeds
 from swath.field.wind import Wind
 from swath.rays.engine import RayCaster
+from swath.sensing.beam import Beam, spot_pattern, spots, sub_rays, turned_pattern
 
 LIBRARY = small_library(400, tiles=3)
 DEG = np.pi / 180.0
@@ -233,6 +234,34 @@ def test_nearest_hits_with_solids_wide_bundles_and_lost_rays():
                 expected = np.take_along_axis(getattr(full, name), order[:, :count], axis=1)
                 np.testing.assert_array_equal(found, expected)
                 np.testing.assert_array_equal(getattr(last, name), expected[:, -1])
+
+
+@pytest.mark.parametrize("spot", ["fixed", "turned"])
+def test_spots_hit_what_their_rays_hit(hills, spot):
+    """Beams from their own places with an aperture; wide ones go part by part."""
+    n, rng = 50, np.random.default_rng(4)
+    for subs, angle in ((37, 0.012), (9, 0.012), (2, 0.012), (1, 0.012), (37, 1.2)):
+        pattern = spot_pattern(subs).position[None]
+        if spot == "turned":
+            pattern = turned_pattern(rng, n, spot_pattern(subs)).position
+        a, b = np.linspace(-0.6, 0.6, n), 0.4 + 0.05 * rng.normal(size=n)
+        ahead = np.stack([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), -np.sin(b)], axis=-1)
+        left = np.stack([-np.sin(a), np.cos(a), 0 * a], axis=-1)
+        axes = np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
+        origins = over(hills, 2.0, 4.0, 2.5) + np.linspace(0, 0.3, n)[:, None] * [0.8, 0.6, 0.0]
+        beam = Beam((0.014, 0.01), (angle, 0.5 * angle), "uniform")
+        beams = spots(origins, axes, beam, pattern)
+        rays, caster = sub_rays(origins, axes, beam, pattern), RayCaster(hills, threads=1)
+        expected = caster.cast_bundles(*rays, range_max=20.0)
+        assert expected.is_hit.mean() > 0.3
+        for name, found in vars(caster.cast_spots(beams, range_max=20.0)).items():
+            np.testing.assert_array_equal(found, getattr(expected, name))
+        rank = (subs + 1) // 2
+        one = caster.cast_spots(beams, rank, range_max=20.0)
+        for name, found in vars(caster.cast_order(*rays, rank, range_max=20.0)).items():
+            np.testing.assert_array_equal(getattr(one, name), found)
+    with pytest.raises(InputError, match="below"):
+        caster.cast_spots(spots(origins - [0, 0, 5.0], axes, beam, pattern), range_max=20.0)
 
 
 def test_threads_order_and_company_change_no_bit(hills):

@@ -31,7 +31,8 @@ class Walls:
     def __init__(self, far):
         self.far = far
 
-    def cast_bundles(self, origins, directions, *, range_max, solids, t):
+    def cast_spots(self, spots, *, range_max, solids, t):
+        origins, directions = spots.rays()
         near, far = ((wall - origins[..., 0]) / directions[..., 0] for wall in (NEAR, self.far))
         meets = origins[..., 1] + near * directions[..., 1] > 0.0
         distance = np.where(meets, near, far)
@@ -125,8 +126,8 @@ def test_drop_outs_and_dust_reach_the_scan():
 class Sky:
     """Nothing to hit."""
 
-    def cast_bundles(self, origins, directions, *, range_max, solids, t):
-        n = directions.shape[:2]
+    def cast_spots(self, spots, *, range_max, solids, t):
+        n = spots.shape
         none = np.zeros(n, np.float32)
         return Hits(np.full(n, np.nan, np.float32), np.zeros(n, np.uint8), none, none)
 

@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from swath.rays.spots import Spots
 from swath.sensing.beam import spot_pattern
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 
@@ -110,14 +111,16 @@ def test_leading_edge_triggers_where_the_energy_reaches_the_threshold():
 
 def test_places_are_those_of_the_hits():
     d = np.array([[2.0, 4.0, NAN], [NAN, NAN, NAN]])
-    starts = np.full((2, 3, 3), 10.0)
-    rays = np.broadcast_to(np.eye(3), (2, 3, 3)), d  # each along another axis
+    slope = np.array([0.0, 1.0, 0.0])  # straight on, to the side, straight on
+    offsets = np.stack([0 * slope, 0 * slope, slope, 0 * slope, 1 / np.sqrt(1 + slope**2)], axis=-1)[None]
+    rays = Spots(np.full((2, 3), 10.0), np.tile(np.eye(3), (2, 1, 1)), offsets)
     bundle = Bundle(d, np.full(3, 1 / 3), np.ones((2, 3)))
-    nearest = receive(bundle, Receiver("nearest")).places(starts, *rays)
+    nearest = receive(bundle, Receiver("nearest")).places(rays, d)
     assert nearest[0, 0].tolist() == [12.0, 10.0, 10.0]
     assert np.isnan(nearest[1]).all()
-    mean = receive(bundle, Receiver("mean")).places(starts, *rays)
-    assert mean[0, 0] == pytest.approx([11.6, 10.8, 10.0])  # energies 1/4 and 1/16: 0.8 and 0.2
+    mean = receive(bundle, Receiver("mean")).places(rays, d)
+    side = 4.0 / np.sqrt(2.0)  # energies 1/4 and 1/16: shares 0.8 and 0.2
+    assert mean[0, 0] == pytest.approx([11.6 + 0.2 * side, 10.0 + 0.2 * side, 10.0])
 
 
 @pytest.mark.parametrize("rule", RULES)

@@ -18,6 +18,7 @@ from swath.rays.device import start_warp, thread_count
 from swath.rays.geometry import make_things
 from swath.rays.groups.cast import Crew, GroupWalk, Task, can_walk, no_hits
 from swath.rays.groups.lanes import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
+from swath.rays.spots import Spots
 from swath.rays.warps import cast as warps
 
 F32 = NDArray[np.float32]
@@ -157,6 +158,35 @@ class RayCaster:
         found = self._nearest(origins, directions, rank, True, range_max, solids, t)
         return Hits(*(a[:, 0] for a in _arrays(found)))
 
+    def cast_spots(
+        self,
+        spots: Spots,
+        rank: int | None = None,
+        *,
+        range_max: float,
+        solids: Solids | None = None,
+        t: int = 0,
+    ) -> Hits:
+        """As `cast_bundles`, or with a rank as `cast_order`, of beams that are not yet rays: the same bits.
+
+        What is cheaper: rays are made where they are cast. Not so among solids, and not for single rays.
+        """
+        n, s = spots.shape
+        lone = solids is None or solid_count(solids) == 0
+        if not (lone and n > 0 and s > 1 and self.device == "cpu" and self._walks(s)):
+            o, d = spots.rays()
+            if rank is None:
+                return self.cast_bundles(o, d, range_max=range_max, solids=solids, t=t)
+            return self.cast_order(o, d, rank, range_max=range_max, solids=solids, t=t)
+        if rank is not None and not 1 <= rank <= s:
+            raise ValueError(f"{rank}: expected a rank of 1 to {s}, the number of sub-rays")
+        first = spots.offsets[0]
+        lanes = bundle_lanes(n, np.column_stack([np.ones(s), first[:, 2:4]]))
+        shape, need = ((n, s), 0) if rank is None else ((n, 1), rank)
+        o = np.asarray(spots.origins, dtype=np.float64)
+        found = self._walk(shape, o, spots.axes, lanes, range_max, None, t, s, need, rank is not None, spots)
+        return found if rank is None else Hits(*(a[:, 0] for a in _arrays(found)))
+
     def _nearest(
         self,
         origins: ArrayLike,
@@ -227,13 +257,18 @@ class RayCaster:
         sub_rays: int = 1,
         need: int = 0,
         only: bool = False,
+        spots: Spots | None = None,
     ) -> Hits:
-        """Hits of rays, or the `need` nearest of each bundle, or `only` the last of these."""
+        """Hits of rays, or the `need` nearest of each bundle, or `only` the last of these.
+
+        With spots, o and d are their origins and axes.
+        """
         check_range(range_max)
         hits = Hits(*no_hits(shape))
         if lanes is None:
             return hits
         rays = np.ascontiguousarray(o).reshape(-1, 3), np.ascontiguousarray(d).reshape(-1, 3)
+        offsets = None if spots is None else np.ascontiguousarray(spots.offsets)
         wp = start_warp()
         scene = self._refresh(wp)
         self._blow(wp, scene, t)
@@ -242,10 +277,11 @@ class RayCaster:
             self._group_walk = GroupWalk(wp, library) if is_cpu else warps.WarpWalk(wp, library, self.device)
         things = None if solids is None or solid_count(solids) == 0 else self._things(wp, solids)
         out = tuple(a.reshape(-1) for a in _arrays(hits))
-        task = Task(rays, sub_rays, lanes, float(range_max), need, only, out)
+        task = Task(rays, sub_rays, lanes, float(range_max), need, only, out, offsets)
         doubts = self._group_walk.cast(wp, scene, self._version, things, task, self._crew)
         if doubts:
-            self._checked(*rays, range_max)  # raises where there is something wrong with them
+            o, d = rays if spots is None else spots.rays()
+            self._checked(o, d, range_max)  # raises where there is something wrong with them
         return hits
 
     def _checked(self, origins: ArrayLike, directions: ArrayLike, range_max: float) -> tuple[F64, F64]:

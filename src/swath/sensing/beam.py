@@ -15,6 +15,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.signals import F64
+from swath.rays.spots import Spots
 
 Profile = Literal["uniform", "gaussian"]
 Convention = Literal["full_angle", "half_angle"]
@@ -147,8 +148,8 @@ def _radius_of_energy(share: F64, profile: Profile) -> F64:
     return np.asarray(np.sqrt(-0.5 * np.log1p(-share * (1.0 - np.exp(-2.0)))))
 
 
-def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F64]:
-    """Rays of every beam: origins and unit directions, each shape (beam_count, sub_count, 3).
+def spots(origins: F64, axes: F64, beam: Beam, pattern: F64) -> Spots:
+    """Sub-rays of every beam, for `RayCaster.cast_spots`.
 
     origins: (beam_count, 3) [m]; axes: (beam_count, 3, 3), columns = beam direction, across, along;
     pattern: (beam_count or 1, sub_count, 2) on the unit disc. A sub-ray leaves at its place in the
@@ -158,11 +159,10 @@ def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F6
     half_angle = 0.5 * np.asarray(beam.divergence)
     u, v = pattern[:, :, 0], pattern[:, :, 1]
     length = np.sqrt(1.0 + (u * half_angle[0]) ** 2 + (v * half_angle[1]) ** 2)  # the axes are a frame
-    out = (u * half_exit[0], v * half_exit[1]), (u * half_angle[0], v * half_angle[1]), 1.0 / length
-    start = np.empty((len(origins), pattern.shape[1], 3))
-    direction = np.empty_like(start)
-    for k in range(3):  # by coordinate: numpy is slow over a last axis of three
-        forward, across, along = (axes[:, k, i, None] for i in range(3))
-        start[:, :, k] = origins[:, k, None] + out[0][0] * across + out[0][1] * along
-        direction[:, :, k] = (forward + out[1][0] * across + out[1][1] * along) * out[2]
-    return start, direction
+    offsets = (u * half_exit[0], v * half_exit[1], u * half_angle[0], v * half_angle[1], 1.0 / length)
+    return Spots(origins, axes, np.stack(offsets, axis=-1))
+
+
+def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F64]:
+    """As `spots`, as rays: origins and unit directions, each shape (beam_count, sub_count, 3)."""
+    return spots(origins, axes, beam, pattern).rays()

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.signals import F64
+from swath.rays.spots import Spots
 
 Within = Literal["nearest", "percentile", "mean", "leading_edge"]
 EchoRule = Literal["nearest", "percentile", "mean", "leading_edge", "first", "last", "strongest", "all"]
@@ -82,16 +83,15 @@ class Echoes:
     signal: F64
     share: F64
 
-    def places(self, starts: F64, directions: F64, hits: F64) -> F64:
-        """World points of the echoes (n, k, 3), nan = no echo.
-
-        From the sub-rays: starts and directions (n, s, 3), hits (n, s) [m], nan = none.
-        """
+    def places(self, spots: Spots, hits: F64) -> F64:
+        """World points of the echoes (n, k, 3), nan = no echo; hits: of the sub-rays, (n, s) [m]."""
         is_lost = np.isnan(self.distance)
         if np.count_nonzero(self.share) == np.count_nonzero(~is_lost):  # each echo is one of the hits
-            at = np.arange(len(hits))[:, None], self.share.argmax(axis=2)
-            placed: F64 = starts[at] + hits[at][:, :, None] * directions[at]
+            sub = self.share.argmax(axis=2)
+            beam = np.broadcast_to(np.arange(len(hits))[:, None], sub.shape)
+            placed = spots.places(beam, sub, hits[beam, sub])
         else:
+            starts, directions = spots.rays()
             points = np.nan_to_num(starts + hits[:, :, None] * directions)
             placed = np.einsum("nks,nsc->nkc", self.share, points)
         placed[is_lost] = np.nan

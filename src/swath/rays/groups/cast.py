@@ -21,10 +21,11 @@ Room = tuple[F32, NDArray[np.uint8], F32, F32]
 Hits = tuple[NDArray[Any], ...]
 WRONG, LOW = 1, 2  # doubts
 JOB = np.dtype(  # as in native/rays.cpp
-    [(name, np.int64) for name in ("origins", "directions", "lanes", "first_pack")]
+    [(name, np.int64) for name in ("origins", "directions", "spots", "lanes", "first_pack")]
     + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance")]
     + [(name, np.int64) for name in ("solid", "solid_organ", "solid_cosine", "solid_reflectance")]
-    + [(name, np.int64) for name in ("width", "groups", "sub_rays", "need", "only", "next", "doubts")]
+    + [(name, np.int64) for name in ("width", "groups", "sub_rays", "need", "only")]
+    + [(name, np.int64) for name in ("spot_step", "next", "doubts")]
     + [("range_max", np.float64)]
 )
 
@@ -41,7 +42,8 @@ class Crew:
 class Task:
     """What is asked for.
 
-    rays: origins, directions (rays, 3), contiguous; out: distance, organ, cosine, reflectance, each (rays,),
+    rays: origins, directions (rays, 3), contiguous; or origins (beams, 3), axes (beams, 3, 3) and spots (1 or
+    beams, sub_rays, 5) as in `Spots`; out: distance, organ, cosine, reflectance, each (rays,),
     or, where need > 0, the so many nearest hits of each bundle of sub_rays rays (bundles * need,); only: of
     these the last alone (bundles,)
     """
@@ -53,6 +55,12 @@ class Task:
     need: int
     only: bool
     out: Hits
+    spots: NDArray[np.float64] | None = None
+
+    @property
+    def ray_count(self) -> int:
+        """Rays that are cast."""
+        return len(self.rays[0]) * (1 if self.spots is None else self.sub_rays)
 
 
 @cache
@@ -101,9 +109,11 @@ class GroupWalk:
         before = () if things is None else self._meet(wp, things, task, pool)
         lanes, job = task.lanes, self.job
         o, d, *held = [a.ctypes.data for a in (*task.rays, *task.out, *before)]
-        places = (o, d, *lanes.places, *held, *[0] * (8 - len(held)))
+        spots = 0 if task.spots is None else task.spots.ctypes.data
+        step = 0 if task.spots is None or len(task.spots) == 1 else 5 * task.sub_rays
+        places = (o, d, spots, *lanes.places, *held, *[0] * (8 - len(held)))
         sizes = (lanes.table.shape[1], lanes.group_count, task.sub_rays, task.need, task.only)
-        job[0] = (*places, *sizes, 0, 0, task.range_max)
+        job[0] = (*places, *sizes, step, 0, 0, task.range_max)
         if self.launch is None:
             shared = wp.array(job.view(np.uint8), dtype=wp.uint8, device="cpu", copy=False)
             inputs = [scene, self.index, shared]
@@ -112,7 +122,7 @@ class GroupWalk:
             self.launch.set_param_at_index(0, scene)
         self.version = version
         run = self.launch.launch
-        parts = min(pool.threads, lanes.group_count, len(task.rays[0]) // RAYS_PER_TASK)
+        parts = min(pool.threads, lanes.group_count, task.ray_count // RAYS_PER_TASK)
         if pool.workers is None or parts < 2:
             run()
         else:

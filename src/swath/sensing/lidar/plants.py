@@ -18,7 +18,7 @@ from swath.core.signals import F64, MachineState
 from swath.core.units import DEG
 from swath.field.site import SiteSetup
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import Pattern, random_pattern, spot_pattern, sub_rays, turned_pattern
+from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
 from swath.sensing.card import load_lidar
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, least_energy, merging_gap, receive
 from swath.sensing.mount import Mount
@@ -123,10 +123,8 @@ class PlantsLidar:
         self.setup.field.ensure(middle[0], middle[1], self.params.reach_m)
         pattern = self._pattern(rng, beams)
         axes = rotations @ self.scanner.axes_at(t)
-        starts, directions = sub_rays(origins, axes, self.card.beam, pattern.position)
-        hits = self.caster.cast_bundles(
-            starts, directions, range_max=self.scanner.reach, solids=self.setup.solids(), t=t
-        )
+        rays = spots(origins, axes, self.card.beam, pattern.position)
+        hits = self.caster.cast_spots(rays, range_max=self.scanner.reach, solids=self.setup.solids(), t=t)
         self.ray_count += beams * subs
         distance = hits.distance.astype(np.float64)
         distance[distance < self.card.range_min] = np.nan
@@ -136,7 +134,7 @@ class PlantsLidar:
             distance, albedo = disturb(self.params.weather, distance, albedo, self.card.range_min, air)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
         measured = self.scanner.measure(echoes.distance, rng, echoes.signal)
-        points = echoes.places(starts, directions, distance)
+        points = echoes.places(rays, distance)
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
 
     def save(self) -> State:

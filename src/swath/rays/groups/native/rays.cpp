@@ -1,11 +1,13 @@
 // Rays of a group: where they start and go, how far they look, what they hit.
 
 struct Job {  // as JOB in cast.py
-  const double *origins, *directions;                        // of all rays, (rays, 3)
+  const double *origins, *directions;                        // of all rays, (rays, 3), or, with spots,
+  const double* spots;                                       // of all beams (beams, 3), (beams, 3, 3): as Spots.offsets
   const int *lanes, *first_pack;                             // (packs, width) ray of each lane, -1 = none; per group
   float* distance; unsigned char* organ; float *cosine, *reflectance;  // out: per ray, or per bundle as asked
   const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null
   long long width, groups, sub_rays, need, only;  // need > 0: so many nearest hits per bundle; only: the last of them
+  long long spot_step;                            // from one beam's spots to the next one's, 0 where all have the same
   long long next, doubts;                         // shared by all threads: the next group; what is to be looked at again
   double range_max;
 };
@@ -48,6 +50,7 @@ struct Rays : Lanes {
   double lowest[3], highest[3];  // origins
   float apex[3], lead[3], e[3][3], sway;  // sway: how far a ray is from its place in slopes where depth is 1, at most
   bool is_wrong;
+  D spot_of[SLICES][10];         // spots of the lanes of the first pack
   Block r[SLICES];
   Spot spot[SLICES];
   Slices c;
@@ -60,15 +63,17 @@ struct Rays : Lanes {
   int take(int at, int wanted, int from, int after) {
     is_wrong = false;
     begin_at(job.lanes[at * width + from]);
+    const bool is_same = job.spots && job.spot_step == 0;  // all beams have the spots of the first
     for (int p = 0; p < wanted; ++p) {
       const int* mine = job.lanes + (at + p) * width;
-      bool fits = true;
+      bool fits = true, is_known = is_same && p > 0;
       for (int v = 0; v < slices; ++v) {
         I lane = every() + v * N, known = loadi(mine + v * N);
         I live = (known >= 0) & (lane >= from) & (lane < after);
         alignas(64) int ray[N];
         storei(ray, live ? known : puti(mine[from]));
-        fits &= fetch(r[p * slices + v], ray);
+        fits &= fetch(r[p * slices + v], ray, is_known ? spot_of[v] : nullptr);
+        if (is_same && p == 0) for (int h = 0; h < 2; ++h) gather_spots(ray + 8 * h, spot_of[v] + 5 * h);
         start(r[p * slices + v], ray, live);
       }
       if (is_wrong) __atomic_fetch_or(&job.doubts, WRONG, __ATOMIC_RELAXED);
@@ -83,17 +88,36 @@ struct Rays : Lanes {
     v[0] = scene.turn[0] * x + scene.turn[1] * y;
     v[1] = scene.turn[0] * y - scene.turn[1] * x;
   }
-  HOT static void gather(const double* from, const int* ray, D* to) {
+  HOT void gather(const int* ray, D* o, D* d, const D* spot) const {  // 8 rays in the stand frame
+    if (job.spots) {  // of one beam: as Spots.rays
+      const size_t beam = ray[0] / job.sub_rays;
+      const double *at = job.origins + 3 * beam, *axes = job.directions + 9 * beam;
+      D f[5];
+      if (!spot) gather_spots(ray, f);
+      for (int i = 0; spot && i < 5; ++i) f[i] = spot[i];
+      for (int i = 0; i < 3; ++i) {
+        o[i] = at[i] + f[0] * axes[3 * i + 1] + f[1] * axes[3 * i + 2];
+        d[i] = (axes[3 * i] + f[2] * axes[3 * i + 1] + f[3] * axes[3 * i + 2]) * f[4];
+      }
+    } else {
+      for (int l = 0; l < 8; ++l)
+        for (int i = 0; i < 3; ++i) {
+          o[i][l] = job.origins[3 * (size_t)ray[l] + i];
+          d[i][l] = job.directions[3 * (size_t)ray[l] + i];
+        }
+    }
+    turn(o);
+    turn(d);
+  }
+  void gather_spots(const int* ray, D* f) const {
+    const long long beam = ray[0] / job.sub_rays;
     for (int l = 0; l < 8; ++l)
-      for (int i = 0; i < 3; ++i) to[i][l] = from[3 * (size_t)ray[l] + i];
+      for (int i = 0; i < 5; ++i) f[i][l] = job.spots[beam * job.spot_step + 5 * (ray[l] - beam * job.sub_rays) + i];
   }
   void begin_at(int ray) {  // all is seen from the tile and the height of this ray
     const int same[8] = {ray, ray, ray, ray, ray, ray, ray, ray};
     D o[3], d[3];
-    gather(job.origins, same, o);
-    gather(job.directions, same, d);
-    turn(o);
-    turn(d);
+    gather(same, o, d, nullptr);
     const double per_size = 1.0 / scene.tile_size, unit[3] = {scene.tile_size, scene.tile_size, 1.0};
     const double from[3] = {whole(o[0] * per_size)[0], whole(o[1] * per_size)[0], whole(o[2])[0]};
     corner[0] = from[0];
@@ -105,18 +129,15 @@ struct Rays : Lanes {
       lowest[i] = highest[i] = o[i][0];
     }
   }
-  HOT bool fetch(Block& b, const int* ray) {  // false: some too far from the first ray for one group
+  HOT bool fetch(Block& b, const int* ray, const D* spot) {  // false: some too far from the first ray for one group
     const double per_size = 1.0 / scene.tile_size, unit = scene.tile_size;
     for (int h = 0; h < N; h += 8) {
       D o[3], d[3];
-      gather(job.origins, ray + h, o);
-      gather(job.directions, ray + h, d);
+      gather(ray + h, o, d, spot ? spot + h / 8 * 5 : nullptr);
       const D off = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - 1.0;
       auto fine = (off < 0.99e-3) & (off > -0.99e-3);
       for (int i = 0; i < 3; ++i) fine &= (o[i] < 1e8) & (o[i] > -1e8);
       is_wrong |= __builtin_reduce_and(fine) == 0;
-      turn(o);
-      turn(d);
       for (int i = 0; i < 3; ++i) {
         const double a = __builtin_reduce_min(o[i]), z = __builtin_reduce_max(o[i]);
         lowest[i] = a < lowest[i] ? a : lowest[i];
