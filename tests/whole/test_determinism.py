@@ -59,3 +59,19 @@ def test_saved_in_the_middle_and_resumed_elsewhere(reference, middle_s):
     second.load(saved["digest"])
     drive(fresh, [second], resume=True)
     assert second.hex == reference
+
+
+def test_the_level_empirical_is_as_repeatable(monkeypatch):
+    sets = ("combine.lidar.level=empirical", "run.max_duration_s=1.2")
+    monkeypatch.setenv("SWATH_THREADS", "1")
+    reference = digest_of(*sets)
+    monkeypatch.setenv("SWATH_THREADS", "2")
+    assert digest_of(*sets) == reference
+    digest, world = Digest(), assemble(small(*sets))
+    drive(world, [digest], until_s=0.735)
+    state = pickle.loads(pickle.dumps({"world": world.save(), "digest": digest.save()}))
+    fresh, second = assemble(small(*sets)), Digest()
+    fresh.load(state["world"])
+    second.load(state["digest"])
+    drive(fresh, [second], resume=True)
+    assert second.hex == reference
