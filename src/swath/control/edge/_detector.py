@@ -35,10 +35,12 @@ class EdgeParams:
     lost_s: after so long without the edge it counts as lost; acquire_s: seen for so long it counts as found;
     jump_s: seen for so long when it lies beside the one just lost
     lean_deg: mean lean of the stems off the vertical; lean_share: part of it by which the canopy seems to
-    hang over the edge: a first guess, wheat that is not lodged leans 5 to 8 deg; 0 = no correction at all
+    hang over the edge: a first guess, wheat that is not lodged leans 5 to 8 deg
     learn_m: travel over which the overhang is learned from the scans; 0 = the guess holds throughout
+    echo_parts: stems, ears or pods that make an echo together: as many as cover half of the spot when it is
+    the median of the spot, 1 when the nearest counts
     spot_mm: spot diameter at the crop when the echo is the nearest of the spot (data sheet: at the cover plus
-    divergence times range), half of which the edge then seems shifted; 0 for a median echo
+    divergence times range), half of which belongs to the first guess; 0 for a median echo
     reference_m: where ahead of the fixed axle the offset is reported, 0 = a little behind the footprint
     """
 
@@ -47,7 +49,7 @@ class EdgeParams:
     min_separation: Annotated[float, Gt(0), Le(10)] = 1.2
     window_m: Annotated[float, Gt(0.3), Le(10)] = 3.0
     search_m: Annotated[float, Gt(0.3), Le(20)] = 5.0
-    track_m: Annotated[float, Gt(0.5), Le(20)] = 6.0
+    track_m: Annotated[float, Gt(0.5), Le(20)] = 7.5
     gate_m: Annotated[float, Gt(0.05), Le(2)] = 0.35
     lost_s: Annotated[float, Gt(0), Le(0.5)] = 0.4
     acquire_s: Annotated[float, Gt(0), Le(2)] = 0.2
@@ -55,6 +57,7 @@ class EdgeParams:
     lean_deg: Annotated[float, Ge(0), Le(60)] = 6.5
     lean_share: Annotated[float, Ge(0), Le(1)] = 0.5
     learn_m: Annotated[float, Ge(0), Le(1000)] = 30.0
+    echo_parts: Annotated[int, Ge(1), Le(20)] = 3
     spot_mm: Annotated[float, Ge(0), Le(500)] = 0.0
     reference_m: Annotated[float, Ge(0), Le(30)] = 0.0
 
@@ -72,8 +75,8 @@ class EdgeDetector:
         self._mounting = setup.mounting
         self._sign = crop_sign(setup.edge_side)
         self._centre = self._sign * setup.machine.header_end(setup.edge_side)[1]
-        self._half_spot = 0.5 * p.spot_mm * MM
-        self._overhang = Overhang(p.learn_m, p.lean_share * float(np.tan(p.lean_deg * DEG)))
+        lean = p.lean_share * float(np.tan(p.lean_deg * DEG))
+        self._overhang = Overhang(p.learn_m, lean, 0.5 * p.spot_mm * MM, parts=p.echo_parts)
         self._gates = Gates(
             min_step=p.min_step_m,
             min_gain=p.min_gain,
@@ -84,7 +87,7 @@ class EdgeDetector:
         self._reach = Reach()
         self._lost = round(p.lost_s * NS)
         memory = Memory(p.track_m, gate=p.gate_m, lost_s=p.lost_s, acquire_s=p.acquire_s, jump_s=p.jump_s)
-        self._reference = p.reference_m or _footprint(setup) - 0.25 * p.track_m
+        self._reference = p.reference_m or _footprint(setup) - 0.2 * p.track_m
         self._track = EdgeTrack(memory, Prior(), self._reference)
         self._time = 0
         self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0
@@ -168,7 +171,7 @@ class EdgeDetector:
 
     def _as_edge(self, now: int, line: Line) -> CropEdge:
         sign, steep = self._sign, 1.0 + line.slope**2
-        shift = self._half_spot + self._overhang.shift(self._crop)
+        shift = self._overhang.shift(self._crop)
         return CropEdge(
             t=now,
             offset=sign * (line.offset + shift * float(np.sqrt(steep))),

@@ -24,6 +24,10 @@ class Line(NamedTuple):
         ahead = x - self.x0
         return self.offset + ahead * (self.slope + 0.5 * self.bend * ahead)
 
+    def slope_at(self, x: F64 | float) -> F64 | float:
+        """du/dx [1] at x [m]."""
+        return self.slope + self.bend * (x - self.x0)
+
     def moved(self, distance: float, turn: float) -> "Line":
         """The same edge after the machine drove `distance` [m] and turned `turn` [rad] toward +u.
 

@@ -13,6 +13,10 @@ from swath.control.edge._line import Line
 from swath.control.edge._profile import Profile
 from swath.core.signals import F64
 
+# of a ray's way through the upper half of the crop, from its end nearer to the crop: there it counts. 0.36
+# for 4 to 10 mean free paths of crop and a way across three times the overhang, 0.5 for one along the edge
+MET = 0.35
+
 # heights in lateral order [m], shape (n,), fewest points on a side -> log-likelihood of a split before each
 # of the points 1..n-1, shape (n - 1,), -inf where a split is not allowed; the gain over "no step" [nat]
 SplitRule = Callable[[F64, int], tuple[F64, float]]
@@ -39,12 +43,32 @@ class Gates:
 
 
 @dataclass(frozen=True)
+class Rays:
+    """How the rays of a profile come down through the canopy; all in one order, shape (echo_count,).
+
+    upper, lower: lateral distance [m] from the edge as it was known before, where a ray is (or would have
+    been) `top` and `limit` [m] above the foot of the stubble side, less the roll
+    height [m]: of its echo above that foot
+    top: of the canopy; limit: midway between both sides
+    """
+
+    upper: F64
+    lower: F64
+    height: F64
+    top: float
+    limit: float
+
+    def at(self, height: float) -> F64:
+        """Lateral distance [m] of every ray at a height [m] above the foot of the stubble side."""
+        share = (height - self.limit) / max(self.top - self.limit, 0.01)
+        return self.lower + share * (self.upper - self.lower)
+
+
+@dataclass(frozen=True)
 class Step:
     """An edge point. x, u [m]; variance [m2] of u; quality 0..1; crop_height, stubble_height [m].
 
-    lateral [m]: of all echoes of the profile from the edge as it was known before, clear ways of stubble
-    echoes included; height [m]: above the foot of the stubble side; both in lateral order, shape
-    (echo_count,); limit [m]: height midway between both sides; ground [m]: that foot, in the machine frame
+    rays: of the profile; ground [m]: the foot of the stubble side in the machine frame
     separation: as in `Gates`
     """
 
@@ -54,11 +78,18 @@ class Step:
     quality: float
     crop_height: float
     stubble_height: float
-    lateral: F64
-    height: F64
-    limit: float
+    rays: Rays
     ground: float
     separation: float
+
+
+@dataclass(frozen=True)
+class _Canopy:
+    """Mean height of the stubble side, middle between both sides, top of the crop [m]."""
+
+    low: float
+    limit: float
+    top: float
 
 
 @dataclass(frozen=True)
@@ -91,11 +122,12 @@ def find_step(
         return None
     slope = _ground_slope(lateral, z, int(np.argmax(score)) + 1)
     level = z - slope * lateral
-    rough = _describe(level, int(np.argmax(score)) + 1)
-    x, lateral = _clear_part(x, lateral, level, rough, line, profile.sensor)
+    canopy = _canopy(level, int(np.argmax(score)) + 1, profile.sensor[2])
+    x, lateral, upper, lower = _through(x, lateral, level, canopy, slope, line, profile.sensor)
     order = np.argsort(lateral, kind="stable")
     x, level, lateral = x[order], level[order], lateral[order]
-    score, gain = split(level, gates.min_points)
+    met = np.where(level < canopy.limit, np.minimum(level, canopy.low), level)
+    score, gain = split(met, gates.min_points)
     if not gain > gates.min_gain:
         return None
     found = _describe(level, int(np.argmax(score)) + 1)
@@ -105,20 +137,17 @@ def find_step(
     if abs(found.low) > gates.max_ground:
         return None
     at, variance = _locate(lateral, score)
-    foot = slope * (found.high - found.low)  # the canopy leans out of a rolled machine's frame
     ahead = _abreast(x, lateral - at, found.first)
     quality = float(np.clip((separation - 0.5 * gates.min_separation) / gates.min_separation, 0.2, 1.0))
     crop, stubble, ground = _heights(level, found.first)
     return Step(
         ahead,
-        float(line.at(ahead)) + at + foot,
+        float(line.at(ahead)) + at,
         variance + gates.resolution**2,
         quality,
         crop,
         stubble,
-        lateral,
-        level - ground,
-        0.5 * (found.low + found.high) - ground,
+        Rays(upper[order], lower[order], level - ground, canopy.top - ground, canopy.limit - ground),
         ground,
         float(separation),
     )
@@ -144,22 +173,48 @@ def _ground_slope(lateral: F64, z: F64, first: int) -> float:
     return float((weight * dw * dh).sum()) / (float((weight * dw * dw).sum()) + noise / 0.035**2 + 1e-9)
 
 
-def _clear_part(
-    x: F64, lateral: F64, z: F64, split: _Split, line: Line, sensor: tuple[float, float, float]
-) -> tuple[F64, F64]:
-    """Where each echo says what it says.
+def _canopy(z: F64, first: int, sensor_z: float) -> _Canopy:
+    """Of levelled heights in lateral order, the crop from `first` on; its top stays below the scanner."""
+    low, high = float(z[:first].mean()), np.sort(z[first:])
+    limit = 0.5 * (low + float(high.mean()))
+    top = min(float(high[int(0.9 * len(high))]), sensor_z - 0.3)
+    return _Canopy(low, limit, max(top, limit))
 
-    An echo from the crop says: crop here. One from the stubble says: nothing along my last metres below the
-    canopy. Of that part of its ray the end nearer to the crop counts; without this the shadow that a stand
-    throws over the stubble behind it would move the edge toward the cut side.
+
+def _through(
+    x: F64,
+    lateral: F64,
+    z: F64,
+    canopy: _Canopy,
+    slope: float,
+    line: Line,
+    sensor: tuple[float, float, float],
+) -> tuple[F64, F64, F64, F64]:
+    """(x, lateral) where each ray counts, its lateral at the top and at the lower limit of the canopy [m].
+
+    A ray says one thing: it was stopped in the upper half of the crop, or not. Where beside the edge it says
+    so must not depend on which of both it was, or rays that cross the edge at an angle, in a bend, would show
+    it elsewhere than rays along it: stopped only after a mean free path, or free in the shadow of the stand.
+    A ray that crosses is stopped mostly near that end of its way that lies deeper in the crop. In the frame
+    of a rolled machine the crop leans by the slope: laterals are those of the feet.
     """
-    limit = 0.5 * (split.low + split.high)
-    share = np.clip((split.high - z) / np.maximum(sensor[2] - z, 0.1), 0.0, 1.0)
-    entry_x = x + share * (sensor[0] - x)
-    entry_u = lateral + line.at(x) + share * (sensor[1] - lateral - line.at(x))
-    entry = entry_u - line.at(entry_x)
-    nearer = (z < limit) & (entry > lateral)
-    return np.where(nearer, entry_x, x), np.where(nearer, entry, lateral)
+    upper_x, upper = _crossing(x, lateral, z, canopy.top, line, sensor)
+    lower_x, lower = _crossing(x, lateral, z, canopy.limit, line, sensor)
+    upper = upper + slope * (canopy.top - canopy.low)
+    lower = lower + slope * (canopy.limit - canopy.low)
+    share = np.where(upper > lower, 1.0 - MET, MET)
+    at_x, at = share * upper_x + (1.0 - share) * lower_x, share * upper + (1.0 - share) * lower
+    return at_x, at, upper, lower
+
+
+def _crossing(
+    x: F64, lateral: F64, z: F64, height: float, line: Line, sensor: tuple[float, float, float]
+) -> tuple[F64, F64]:
+    """(x, lateral) [m] where every ray is, or would have been without its echo, at a height [m]."""
+    share = np.clip((sensor[2] - height) / np.maximum(sensor[2] - z, 0.1), 0.0, 2.0)
+    at_x = sensor[0] + share * (x - sensor[0])
+    at_u = sensor[1] + share * (lateral + line.at(x) - sensor[1])
+    return at_x, at_u - line.at(at_x)
 
 
 def _locate(lateral: F64, score: F64) -> tuple[float, float]:

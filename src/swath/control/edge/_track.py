@@ -28,8 +28,8 @@ class Memory:
     forget_s: until a lost edge is forgotten; min_share: of scans that must show the edge
     """
 
-    window: float = 6.0
-    window_s: float = 4.0
+    window: float = 7.5
+    window_s: float = 6.0
     gate: float = 0.35
     lost_s: float = 0.4
     acquire_s: float = 0.2
@@ -73,9 +73,9 @@ class EdgeTrack:
         """Take the edge point of a new scan, or that it showed none."""
         row = np.full((1, COLUMNS), np.nan)
         row[0, AGE], row[0, IS_USED] = 0.0, 0.0
-        row[0, SLOPE] = 0.0 if self.line is None else self.line.slope
         if step is not None:
             row[0, :AGE] = step.x, step.u, step.variance, step.quality
+            row[0, SLOPE] = 0.0 if self.line is None else self.line.slope_at(step.x)
             if self.is_found and self.line is not None:
                 row[0, IS_USED] = float(abs(step.u - float(self.line.at(step.x))) < self._memory.gate)
         self._rows = np.concatenate([self._rows, row])
@@ -118,7 +118,7 @@ class EdgeTrack:
 
     def _fit(self) -> None:
         used = self._rows[self._rows[:, IS_USED] > 0.0]
-        slope = 0.0 if self.line is None else self.line.slope
+        slope = 0.0 if self.line is None else self.line.slope_at(used[:, X])
         variance = used[:, VARIANCE] + (LEVER * (used[:, SLOPE] - slope)) ** 2
         self.line, _ = fit_line(used[:, X], used[:, U], variance, self._x0, self._prior, self.line)
 
