@@ -91,12 +91,27 @@ class Scanner:
             Port("truth", ScanTruth),
         )
         self._sweep = Sweep(self.mounting, self.beam_t)
+        self._blind_scans, self._has_echo = 0, False
         self.noise = Noise(
             self.card, is_on=params.noise == "data_sheet", angle=angle_noise, drop_out=drop_out
         )
 
+    @property
+    def notes(self) -> list[str]:
+        """What a user should know: a rate that the sheet does not offer, a sensor that saw nothing at all."""
+        found, rates = [], self.card.rates_hz
+        rate = 1.0 / self.setup.period
+        if not any(abs(rate - offered) < 1e-3 * offered for offered in rates):
+            offer = ", ".join(f"{r:g}" for r in rates)
+            found.append(f"lidar: {rate:.4g} Hz is not a rate of the {self.card.name}, which has {offer} Hz")
+        if self._blind_scans > 0:
+            hint = "see mount (pitch_deg > 0 looks down), sector_deg and reach_m"
+            found.append(f"lidar: no beam met anything in the whole run; {hint}")
+        return found
+
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan; draws the constant range bias of this instance, uniform in the data sheet's band."""
+        self._blind_scans, self._has_echo = 0, False
         self.noise.reset(stream)
         nothing = np.full((len(self.azimuth), self.echo_count), np.nan)
         points = np.full((len(self.azimuth), self.echo_count, 3), np.nan)
@@ -138,6 +153,9 @@ class Scanner:
         ranges, intensity: (beam_count,) or (beam_count, echo_count); points: world, with 3 more; origins:
         (beam_count, 3)
         """
+        if t > 0 and not self._has_echo:
+            self._has_echo = not np.isnan(ranges).all()
+            self._blind_scans = 0 if self._has_echo else self._blind_scans + 1
         if ranges.ndim == 1:
             ranges, intensity, points = ranges[:, None], intensity[:, None], points[:, None, :]
         lost = self.noise.dropped(t, len(self.azimuth))

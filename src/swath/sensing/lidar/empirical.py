@@ -55,7 +55,7 @@ class Params:
 
 
 class EmpiricalLidar:
-    """Scans bodies with a moving scanner. notes: what a run should be told, each once."""
+    """Scans bodies with a moving scanner."""
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.params, self.setup = params, setup
@@ -85,7 +85,7 @@ class EmpiricalLidar:
         )
         self._last: MachineState | None = None
         self.ray_count = 0
-        self.notes: list[str] = []
+        self._notes: list[str] = []
         self._clamped = 0
         self._ensured = (math.inf, math.inf)
 
@@ -93,7 +93,7 @@ class EmpiricalLidar:
         """An empty scan."""
         self._last = None
         self.ray_count = self._clamped = 0
-        self.notes = []
+        self._notes = []
         self._ensured = (math.inf, math.inf)
         outputs = self.scanner.reset(stream)
         self.rays.reset(stream)
@@ -118,20 +118,25 @@ class EmpiricalLidar:
         self.rays.disturb(self.params.weather, t)
         return self.rays.report(t, origins)
 
+    @property
+    def notes(self) -> list[str]:
+        """What a run should be told of the scanner and of the table, each once."""
+        return [*self.scanner.notes, *self._notes]
+
     def save(self) -> State:
         """The last pose, the ray counter and what was noted; constants follow from the stream."""
         return {
             "last": self._last,
             "ray_count": self.ray_count,
             "clamped": self._clamped,
-            "notes": list(self.notes),
+            "notes": list(self._notes),
         }
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._last = state["last"]
         self.ray_count, self._clamped = state["ray_count"], state["clamped"]
-        self.notes = list(state["notes"])
+        self._notes = list(state["notes"])
         self._ensured = (math.inf, math.inf)
 
     def _ensure(self, middle: F64) -> None:
@@ -151,7 +156,7 @@ class EmpiricalLidar:
             if new >> k & 1:
                 low, high = ranges[key]
                 unit = key.rpartition("_")[2] if k else "per m2"
-                self.notes.append(
+                self._notes.append(
                     f"lidar empirical: {name} outside the table's {low:g} to {high:g} {unit}, its end is used"
                 )
 

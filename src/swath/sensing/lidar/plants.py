@@ -137,6 +137,11 @@ class PlantsLidar:
         points = echoes.places(rays, distance)
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
 
+    @property
+    def notes(self) -> list[str]:
+        """What a run should be told of the scanner."""
+        return self.scanner.notes
+
     def save(self) -> State:
         """The last pose and the ray counter; constants follow from the stream."""
         return {"last": self._last, "ray_count": self.ray_count}

@@ -123,11 +123,12 @@ class ReplayLidar:
 
     @property
     def notes(self) -> list[str]:
-        """How many beams the measurement had no answer for."""
-        if self.unmeasured_count == 0:
-            return []
-        share = 100.0 * self.unmeasured_count / self.beam_count
-        return [f"lidar: {share:.2g} % of the beams ended where nothing was measured"]
+        """What a run should be told of the scanner, and how many beams the measurement had no answer for."""
+        found = self.scanner.notes
+        if self.unmeasured_count:
+            share = 100.0 * self.unmeasured_count / self.beam_count
+            found.append(f"lidar: {share:.2g} % of the beams ended where nothing was measured")
+        return found
 
     def save(self) -> State:
         """The last pose and the counters; what was cut is the field's to remember."""

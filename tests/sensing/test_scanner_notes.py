@@ -1,0 +1,45 @@
+"""What a scanner tells its user when it looks at nothing, or runs at a rate that its maker does not offer."""
+
+import dataclasses
+
+import pytest
+from test_empirical import scan, site
+
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.sensing.lidar import empirical, plants
+
+DOWN = Pose.from_euler((25.0, 50.0, 3.0), 0.0, 0.35, 0.3)
+UP = Pose.from_euler((25.0, 50.0, 3.0), 0.0, -1.2, 0.3)
+LEVELS = [
+    (plants.PlantsLidar, plants.Params(step_deg=1.0, sector_deg=(-60.0, 60.0), sub_rays=1)),
+    (empirical.EmpiricalLidar, empirical.Params(step_deg=1.0, sector_deg=(-60.0, 60.0))),
+]
+
+
+def lidar_of(make, params, rate_hz=25.0):
+    lidar = make(params, dataclasses.replace(site(), period=1.0 / rate_hz))
+    lidar.reset(Stream(7, "combine.lidar"))
+    return lidar
+
+
+@pytest.mark.parametrize(("make", "params"), LEVELS)
+def test_a_scanner_that_saw_only_sky_says_so_until_it_sees_something(make, params):
+    lidar = lidar_of(make, params)
+    assert lidar.notes == []  # nothing scanned yet
+    scan(lidar, UP, 10**9)
+    [note] = lidar.notes
+    assert "no beam met anything" in note
+    assert "pitch_deg" in note
+    scan(lidar, DOWN, 2 * 10**9)
+    assert lidar.notes == []
+    scan(lidar, UP, 3 * 10**9)
+    assert lidar.notes == []
+
+
+@pytest.mark.parametrize(("make", "params"), LEVELS)
+def test_a_rate_that_the_sheet_does_not_offer_is_named(make, params):
+    [note] = lidar_of(make, params, rate_hz=33.0).notes
+    assert "33 Hz" in note
+    assert "25, 35, 50, 75, 100 Hz" in note
+    assert lidar_of(make, params, rate_hz=100.0).notes == []
