@@ -1,10 +1,12 @@
 """LiDAR level `empirical` against `plants` in the same field, and what its bodies must do exactly."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
+from swath.commands.calibrate import SHIPPED
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -65,40 +67,39 @@ def pair(setup, **keys):
     )
 
 
+def agreement(crop, density, sensor, pitch):
+    """Both levels in stands of three seeds: the plants of one stand are not those of the next."""
+    real, model = [], []
+    for seed in (5, 6, 7):
+        dear, cheap = pair(
+            site(density, f"field.stand.crop={crop}", f"seed={seed}"), sensor=sensor, step_deg=2.0
+        )
+        real.append(heights(dear, dear.setup, pitch, 60, seed))
+        model.append(heights(cheap, cheap.setup, pitch, 300, seed + 50))
+        assert cheap.notes == []  # nothing of it lies outside the table
+    return compare(np.concatenate(model), np.concatenate(real))
+
+
 @pytest.mark.parametrize("density", [200, 400, 600])
 @pytest.mark.parametrize("sensor", ["sick-lms511-hr", "sick-lms111"])
 def test_measured_heights_agree_with_plants(density, sensor):
     """The limits of study/compare.py at three angles. Beams 2 deg apart see stems of their own."""
-    setup = site(density)
-    dear, cheap = pair(setup, sensor=sensor, step_deg=2.0)
     for pitch in (10.0, 25.0, 50.0):
-        real = heights(dear, setup, pitch, 200, 3)
-        model = heights(cheap, setup, pitch, 800, 4)
-        found = compare(model, real)
-        if (sensor, density, pitch) == ("sick-lms111", 200, 10.0):
-            # the one miss: 10 mm too low where the heights spread by 31 mm only (docs/empirical.md)
-            assert found.wasserstein_m < 0.015
-            assert found.ks < 0.13
-            continue
+        found = agreement("wheat", density, sensor, pitch)
         assert found.is_good, (pitch, found)
 
 
-@pytest.mark.parametrize(("crop", "density"), [("barley", 550), ("rye", 400)])
-def test_barley_and_rye_agree_with_plants(crop, density):
-    setup = site(density, f"field.stand.crop={crop}")
-    dear, cheap = pair(setup, sensor="sick-lms511-hr", step_deg=2.0)
+@pytest.mark.parametrize(("crop", "density"), [("barley", 550), ("rye", 250), ("rape", 40)])
+def test_other_crops_agree_with_plants(crop, density):
     for pitch in (10.0, 25.0, 50.0):
-        found = compare(heights(cheap, setup, pitch, 800, 4), heights(dear, setup, pitch, 200, 3))
-        if crop == "rye":  # tall: the table is up to 26 mm low at the top (docs/empirical.md)
+        found = agreement(crop, density, "sick-lms511-hr", pitch)
+        if (crop, pitch) == ("rye", 50.0):  # heights spread by 0.4 m: two stands differ by 21 mm
             assert found.wasserstein_m < 0.025
-            assert abs(found.p95_bias_m) < 0.03
-            assert found.ks < 0.1
-            continue
+            found = replace(found, wasserstein_m=0.0)
         assert found.is_good, (pitch, found)
-        assert cheap.notes == []  # nothing of it lies outside the table
 
 
-@pytest.mark.parametrize("name", ["wheat-median", "wheat-nearest", "barley-median", "rye-median"])
+@pytest.mark.parametrize("name", sorted(SHIPPED))
 def test_bundled_tables_say_what_they_are(name):
     table = load_table(name)
     crop = load_crop(table.about["crop"])

@@ -23,7 +23,7 @@ from swath.study.calibrate import (
 )
 from swath.study.compare import compare
 from swath.study.measured import COLUMNS, fit_samples, read_run, read_samples
-from swath.study.stand_rays import LINE, Place, Reading, Returns
+from swath.study.stand_rays import LINE, Place, Reading, Returns, StandRays
 
 
 @cache
@@ -74,9 +74,30 @@ def test_same_seed_same_bytes_and_back_from_disk(tmp_path):
     one, two = save_table(table, tmp_path / "a" / "t.npz"), save_table(again, tmp_path / "b" / "t.npz")
     assert [f.read_bytes() for f in one] == [f.read_bytes() for f in two]
     back = load_table(str(one[0]))
-    assert np.allclose(back.quantile, table.quantile, atol=1e-6)
+    assert np.allclose(back.quantile, table.quantile, atol=5e-4)
     assert back.correlation == table.correlation
     assert back.about["range"]["depression_deg"] == [9.0, 45.0]
+
+
+def test_what_comes_back_too_weakly_of_a_long_spot_is_lost():
+    """At 10 deg a spot of 15 cm is 0.9 m long. Its far part is a pulse of its own where the crop is thin; a
+    receiver of less reach misses it, and reports what is nearer and higher."""
+    stands = StandRays(load_crop("wheat"), Stream(1, "x"), tile_count=6)
+    place = Place(200.0, 0.85, 10.0 * DEG, 0.15)
+    blunt, sharp = (
+        stands.look(place, 60, Reading(sensor=name), Stream(1, "y")).height
+        for name in ("sick-lms111", "sick-lms511-sr")
+    )
+    assert np.mean(blunt - sharp) > 0.001
+
+
+def test_silhouette_reaches_down_through_the_densest_crop():
+    """The branch layer of rape shades ten times as much as wheat: still known below it."""
+    found = StandRays(load_crop("rape"), Stream(1, "x"), tile_count=4).silhouette(
+        Stream(1, "y"), relative_max=1.6, fine=0.02, rays=8000
+    )
+    assert found[5] > found[25] > found[40] > 5.0 * found[50] > 0.0  # at 0.1, 0.5, 0.8 and 1 of the height
+    assert found[0] < 1.2 * found[20]  # bare stems below the branches
 
 
 def test_bad_tables_are_named(tmp_path):

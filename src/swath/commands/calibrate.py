@@ -9,6 +9,7 @@ SHIPPED = {  # name: crop, echo rule, is the design the narrow one
     "wheat-nearest": ("wheat", "nearest", False),
     "barley-median": ("barley", "percentile", True),
     "rye-median": ("rye", "percentile", True),
+    "rape-median": ("rape", "percentile", True),
 }
 
 
@@ -30,6 +31,12 @@ def add(parsers: Any) -> None:
     lidar.add_argument("--percentile", type=float, default=50.0, metavar="P", help="of the spot (default 50)")
     lidar.add_argument("--sub-rays", type=int, default=37, metavar="N", help="per beam (default 37)")
     lidar.add_argument("--profile", choices=("gaussian", "uniform"), default="gaussian", help="of the spot")
+    lidar.add_argument(
+        "--sensor",
+        default="sick-lms111",
+        metavar="NAME",
+        help="scanner whose receiver loses what comes back too weakly (default sick-lms111, a middling one)",
+    )
     lidar.add_argument("--lines", type=int, metavar="N", help="scan lines of 24 beams per place (default 80)")
     lidar.add_argument(
         "--narrow", action="store_true", help="spots up to 90 mm and usual stands only: a smaller table"
@@ -52,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
     if not 1 <= args.sub_rays <= 217 or not 0.0 <= args.percentile <= 100.0:
         raise InputError("--sub-rays", args.sub_rays, "expected 1 to 217, and --percentile 0 to 100")
     if args.shipped:
-        for name, (crop, echo, narrow) in SHIPPED.items():
+        for k, (name, (crop, echo, narrow)) in enumerate(SHIPPED.items(), start=1):
+            print(f"{name}, table {k} of {len(SHIPPED)}", flush=True)
             args.narrow = narrow
             _one(args, args.out / f"{name}.npz", crop, echo)
         return 0
@@ -66,7 +74,8 @@ def _one(args: argparse.Namespace, out: Path, crop: str, echo: str) -> None:
     from swath.study.calibrate import described, quality
     from swath.study.stand_rays import Reading
 
-    reading = Reading(args.sub_rays, args.profile, echo, args.percentile if echo == "percentile" else 0.0)
+    percentile = args.percentile if echo == "percentile" else 0.0
+    reading = Reading(args.sub_rays, args.profile, echo, percentile, args.sensor)
     if args.source == "plants":
         table, judged, source = _from_plants(args, crop, reading)
     else:

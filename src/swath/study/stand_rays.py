@@ -1,10 +1,11 @@
 """Beams of the LiDAR level `plants` into uniform stands: the design that a spread table is fitted to.
 
 Spots are as wide at the canopy as the design says, with parallel sub-rays; the ground is level. A scan line
-is a row of beams with gaps from 1 to 16 cm, at a random place and azimuth.
+is a row of beams with gaps from 1 to 64 cm, at a random place and azimuth.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,16 @@ from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Beam, Profile, spot_pattern, sub_rays
-from swath.sensing.echo import Bundle, Receiver, receive
+from swath.sensing.card import LidarCard, load_lidar
+from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 
 F64 = NDArray[np.float64]
 LINE = 24  # beams of a scan line
-GAPS = np.array([0.01, 0.02, 0.04, 0.08, 0.16])  # between neighbouring beams [m]
+GAPS = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])  # between neighbouring beams [m]
 HALF_AREA = 24.0  # beams enter the crop within this of the middle of the stand [m]
+NEAREST = 0.5  # the scanner is no nearer to the top of the crop than this [m]
+THIN = ((0.2, 45.0), (0.2, 60.0), (0.4, 60.0), (0.7, 70.0))  # of the usual density; depression [deg]
+SPOT_AT = 0.9  # share of the crop's height where the spot is taken, as in rays/kernel/bodies.py
 
 
 @dataclass(frozen=True)
@@ -56,12 +61,33 @@ class Returns:
 
 @dataclass(frozen=True)
 class Reading:
-    """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`."""
+    """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`.
+
+    sensor: card whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of
+    a spot comes back too far from the rest and too weakly to be detected there is lost.
+    """
 
     sub_rays: int = 37
     profile: Profile = "gaussian"
     echo: Any = "percentile"
     percentile: float = 50.0
+    sensor: str = "sick-lms111"
+
+    @cached_property
+    def card(self) -> LidarCard:
+        """The scanner."""
+        return load_lidar(self.sensor)
+
+    def receiver(self) -> Receiver:
+        """As the level `plants` has it with this scanner."""
+        weakest = least_energy(self.card.range_10)
+        gap = merging_gap(self.card.pulse)
+        return Receiver(rule=self.echo, percentile=self.percentile, gap=gap, least_energy=weakest)
+
+    def distance(self, spot: float) -> float:
+        """From where a spot is this wide [m]."""
+        beam = self.card.beam
+        return (spot - float(np.mean(beam.exit_diameter))) / float(np.mean(beam.divergence))
 
 
 class StandRays:
@@ -93,7 +119,7 @@ class StandRays:
     def caster(self, density: float, height: float) -> RayCaster:
         """Rays into a stand of this density and height; the last one asked for is kept."""
         if self._caster is None or self._caster[0] != (density, height):
-            field = _stand(self.crop, self.library(density), height, self.stream)
+            field = _stand(self.crop, self.library(density), density, height, self.stream)
             self._caster = (density, height), RayCaster(field)
         return self._caster[1]
 
@@ -112,13 +138,15 @@ class StandRays:
         beam = Beam((place.spot, place.spot), (0.0, 0.0), reading.profile)
         pattern = spot_pattern(reading.sub_rays, reading.profile)
         origins, directions = sub_rays(origin, axes, beam, pattern.position[None])
-        hits = caster.cast(origins.reshape(-1, 3), directions.reshape(-1, 3), range_max=100.0)
-        shape = origins.shape[:2]
-        albedo = (hits.reflectance * hits.cosine).reshape(shape).astype(np.float64)
-        bundle = Bundle(hits.distance.reshape(shape).astype(np.float64), pattern.weight, albedo)
-        echo = receive(bundle, Receiver(rule=reading.echo, percentile=reading.percentile))
-        z = origin[:, 2] + echo.distance[:, 0] * axes[:, 2, 0]
-        share = np.where(hits.organ.reshape(shape) == Organ.GROUND, echo.share[:, 0], 0.0).sum(axis=1)
+        hits = caster.cast_bundles(origins, directions, range_max=100.0)
+        albedo = (hits.reflectance * hits.cosine).astype(np.float64)
+        to_spot = (top + width - SPOT_AT * place.height) / np.sin(place.depression)
+        # the scanner lies so far behind where the rays start, for all the energy of a spot that matters
+        back = max(reading.distance(place.spot) - to_spot, NEAREST)
+        distance = hits.distance.astype(np.float64) + back
+        echo = receive(Bundle(distance, pattern.weight, albedo), reading.receiver())
+        z = origin[:, 2] + (echo.distance[:, 0] - back) * axes[:, 2, 0]
+        share = np.where(hits.organ == Organ.GROUND, echo.share[:, 0], 0.0).sum(axis=1)
         line = (lines, LINE)
         return Returns(z.reshape(line), (share > 0.5).reshape(line), gap, echo.intensity[:, 0].reshape(line))
 
@@ -127,13 +155,15 @@ class StandRays:
 
         -log(share of rays that get below z) = n A(z) cot(depression); the mean over stands and angles of
         those heights that at least 5 % of the rays reach. Falls strictly, so that it can be turned around.
+        Stands are much thinner than the crop's own, so that rays get down to the ground.
         """
         edges = fine * np.arange(round(relative_max / fine) + 1)
         total, weight = np.zeros(len(edges)), np.zeros(len(edges))
-        full = self.crop.stand.height
-        for k, (density, degrees) in enumerate([(100.0, 45.0), (100.0, 60.0), (200.0, 60.0), (350.0, 70.0)]):
+        full, usual = self.crop.stand.height, self.crop.stand.density
+        for k, (part, degrees) in enumerate(THIN):
+            density = part * usual
             place = Place(density, full, np.radians(degrees), 1e-4)
-            seen = self.look(place, rays // LINE // 4, Reading(sub_rays=1), stream.child(f"thin{k}"))
+            seen = self.look(place, rays // LINE // len(THIN), Reading(sub_rays=1), stream.child(f"thin{k}"))
             relative = np.where(seen.is_ground, -1.0, seen.height / full).ravel()
             share = np.searchsorted(np.sort(relative), edges, side="left") / len(relative)
             ok = share > 0.05
@@ -156,11 +186,11 @@ class StandRays:
         return found[:, :2] / plants.height[:, None]
 
 
-def _stand(crop: Crop, library: PlantLibrary, height: float, stream: Stream) -> Field:
+def _stand(crop: Crop, library: PlantLibrary, density: float, height: float, stream: Stream) -> Field:
     ground = plane.Plane(plane.Params(), FieldSetup())
     params = uniform.Params(
         crop=crop.name,
-        stems_per_m2=library.density_max,
+        stems_per_m2=density,  # of few plants the library holds a little more
         row_spacing_m=library.row_spacing,
         height_factor=height / crop.stand.height,
     )

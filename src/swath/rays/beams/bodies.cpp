@@ -43,6 +43,8 @@ auto slope_of = [&](F d) -> F { return pick(size_of(d) < 1.0e-12f, F{}, 1.0f / d
 auto offset_of = [&](F o, F d) -> F { return pick(size_of(d) < 1.0e-12f, put(MISS), -o / d); };  // x = c: c * slope + offset
 const F inv_x = slope_of(dx), inv_y = slope_of(dy), off_x = offset_of(ox, dx), off_y = offset_of(oy, dy);
 
+const int upper_organ = scene.reflectance.data[EAR] > 0.0f ? EAR : STEM;  // crops without ears reflect as stems do
+
 // ---- What a beam carries
 F hit_t = put(reach), hit_cosine = {}, hit_albedo = {};
 I hit_organ = {}, out_of = {};
@@ -228,7 +230,7 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   }
   const I stops = acts & (I)(gain >= left), goes_on = acts & ~stops;
   hit_t = pick(stops, t + dt * left / gain, hit_t);
-  hit_organ = picki(stops, picki(code == STANDING, picki(relative > EAR_ZONE, puti(EAR), puti(STEM)), puti(STUBBLE)), hit_organ);
+  hit_organ = picki(stops, picki(code == STANDING, picki(relative > EAR_ZONE, puti(upper_organ), puti(STEM)), puti(STUBBLE)), hit_organ);
   hit_cosine = pick(stops, put(canopy.cosine), hit_cosine);
   left = pick(goes_on, left - gain, pick(stops, F{}, left));
   spent = pick(goes_on, spent + gain, spent);
