@@ -155,8 +155,11 @@ def scanner(rounds: int) -> dict[str, Any]:
     }
 
 
-def sweep(rounds: int, count: int) -> dict[str, list[list[float]]]:
-    """Mray per CPU-second of groups over sub-rays, density, side of the field [m] and share of cut crop."""
+def sweep(rounds: int, count: int) -> tuple[dict[str, list[list[float]]], float]:
+    """Mray per CPU-second of groups over sub-rays, density, side of the field [m] and share of cut crop.
+
+    Also the speed with half of the field cut over that of uncut crop, median of the rounds.
+    """
     found: dict[str, list[list[float]]] = {}
     jobs, sizes = {}, {}
 
@@ -177,7 +180,8 @@ def sweep(rounds: int, count: int) -> dict[str, list[list[float]]]:
     times = interleave(jobs, rounds=rounds)
     for (name, x), t in times.items():
         found.setdefault(name, []).append([x, sizes[name, x] / median(t) / 1e6])
-    return found
+    whole, half = times["share cut", 0.0], times["share cut", 0.5]
+    return found, median([a / b for a, b in zip(whole, half, strict=True)])
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
@@ -213,6 +217,7 @@ def main(out_dir: Path | str = "out/bench", *, rounds: int = 7, count: int = 60_
 
     out = Path(out_dir)
     results = [compare(density, rounds, count) for density in (200.0, 600.0)]
+    swept, half_cut = sweep(rounds, count // 2)
     data: dict[str, Any] = {
         "what": "Mray per CPU-second (user + system), one thread each, median of interleaved rounds",
         "rounds": rounds,
@@ -221,10 +226,9 @@ def main(out_dir: Path | str = "out/bench", *, rounds: int = 7, count: int = 60_
         "camera": camera(rounds, out),
         "lines_of_401_x_37_per_cpu_s": lines_per_second(rounds),
         "scanner": scanner(rounds),
-        "sweep": sweep(rounds, count // 2),
+        "sweep": swept,
+        "rate_half_cut_over_uncut": half_cut,
     }
-    cut = dict(map(tuple, data["sweep"]["share cut"]))
-    data["rate_half_cut_over_uncut"] = cut[0.5] / cut[0.0]
     table = Table(title="Rays through wheat: Mray per CPU-second, one thread", title_justify="left")
     for name in (
         "plants/m2",

@@ -7,8 +7,9 @@ import warp as wp
 from swath.rays.kernel.cast import hit_things
 from swath.rays.kernel.scene import Scene, Things, no_hit
 
-# Warp asks LLVM to inline whatever it can, which takes twice as long to compile and is no faster here
-wp.set_module_options({"cpu_compiler_flags": "-march=native", "fuse_fp": False})
+# Warp asks LLVM to inline nine times as much, which takes longer to compile and is no faster here.
+# Multiply-adds are fused only where the source says so: else a result could depend on what was inlined.
+wp.set_module_options({"cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=1000", "fuse_fp": False})
 _PARTS = ("lanes", "rays", "tiles", "crop", "walk")  # each built on those before it
 _WALK = "\n".join(
     (Path(__file__).parent / "native" / f"{part}.cpp").read_text(encoding="utf-8") for part in _PARTS

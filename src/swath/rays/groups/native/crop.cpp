@@ -360,13 +360,30 @@ struct Crop : Tiles {
   // The pieces that wait: against all slices at once, then against the lanes of those that they may touch;
   // what is left is tested
   void flush() {
+#pragma clang fp contract(fast)
+    const F low_u = load(box[0]), high_u = load(box[1]), low_v = load(box[2]), high_v = load(box[3]);
+    const float sway_now = sway;
     int asked = 0;
-    for (int n = 0; n < waiting; ++n) {
-      asked = ask(n, asked);
-      if (asked > PAIRS - SLICES) {
-        settle(narrow_down(asked));
-        asked = 0;
+    for (int n = 0; n < waiting; ++n) {  // which slices may it touch?
+      const float tu = kept.tu[n], tv = kept.tv[n], h = kept.h[n], inv = kept.inv[n], wide = kept.wide[n], near = kept.near[n];
+      const float u = kept.u[n], v = kept.v[n], su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv), swing = sway_now * inv;
+      const float out_u = su * h + wide + swing, out_v = sv * h + wide + swing;
+      I over = (low_u <= u + out_u) & (high_u >= u - out_u) & (low_v <= v + out_v) & (high_v >= v - out_v);
+      for (unsigned blocks = bits(over); blocks; blocks &= blocks - 1) {
+        const int b = __builtin_ctz(blocks) * N;
+        F du = load(c.cu + b) + load(c.ou + b) * inv - u, dv = load(c.cv + b) + load(c.ov + b) * inv - v;
+        F bu = load(c.ru + b) + load(c.pu + b) * inv, bv = load(c.rv + b) + load(c.pv + b) * inv;
+        F disc = load(c.disc + b) + load(c.pdisc + b) * inv;
+        I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
+                  (size_of(du * tu + dv * tv) <= wide + h + least(bu * su + bv * sv, disc)) & (load(c.reach + b) >= near);
+        const unsigned found = bits(meets);
+        keep_ints(asked_slice + asked, every() + b, found);
+        storei(asked_piece + asked, puti(n));
+        asked += __builtin_popcount(found);
       }
+      if (asked <= PAIRS - SLICES) continue;
+      settle(narrow_down(asked));
+      asked = 0;
     }
     settle(narrow_down(asked));
     waiting = 0;
@@ -385,26 +402,6 @@ struct Crop : Tiles {
       }
       box[0][b] = u0; box[1][b] = u1; box[2][b] = v0; box[3][b] = v1;
     }
-  }
-  HOT int ask(int n, int asked) {  // which slices a piece may touch
-#pragma clang fp contract(fast)
-    const float tu = kept.tu[n], tv = kept.tv[n], h = kept.h[n], inv = kept.inv[n], wide = kept.wide[n], near = kept.near[n];
-    const float u = kept.u[n], v = kept.v[n], su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv), swing = sway * inv;
-    const float out_u = su * h + wide + swing, out_v = sv * h + wide + swing;
-    I over = (load(box[0]) <= u + out_u) & (load(box[1]) >= u - out_u) & (load(box[2]) <= v + out_v) & (load(box[3]) >= v - out_v);
-    for (unsigned blocks = bits(over); blocks; blocks &= blocks - 1) {
-      const int b = __builtin_ctz(blocks) * N;
-      F du = load(c.cu + b) + load(c.ou + b) * inv - u, dv = load(c.cv + b) + load(c.ov + b) * inv - v;
-      F bu = load(c.ru + b) + load(c.pu + b) * inv, bv = load(c.rv + b) + load(c.pv + b) * inv;
-      F disc = load(c.disc + b) + load(c.pdisc + b) * inv;
-      I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
-                (size_of(du * tu + dv * tv) <= wide + h + least(bu * su + bv * sv, disc)) & (load(c.reach + b) >= near);
-      const unsigned found = bits(meets);
-      keep_ints(asked_slice + asked, every() + b, found);
-      storei(asked_piece + asked, puti(n));
-      asked += __builtin_popcount(found);
-    }
-    return asked;
   }
   HOT int narrow_down(int asked) {  // of the slices that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)

@@ -265,22 +265,20 @@ struct Tiles : Rays {
       const float h0 = b.oz[l] - ((float)(plane[0] - gz) - b.z0[l]) - plane[1] * (b.ox[l] - (kx + 0.5f) * size) -
                        plane[2] * (b.oy[l] - (ky + 0.5f) * size);
       if (lower(h0 + h1 * t0, h0 + h1 * t1) > tile.bump) continue;
-      float ta = t0, tb = t1;
-      if (h1 < 0.0f) ta = upper(ta, (tile.bump - h0) / h1);
-      if (h1 > 0.0f) tb = lower(tb, (tile.bump - h0) / h1);
+      const float through = (tile.bump - h0) / h1, ta = h1 < 0.0f ? upper(t0, through) : t0, tb = h1 > 0.0f ? lower(t1, through) : t1;
       hit_ground(b, l, ta, tb);
     }
   }
   void hit_ground(Block& b, int l, float t, float end) {
-    const float gap = size / 8.0f, cx0 = (tile.x - tile.jx - b.tx[l]) * size, cy0 = (tile.y - tile.jy - b.ty[l]) * size;
-    const float x = (b.ox[l] - cx0) / gap, y = (b.oy[l] - cy0) / gap, xd = b.dx[l] / gap, yd = b.dy[l] / gap;
+    const float gap = size / 8.0f, per_gap = 8.0f / size;
+    const float x = b.ox[l] * per_gap - (tile.x - tile.jx - b.tx[l]) * 8.0f, y = b.oy[l] * per_gap - (tile.y - tile.jy - b.ty[l]) * 8.0f;
+    const float xd = b.dx[l] * per_gap, yd = b.dy[l] * per_gap;
     const int x0 = tile.jx * 8, y0 = tile.jy * 8;
     int ix = down(x + xd * t), iy = down(y + yd * t);
     ix = ix < x0 ? x0 : ix > x0 + 7 ? x0 + 7 : ix;
     iy = iy < y0 ? y0 : iy > y0 + 7 ? y0 + 7 : iy;
-    const bool flat_x = __builtin_fabsf(xd) < 1e-12f, flat_y = __builtin_fabsf(yd) < 1e-12f;
-    const float mx = flat_x ? 0.0f : 1.0f / xd, my = flat_y ? 0.0f : 1.0f / yd;
-    const float cx = flat_x ? FAR : -x / xd, cy = flat_y ? FAR : -y / yd;
+    const float mx = b.ivx[l] * gap, my = b.ivy[l] * gap;  // 0 where the ray is parallel
+    const float cx = mx == 0.0f ? FAR : -x * mx, cy = my == 0.0f ? FAR : -y * my;
     while (ix >= x0 && ix <= x0 + 7 && iy >= y0 && iy <= y0 + 7) {
       const float tx = (float)(ix + (xd > 0.0f)) * mx + cx, ty = (float)(iy + (yd > 0.0f)) * my + cy;
       const float leave = lower(lower(tx, ty), end);
@@ -294,7 +292,7 @@ struct Tiles : Rays {
     const float *ground = scene.ground.data + (size_t)tile.slot * 65 * 65 + n, *straw = scene.straw.data + (size_t)tile.slot * 65 * 65 + n;
     const float z0 = (float)(gz + b.z0[l]), s00 = straw[0], s10 = straw[1], s01 = straw[65], s11 = straw[66];
     const float h00 = (ground[0] - z0) + s00, h10 = (ground[1] - z0) + s10, h01 = (ground[65] - z0) + s01, h11 = (ground[66] - z0) + s11;
-    const float hu = h10 - h00, hv = h01 - h00, huv = h11 - h10 - hv, gap = size / 8.0f;
+    const float hu = h10 - h00, hv = h01 - h00, huv = h11 - h10 - hv, per_gap = 8.0f / size;
     const float above = b.oz[l] + b.dz[l] * t - (h00 + hu * u + hv * v + huv * u * v);
     const float rate = b.dz[l] - (hu + huv * v) * xd - (hv + huv * u) * yd, bend = -huv * xd * yd;
     float s = FAR;
@@ -309,7 +307,7 @@ struct Tiles : Rays {
     if (!(s < FAR && t + s <= b.t[l])) return false;
     u += xd * s;
     v += yd * s;
-    const float nx = -(hu + huv * v) / gap, ny = -(hv + huv * u) / gap;
+    const float nx = -(hu + huv * v) * per_gap, ny = -(hv + huv * u) * per_gap;
     const float thick = (s00 * (1.0f - u) + s10 * u) * (1.0f - v) + (s01 * (1.0f - u) + s11 * u) * v;
     b.t[l] = t + s;
     b.what[l] = thick > 0.005f ? 2 : 1;
