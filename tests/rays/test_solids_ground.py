@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hand_field import HandField, make_pages, small_library
 
-from swath.core.errors import InputError
+from swath.core.errors import SwathError
 from swath.field.layout import Organ, Solids
 from swath.rays.device import start_warp, thread_count
 from swath.rays.engine import RayCaster
@@ -173,8 +173,13 @@ def test_bad_rays_and_thread_counts_are_refused(monkeypatch):
         caster.cast([[0, 0, 1]], [[0, 0, 0]], range_max=5)
     assert len(caster.cast(np.zeros((0, 3)), np.zeros((0, 3)), range_max=5).distance) == 0
     monkeypatch.setenv("SWATH_THREADS", "none")
-    with pytest.raises(InputError, match="SWATH_THREADS = none: expected a whole number"):
+    with pytest.raises(SwathError, match="SWATH_THREADS = none: expected a whole number"):
         thread_count()
+    monkeypatch.delenv("SWATH_THREADS")
+    monkeypatch.setenv("SWATH_DEVICE", "cuda:77")
+    with pytest.raises(SwathError, match="SWATH_DEVICE = cuda:77: expected one of this machine's cpu"):
+        RayCaster(bare(pages=1))
+    assert RayCaster(bare(pages=1), device="cpu").device == "cpu"
 
 
 def test_the_kernel_compiles_for_cuda(tmp_path):

@@ -42,7 +42,7 @@ class BodyCaster(RayCaster):
         divergence: float,
         pitch: float = PITCH,
     ) -> None:
-        super().__init__(field, threads=1)
+        super().__init__(field, threads=1, device="cpu")
         self.table, self.desk, self.line_count = table, desk, line_count
         self._apart = np.zeros(len(desk.score), np.float32)
         self._apart[: desk.count] = apart

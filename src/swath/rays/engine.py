@@ -14,7 +14,7 @@ from swath.field.layout import Pages, PlantLibrary, Shape, Solids, primitive_row
 from swath.field.solids import solid_count
 from swath.field.wind import GUST_SHARE, Sway
 from swath.rays.checks import Place, check_origins, check_range
-from swath.rays.device import start_warp, thread_count
+from swath.rays.device import ray_device, start_warp, thread_count
 from swath.rays.geometry import make_things
 from swath.rays.groups.cast import Crew, GroupWalk, Task, can_walk, no_hits
 from swath.rays.groups.lanes import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
@@ -57,16 +57,17 @@ class Hits:
 class RayCaster:
     """Casts rays into a field.
 
-    threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu` or a Warp device as `cuda:0`.
-    On the CPU the kernel reads the field's own memory; on another device a copy, renewed after each change.
+    threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu` or a Warp device as `cuda:0`,
+    default SWATH_DEVICE or `cpu`. On the CPU the kernel reads the field's own memory; on another device a copy
+    of it, renewed after each change.
     """
 
     top_room = 0.0  # hits may lie above crop by this share of its height
 
-    def __init__(self, field: Castable, *, threads: int | None = None, device: str = "cpu") -> None:
+    def __init__(self, field: Castable, *, threads: int | None = None, device: str | None = None) -> None:
         self.field = field
         self.threads = thread_count() if threads is None else threads
-        self.device = device
+        self.device = ray_device() if device is None else device
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         self._crew = Crew(self._pool, self.threads)
         self._scene: Any = None

@@ -7,6 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from swath.rays.device import ray_device
 from swath.study.metrics import evaluate, json_safe
 
 PARTS = ("swath", "numpy", "warp-lang")
@@ -43,6 +44,7 @@ def make_summary(
             "expect": evaluate(limits, found),
             "simulated_s": simulated_s,
             "wall_s": wall_s,
+            "device": ray_device(),
             "versions": versions(),
             "cost": {slot: {"seconds": s, "steps": n} for slot, (s, n) in cost.items()},
         }
