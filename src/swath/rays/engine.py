@@ -58,8 +58,8 @@ class RayCaster:
     """Casts rays into a field.
 
     threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu` or a Warp device as `cuda:0`,
-    default SWATH_DEVICE or `cpu`. On the CPU the kernel reads the field's own memory; on another device a copy
-    of it, renewed after each change.
+    default SWATH_DEVICE or `cpu`. On the CPU the kernel reads the field's own memory; on another device a
+    copy of it, renewed after each change.
     """
 
     top_room = 0.0  # hits may lie above crop by this share of its height
