@@ -293,14 +293,18 @@ def test_a_larger_spot_sees_higher_crop():
 
 @pytest.mark.parametrize(("density", "degrees"), [(600.0, 45.0), (200.0, 30.0), (200.0, 60.0)])
 def test_replay_of_passes_aside_agrees(density, degrees):
-    """The lab records passes 0.3 m aside for replay. 1312 beams: within 2 cm of plants, in thin crop too."""
+    """The lab records passes 0.3 m aside for replay: within 2 cm of plants, in thin crop too.
+
+    Three stands of 1312 beams together: from one thin stand to the next plants itself moves by 2 to 4 cm.
+    """
     settings = Settings(
         densities=(density,),
         sensors=SENSORS[:1],
         depressions_deg=(degrees,),
         levels=("plants", "replay"),
-        seeds=1,
+        seeds=3,
     )
     heights = run_lab(settings).cases[0].heights
-    assert wasserstein1(heights["replay"][0], heights["plants"][0]) < 0.02
-    assert np.isnan(heights["replay"][0]).mean() < 0.02
+    replay, plants = (np.concatenate(heights[level]) for level in ("replay", "plants"))
+    assert wasserstein1(replay, plants) < 0.02
+    assert np.isnan(replay).mean() < 0.02
