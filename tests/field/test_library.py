@@ -32,6 +32,24 @@ def test_stems_stand_in_rows_along_x():
     assert along.min() > 100
 
 
+@pytest.mark.parametrize(("name", "density"), [("barley", 775), ("barley", 400), ("rye", 500), ("wheat", 500)])
+def test_rows_of_a_tile_are_alike_whatever_the_stems_of_a_plant(name, density):
+    """Barley has 2.75 stems a plant: plants of three and of two stand among each other, not in rows apart."""
+    library = make_library(
+        load_crop(name),
+        density_max=density,
+        row_spacing=0.125,
+        seed=Stream(1, "test"),
+        tile_count=8,
+        leaves=False,
+        ears=False,
+    )
+    row = np.floor(library.stem_xy[:, 1] / 0.125).astype(int)
+    count = np.bincount(row, minlength=8)
+    assert count.min() > 0.94 * count.mean()
+    assert count.max() < 1.06 * count.mean()
+
+
 def test_rows_fit_a_tile_of_about_a_metre():
     library = make_library(WHEAT, density_max=50, row_spacing=0.15, seed=Stream(1, "t"), tile_count=1)
     assert library.tile_size == pytest.approx(1.05)

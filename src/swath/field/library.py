@@ -180,12 +180,22 @@ def _places(
         jitter = crop.stand.sowing_jitter * rng.random((tile_count, plants))
         slot = (np.arange(plants) + jitter) / plants * rows  # along all rows, even
         row, along = np.floor(slot), slot % 1.0
-        member = np.argsort(rng.random(shape), axis=1) % plants
+        member = _plant_of(np.argsort(rng.random(shape), axis=1), per_tile, plants)
         foot = np.stack([along * size, (row + 0.5) * row_spacing], axis=-1)
         xy = np.take_along_axis(foot, member[..., None], axis=1)
         xy = xy + crop.stand.tiller_spread * np.clip(rng.standard_normal((*shape, 2)), -3.0, 3.0)
     xy = (xy.reshape(-1, 2) % size).astype(np.float32)
     return np.where(xy >= np.float32(size), np.float32(0.0), xy).astype(np.float64)
+
+
+def _plant_of(stem: Ints, stems: int, plants: int) -> Ints:
+    """The plant of each stem 0..stems - 1. All have as many; those that have one more lie even among them.
+
+    Plants are numbered along the rows: were the first to have the rest, the last rows of a tile were thin.
+    """
+    whole = stems // plants * plants
+    rest = max(stems - whole, 1)
+    return np.where(stem < whole, stem % plants, (stem - whole) * plants // rest)
 
 
 def _with_weeds(
