@@ -32,7 +32,10 @@ def test_stems_stand_in_rows_along_x():
     assert along.min() > 100
 
 
-@pytest.mark.parametrize(("name", "density"), [("barley", 775), ("barley", 400), ("rye", 500), ("wheat", 500)])
+CROPS = [("barley", 775), ("barley", 400), ("rye", 500), ("wheat", 500)]
+
+
+@pytest.mark.parametrize(("name", "density"), CROPS)
 def test_rows_of_a_tile_are_alike_whatever_the_stems_of_a_plant(name, density):
     """Barley has 2.75 stems a plant: plants of three and of two stand among each other, not in rows apart."""
     library = make_library(
