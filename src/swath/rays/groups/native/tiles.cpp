@@ -254,65 +254,72 @@ struct Tiles : Rays {
     b.albedo[l] = row[14] > 0.0f && !is_stub ? row[14] : scene.reflectance.data[b.what[l]];
   }
 
-  // Ground of the tile, for the lanes that get down to it: as `walk_ground` in kernel/cast.py
+  // Ground of the tile, for the lanes that get down to it: as `walk_ground` in kernel/cast.py, all lanes over one
+  // patch of the lattice at a time, and patch by patch
+  struct Patch { float z0, h00, hu, hv, huv, top, s00, s10, s01, s11; };  // surface seen from z0, its top; depth of straw
   void meet_ground(Block& b) {
-    for (int l = 0; l < N; ++l) {
-      if (b.t[l] < 0.0f) continue;
-      const float t0 = b.tin[l], t1 = lower(b.tout[l], b.t[l]);
-      if (!(t0 <= t1)) continue;
-      const float kx = tile.x - b.tx[l], ky = tile.y - b.ty[l], *plane = tile.plane;
-      const float h1 = b.dz[l] - plane[1] * b.dx[l] - plane[2] * b.dy[l];
-      const float h0 = b.oz[l] - ((float)(plane[0] - gz) - b.z0[l]) - plane[1] * (b.ox[l] - (kx + 0.5f) * size) -
-                       plane[2] * (b.oy[l] - (ky + 0.5f) * size);
-      if (lower(h0 + h1 * t0, h0 + h1 * t1) > tile.bump) continue;
-      const float through = (tile.bump - h0) / h1, ta = h1 < 0.0f ? upper(t0, through) : t0, tb = h1 > 0.0f ? lower(t1, through) : t1;
-      hit_ground(b, l, ta, tb);
+    const float *plane = tile.plane, per_gap = 8.0f / size;
+    F t = b.tin, end = least(b.tout, b.t), kx = tile.x - b.tx, ky = tile.y - b.ty, dx = b.dx, dy = b.dy, dz = b.dz;
+    F h1 = dz - plane[1] * dx - plane[2] * dy;
+    F h0 = b.oz - (put((float)(plane[0] - gz)) - b.z0) - plane[1] * (b.ox - (kx + 0.5f) * size) -
+           plane[2] * (b.oy - (ky + 0.5f) * size);
+    I live = (b.t >= 0.0f) & (t <= end) & ~(least(h0 + h1 * t, h0 + h1 * end) > tile.bump);
+    if (!bits(live)) return;
+    F through = (tile.bump - h0) / h1;
+    t = h1 < 0.0f ? most(t, through) : t;
+    end = h1 > 0.0f ? least(end, through) : end;
+    const int x0 = tile.jx * 8, y0 = tile.jy * 8;  // lattice cells of the page; where the ray is in them
+    F x = b.ox * per_gap - (tile.x - tile.jx - b.tx) * 8.0f, y = b.oy * per_gap - (tile.y - tile.jy - b.ty) * 8.0f;
+    F xd = dx * per_gap, yd = dy * per_gap, mx = b.ivx * (size / 8.0f), my = b.ivy * (size / 8.0f);  // 0 where parallel
+    F cx = mx == 0.0f ? put(FAR) : -x * mx, cy = my == 0.0f ? put(FAR) : -y * my;
+    I right = xd > 0.0f, left = yd > 0.0f, ix = cell_of(x + xd * t, x0), iy = cell_of(y + yd * t, y0);
+    for (unsigned some = bits(live); some; some = bits(live)) {
+      const int l = __builtin_ctz(some), px = ix[l], py = iy[l];
+      const Patch patch = patch_at(py * 65 + px, b.z0[l]);
+      I here = live & (ix == px) & (iy == py) & (b.z0 == patch.z0);
+      F tx = real(px - right) * mx + cx, ty = real(py - left) * my + cy, leave = least(least(tx, ty), end);
+      I done = leave >= end;
+      F low = b.oz + dz * (dz < 0.0f ? most(leave, t) : t);
+      if (bits(here & (low <= patch.top))) done |= hit_patch(b, here, patch, x + xd * t - (float)px, y + yd * t - (float)py, xd, yd, t, leave);
+      I turns = here & (tx <= ty), goes = here & ~(tx <= ty);
+      ix += turns & (1 | ~right);
+      iy += goes & (1 | ~left);
+      t = here ? most(leave, t) : t;
+      live &= ~(here & done) & ((((ix - x0) | (iy - y0)) & ~7) == 0);
     }
   }
-  void hit_ground(Block& b, int l, float t, float end) {
-    const float gap = size / 8.0f, per_gap = 8.0f / size;
-    const float x = b.ox[l] * per_gap - (tile.x - tile.jx - b.tx[l]) * 8.0f, y = b.oy[l] * per_gap - (tile.y - tile.jy - b.ty[l]) * 8.0f;
-    const float xd = b.dx[l] * per_gap, yd = b.dy[l] * per_gap;
-    const int x0 = tile.jx * 8, y0 = tile.jy * 8;
-    int ix = down(x + xd * t), iy = down(y + yd * t);
-    ix = ix < x0 ? x0 : ix > x0 + 7 ? x0 + 7 : ix;
-    iy = iy < y0 ? y0 : iy > y0 + 7 ? y0 + 7 : iy;
-    const float mx = b.ivx[l] * gap, my = b.ivy[l] * gap;  // 0 where the ray is parallel
-    const float cx = mx == 0.0f ? FAR : -x * mx, cy = my == 0.0f ? FAR : -y * my;
-    while (ix >= x0 && ix <= x0 + 7 && iy >= y0 && iy <= y0 + 7) {
-      const float tx = (float)(ix + (xd > 0.0f)) * mx + cx, ty = (float)(iy + (yd > 0.0f)) * my + cy;
-      const float leave = lower(lower(tx, ty), end);
-      if (hit_patch(b, l, ix, iy, x + xd * t - (float)ix, y + yd * t - (float)iy, xd, yd, t, leave) || leave >= end) return;
-      t = upper(leave, t);
-      (tx <= ty ? ix : iy) += (tx <= ty ? xd : yd) > 0.0f ? 1 : -1;
-    }
+  static F real(I v) { return __builtin_convertvector(v, F); }
+  static I cell_of(F x, int first) {
+    I i = __builtin_convertvector(__builtin_elementwise_floor(x), I);
+    i = i < first ? puti(first) : i;
+    return i > first + 7 ? puti(first + 7) : i;
   }
-  bool hit_patch(Block& b, int l, int ix, int iy, float u, float v, float xd, float yd, float t, float leave) {
-    const int n = iy * 65 + ix;
+  Patch patch_at(int n, float ray_z0) const {
     const float *ground = scene.ground.data + (size_t)tile.slot * 65 * 65 + n, *straw = scene.straw.data + (size_t)tile.slot * 65 * 65 + n;
-    const float z0 = (float)(gz + b.z0[l]), s00 = straw[0], s10 = straw[1], s01 = straw[65], s11 = straw[66];
+    const float z0 = (float)(gz + ray_z0), s00 = straw[0], s10 = straw[1], s01 = straw[65], s11 = straw[66];
     const float h00 = (ground[0] - z0) + s00, h10 = (ground[1] - z0) + s10, h01 = (ground[65] - z0) + s01, h11 = (ground[66] - z0) + s11;
-    const float hu = h10 - h00, hv = h01 - h00, huv = h11 - h10 - hv, per_gap = 8.0f / size;
-    const float above = b.oz[l] + b.dz[l] * t - (h00 + hu * u + hv * v + huv * u * v);
-    const float rate = b.dz[l] - (hu + huv * v) * xd - (hv + huv * u) * yd, bend = -huv * xd * yd;
-    float s = FAR;
-    if (above <= 0.0f) {
-      if (rate < 0.0f) s = 0.0f;
-    } else {
-      const float disc = rate * rate - 4.0f * bend * above;
-      if (disc >= 0.0f && rate < 0.0f) s = 2.0f * above / (-rate + __builtin_sqrtf(disc));
-      else if (disc >= 0.0f && bend < 0.0f) s = -0.5f * (rate + __builtin_sqrtf(disc)) / bend;
-      if (s > upper(leave - t, 0.0f)) s = FAR;
-    }
-    if (!(s < FAR && t + s <= b.t[l])) return false;
+    const float hv = h01 - h00, top = upper(upper(h00, h10), upper(h01, h11));
+    return {ray_z0, h00, h10 - h00, hv, h11 - h10 - hv, top + 1e-3f, s00, s10, s01, s11};
+  }
+  I hit_patch(Block& b, I who, const Patch& g, F u, F v, F xd, F yd, F t, F leave) const {
+    const float per_gap = 8.0f / size;
+    F above = b.oz + b.dz * t - (g.h00 + g.hu * u + g.hv * v + g.huv * u * v);
+    F rate = b.dz - (g.hu + g.huv * v) * xd - (g.hv + g.huv * u) * yd, bend = -g.huv * xd * yd;
+    F disc = rate * rate - 4.0f * bend * above, r = root(disc);
+    F s = rate < 0.0f ? 2.0f * above / (-rate + r) : bend < 0.0f ? -0.5f * (rate + r) / bend : put(FAR);
+    s = (disc >= 0.0f) & ~(s > most(leave - t, F{})) ? s : put(FAR);
+    s = above <= 0.0f ? (rate < 0.0f ? F{} : put(FAR)) : s;
+    I hit = who & (s < FAR) & (t + s <= b.t);
+    if (!bits(hit)) return hit;
     u += xd * s;
     v += yd * s;
-    const float nx = -(hu + huv * v) * per_gap, ny = -(hv + huv * u) * per_gap;
-    const float thick = (s00 * (1.0f - u) + s10 * u) * (1.0f - v) + (s01 * (1.0f - u) + s11 * u) * v;
-    b.t[l] = t + s;
-    b.what[l] = thick > 0.005f ? 2 : 1;
-    b.cosine[l] = __builtin_fabsf(nx * b.dx[l] + ny * b.dy[l] + b.dz[l]) / __builtin_sqrtf(nx * nx + ny * ny + 1.0f);
-    b.albedo[l] = scene.reflectance.data[b.what[l]];
-    return true;
+    F nx = -(g.hu + g.huv * v) * per_gap, ny = -(g.hv + g.huv * u) * per_gap;
+    I is_straw = (g.s00 * (1.0f - u) + g.s10 * u) * (1.0f - v) + (g.s01 * (1.0f - u) + g.s11 * u) * v > 0.005f;
+    const float *shade = scene.reflectance.data;
+    b.t = hit ? t + s : b.t;
+    b.what = hit ? is_straw ? puti(2) : puti(1) : b.what;
+    b.cosine = hit ? size_of(nx * b.dx + ny * b.dy + b.dz) / root(nx * nx + ny * ny + 1.0f) : b.cosine;
+    b.albedo = hit ? is_straw ? put(shade[2]) : put(shade[1]) : b.albedo;
+    return hit;
   }
 };
