@@ -19,11 +19,11 @@ struct Crop : Tiles {
   Ways way;
   Kept kept;
   int waiting;
-  struct { int piece, slice; } pair[PAIRS + N];
-  int asked_piece[PAIRS + N], asked_slice[PAIRS + N];
+  int around[KEPT + N];                        // of those, which may touch some slices
+  unsigned pair[PAIRS + N];                    // a piece and a slice it may touch, as piece * SLICES + slice
   unsigned char touched[SLICES];
   int fresh[SLICES + SLICES], news;            // slices with new hits
-  alignas(64) float box[4][N];                 // of N slices looked at together, one lane each: least u, most u, v, v
+  struct Box { float u, ru, v, rv; } box[SLICES / N];  // of N slices looked at together: middle, half size
   float c_low[SPAN], c_high[SPAN];
 
   Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {}
@@ -361,37 +361,48 @@ struct Crop : Tiles {
   // what is left is tested
   void flush() {
 #pragma clang fp contract(fast)
-    const F low_u = load(box[0]), high_u = load(box[1]), low_v = load(box[2]), high_v = load(box[3]);
-    const float sway_now = sway;
     int asked = 0;
-    for (int n = 0; n < waiting; ++n) {  // which slices may it touch?
-      const float tu = kept.tu[n], tv = kept.tv[n], h = kept.h[n], inv = kept.inv[n], wide = kept.wide[n], near = kept.near[n];
-      const float u = kept.u[n], v = kept.v[n], su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv), swing = sway_now * inv;
-      const float out_u = su * h + wide + swing, out_v = sv * h + wide + swing;
-      I over = (low_u <= u + out_u) & (high_u >= u - out_u) & (low_v <= v + out_v) & (high_v >= v - out_v);
-      for (unsigned blocks = bits(over); blocks; blocks &= blocks - 1) {
-        const int b = __builtin_ctz(blocks) * N;
-        F du = load(c.cu + b) + load(c.ou + b) * inv - u, dv = load(c.cv + b) + load(c.ov + b) * inv - v;
-        F bu = load(c.ru + b) + load(c.pu + b) * inv, bv = load(c.rv + b) + load(c.pv + b) * inv;
-        F disc = load(c.disc + b) + load(c.pdisc + b) * inv;
+    for (int b = 0; b < packs * slices; b += N) {
+      const F cu = load(c.cu + b), ru = load(c.ru + b), ou = load(c.ou + b), pu = load(c.pu + b);
+      const F cv = load(c.cv + b), rv = load(c.rv + b), ov = load(c.ov + b), pv = load(c.pv + b);
+      const F round = load(c.disc + b), pround = load(c.pdisc + b), far = load(c.reach + b);
+      const I slice = every() + b;
+      const int some = look_around(box[b / N]);
+      for (int q = 0; q < some; ++q) {
+        const int n = around[q];
+        const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
+        const float su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv);
+        F du = cu + ou * inv - kept.u[n], dv = cv + ov * inv - kept.v[n];
+        F bu = ru + pu * inv, bv = rv + pv * inv, disc = round + pround * inv;
         I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
-                  (size_of(du * tu + dv * tv) <= wide + h + least(bu * su + bv * sv, disc)) & (load(c.reach + b) >= near);
+                  (size_of(du * tu + dv * tv) <= wide + kept.h[n] + least(bu * su + bv * sv, disc)) & (far >= kept.near[n]);
         const unsigned found = bits(meets);
-        keep_ints(asked_slice + asked, every() + b, found);
-        storei(asked_piece + asked, puti(n));
+        keep_ints((int*)pair + asked, slice + n * SLICES, found);
         asked += __builtin_popcount(found);
+        if (asked <= PAIRS - N) continue;
+        settle(narrow_down(asked));
+        asked = 0;
       }
-      if (asked <= PAIRS - SLICES) continue;
-      settle(narrow_down(asked));
-      asked = 0;
     }
     settle(narrow_down(asked));
     waiting = 0;
     take_news();
   }
+  HOT int look_around(const Box& x) {  // which of the pieces that wait may touch the slices in this box?
+#pragma clang fp contract(fast)
+    int some = 0;
+    for (int n = 0; n < waiting; n += N) {
+      F h = load(kept.h + n), room = load(kept.wide + n) + sway * load(kept.inv + n);
+      I over = (size_of(load(kept.u + n) - x.u) <= size_of(load(kept.tu + n)) * h + room + x.ru) &
+               (size_of(load(kept.v + n) - x.v) <= size_of(load(kept.tv + n)) * h + room + x.rv);
+      const unsigned found = bits(over & (every() < waiting - n));
+      keep_ints(around + some, every() + n, found);
+      some += __builtin_popcount(found);
+    }
+    return some;
+  }
   void box_slices() {
-    static_assert(SLICES / N <= N, "one vector holds the boxes of all blocks");
-    for (int b = 0; b < N; ++b) {
+    for (int b = 0; b * N < packs * slices; ++b) {
       float u0 = 4.0f * FAR, u1 = -u0, v0 = u0, v1 = -u0;  // beyond what any piece may touch
       for (int i = b * N; i < (b + 1) * N && i < packs * slices; ++i) {
         if (c.reach[i] <= -FAR) continue;
@@ -400,33 +411,33 @@ struct Crop : Tiles {
         v0 = lower(v0, c.cv[i] - c.rv[i]);
         v1 = upper(v1, c.cv[i] + c.rv[i]);
       }
-      box[0][b] = u0; box[1][b] = u1; box[2][b] = v0; box[3][b] = v1;
+      box[b] = {0.5f * (u0 + u1), 0.5f * (u1 - u0) + 1e-7f, 0.5f * (v0 + v1), 0.5f * (v1 - v0) + 1e-7f};
     }
   }
   HOT int narrow_down(int asked) {  // of the slices that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)
     int pairs = 0;
     for (int q = 0; q < asked; ++q) {
-      const int n = asked_piece[q], i = asked_slice[q];
+      const int n = pair[q] / SLICES, i = pair[q] % SLICES;
       const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
       const Spot& s = spot[i];
       F lu = s.u + s.ou * inv - kept.u[n], lv = s.v + s.ov * inv - kept.v[n];
       I may = (size_of(lv * tu - lu * tv) <= wide) & (size_of(lu * tu + lv * tv) <= wide + kept.h[n]) &
               (s.deep >= kept.near[n]);
-      pair[pairs] = {n, i};  // no branch: whether it stays is hard to foretell
+      pair[pairs] = pair[q];  // no branch: whether it stays is hard to foretell
       pairs += bits(may) != 0;
     }
-    for (int q = 0; q < pairs; ++q) __builtin_prefetch(row_of(index.primitive.data[kept.entry[pair[q].piece]]));
+    for (int q = 0; q < pairs; ++q) __builtin_prefetch(row_of(index.primitive.data[kept.entry[pair[q] / SLICES]]));
     return pairs;
   }
   void settle(int pairs) {
     for (int i = 0, next; i < pairs; i = next) {
-      const int n = pair[i].piece;
-      for (next = i + 1; next < pairs && pair[next].piece == n;) ++next;
+      const int n = pair[i] / SLICES;
+      for (next = i + 1; next < pairs && (int)(pair[next] / SLICES) == n;) ++next;
       Whole w;
       if (!stands(index.primitive.data[kept.entry[n]], kept.image[n], &w)) continue;
       for (int s = i; s < next; ++s) {
-        const int b = pair[s].slice;
+        const int b = pair[s] % SLICES;
         if (!test(r[b], w) || touched[b]) continue;
         touched[b] = 1;
         fresh[news++] = b;
