@@ -132,7 +132,7 @@ struct Crop : Tiles {
     for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
     for (int n = 0; n <= last - first; ++n) {
       walk_slab(sense >= 0 ? first + n : last - n, &run);
-      queue(&run, 0, 0, 0, 0);
+      queue(&run, {});
       if (waiting >= FLUSH) flush();
     }
     flush();
@@ -230,7 +230,7 @@ struct Crop : Tiles {
   }
 
   // A slab of columns: which columns and bins the packs pass, widened by reach
-  struct Run { int first, last, kx, ky; };  // of entries
+  struct Run { int first, last, kx, ky; float top; };  // of entries; what is higher is cut
   void walk_slab(int i, Run* run) {
     const float x0 = axis == 2 && i == 0 ? -FAR : i * cell[axis] - wide[axis];
     const float x1 = axis == 2 && i == index.bins - 1 ? FAR : (i + 1) * cell[axis] + wide[axis];
@@ -245,11 +245,12 @@ struct Crop : Tiles {
       for (int x = axis == 2 ? down(c0 * per_cell[0]) : 0; x <= (axis == 2 ? down(c1 * per_cell[0]) : 0); ++x) {
         const int cx = axis == 2 ? x : axis == 0 ? i : j, cy = axis == 1 ? i : j;
         const int kx = per(cx, index.columns), ky = per(cy, index.columns);
-        const float tallest = live_top(cx, cy) + wide[2];
+        const float top = live_top(cx, cy), tallest = top + wide[2];
         const int column = (tile.kind * index.columns + cy - ky * index.columns) * index.columns + cx - kx * index.columns;
         if (tallest < (axis == 2 ? i * cell[2] : c0)) continue;
         const int low = axis == 2 ? i : bin_of(c0), high = axis == 2 ? i : bin_of(lower(c1, tallest));
-        queue(run, index.start.data[column * index.bins + low], index.start.data[column * index.bins + high + 1], kx, ky);
+        const int* start = index.start.data + column * index.bins;
+        queue(run, {start[low], start[high + 1], kx, ky, top});
       }
     }
   }
@@ -277,10 +278,10 @@ struct Crop : Tiles {
       *j1 = b1 > *j1 ? b1 : *j1;
     }
   }
-  HOT void queue(Run* run, int first, int last, int kx, int ky) {  // gathers the run before: this one is on its way
-    for (int i = first; i < last && i < first + N; i += 4) __builtin_prefetch(index.coarse.data + (size_t)i * 8);
+  HOT void queue(Run* run, Run next) {  // gathers the run before: this one is on its way
+    for (int i = next.first; i < next.last && i < next.first + N; i += 4) __builtin_prefetch(index.coarse.data + (size_t)i * 8);
     if (run->first < run->last) gather_run(*run);
-    *run = {first, last, kx, ky};
+    *run = next;
   }
 
   // A run of pieces into the group's slopes; those outside the box of the group are dropped
@@ -315,7 +316,7 @@ struct Crop : Tiles {
     }
     const float gcu = 0.5f * (gu0 + gu1), gru = 0.5f * (gu1 - gu0), gcv = 0.5f * (gv0 + gv1), grv = 0.5f * (gv1 - gv0);
     const float deep_step = deep * index.step, swell_step = swell * index.step, swing = sway, fatter = fat, far = reach_w;
-    const float rank_max = (float)tile.rank_max;
+    const float rank_max = (float)tile.rank_max, top = run.top / index.step;
     const short* coarse = index.coarse.data;
     int to = waiting;
     for (int i = run.first; i < run.last; i += N) {
@@ -333,7 +334,8 @@ struct Crop : Tiles {
       F broad = (thick * swell_step + ROUND) * most_inv * fatter + swing * 0.71f * size_of(ia - iz);
       F reach_u = broad + swing * most_inv;
       I keep = (size_of(u - gcu) <= size_of(hu) + reach_u + gru) & (size_of(v - gcv) <= size_of(hv) + reach_u + grv);
-      keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max);
+      keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max) &
+             (least(f[2], f[5]) <= top + 2.0f * thick);  // a cut end is round
       const unsigned found = bits(keep);
       F h = root(hu * hu + hv * hv);
       I tiny = h < 1.0e-9f;
