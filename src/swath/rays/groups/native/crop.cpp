@@ -17,6 +17,8 @@ struct Crop : Tiles {
   float cell[3], per_cell[3], wide[3], way0, way1, reach_w, fat;
   float gu0, gu1, gv0, gv1;                    // its live slices in slopes
   Ways way;
+  struct Run { int first, last, kx, ky; float top; } coming[COMING];  // of entries; what is higher is cut
+  int runs;
   Kept kept;
   int waiting;
   int around[KEPT + N];                        // of those, which may touch some slices
@@ -124,15 +126,14 @@ struct Crop : Tiles {
   void together_through() {
     find_ways();
     box_slices();
-    waiting = news = 0;
+    waiting = news = runs = 0;
     for (int b = 0; b < packs * slices; ++b) touched[b] = 0;
     for (int n = 0; n < walking; ++n) walker_of[walkers[n]] = n;
-    Run run{};
     const int first = slab_of(axis == 2 ? way0 - wide[2] : way0 - wide[axis]), last = slab_of(way1 + wide[axis]);
     for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
     for (int n = 0; n <= last - first; ++n) {
-      walk_slab(sense >= 0 ? first + n : last - n, &run);
-      queue(&run, {});
+      walk_slab(sense >= 0 ? first + n : last - n);
+      gather_runs();
       if (waiting >= FLUSH) flush();
     }
     flush();
@@ -230,8 +231,7 @@ struct Crop : Tiles {
   }
 
   // A slab of columns: which columns and bins the packs pass, widened by reach
-  struct Run { int first, last, kx, ky; float top; };  // of entries; what is higher is cut
-  void walk_slab(int i, Run* run) {
+  void walk_slab(int i) {
     const float x0 = axis == 2 && i == 0 ? -FAR : i * cell[axis] - wide[axis];
     const float x1 = axis == 2 && i == index.bins - 1 ? FAR : (i + 1) * cell[axis] + wide[axis];
     int j0 = SPAN, j1 = -1;
@@ -250,7 +250,7 @@ struct Crop : Tiles {
         if (tallest < (axis == 2 ? i * cell[2] : c0)) continue;
         const int low = axis == 2 ? i : bin_of(c0), high = axis == 2 ? i : bin_of(lower(c1, tallest));
         const int* start = index.start.data + column * index.bins;
-        queue(run, {start[low], start[high + 1], kx, ky, top});
+        queue({start[low], start[high + 1], kx, ky, top});
       }
     }
   }
@@ -278,13 +278,14 @@ struct Crop : Tiles {
       *j1 = b1 > *j1 ? b1 : *j1;
     }
   }
-  HOT void queue(Run* run, Run next) {  // gathers the run before: this one is on its way
-    for (int i = next.first; i < next.last && i < next.first + N; i += 4) __builtin_prefetch(index.coarse.data + (size_t)i * 8);
-    if (run->first < run->last) gather_run(*run);
-    *run = next;
+  HOT void queue(Run run) {  // gathered together once there are some: by then they have been fetched
+    for (int i = run.first; i < run.last && i < run.first + N; i += 4) __builtin_prefetch(index.coarse.data + (size_t)i * 8);
+    coming[runs] = run;
+    runs += run.first < run.last;
+    if (runs == COMING) gather_runs();
   }
 
-  // A run of pieces into the group's slopes; those outside the box of the group are dropped
+  // Runs of pieces into the group's slopes; those outside the box of the group are dropped
   HOT static F number(S4 a, S4 b, int i) {  // the i-th field of two halves
     S s;
     __builtin_memcpy(&s, (const short*)&a + 8 * i, 16);
@@ -307,55 +308,60 @@ struct Crop : Tiles {
     for (int i = 0; i < 4; ++i) field[i] = number(head0, head1, i);
     for (int i = 0; i < 4; ++i) field[4 + i] = number(tail0, tail1, i);
   }
-  HOT void gather_run(Run run) {
+  void gather_runs() {
 #pragma clang fp contract(fast)
-    float n[3][3], off[3];  // m for ends in steps; the prototype's copy
-    for (int i = 0; i < 3; ++i) {
+    float n[3][3];  // m for ends in steps
+    for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) n[i][j] = m[i][j] * index.step;
-      off[i] = shift[i] + (m[i][0] * run.kx + m[i][1] * run.ky) * size;
-    }
     const float gcu = 0.5f * (gu0 + gu1), gru = 0.5f * (gu1 - gu0), gcv = 0.5f * (gv0 + gv1), grv = 0.5f * (gv1 - gv0);
     const float deep_step = deep * index.step, swell_step = swell * index.step, swing = sway, fatter = fat, far = reach_w;
-    const float rank_max = (float)tile.rank_max, top = run.top / index.step;
+    const float rank_max = (float)tile.rank_max, per_step = 1.0f / index.step;
     const short* coarse = index.coarse.data;
     int to = waiting;
-    for (int i = run.first; i < run.last; i += N) {
-      F f[8];
-      turn_entries(coarse + (size_t)i * 8, f);
-      const F thick = f[6];
-      auto along = [&](int row, const F* x) -> F { return n[row][0] * x[0] + n[row][1] * x[1] + n[row][2] * x[2] + off[row]; };
-      F wa = along(0, f), wb = along(0, f + 3), ua = along(1, f), ub = along(1, f + 3), va = along(2, f), vb = along(2, f + 3);
-      F near = least(wa, wb) - thick * deep_step - ROUND;
-      F ia = 1.0f / wa, iz = 1.0f / wb, nearer = most(ia, iz), thin = (thick * deep_step + ROUND) * nearer;
-      I inside = every() < run.last - i, close = (near < 0.05f) | (thin > 0.25f);
-      F inv = 0.5f * (ia + iz), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
-      ua *= ia; va *= ia; ub *= iz; vb *= iz;
-      F u = 0.5f * (ua + ub), v = 0.5f * (va + vb), hu = 0.5f * (ub - ua), hv = 0.5f * (vb - va);
-      F broad = (thick * swell_step + ROUND) * most_inv * fatter + swing * 0.71f * size_of(ia - iz);
-      F reach_u = broad + swing * most_inv;
-      I keep = (size_of(u - gcu) <= size_of(hu) + reach_u + gru) & (size_of(v - gcv) <= size_of(hv) + reach_u + grv);
-      keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max) &
-             (least(f[2], f[5]) <= top + 2.0f * thick);  // a cut end is round
-      const unsigned found = bits(keep);
-      F h = root(hu * hu + hv * hv);
-      I tiny = h < 1.0e-9f;
-      F per_h = 1.0f / h;
-      keep_some(kept.u + to, close ? F{} : u, found);
-      keep_some(kept.v + to, close ? F{} : v, found);
-      keep_some(kept.tu + to, tiny ? put(1.0f) : hu * per_h, found);
-      keep_some(kept.tv + to, tiny ? F{} : hv * per_h, found);
-      keep_some(kept.h + to, close ? F{} : h, found);
-      keep_some(kept.wide + to, close ? put(FAR) : broad, found);
-      keep_some(kept.near + to, near, found);
-      keep_some(kept.inv + to, close ? F{} : inv, found);
-      keep_ints(kept.entry + to, every() + i, found);
-      keep_ints(kept.image + to, puti(run.kx * 65536 + run.ky), found);
-      to += __builtin_popcount(found);
-      if (to <= KEPT - N) continue;
-      waiting = to;
-      flush();
-      to = 0;
+    for (int q = 0; q < runs; ++q) {
+      const Run run = coming[q];
+      const float top = run.top * per_step, kx = run.kx * size, ky = run.ky * size;  // the prototype's copy
+      const float off[3] = {shift[0] + m[0][0] * kx + m[0][1] * ky, shift[1] + m[1][0] * kx + m[1][1] * ky,
+                            shift[2] + m[2][0] * kx + m[2][1] * ky};
+      for (int i = run.first; i < run.last; i += N) {
+        F f[8];
+        turn_entries(coarse + (size_t)i * 8, f);
+        const F thick = f[6];
+        auto along = [&](int row, const F* x) -> F { return n[row][0] * x[0] + n[row][1] * x[1] + n[row][2] * x[2] + off[row]; };
+        F wa = along(0, f), wb = along(0, f + 3), ua = along(1, f), ub = along(1, f + 3), va = along(2, f), vb = along(2, f + 3);
+        F near = least(wa, wb) - thick * deep_step - ROUND;
+        F ia = 1.0f / wa, iz = 1.0f / wb, nearer = most(ia, iz), thin = (thick * deep_step + ROUND) * nearer;
+        I inside = every() < run.last - i, close = (near < 0.05f) | (thin > 0.25f);
+        F inv = 0.5f * (ia + iz), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
+        ua *= ia; va *= ia; ub *= iz; vb *= iz;
+        F u = 0.5f * (ua + ub), v = 0.5f * (va + vb), hu = 0.5f * (ub - ua), hv = 0.5f * (vb - va);
+        F broad = (thick * swell_step + ROUND) * most_inv * fatter + swing * 0.71f * size_of(ia - iz);
+        F reach_u = broad + swing * most_inv;
+        I keep = (size_of(u - gcu) <= size_of(hu) + reach_u + gru) & (size_of(v - gcv) <= size_of(hv) + reach_u + grv);
+        keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max) &
+               (least(f[2], f[5]) <= top + 2.0f * thick);  // a cut end is round
+        const unsigned found = bits(keep);
+        F h = root(hu * hu + hv * hv);
+        I tiny = h < 1.0e-9f;
+        F per_h = 1.0f / h;
+        keep_some(kept.u + to, close ? F{} : u, found);
+        keep_some(kept.v + to, close ? F{} : v, found);
+        keep_some(kept.tu + to, tiny ? put(1.0f) : hu * per_h, found);
+        keep_some(kept.tv + to, tiny ? F{} : hv * per_h, found);
+        keep_some(kept.h + to, close ? F{} : h, found);
+        keep_some(kept.wide + to, close ? put(FAR) : broad, found);
+        keep_some(kept.near + to, near, found);
+        keep_some(kept.inv + to, close ? F{} : inv, found);
+        keep_ints(kept.entry + to, every() + i, found);
+        keep_ints(kept.image + to, puti(run.kx * 65536 + run.ky), found);
+        to += __builtin_popcount(found);
+        if (to <= KEPT - N) continue;
+        waiting = to;
+        flush();
+        to = 0;
+      }
     }
+    runs = 0;
     waiting = to;
   }
 

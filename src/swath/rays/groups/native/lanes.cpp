@@ -24,6 +24,7 @@ constexpr int ROOM = 1024;       // lanes of a group
 constexpr int SLICES = ROOM / N, PACKS = SLICES;  // packs of a group at most
 constexpr int PAIRS = 4096;      // pieces and slices that wait
 constexpr int KEPT = 2048;       // pieces that wait for their test
+constexpr int COMING = 16;       // runs of pieces that are fetched ahead
 constexpr int FLUSH = 8;         // so many are enough for a test
 constexpr int AROUND = 8;        // columns of a tile, one way
 constexpr int SPAN = 2048;       // columns side by side that a walk through one tile may touch
