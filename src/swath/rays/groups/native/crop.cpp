@@ -280,6 +280,7 @@ struct Crop : Tiles {
   }
   HOT void queue(Run run) {  // gathered together once there are some: by then they have been fetched
     for (int i = run.first; i < run.last && i < run.first + N; i += 4) __builtin_prefetch(index.coarse.data + (size_t)i * 8);
+    __builtin_prefetch(index.primitive.data + run.first);
     coming[runs] = run;
     runs += run.first < run.last;
     if (runs == COMING) gather_runs();
