@@ -15,7 +15,8 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 N = 16  # lanes of a slice
 GROUP_LANES = 1024  # the walk's room
-GROUP_PACKS = 32
+GROUP_PACKS = 32  # of an image
+LINE_PACKS = 48  # of bundles side by side
 SINGLES = 8  # rays of a pack, where bundles are single rays
 SUB_RAYS_MAX = 512  # of a bundle that goes through the walk
 
@@ -110,6 +111,6 @@ def _turn(directions: F64) -> F64:
 
 def _grouped(table: I32) -> Lanes:
     packs, width = table.shape
-    step = max(1, min(GROUP_PACKS, GROUP_LANES // width))
+    step = max(1, min(LINE_PACKS, GROUP_LANES // width))
     first = np.append(np.arange(0, packs, step), packs).astype(np.int32)
     return Lanes(table, first)
