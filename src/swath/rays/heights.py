@@ -10,9 +10,20 @@ from swath.field.layout import Solids
 from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
-from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, THICK, TILE, HeightGrid, lattice_height
+from swath.rays.height_grid import (
+    DEEP,
+    LEVELS,
+    NODE_CELLS,
+    NODES,
+    NONE,
+    SHARES,
+    THICK,
+    HeightGrid,
+    lattice_height,
+)
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
+FLATTEST = 0.18  # as in `beams/heights.cpp`
 UNTOUCHED = 255  # in `HeightCaster.cut`
 
 
@@ -41,8 +52,8 @@ class HeightCaster:
     cut: (m, TILE, TILE) uint8, UNTOUCHED or the stubble height [cm]; change it in place
     """
 
-    def __init__(self, grid: HeightGrid) -> None:
-        self.grid = grid
+    def __init__(self, grid: HeightGrid, *, skips: bool = True) -> None:
+        self.grid, self.skips = grid, skips
         self.cut = np.full(grid.count.shape, UNTOUCHED, np.uint8)
         self._whole, self._real = np.zeros(2, np.int32), np.zeros(3, np.float32)
         self._desk = Desk(0)
@@ -112,9 +123,10 @@ class HeightCaster:
         self._kept = []
         scene.origin = wp.vec3d(*g.origin)
         scene.turn = wp.vec2d(np.cos(g.yaw), np.sin(g.yaw))
-        scene.cell, scene.tile, scene.nodes_per_m = g.cell, TILE, 1.0 / g.node
+        scene.cell, scene.nodes_per_m = g.cell, 1.0 / g.node
         scene.table, scene.ground = share(g.table, wp.int32), share(g.ground, wp.float32)
-        scene.tile_top = share(tile_tops(g).ravel(), wp.float32)
+        tops = block_tops(g) if self.skips else np.full(np.array(g.ground.shape) - 1, np.inf, np.float32)
+        scene.block_top, scene.crest = share(tops.ravel(), wp.float32), float(tops.max())
         top = np.where(g.is_measured, g.quantiles[..., -1], NONE).astype(np.int16)
         scene.quantiles, scene.top = (
             share(_aligned(g.quantiles[..., DEEP:]), wp.int16),
@@ -142,16 +154,22 @@ def _aligned(quantiles: NDArray[np.int16]) -> NDArray[np.int16]:
     return room[first : first + quantiles.size]
 
 
-def tile_tops(grid: HeightGrid) -> NDArray[np.float32]:
-    """Highest surface in each tile above origin[2] [m], shape of the table; the ground where unmeasured."""
-    ny, nx = grid.table.shape
-    blocks = np.lib.stride_tricks.sliding_window_view(grid.ground, (NODES + 1, NODES + 1))[::NODES, ::NODES]
-    top = blocks.max(axis=(2, 3)).astype(np.float64)
-    highest = np.maximum(grid.quantiles[..., -1].max(axis=(1, 2)) * 1e-3, 0.0)
-    ty, tx = np.nonzero(grid.table >= 0)
-    top[ty, tx] += highest[grid.table[ty, tx]]
-    assert top.shape == (ny, nx)
-    return np.asarray(top + 1e-3, dtype=np.float32)
+def block_tops(grid: HeightGrid) -> NDArray[np.float32]:
+    """(ty * NODES, tx * NODES): height above origin[2] [m] from which on no ray meets anything in a block.
+
+    The highest surface of its cells, the ground where unmeasured, and what flat rays count as lower. What is cut
+    only sinks below it.
+    """
+    g = grid.ground
+    corners = np.max([g[:-1, :-1], g[:-1, 1:], g[1:, :-1], g[1:, 1:]], axis=0)
+    m = len(grid.quantiles)
+    cells = grid.quantiles[..., -1].reshape(m, NODES, NODE_CELLS, NODES, NODE_CELLS)
+    above = np.zeros((*grid.table.shape, NODES, NODES))
+    held = grid.table >= 0
+    above[held] = np.maximum(cells.max(axis=(2, 4)) * 1e-3, 0.0)[grid.table[held]]
+    flat = FLATTEST * np.sqrt(2.0) * grid.cell
+    top = corners + above.transpose(0, 2, 1, 3).reshape(corners.shape) + flat + 1e-3
+    return np.asarray(top, dtype=np.float32)
 
 
 def surface(grid: HeightGrid, x: Any, y: Any, share: float) -> NDArray[np.float64]:

@@ -12,11 +12,12 @@
 typedef short S32 __attribute__((vector_size(64)));
 typedef bool B32 __attribute__((ext_vector_type(32)));
 constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, DEEP = 12, NONE = -32768, UNTOUCHED = 255;
+constexpr int TILE = 32, BLOCK = 8, PER_TILE = TILE / BLOCK;  // cells along a tile and along a patch of the ground
 constexpr float PER_THICKNESS = 50.0f, THICK = 4.1588831f;  // as in rays/height_grid.py; LEVELS are its EVEN
 constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in study/replay/passing.py; rays/checks.py
 
-const int start = p * N, columns = g.table.shape[1], rows = g.table.shape[0], nodes_x = g.ground.shape[1], nodes_y = g.ground.shape[0];
-const float side = g.cell * g.tile, per_side = 1.0f / side, per_cell = 1.0f / g.cell;
+const int start = p * N, nodes_x = g.ground.shape[1], nodes_y = g.ground.shape[0], columns = nodes_x - 1, rows = nodes_y - 1;  // of blocks
+const float side = g.cell * BLOCK, per_side = 1.0f / side, per_cell = 1.0f / g.cell;
 const I live = count_up + start < count;
 
 // ---- The rays in the grid's frame
@@ -47,6 +48,8 @@ auto ground_at = [&](F x, F y) -> F {  // bilinear, beyond the lattice as at its
   return low + (high - low) * v;
 };
 auto height_over = [&](F t) -> F { return oz + dz * t - ground_at(ox + dx * t, oy + dy * t); };
+auto enter_x = [&](I i) -> F { return pick(stays_x, put(-FAR), (real(i + 1 + right) * g.cell - ox) * per_x); };  // of a cell
+auto enter_y = [&](I j) -> F { return pick(stays_y, put(-FAR), (real(j + 1 + upward) * g.cell - oy) * per_y); };
 auto exit_x = [&](I i, float width) -> F { return pick(stays_x, put(FAR), (real(i - right) * width - ox) * per_x); };
 auto exit_y = [&](I j, float width) -> F { return pick(stays_y, put(FAR), (real(j - upward) * width - oy) * per_y); };
 
@@ -112,9 +115,8 @@ auto below = [&](int at, float z) -> Below {
   return found;
 };
 auto thickness_of = [&](Below b) -> float { return b.thickness < 0.0f ? -log_one(b.share) : b.thickness; };
-auto height_under = [&](int at, float thickness) -> float {  // of a cell that has this thickness above it [m]
+auto height_under = [&](int at, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
   const short* q = row_of(at);
-  const float part = exp_one(-thickness);
   float z = 0.0f;  // the ground stops what nothing measured did
   if (thickness <= whole_of(at) || g.thickness.data[at] < 0.0f) {
     if (thickness <= THICK) {
@@ -153,125 +155,171 @@ F t_out = least(slab_out(ox, per_x, stays_x, side * columns), slab_out(oy, per_y
 const I beside = t >= t_out;
 t = pick(beside, F{}, t);
 t_out = pick(beside, F{}, t_out);
-F a = height_over(t), survived = put(1.0f);
 auto stop = [&](I who, F at, int what) {
   hit_t = pick(who, at, hit_t);
   hit_kind = picki(who, puti(what), hit_kind);
 };
-const F limit = hit_t;  // nothing behind a solid counts
-const I early = live & (I)(t < limit) & (I)(t < t_out) & (I)(a < 0.0f);  // into the ground before the box
+const F limit = hit_t, begin = t;  // nothing behind a solid counts
+const I early = live & (I)(t < limit) & (I)(t < t_out) & (I)(height_over(t) < 0.0f);  // into the ground before the box
 stop(early, t, UNMEASURED);
-F end = least(t_out, limit), leave = {};
+const F end = least(t_out, limit);
+const I sinks = dz < -1.0e-6f;
+const F per_z = 1.0f / pick(sinks, dz, put(-1.0f));
+t = pick(sinks, most(t, least((g.crest - oz) * per_z, end)), pick(oz + dz * t > g.crest, most(t, end), t));  // nothing stands above the crest
+
+// ---- Blocks and their cells in the order of the rays
 I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
 I slot = {}, cx = {}, cy = {};  // of the tile; the cell, counted from the corner of the grid
-I tiles = live & ~early & (I)(t < end), cells = {}, over = live & ~early & ~tiles;  // at a tile's border; in its cells; behind it all
-
-// ---- Tiles and their cells in the order of the rays
-struct alignas(64) { float low[N], high[N], drawn[N], survived[N], part[N]; int at[N], top[N], done[N], rises[N]; } in = {};
-alignas(64) float corner[4][N] = {};  // ground of the patch of 8 x 8 cells that each ray is in
-I patch_x = puti(-1), patch_y = puti(-1);
-while (any(tiles | cells)) {
-  if (any(tiles)) {
-    leave = pick(tiles, most(least(least(exit_x(i, side), exit_y(j, side)), end), t), leave);
-    const I tile = j * columns + i;
-    const F top = gather(g.tile_top.data, tile, tiles);
-    const I low = tiles & (I)(oz + least(dz * t, dz * leave) <= top), on = tiles & ~low;
-    if (any(low)) {  // on to where the ray comes down to the highest surface of the tile
-      slot = picki(low, gatheri(g.table.data, tile, low), slot);
-      const F lower = least((top - oz) / pick(dz < -1.0e-6f, dz, put(-1.0f)), leave);
-      const I sinks = low & (I)(dz < -1.0e-6f) & (I)(lower > t);
-      t = pick(sinks, lower, t);
-      a = pick(low, height_over(t), a);
-      const I first_x = i * g.tile, first_y = j * g.tile;
-      cx = picki(low, mosti(leasti(down((ox + dx * t) * per_cell), first_x + (g.tile - 1)), first_x), cx);
-      cy = picki(low, mosti(leasti(down((oy + dy * t) * per_cell), first_y + (g.tile - 1)), first_y), cy);
-      cells |= low;
-      tiles &= ~low;
-    }
-    t = pick(on, leave, t);
-  } else {
-    const F ex = exit_x(cx, g.cell), ey = exit_y(cy, g.cell), after = most(least(least(ex, ey), leave), t);
-    const I px = cx >> 3, py = cy >> 3, fresh = cells & ((px != patch_x) | (py != patch_y));
-    if (any(fresh)) {
-      patch_x = picki(fresh, px, patch_x), patch_y = picki(fresh, py, patch_y);
-      storei(in.at, patch_y * nodes_x + patch_x);
-      for (unsigned m = bits(fresh); m; m &= m - 1) {
+I blocks = live & ~early & (I)(t < end), cells = {}, over = live & ~early & ~blocks;  // at a block's border; in its cells; behind it all
+struct alignas(64) { float low[N], high[N], left[N], passed[N]; int at[N], bound[2][N], count[2][N], pair[2][N], slow[N]; } in = {};
+alignas(64) float corner[4][N] = {};  // ground of the block that each ray is in
+F a = {}, leave = {}, survived = put(1.0f);
+I stopped = {};
+auto over_patch = [&](F t) -> F {  // height over the ground of the block
+  const F u = (ox + dx * t) * g.nodes_per_m - real(i), v = (oy + dy * t) * g.nodes_per_m - real(j);
+  return oz + dz * t - (load(corner[0]) + load(corner[1]) * u + (load(corner[2]) + load(corner[3]) * u) * v);
+};
+F met_low = {}, met_high = {}, met_survived = {}, met_t = {}, met_after = {};
+I met_at = {}, met_rises = {};
+while (true) {
+  if (any(blocks)) {
+    const F ex = exit_x(i, side), ey = exit_y(j, side);
+    leave = pick(blocks, most(least(least(ex, ey), end), t), leave);
+    const F top = gather(g.block_top.data, j * columns + i, blocks);
+    const I low = blocks & (I)(oz + least(dz * t, dz * leave) <= top);
+    if (any(low)) {  // on to the cell where the ray comes down to the highest surface of the block
+      storei(in.at, j * nodes_x + i);
+      for (unsigned m = bits(low); m; m &= m - 1) {
         const int l = __builtin_ctz(m);
         const float* n = g.ground.data + in.at[l];
         corner[0][l] = n[0], corner[1][l] = n[1] - n[0], corner[2][l] = n[nodes_x] - n[0], corner[3][l] = n[nodes_x + 1] - n[1] - n[nodes_x] + n[0];
       }
+      slot = picki(low, gatheri(g.table.data, j / PER_TILE * (columns / PER_TILE) + i / PER_TILE, low), slot);
+      const F to = pick(sinks, most(t, least((top - oz) * per_z, leave)), t);
+      const I first_x = i * BLOCK, first_y = j * BLOCK;
+      cx = picki(low, mosti(leasti(down((ox + dx * to) * per_cell), first_x + (BLOCK - 1)), first_x), cx);
+      cy = picki(low, mosti(leasti(down((oy + dy * to) * per_cell), first_y + (BLOCK - 1)), first_y), cy);
+      t = pick(low, most(most(enter_x(cx), enter_y(cy)), begin), t);
+      a = pick(low, over_patch(t), a);
+      cells |= low;
     }
-    const F u = (ox + dx * after) * g.nodes_per_m - real(patch_x), v = (oy + dy * after) * g.nodes_per_m - real(patch_y);
-    const F b = oz + dz * after - (load(corner[0]) + load(corner[1]) * u + (load(corner[2]) + load(corner[3]) * u) * v);
-    const I at = (slot * g.tile + (cy - j * g.tile)) * g.tile + (cx - i * g.tile);
-    const F flat = flattest * (after - t);  // flat rays count as if they sank or rose more steeply
-    const F low = pick(b > a, a, least(b, a - flat)), high = pick(b > a, most(b, a + flat), a);
-    const I known = cells & (slot >= 0);
-    storei(in.at, at), storei(in.top, puti(NONE));
-    for (unsigned m = bits(known); m; m &= m - 1) {
-      const int l = __builtin_ctz(m);
-      in.top[l] = g.top.data[in.at[l]];
-    }
-    const I top = loadi(in.top), is_measured = top != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
-    store(in.low, low), store(in.high, high), store(in.drawn, drawn), store(in.survived, survived);
-    storei(in.done, I{}), storei(in.rises, b > a);
-    for (unsigned m = bits(is_measured & (I)(1000.0f * low <= real(top))); m; m &= m - 1) {  // others are above all that was measured
-      const int l = __builtin_ctz(m), n = in.at[l];
-      const Below lower = below(n, in.low[l]);
-      if (lower.thickness < 0.0f && lower.share >= 1.0f) continue;
-      const Below upper = below(n, in.high[l]);
-      float left = 0.0f;
-      if (lower.thickness < 0.0f && upper.thickness < 0.0f) {
-        left = in.survived[l] * lower.share / upper.share;
-      } else if (upper.thickness < FAR && lower.thickness < FAR) {
-        left = in.survived[l] * exp_one(thickness_of(upper) - thickness_of(lower));
-      }
-      if (left > in.drawn[l]) {
-        in.survived[l] = left;
-        continue;
-      }
-      in.done[l] = -1;
-      in.part[l] = 0.0f;
-      if (upper.thickness < FAR && in.high[l] > in.low[l]) {
-        const float deeper = thickness_of(upper) - log_one(in.drawn[l] / in.survived[l]);
-        const float part = (in.high[l] - height_under(n, deeper)) / (in.high[l] - in.low[l]);
-        const float held = part < 0.0f ? 0.0f : part > 1.0f ? 1.0f : part;
-        in.part[l] = in.rises[l] ? 1.0f - held : held;
-      }
-    }
-    survived = load(in.survived);
-    const I done = loadi(in.done);
-    hit_t = pick(done, t + (after - t) * load(in.part), hit_t);
-    hit_cell = picki(done, at, hit_cell);
-    hit_kind = picki(done, puti(MEASURED), hit_kind);
-    stop(ground, t + (after - t) * within(a / most(a - b, put(1.0e-9f)), 0.0f, 1.0f), UNMEASURED);
-    cells &= ~(done | ground);
-    a = pick(cells, b, a);
-    t = pick(cells, after, t);
-    const I along_x = ex <= ey, out = cells & (I)(after >= leave);
-    cx += picki(cells & ~out & along_x, picki(right, puti(1), puti(-1)), I{});
-    cy += picki(cells & ~out & ~along_x, picki(upward, puti(1), puti(-1)), I{});
-    const I lx = cx - i * g.tile, ly = cy - j * g.tile;
-    const I crossed = out | (cells & ((lx < 0) | (ly < 0) | (lx >= g.tile) | (ly >= g.tile)));
-    cells &= ~crossed;
-    storei(in.at, (slot * g.tile + ly) * g.tile + lx);
-    for (unsigned m = bits(cells & (slot >= 0) & is_measured & (I)(1000.0f * low - 60.0f <= real(top))); m; m &= m - 1) {
-      const int n = in.at[__builtin_ctz(m)];  // what the next round asks for is on its way
-      __builtin_prefetch(row_of(n));
-      __builtin_prefetch(g.passed.data + n);
-      __builtin_prefetch(g.cut.data + n);
-    }
-    t = pick(crossed, leave, t);
-    tiles |= crossed;
-    if (!any(crossed)) continue;
+    const I on = blocks & ~low, along_x = ex <= ey;
+    t = pick(on, leave, t);
+    i += picki(on & along_x, picki(right, puti(1), puti(-1)), I{});
+    j += picki(on & ~along_x, picki(upward, puti(1), puti(-1)), I{});
+    const I gone = on & ((i < 0) | (j < 0) | (i >= columns) | (j >= rows) | (I)(t >= end));
+    over |= gone;
+    blocks = on & ~gone;
+    continue;
   }
-  const I moves = tiles & (I)(t >= leave), along_x = exit_x(i, side) <= exit_y(j, side);  // to the next tile
-  i += picki(moves & along_x, picki(right, puti(1), puti(-1)), I{});
-  j += picki(moves & ~along_x, picki(upward, puti(1), puti(-1)), I{});
-  leave = pick(moves, put(FAR), leave);
-  const I gone = moves & ((i < 0) | (j < 0) | (i >= columns) | (j >= rows) | (I)(t >= end));
+  if (!any(cells)) break;
+  const F ex = exit_x(cx, g.cell), ey = exit_y(cy, g.cell), after = most(least(least(ex, ey), leave), t);
+  const F b = over_patch(after);
+  const I at = (slot * TILE + (cy & (TILE - 1))) * TILE + (cx & (TILE - 1));
+  const F flat = flattest * (after - t);  // flat rays count as if they sank or rose more steeply
+  const I rises = b > a;
+  const F low = pick(rises, a, least(b, a - flat)), high = pick(rises, most(b, a + flat), a);
+  const I known = cells & (slot >= 0);
+  storei(in.at, known ? at : I{});
+  const I top = known ? (I){g.top.data[in.at[0]], g.top.data[in.at[1]], g.top.data[in.at[2]], g.top.data[in.at[3]], g.top.data[in.at[4]], g.top.data[in.at[5]], g.top.data[in.at[6]], g.top.data[in.at[7]],
+    g.top.data[in.at[8]], g.top.data[in.at[9]], g.top.data[in.at[10]], g.top.data[in.at[11]], g.top.data[in.at[12]], g.top.data[in.at[13]], g.top.data[in.at[14]], g.top.data[in.at[15]]} : puti(NONE);
+  const I is_measured = top != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
+  const F low_mm = 1000.0f * low, high_mm = 1000.0f * high;
+  const I within_top = is_measured & (I)(low_mm <= real(top));  // others are above all that was measured
+  I done = {};
+  if (any(within_top)) {
+    const I above = high_mm > real(top);
+    storei(in.bound[0], whole(__builtin_elementwise_ceil(low_mm)));
+    storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(top)))));
+    storei(in.slow, I{});
+    for (unsigned m = bits(within_top); m; m &= m - 1) {
+      const int l = __builtin_ctz(m), n = in.at[l];
+      const short* q = row_of(n);
+      S32 all;
+      __builtin_memcpy(&all, q, 64);
+      int count[2];
+      for (int e = 0; e < 2; ++e) {
+        const B32 lower = __builtin_convertvector(all < (short)in.bound[e][l], B32);
+        unsigned u;
+        __builtin_memcpy(&u, &lower, 4);
+        count[e] = __builtin_popcount(u);
+        int k = count[e] - 1;
+        k = k > LEVELS - 2 ? LEVELS - 2 : k < 0 ? 0 : k;
+        in.count[e][l] = k;
+        __builtin_memcpy(&in.pair[e][l], q + k, 4);
+      }
+      in.passed[l] = g.passed.data[n];
+      if (count[0] == 0 || g.cut.data[n] != UNTOUCHED) {
+        store(in.low, low), store(in.high, high);
+        const Below lower = below(n, in.low[l]), upper = below(n, in.high[l]);
+        float left = 0.0f;
+        if (lower.thickness < 0.0f && upper.thickness < 0.0f) {
+          left = lower.share / upper.share;
+        } else if (upper.thickness < FAR && lower.thickness < FAR) {
+          left = exp_one(thickness_of(upper) - thickness_of(lower));
+        }
+        in.left[l] = left;
+        in.slow[l] = -1;
+      }
+    }
+    auto share_of = [&](int e, F mm) -> F {
+      const I both = loadi(in.pair[e]);
+      const F x = real((both << 16) >> 16), y = real(both >> 16), f = (real(loadi(in.count[e])) + 0.5f + (mm - x) / most(y - x, put(1.0f))) * (1.0f / LEVELS);
+      return most(f, load(in.passed));
+    };
+    const F lower = share_of(0, low_mm), upper = pick(above, put(1.0f), share_of(1, high_mm));
+    const I slow = loadi(in.slow);
+    const F left = survived * pick(slow, load(in.left), lower / upper);
+    done = within_top & ~(I)(left > drawn);
+    met_at = picki(done, at, met_at), met_rises = picki(done, rises, met_rises);
+    met_low = pick(done, low, met_low), met_high = pick(done, high, met_high), met_survived = pick(done, survived, met_survived);
+    met_t = pick(done, t, met_t), met_after = pick(done, after, met_after);
+    stopped |= done;
+    survived = pick(within_top & ~done, left, survived);
+  }
+  stop(ground, t + (after - t) * within(a / most(a - b, put(1.0e-9f)), 0.0f, 1.0f), UNMEASURED);
+  cells &= ~(done | ground);
+  a = pick(cells, b, a);
+  t = pick(cells, after, t);
+  const I along_x = ex <= ey, out = cells & (I)(after >= leave);
+  cx += picki(cells & ~out & along_x, picki(right, puti(1), puti(-1)), I{});
+  cy += picki(cells & ~out & ~along_x, picki(upward, puti(1), puti(-1)), I{});
+  const I crossed = out | (cells & (((cx >> 3) != i) | ((cy >> 3) != j)));
+  cells &= ~crossed;
+  if (!any(crossed)) continue;
+  const I block_x = exit_x(i, side) <= exit_y(j, side);  // to the next block
+  t = pick(crossed, leave, t);
+  i += picki(crossed & block_x, picki(right, puti(1), puti(-1)), I{});
+  j += picki(crossed & ~block_x, picki(upward, puti(1), puti(-1)), I{});
+  const I gone = crossed & ((i < 0) | (j < 0) | (i >= columns) | (j >= rows) | (I)(t >= end));
   over |= gone;
-  tiles &= ~gone;
+  blocks = crossed & ~gone;
+}
+
+// ---- Where in its last cell a ray was stopped
+if (any(stopped)) {
+  storei(in.at, met_at), store(in.high, met_high);
+  float share[N], thickness[N], at_height[N];
+  for (int l = 0; l < N; ++l) share[l] = thickness[l] = 1.0f;
+  for (unsigned m = bits(stopped); m; m &= m - 1) {
+    const int l = __builtin_ctz(m);
+    const Below upper = below(in.at[l], in.high[l]);
+    share[l] = upper.thickness < 0.0f ? upper.share : 1.0f, thickness[l] = upper.thickness;
+  }
+  const F above = pick(load(thickness) < 0.0f, -log_of(load(share)), load(thickness));
+  const F deeper = above - log_of(drawn / met_survived), part = pick(deeper > 80.0f, F{}, exp_of(-deeper));
+  float depth[N], parts[N];
+  store(depth, deeper), store(parts, part);
+  for (int l = 0; l < N; ++l) at_height[l] = 0.0f;
+  for (unsigned m = bits(stopped & (I)(above < FAR)); m; m &= m - 1) {
+    const int l = __builtin_ctz(m);
+    at_height[l] = height_under(in.at[l], depth[l], parts[l]);
+  }
+  const I is_open = (I)(above < FAR) & (I)(met_high > met_low);
+  const F down_to = within((met_high - load(at_height)) / most(met_high - met_low, put(1.0e-30f)), 0.0f, 1.0f);
+  const F held = pick(is_open, pick(met_rises, 1.0f - down_to, down_to), F{});
+  stop(stopped, met_t + (met_after - met_t) * held, MEASURED);
+  hit_cell = picki(stopped, met_at, hit_cell);
 }
 
 // ---- Beyond the box the ground goes on as at its border

@@ -152,7 +152,7 @@ def cast_bodies(
 class Heights:
     """A `HeightGrid`, all flat but the table and the ground.
 
-    tile_top: highest surface in a tile above origin z, ground where nothing was measured; of a cell:
+    block_top: no ray above it meets a cell of the block, height above origin z; crest: the highest; of a cell:
     quantiles, top: the highest of them, deep: the levels below them, thickness, intensity
     passed: share of beams that went below its quantiles, 0 where these say so
     cut: 255 = as measured, else stubble height [cm]
@@ -161,10 +161,10 @@ class Heights:
     origin: wp.vec3d
     turn: wp.vec2d
     cell: float
-    tile: int
     nodes_per_m: float
     table: wp.array2d(dtype=int)
-    tile_top: wp.array(dtype=float)
+    block_top: wp.array(dtype=float)
+    crest: float
     quantiles: wp.array(dtype=wp.int16)
     deep: wp.array(dtype=wp.int16)
     passed: wp.array(dtype=float)
