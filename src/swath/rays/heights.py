@@ -10,21 +10,11 @@ from swath.field.layout import Solids
 from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
-from swath.rays.height_grid import (
-    DEEP,
-    LEVELS,
-    NODE_CELLS,
-    NODES,
-    NONE,
-    SHARES,
-    THICK,
-    HeightGrid,
-    lattice_height,
-)
+from swath.rays.height_cells import UNSEEN, aligned, block_tops, by_blocks, lids, patches, place_of
+from swath.rays.height_grid import DEEP, LEVELS, NONE, SHARES, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
-FLATTEST = 0.18  # as in `beams/heights.cpp`
-UNTOUCHED = 255  # in `HeightCaster.cut`
+UNTOUCHED = 255  # stubble height of a cell that is as it was measured
 
 
 @dataclass(frozen=True)
@@ -49,16 +39,18 @@ class HeightCaster:
     In an even stand the heights it reports are distributed as the measured ones. An own draw in every cell
     would let the highest of them win.
 
-    cut: (m, TILE, TILE) uint8, UNTOUCHED or the stubble height [cm]; change it in place
+    skips: steps over blocks where a ray is above all that was measured; the hits are the same without
     """
 
     def __init__(self, grid: HeightGrid, *, skips: bool = True) -> None:
         self.grid, self.skips = grid, skips
-        self.cut = np.full(grid.count.shape, UNTOUCHED, np.uint8)
+        self._cut = np.full(grid.count.size, UNTOUCHED, np.uint8)
+        self._lid, self._passed = lids(grid)
         self._whole, self._real = np.zeros(2, np.int32), np.zeros(3, np.float32)
         self._desk = Desk(0)
         self._kept: list[NDArray[Any]] = []  # arrays whose memory the launch reads
         self._launch: Any = None
+        self._scene: Any = None
 
     def cast(
         self,
@@ -111,65 +103,62 @@ class HeightCaster:
             o = desk.origins[: desk.count]
             refuse_below(o, self.grid.ground_height(o[:, 0], o[:, 1]))
 
+    def cut_at(self, cell: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Stubble height [cm] of cells of the flattened pools, UNTOUCHED where they are as measured."""
+        return self._cut[place_of(cell)]
+
+    def lower(self, cell: NDArray[np.int64], stubble: NDArray[np.uint8]) -> None:
+        """Cut cells of the flattened pools to a height [cm], UNTOUCHED = as they were measured again."""
+        at = place_of(cell)
+        is_cut, passed = stubble != UNTOUCHED, np.abs(self._passed[at + 1])
+        passed = np.where(passed == np.float32(UNSEEN), np.float32(0.0), passed)
+        self._cut[at] = stubble
+        self._passed[at + 1] = np.where(is_cut, -np.maximum(passed, np.float32(UNSEEN)), passed)
+        counts = is_cut | (passed != 0.0)
+        self._lid[at] = np.where(self._lid[at] == NONE, NONE, self._lid[at] & ~1 | counts)
+
+    def restore(self) -> None:
+        """All cells as they were measured."""
+        self._cut[:] = UNTOUCHED
+        self._lid[:], self._passed[:] = lids(self.grid)
+
     def _prepare(self, desk: Desk) -> Any:
         wp = start_warp()
-        from swath.rays.beams.kernel import Heights, cast_heights
+        from swath.rays.beams.kernel import cast_heights
+
+        if self._scene is None:
+            self._scene = self._make_scene()
+        told = [wp.array(self._whole, dtype=wp.int32, device="cpu", copy=False)]
+        told.append(wp.array(self._real, dtype=wp.float32, device="cpu", copy=False))
+        rays = desk.shared("origins", "directions")
+        out = desk.shared("distance", "kind", "cell", "cosine", "reflectance", "fault")
+        inputs = [self._scene, *told, *rays, desk.count, *out]
+        return wp.launch(cast_heights, dim=desk.pack_count, inputs=inputs, device="cpu", record_cmd=True)
+
+    def _make_scene(self) -> Any:
+        wp = start_warp()
+        from swath.rays.beams.kernel import Heights
 
         def share(array: NDArray[Any], kind: Any) -> Any:
             self._kept.append(array)
             return wp.array(array, dtype=kind, device="cpu", copy=False)
 
         g, scene = self.grid, Heights()
-        self._kept = []
         scene.origin = wp.vec3d(*g.origin)
         scene.turn = wp.vec2d(np.cos(g.yaw), np.sin(g.yaw))
         scene.cell, scene.nodes_per_m = g.cell, 1.0 / g.node
         scene.table, scene.ground = share(g.table, wp.int32), share(g.ground, wp.float32)
         tops = block_tops(g) if self.skips else np.full(np.array(g.ground.shape) - 1, np.inf, np.float32)
         scene.block_top, scene.crest = share(tops.ravel(), wp.float32), float(tops.max())
-        top = np.where(g.is_measured, g.quantiles[..., -1], NONE).astype(np.int16)
-        scene.quantiles, scene.top = (
-            share(_aligned(g.quantiles[..., DEEP:]), wp.int16),
-            share(top.ravel(), wp.int16),
-        )
-        scene.deep = share(np.ascontiguousarray(g.quantiles[..., :DEEP]).ravel(), wp.int16)
-        size = np.abs(g.thickness).astype(np.float32)
-        passed = np.where(size < THICK, np.exp(-size), 0.0).astype(np.float32)
-        scene.passed = share(passed.ravel(), wp.float32)
-        scene.thickness = share(g.thickness.ravel(), wp.float32)
-        scene.cut = share(self.cut.reshape(-1), wp.uint8)
+        scene.patch = share(patches(g.ground).ravel(), wp.float32)
+        quantiles = by_blocks(g.quantiles)
+        scene.quantiles = share(aligned(quantiles[:, DEEP:]), wp.int16)
+        scene.deep = share(np.ascontiguousarray(quantiles[:, :DEEP]).ravel(), wp.int16)
+        scene.thickness = share(by_blocks(g.thickness), wp.float32)
+        scene.lid, scene.passed = share(self._lid, wp.int16), share(self._passed, wp.float32)
+        scene.cut = share(self._cut, wp.uint8)
         scene.intensity = share(g.intensity.reshape(-1), wp.float32)
-        told = [share(self._whole, wp.int32), share(self._real, wp.float32)]
-        rays = desk.shared("origins", "directions")
-        out = desk.shared("distance", "kind", "cell", "cosine", "reflectance", "fault")
-        inputs = [scene, *told, *rays, desk.count, *out]
-        return wp.launch(cast_heights, dim=desk.pack_count, inputs=inputs, device="cpu", record_cmd=True)
-
-
-def _aligned(quantiles: NDArray[np.int16]) -> NDArray[np.int16]:
-    """Flat, each cell on a cache line of its own."""
-    room = np.empty(quantiles.size + 32, np.int16)
-    first = -room.ctypes.data % 64 // 2
-    room[first : first + quantiles.size] = quantiles.ravel()
-    return room[first : first + quantiles.size]
-
-
-def block_tops(grid: HeightGrid) -> NDArray[np.float32]:
-    """(ty * NODES, tx * NODES): height above origin[2] [m] from which on no ray meets anything in a block.
-
-    The highest surface of its cells, the ground where unmeasured, and what flat rays count as lower. What is cut
-    only sinks below it.
-    """
-    g = grid.ground
-    corners = np.max([g[:-1, :-1], g[:-1, 1:], g[1:, :-1], g[1:, 1:]], axis=0)
-    m = len(grid.quantiles)
-    cells = grid.quantiles[..., -1].reshape(m, NODES, NODE_CELLS, NODES, NODE_CELLS)
-    above = np.zeros((*grid.table.shape, NODES, NODES))
-    held = grid.table >= 0
-    above[held] = np.maximum(cells.max(axis=(2, 4)) * 1e-3, 0.0)[grid.table[held]]
-    flat = FLATTEST * np.sqrt(2.0) * grid.cell
-    top = corners + above.transpose(0, 2, 1, 3).reshape(corners.shape) + flat + 1e-3
-    return np.asarray(top, dtype=np.float32)
+        return scene
 
 
 def surface(grid: HeightGrid, x: Any, y: Any, share: float) -> NDArray[np.float64]:

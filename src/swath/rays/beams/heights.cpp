@@ -13,6 +13,7 @@ typedef short S32 __attribute__((vector_size(64)));
 typedef bool B32 __attribute__((ext_vector_type(32)));
 constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, DEEP = 12, NONE = -32768, UNTOUCHED = 255;
 constexpr int TILE = 32, BLOCK = 8, PER_TILE = TILE / BLOCK;  // cells along a tile and along a patch of the ground
+constexpr float AHEAD = 1.5f;  // cells on the way whose distribution is asked for
 constexpr float PER_THICKNESS = 50.0f, THICK = 4.1588831f;  // as in rays/height_grid.py; LEVELS are its EVEN
 constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in study/replay/passing.py; rays/checks.py
 
@@ -50,6 +51,9 @@ auto ground_at = [&](F x, F y) -> F {  // bilinear, beyond the lattice as at its
 auto height_over = [&](F t) -> F { return oz + dz * t - ground_at(ox + dx * t, oy + dy * t); };
 auto enter_x = [&](I i) -> F { return pick(stays_x, put(-FAR), (real(i + 1 + right) * g.cell - ox) * per_x); };  // of a cell
 auto enter_y = [&](I j) -> F { return pick(stays_y, put(-FAR), (real(j + 1 + upward) * g.cell - oy) * per_y); };
+auto place_of = [&](I slot, I cx, I cy) -> I {  // of a cell in the pools, block by block
+  return (((slot * PER_TILE + ((cy >> 3) & (PER_TILE - 1))) * PER_TILE + ((cx >> 3) & (PER_TILE - 1))) << 6) + ((cy & 7) << 3) + (cx & 7);
+};
 auto exit_x = [&](I i, float width) -> F { return pick(stays_x, put(FAR), (real(i - right) * width - ox) * per_x); };
 auto exit_y = [&](I j, float width) -> F { return pick(stays_y, put(FAR), (real(j - upward) * width - oy) * per_y); };
 
@@ -95,7 +99,7 @@ auto below = [&](int at, float z) -> Below {
     k = k > LEVELS - 2 ? LEVELS - 2 : k < 0 ? 0 : k;
     const float a = q[k], b = q[k + 1];
     found = {((float)k + 0.5f + (mm - a) / (b - a > 1.0f ? b - a : 1.0f)) / LEVELS, -1.0f};
-    const float passed = g.passed.data[at];  // beams went below all that was measured here: no less than their share
+    const float passed = __builtin_fabsf(g.passed.data[at + 1]);  // beams went below all that was measured here: no less than their share
     if (found.share < passed) found.share = passed;
   } else if (const float lowest = g.deep.data[(size_t)at * DEEP]; mm > lowest) {
     const float way = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (way > 1.0f ? way : 1.0f);
@@ -171,10 +175,11 @@ t = pick(sinks, most(t, least((g.crest - oz) * per_z, end)), pick(oz + dz * t > 
 I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
 I slot = {}, cx = {}, cy = {};  // of the tile; the cell, counted from the corner of the grid
 I blocks = live & ~early & (I)(t < end), cells = {}, over = live & ~early & ~blocks;  // at a block's border; in its cells; behind it all
-struct alignas(64) { float low[N], high[N], left[N], passed[N]; int at[N], bound[2][N], count[2][N], pair[2][N], slow[N]; } in = {};
+struct alignas(64) { float low[N], high[N], left[N], passed[N]; int at[N], last[N], bound[2][N], count[2][N], pair[2][N], slow[N]; } in = {};
 alignas(64) float corner[4][N] = {};  // ground of the block that each ray is in
 F a = {}, leave = {}, survived = put(1.0f);
 I stopped = {};
+const F ahead = AHEAD * g.cell / most(root(dx * dx + dy * dy), put(0.1f));
 auto over_patch = [&](F t) -> F {  // height over the ground of the block
   const F u = (ox + dx * t) * g.nodes_per_m - real(i), v = (oy + dy * t) * g.nodes_per_m - real(j);
   return oz + dz * t - (load(corner[0]) + load(corner[1]) * u + (load(corner[2]) + load(corner[3]) * u) * v);
@@ -188,11 +193,10 @@ while (true) {
     const F top = gather(g.block_top.data, j * columns + i, blocks);
     const I low = blocks & (I)(oz + least(dz * t, dz * leave) <= top);
     if (any(low)) {  // on to the cell where the ray comes down to the highest surface of the block
-      storei(in.at, j * nodes_x + i);
+      storei(in.at, j * columns + i);
       for (unsigned m = bits(low); m; m &= m - 1) {
         const int l = __builtin_ctz(m);
-        const float* n = g.ground.data + in.at[l];
-        corner[0][l] = n[0], corner[1][l] = n[1] - n[0], corner[2][l] = n[nodes_x] - n[0], corner[3][l] = n[nodes_x + 1] - n[1] - n[nodes_x] + n[0];
+        for (int k = 0; k < 4; ++k) corner[k][l] = g.patch.data[4 * (size_t)in.at[l] + k];
       }
       slot = picki(low, gatheri(g.table.data, j / PER_TILE * (columns / PER_TILE) + i / PER_TILE, low), slot);
       const F to = pick(sinks, most(t, least((top - oz) * per_z, leave)), t);
@@ -215,22 +219,22 @@ while (true) {
   if (!any(cells)) break;
   const F ex = exit_x(cx, g.cell), ey = exit_y(cy, g.cell), after = most(least(least(ex, ey), leave), t);
   const F b = over_patch(after);
-  const I at = (slot * TILE + (cy & (TILE - 1))) * TILE + (cx & (TILE - 1));
+  const I at = place_of(slot, cx, cy);
   const F flat = flattest * (after - t);  // flat rays count as if they sank or rose more steeply
   const I rises = b > a;
   const F low = pick(rises, a, least(b, a - flat)), high = pick(rises, most(b, a + flat), a);
   const I known = cells & (slot >= 0);
   storei(in.at, known ? at : I{});
-  const I top = known ? (I){g.top.data[in.at[0]], g.top.data[in.at[1]], g.top.data[in.at[2]], g.top.data[in.at[3]], g.top.data[in.at[4]], g.top.data[in.at[5]], g.top.data[in.at[6]], g.top.data[in.at[7]],
-    g.top.data[in.at[8]], g.top.data[in.at[9]], g.top.data[in.at[10]], g.top.data[in.at[11]], g.top.data[in.at[12]], g.top.data[in.at[13]], g.top.data[in.at[14]], g.top.data[in.at[15]]} : puti(NONE);
-  const I is_measured = top != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
+  int lids[N];
+  for (int l = 0; l < N; ++l) lids[l] = g.lid.data[in.at[l]];
+  const I lid = known ? loadi(lids) : puti(NONE);
+  const I is_measured = lid != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
   const F low_mm = 1000.0f * low, high_mm = 1000.0f * high;
-  const I within_top = is_measured & (I)(low_mm <= real(top));  // others are above all that was measured
+  const I within_top = is_measured & (I)(low_mm <= real(lid & ~1));  // others are above all that was measured
   I done = {};
   if (any(within_top)) {
-    const I above = high_mm > real(top);
     storei(in.bound[0], whole(__builtin_elementwise_ceil(low_mm)));
-    storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(top)))));
+    storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(lid & ~1)))));
     storei(in.slow, I{});
     for (unsigned m = bits(within_top); m; m &= m - 1) {
       const int l = __builtin_ctz(m), n = in.at[l];
@@ -248,8 +252,9 @@ while (true) {
         in.count[e][l] = k;
         __builtin_memcpy(&in.pair[e][l], q + k, 4);
       }
-      in.passed[l] = g.passed.data[n];
-      if (count[0] == 0 || g.cut.data[n] != UNTOUCHED) {
+      in.last[l] = q[LEVELS - 1];
+      in.passed[l] = g.passed.data[lids[l] & 1 ? n + 1 : 0];
+      if (count[0] == 0 || in.passed[l] < 0.0f) {
         store(in.low, low), store(in.high, high);
         const Below lower = below(n, in.low[l]), upper = below(n, in.high[l]);
         float left = 0.0f;
@@ -263,11 +268,11 @@ while (true) {
       }
     }
     auto share_of = [&](int e, F mm) -> F {
-      const I both = loadi(in.pair[e]);
+      const I both = loadi(in.pair[e]), above = mm > real(loadi(in.last));
       const F x = real((both << 16) >> 16), y = real(both >> 16), f = (real(loadi(in.count[e])) + 0.5f + (mm - x) / most(y - x, put(1.0f))) * (1.0f / LEVELS);
-      return most(f, load(in.passed));
+      return pick(above, put(1.0f), most(f, load(in.passed)));
     };
-    const F lower = share_of(0, low_mm), upper = pick(above, put(1.0f), share_of(1, high_mm));
+    const F lower = share_of(0, low_mm), upper = share_of(1, high_mm);
     const I slow = loadi(in.slow);
     const F left = survived * pick(slow, load(in.left), lower / upper);
     done = within_top & ~(I)(left > drawn);
@@ -286,6 +291,13 @@ while (true) {
   cy += picki(cells & ~out & ~along_x, picki(upward, puti(1), puti(-1)), I{});
   const I crossed = out | (cells & (((cx >> 3) != i) | ((cy >> 3) != j)));
   cells &= ~crossed;
+  const I soon = cells & is_measured & (I)(low_mm - 60.0f <= real(lid));
+  if (any(soon)) {  // what comes after the next cell is on its way before it is asked
+    const F next = t + ahead;
+    const I nx = mosti(leasti(down((ox + dx * next) * per_cell), i * BLOCK + (BLOCK - 1)), i * BLOCK), ny = mosti(leasti(down((oy + dy * next) * per_cell), j * BLOCK + (BLOCK - 1)), j * BLOCK);
+    storei(in.at, soon ? place_of(slot, nx, ny) : I{});
+    for (int l = 0; l < N; ++l) __builtin_prefetch(row_of(in.at[l]));
+  }
   if (!any(crossed)) continue;
   const I block_x = exit_x(i, side) <= exit_y(j, side);  // to the next block
   t = pick(crossed, leave, t);
@@ -319,7 +331,9 @@ if (any(stopped)) {
   const F down_to = within((met_high - load(at_height)) / most(met_high - met_low, put(1.0e-30f)), 0.0f, 1.0f);
   const F held = pick(is_open, pick(met_rises, 1.0f - down_to, down_to), F{});
   stop(stopped, met_t + (met_after - met_t) * held, MEASURED);
-  hit_cell = picki(stopped, met_at, hit_cell);
+  const I slot_block = met_at >> 6, in_tile = slot_block & 15;
+  const I cell_y = ((in_tile >> 2) << 3) + ((met_at >> 3) & 7), cell_x = ((in_tile & 3) << 3) + (met_at & 7);
+  hit_cell = picki(stopped, ((slot_block >> 4) * TILE + cell_y) * TILE + cell_x, hit_cell);
 }
 
 // ---- Beyond the box the ground goes on as at its border
