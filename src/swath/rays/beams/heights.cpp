@@ -51,6 +51,9 @@ auto ground_at = [&](F x, F y) -> F {  // bilinear, beyond the lattice as at its
 auto height_over = [&](F t) -> F { return oz + dz * t - ground_at(ox + dx * t, oy + dy * t); };
 auto enter_x = [&](I i) -> F { return pick(stays_x, put(-FAR), (real(i + 1 + right) * g.cell - ox) * per_x); };  // of a cell
 auto enter_y = [&](I j) -> F { return pick(stays_y, put(-FAR), (real(j + 1 + upward) * g.cell - oy) * per_y); };
+auto shorts = [](const short* p, const int* k) -> I {
+  return I{p[k[0]], p[k[1]], p[k[2]], p[k[3]], p[k[4]], p[k[5]], p[k[6]], p[k[7]], p[k[8]], p[k[9]], p[k[10]], p[k[11]], p[k[12]], p[k[13]], p[k[14]], p[k[15]]};
+};
 auto place_of = [&](I slot, I cx, I cy) -> I {  // of a cell in the pools, block by block
   return (((slot * PER_TILE + ((cy >> 3) & (PER_TILE - 1))) * PER_TILE + ((cx >> 3) & (PER_TILE - 1))) << 6) + ((cy & 7) << 3) + (cx & 7);
 };
@@ -175,14 +178,14 @@ t = pick(sinks, most(t, least((g.crest - oz) * per_z, end)), pick(oz + dz * t > 
 I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
 I slot = {}, cx = {}, cy = {};  // of the tile; the cell, counted from the corner of the grid
 I blocks = live & ~early & (I)(t < end), cells = {}, over = live & ~early & ~blocks;  // at a block's border; in its cells; behind it all
-struct alignas(64) { float low[N], high[N], left[N], passed[N]; int at[N], last[N], bound[2][N], count[2][N], pair[2][N], slow[N]; } in = {};
-alignas(64) float corner[4][N] = {};  // ground of the block that each ray is in
+struct alignas(64) { float low[N], high[N]; int at[N], lid[N], bound[2][N]; } in = {};
+F c0 = {}, c1 = {}, c2 = {}, c3 = {};  // ground of the block that each ray is in
 F a = {}, leave = {}, survived = put(1.0f);
 I stopped = {};
 const F ahead = AHEAD * g.cell / most(root(dx * dx + dy * dy), put(0.1f));
 auto over_patch = [&](F t) -> F {  // height over the ground of the block
   const F u = (ox + dx * t) * g.nodes_per_m - real(i), v = (oy + dy * t) * g.nodes_per_m - real(j);
-  return oz + dz * t - (load(corner[0]) + load(corner[1]) * u + (load(corner[2]) + load(corner[3]) * u) * v);
+  return oz + dz * t - (c0 + c1 * u + (c2 + c3 * u) * v);
 };
 F met_low = {}, met_high = {}, met_survived = {}, met_t = {}, met_after = {};
 I met_at = {}, met_rises = {};
@@ -196,7 +199,9 @@ while (true) {
       storei(in.at, j * columns + i);
       for (unsigned m = bits(low); m; m &= m - 1) {
         const int l = __builtin_ctz(m);
-        for (int k = 0; k < 4; ++k) corner[k][l] = g.patch.data[4 * (size_t)in.at[l] + k];
+        const I me = count_up == l;
+        const float* c = g.patch.data + 4 * (size_t)in.at[l];
+        c0 = pick(me, put(c[0]), c0), c1 = pick(me, put(c[1]), c1), c2 = pick(me, put(c[2]), c2), c3 = pick(me, put(c[3]), c3);
       }
       slot = picki(low, gatheri(g.table.data, j / PER_TILE * (columns / PER_TILE) + i / PER_TILE, low), slot);
       const F to = pick(sinks, most(t, least((top - oz) * per_z, leave)), t);
@@ -225,9 +230,7 @@ while (true) {
   const F low = pick(rises, a, least(b, a - flat)), high = pick(rises, most(b, a + flat), a);
   const I known = cells & (slot >= 0);
   storei(in.at, known ? at : I{});
-  int lids[N];
-  for (int l = 0; l < N; ++l) lids[l] = g.lid.data[in.at[l]];
-  const I lid = known ? loadi(lids) : puti(NONE);
+  const I lid = known ? shorts(g.lid.data, in.at) : puti(NONE);
   const I is_measured = lid != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
   const F low_mm = 1000.0f * low, high_mm = 1000.0f * high;
   const I within_top = is_measured & (I)(low_mm <= real(lid & ~1));  // others are above all that was measured
@@ -235,26 +238,29 @@ while (true) {
   if (any(within_top)) {
     storei(in.bound[0], whole(__builtin_elementwise_ceil(low_mm)));
     storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(lid & ~1)))));
-    storei(in.slow, I{});
+    storei(in.lid, lid);
+    I pair[2] = {}, found = {}, slow = {};  // quantiles on both sides of each end; how many lie below it and the last
+    F passed = {}, ratio = {};
     for (unsigned m = bits(within_top); m; m &= m - 1) {
       const int l = __builtin_ctz(m), n = in.at[l];
+      const I me = count_up == l;
       const short* q = row_of(n);
       S32 all;
       __builtin_memcpy(&all, q, 64);
-      int count[2];
+      int count[2], both[2];
       for (int e = 0; e < 2; ++e) {
         const B32 lower = __builtin_convertvector(all < (short)in.bound[e][l], B32);
         unsigned u;
         __builtin_memcpy(&u, &lower, 4);
         count[e] = __builtin_popcount(u);
-        int k = count[e] - 1;
-        k = k > LEVELS - 2 ? LEVELS - 2 : k < 0 ? 0 : k;
-        in.count[e][l] = k;
-        __builtin_memcpy(&in.pair[e][l], q + k, 4);
+        const int k = count[e] > LEVELS - 1 ? LEVELS - 1 : count[e] < 1 ? 1 : count[e];
+        __builtin_memcpy(&both[e], q + k - 1, 4);
       }
-      in.last[l] = q[LEVELS - 1];
-      in.passed[l] = g.passed.data[lids[l] & 1 ? n + 1 : 0];
-      if (count[0] == 0 || in.passed[l] < 0.0f) {
+      pair[0] = picki(me, puti(both[0]), pair[0]), pair[1] = picki(me, puti(both[1]), pair[1]);
+      found = picki(me, puti(((int)q[LEVELS - 1] << 16) | (count[1] << 8) | count[0]), found);
+      const float gone_by = g.passed.data[in.lid[l] & 1 ? n + 1 : 0];
+      passed = pick(me, put(gone_by), passed);
+      if (count[0] == 0 || gone_by < 0.0f) {
         store(in.low, low), store(in.high, high);
         const Below lower = below(n, in.low[l]), upper = below(n, in.high[l]);
         float left = 0.0f;
@@ -263,18 +269,17 @@ while (true) {
         } else if (upper.thickness < FAR && lower.thickness < FAR) {
           left = exp_one(thickness_of(upper) - thickness_of(lower));
         }
-        in.left[l] = left;
-        in.slow[l] = -1;
+        ratio = pick(me, put(left), ratio);
+        slow |= me;
       }
     }
-    auto share_of = [&](int e, F mm) -> F {
-      const I both = loadi(in.pair[e]), above = mm > real(loadi(in.last));
-      const F x = real((both << 16) >> 16), y = real(both >> 16), f = (real(loadi(in.count[e])) + 0.5f + (mm - x) / most(y - x, put(1.0f))) * (1.0f / LEVELS);
-      return pick(above, put(1.0f), most(f, load(in.passed)));
+    auto share_of = [&](I both, I count, F mm) -> F {
+      const F x = real((both << 16) >> 16), y = real(both >> 16), k = real(mosti(leasti(count, puti(LEVELS - 1)), puti(1)));
+      const F f = (k - 0.5f + (mm - x) / most(y - x, put(1.0f))) * (1.0f / LEVELS);
+      return pick(mm > real(found >> 16), put(1.0f), most(f, passed));
     };
-    const F lower = share_of(0, low_mm), upper = share_of(1, high_mm);
-    const I slow = loadi(in.slow);
-    const F left = survived * pick(slow, load(in.left), lower / upper);
+    const F lower = share_of(pair[0], found & 255, low_mm), upper = share_of(pair[1], (found >> 8) & 255, high_mm);
+    const F left = survived * pick(slow, ratio, lower / upper);
     done = within_top & ~(I)(left > drawn);
     met_at = picki(done, at, met_at), met_rises = picki(done, rises, met_rises);
     met_low = pick(done, low, met_low), met_high = pick(done, high, met_high), met_survived = pick(done, survived, met_survived);
