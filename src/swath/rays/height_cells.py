@@ -1,14 +1,54 @@
-"""A `HeightGrid` as its native code wants it: cells of a block side by side, one cache line of quantiles each."""
+"""A `HeightGrid` as its native code wants it: cells of a block side by side, quantiles on one cache line."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.rays.height_grid import NODE_CELLS, NODES, NONE, THICK, TILE, HeightGrid
+from swath.rays.height_grid import DEEP, NODE_CELLS, NODES, NONE, THICK, TILE, HeightGrid
 
 FLATTEST = 0.18  # as in `beams/heights.cpp`
-UNSEEN = 1e-30  # `passed` of cut cells where it was 0
+UNTOUCHED = 255  # stubble height of a cell that is as it was measured
+UNSEEN = np.float32(1e-30)  # size of `passed` in cut cells where it was 0
+REST = np.dtype([("deep", np.int16, DEEP), ("thickness", np.float32), ("passed", np.float32)])
+
+
+class Cells:
+    """What rays read of cells, each array in the order of `by_blocks`; see `Heights` in beams/kernel.py.
+
+    quantiles: (n, EVEN) int16, lid: (n,) int16, rest: (n,) REST, cut: (n,) uint8, UNTOUCHED or stubble height [cm]
+    """
+
+    def __init__(self, grid: HeightGrid) -> None:
+        quantiles = by_blocks(grid.quantiles)
+        self.quantiles, self.rest = _aligned(quantiles[:, DEEP:]), np.zeros(len(quantiles), REST)
+        self.rest["deep"], self.rest["thickness"] = quantiles[:, :DEEP], by_blocks(grid.thickness)
+        self.lid, self.cut = np.empty(len(quantiles), np.int16), np.empty(len(quantiles), np.uint8)
+        size = np.abs(self.rest["thickness"])
+        self._passed = np.where(size < THICK, np.exp(-size), 0.0).astype(np.float32)
+        top = np.minimum(quantiles[:, -1].astype(np.int32) + 1 & ~1, 32766)
+        self._lid = np.where(quantiles[:, 0] == NONE, NONE, top).astype(np.int16)
+        self.restore()
+
+    def restore(self) -> None:
+        """All cells as they were measured."""
+        self.cut[:] = UNTOUCHED
+        self._tell(slice(None))
+
+    def cut_at(self, cell: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Stubble height [cm] of cells of the flattened pools, UNTOUCHED where they are as measured."""
+        return self.cut[place_of(cell)]
+
+    def lower(self, cell: NDArray[np.int64], stubble: NDArray[np.uint8]) -> None:
+        """Cut cells of the flattened pools to a height [cm]; UNTOUCHED: they are as measured."""
+        at = place_of(cell)
+        self.cut[at] = stubble
+        self._tell(at)
+
+    def _tell(self, at: Any) -> None:
+        is_cut, passed, lid = self.cut[at] != UNTOUCHED, self._passed[at], self._lid[at]
+        self.rest["passed"][at] = np.where(is_cut, -np.maximum(passed, UNSEEN), passed)
+        self.lid[at] = np.where((lid != NONE) & (is_cut | (passed != 0.0)), lid | 1, lid)
 
 
 def by_blocks(cells: NDArray[Any]) -> NDArray[Any]:
@@ -25,28 +65,19 @@ def place_of(cell: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray((block * NODE_CELLS + y % NODE_CELLS) * NODE_CELLS + x % NODE_CELLS)
 
 
-def lids(grid: HeightGrid) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
-    """`lid` and `passed` of `Heights` in beams/kernel.py."""
-    size = np.abs(by_blocks(grid.thickness)).astype(np.float32)
-    passed = np.concatenate([[0.0], np.where(size < THICK, np.exp(-size), 0.0)]).astype(np.float32)
-    top = by_blocks(grid.quantiles[..., -1]).astype(np.int32)
-    lid = np.minimum((top + 1) & ~1, 32766) | (passed[1:] != 0.0)
-    lid = np.where(by_blocks(grid.is_measured), lid, NONE)
-    return lid.astype(np.int16), passed
-
-
 def patches(ground: NDArray[np.float32]) -> NDArray[np.float32]:
     """(blocks_y, blocks_x, 4): c of the height c0 + c1 u + (c2 + c3 u) v in each block."""
     a, b, c, d = ground[:-1, :-1], ground[:-1, 1:], ground[1:, :-1], ground[1:, 1:]
     return np.stack([a, b - a, c - a, d - b - c + a], axis=-1)
 
 
-def aligned(quantiles: NDArray[np.int16]) -> NDArray[np.int16]:
-    """Flat, each cell on a cache line of its own."""
+def _aligned(quantiles: NDArray[np.int16]) -> NDArray[np.int16]:
+    """A copy, each cell on a cache line of its own."""
     room = np.empty(quantiles.size + 32, np.int16)
     first = -room.ctypes.data % 64 // 2
-    room[first : first + quantiles.size] = quantiles.ravel()
-    return room[first : first + quantiles.size]
+    copy = room[first : first + quantiles.size].reshape(quantiles.shape)
+    copy[:] = quantiles
+    return copy
 
 
 def block_tops(grid: HeightGrid) -> NDArray[np.float32]:

@@ -10,11 +10,10 @@ from swath.field.layout import Solids
 from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
-from swath.rays.height_cells import UNSEEN, aligned, block_tops, by_blocks, lids, patches, place_of
+from swath.rays.height_cells import Cells, block_tops, patches
 from swath.rays.height_grid import DEEP, LEVELS, NONE, SHARES, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
-UNTOUCHED = 255  # stubble height of a cell that is as it was measured
 
 
 @dataclass(frozen=True)
@@ -39,13 +38,13 @@ class HeightCaster:
     In an even stand the heights it reports are distributed as the measured ones. An own draw in every cell
     would let the highest of them win.
 
+    cells: what rays read of the grid, and what was cut of it since
     skips: steps over blocks where a ray is above all that was measured; the hits are the same without
     """
 
     def __init__(self, grid: HeightGrid, *, skips: bool = True) -> None:
         self.grid, self.skips = grid, skips
-        self._cut = np.full(grid.count.size, UNTOUCHED, np.uint8)
-        self._lid, self._passed = lids(grid)
+        self.cells = Cells(grid)
         self._whole, self._real = np.zeros(2, np.int32), np.zeros(3, np.float32)
         self._desk = Desk(0)
         self._kept: list[NDArray[Any]] = []  # arrays whose memory the launch reads
@@ -103,25 +102,6 @@ class HeightCaster:
             o = desk.origins[: desk.count]
             refuse_below(o, self.grid.ground_height(o[:, 0], o[:, 1]))
 
-    def cut_at(self, cell: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Stubble height [cm] of cells of the flattened pools, UNTOUCHED where they are as measured."""
-        return self._cut[place_of(cell)]
-
-    def lower(self, cell: NDArray[np.int64], stubble: NDArray[np.uint8]) -> None:
-        """Cut cells of the flattened pools to a height [cm], UNTOUCHED = as they were measured again."""
-        at = place_of(cell)
-        is_cut, passed = stubble != UNTOUCHED, np.abs(self._passed[at + 1])
-        passed = np.where(passed == np.float32(UNSEEN), np.float32(0.0), passed)
-        self._cut[at] = stubble
-        self._passed[at + 1] = np.where(is_cut, -np.maximum(passed, np.float32(UNSEEN)), passed)
-        counts = is_cut | (passed != 0.0)
-        self._lid[at] = np.where(self._lid[at] == NONE, NONE, self._lid[at] & ~1 | counts)
-
-    def restore(self) -> None:
-        """All cells as they were measured."""
-        self._cut[:] = UNTOUCHED
-        self._lid[:], self._passed[:] = lids(self.grid)
-
     def _prepare(self, desk: Desk) -> Any:
         wp = start_warp()
         from swath.rays.beams.kernel import cast_heights
@@ -151,12 +131,9 @@ class HeightCaster:
         tops = block_tops(g) if self.skips else np.full(np.array(g.ground.shape) - 1, np.inf, np.float32)
         scene.block_top, scene.crest = share(tops.ravel(), wp.float32), float(tops.max())
         scene.patch = share(patches(g.ground).ravel(), wp.float32)
-        quantiles = by_blocks(g.quantiles)
-        scene.quantiles = share(aligned(quantiles[:, DEEP:]), wp.int16)
-        scene.deep = share(np.ascontiguousarray(quantiles[:, :DEEP]).ravel(), wp.int16)
-        scene.thickness = share(by_blocks(g.thickness), wp.float32)
-        scene.lid, scene.passed = share(self._lid, wp.int16), share(self._passed, wp.float32)
-        scene.cut = share(self._cut, wp.uint8)
+        cells = self.cells
+        scene.quantiles, scene.lid = share(cells.quantiles.ravel(), wp.int16), share(cells.lid, wp.int16)
+        scene.rest, scene.cut = share(cells.rest.view(np.int16), wp.int16), share(cells.cut, wp.uint8)
         scene.intensity = share(g.intensity.reshape(-1), wp.float32)
         return scene
 

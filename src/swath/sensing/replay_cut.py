@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from swath.field.field import Field
 from swath.field.layout import PAGE_CUT_CELLS, STANDING
 from swath.field.pages import Codes, Key
+from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import TILE
-from swath.rays.heights import UNTOUCHED, HeightCaster
+from swath.rays.heights import HeightCaster
 
 Ints = NDArray[np.int64]
 
@@ -29,7 +30,7 @@ class CutWatch:
 
     def forget(self) -> None:
         """Start anew from the field as it is; `lower` finds again what is cut."""
-        self.caster.restore()
+        self.caster.cells.restore()
 
     def lower(self, met: NDArray[np.int32]) -> bool:
         """True when some cells that rays met (-1 = none) were cut: those are lowered now, cast again."""
@@ -37,7 +38,7 @@ class CutWatch:
         if not (store.recut or store.packed):
             return False
         cell = np.unique(met[met >= 0].astype(np.int64))
-        held = self.caster.cut_at(cell)
+        held = self.caster.cells.cut_at(cell)
         u, v, page = self._places(cell)
         keys = np.unique(page, axis=0)
         is_lower = False
@@ -85,7 +86,7 @@ class CutWatch:
         cell = (slots[:, None] * TILE**2 + np.arange(TILE**2)).ravel()
         cu, cv, page = self._places(cell)
         mine = (page == key).all(axis=1)
-        self.caster.lower(cell[mine], self._stubble(key, cu[mine], cv[mine]))
+        self.caster.cells.lower(cell[mine], self._stubble(key, cu[mine], cv[mine]))
 
 
 def _codes_at(codes: Codes, u: Ints, v: Ints) -> NDArray[np.uint8]:

@@ -13,7 +13,8 @@ typedef short S32 __attribute__((vector_size(64)));
 typedef bool B32 __attribute__((ext_vector_type(32)));
 constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, DEEP = 12, NONE = -32768, UNTOUCHED = 255;
 constexpr int TILE = 32, BLOCK = 8, PER_TILE = TILE / BLOCK;  // cells along a tile and along a patch of the ground
-constexpr float AHEAD = 1.5f;  // cells on the way whose distribution is asked for
+constexpr int REST = 16;  // numbers of a cell beside its quantiles: DEEP levels, thickness, passed
+constexpr float AHEAD = 2.5f;  // cells on the way whose distribution is asked for
 constexpr float PER_THICKNESS = 50.0f, THICK = 4.1588831f;  // as in rays/height_grid.py; LEVELS are its EVEN
 constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in study/replay/passing.py; rays/checks.py
 
@@ -81,9 +82,12 @@ if (share < 0.0f) {
 auto log_one = [&](float x) -> float { return log_of(put(x))[0]; };
 auto exp_one = [&](float x) -> float { return x < -80.0f ? 0.0f : exp_of(put(x))[0]; };
 auto row_of = [&](int at) -> const short* { return g.quantiles.data + (size_t)at * LEVELS; };
-auto whole_of = [&](int at) -> float { return __builtin_fabsf(g.thickness.data[at]); };
+auto rest_of = [&](int at) -> const short* { return g.rest.data + (size_t)at * REST; };
+auto number = [](const short* at) -> float { float x; __builtin_memcpy(&x, at, 4); return x; };
+auto thickness_in = [&](int at) -> float { return number(rest_of(at) + DEEP); };
+auto whole_of = [&](int at) -> float { return __builtin_fabsf(thickness_in(at)); };
 auto thickness_at = [&](int at, int k) -> float {  // at the k-th of the heights from the lowest up to the first quantile
-  return k == 0 ? whole_of(at) : k >= DEEP ? THICK : g.deep.data[(size_t)at * DEEP + k] / PER_THICKNESS;
+  return k == 0 ? whole_of(at) : k >= DEEP ? THICK : rest_of(at)[k] / PER_THICKNESS;
 };
 struct Below { float share, thickness; };  // of the heights in a cell; thickness < 0: the share says it
 auto below = [&](int at, float z) -> Below {
@@ -102,14 +106,14 @@ auto below = [&](int at, float z) -> Below {
     k = k > LEVELS - 2 ? LEVELS - 2 : k < 0 ? 0 : k;
     const float a = q[k], b = q[k + 1];
     found = {((float)k + 0.5f + (mm - a) / (b - a > 1.0f ? b - a : 1.0f)) / LEVELS, -1.0f};
-    const float passed = __builtin_fabsf(g.passed.data[at + 1]);  // beams went below all that was measured here: no less than their share
+    const float passed = __builtin_fabsf(number(rest_of(at) + DEEP + 2));  // beams went below all that was measured here: no less than their share
     if (found.share < passed) found.share = passed;
-  } else if (const float lowest = g.deep.data[(size_t)at * DEEP]; mm > lowest) {
+  } else if (const float lowest = rest_of(at)[0]; mm > lowest) {
     const float way = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (way > 1.0f ? way : 1.0f);
     const int k = (int)f > DEEP - 1 ? DEEP - 1 : (int)f;
     const float a = thickness_at(at, k), b = thickness_at(at, k + 1), thick = a + (b - a) * (f - (float)k);
     found.thickness = thick < whole_of(at) ? thick : whole_of(at);
-  } else if (z > 0.0f && g.thickness.data[at] >= 0.0f) {
+  } else if (z > 0.0f && thickness_in(at) >= 0.0f) {
     found.thickness = whole_of(at);
   }
   const int stubble = g.cut.data[at];
@@ -125,7 +129,7 @@ auto thickness_of = [&](Below b) -> float { return b.thickness < 0.0f ? -log_one
 auto height_under = [&](int at, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
   const short* q = row_of(at);
   float z = 0.0f;  // the ground stops what nothing measured did
-  if (thickness <= whole_of(at) || g.thickness.data[at] < 0.0f) {
+  if (thickness <= whole_of(at) || thickness_in(at) < 0.0f) {
     if (thickness <= THICK) {
       float f = part * LEVELS - 0.5f;
       f = f < 0.0f ? 0.0f : f > LEVELS - 1 ? (float)(LEVELS - 1) : f;
@@ -134,7 +138,7 @@ auto height_under = [&](int at, float thickness, float part) -> float {  // of a
     } else {
       int k = DEEP - 1;
       while (k > 0 && thickness_at(at, k) < thickness) --k;
-      const float a = thickness_at(at, k), b = thickness_at(at, k + 1), lowest = g.deep.data[(size_t)at * DEEP];
+      const float a = thickness_at(at, k), b = thickness_at(at, k + 1), lowest = rest_of(at)[0];
       const float f = a <= thickness ? 0.0f : (a - thickness) / (a - b > 1.0e-6f ? a - b : 1.0e-6f);
       z = 0.001f * (lowest + ((float)q[0] - lowest) * ((float)k + (f > 1.0f ? 1.0f : f)) / DEEP);
     }
@@ -208,6 +212,8 @@ while (true) {
       const I first_x = i * BLOCK, first_y = j * BLOCK;
       cx = picki(low, mosti(leasti(down((ox + dx * to) * per_cell), first_x + (BLOCK - 1)), first_x), cx);
       cy = picki(low, mosti(leasti(down((oy + dy * to) * per_cell), first_y + (BLOCK - 1)), first_y), cy);
+      storei(in.at, (low & (slot >= 0)) ? place_of(slot, cx, cy) : I{});
+      for (int l = 0; l < N; ++l) __builtin_prefetch(g.lid.data + in.at[l]), __builtin_prefetch(row_of(in.at[l]));
       t = pick(low, most(most(enter_x(cx), enter_y(cy)), begin), t);
       a = pick(low, over_patch(t), a);
       cells |= low;
@@ -258,7 +264,7 @@ while (true) {
       }
       pair[0] = picki(me, puti(both[0]), pair[0]), pair[1] = picki(me, puti(both[1]), pair[1]);
       found = picki(me, puti(((int)q[LEVELS - 1] << 16) | (count[1] << 8) | count[0]), found);
-      const float gone_by = g.passed.data[in.lid[l] & 1 ? n + 1 : 0];
+      const float gone_by = in.lid[l] & 1 ? number(rest_of(n) + DEEP + 2) : 0.0f;
       passed = pick(me, put(gone_by), passed);
       if (count[0] == 0 || gone_by < 0.0f) {
         store(in.low, low), store(in.high, high);
@@ -297,11 +303,11 @@ while (true) {
   const I crossed = out | (cells & (((cx >> 3) != i) | ((cy >> 3) != j)));
   cells &= ~crossed;
   const I soon = cells & is_measured & (I)(low_mm - 60.0f <= real(lid));
-  if (any(soon)) {  // what comes after the next cell is on its way before it is asked
+  if (any(soon)) {  // what is behind the next cell is on its way before it is asked
     const F next = t + ahead;
-    const I nx = mosti(leasti(down((ox + dx * next) * per_cell), i * BLOCK + (BLOCK - 1)), i * BLOCK), ny = mosti(leasti(down((oy + dy * next) * per_cell), j * BLOCK + (BLOCK - 1)), j * BLOCK);
-    storei(in.at, soon ? place_of(slot, nx, ny) : I{});
+    storei(in.at, soon ? place_of(slot, down((ox + dx * next) * per_cell), down((oy + dy * next) * per_cell)) : I{});
     for (int l = 0; l < N; ++l) __builtin_prefetch(row_of(in.at[l]));
+    for (unsigned m = bits(soon & (I)(2.0f * low_mm < real(lid))); m; m &= m - 1) __builtin_prefetch(rest_of(in.at[__builtin_ctz(m)]));
   }
   if (!any(crossed)) continue;
   const I block_x = exit_x(i, side) <= exit_y(j, side);  // to the next block

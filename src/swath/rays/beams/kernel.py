@@ -154,9 +154,9 @@ class Heights:
 
     block_top: no ray above it meets a cell of the block, height above origin z; crest: the highest of them
     patch: height of the ground in a block, c0 + c1 u + (c2 + c3 u) v with u, v in 0 .. 1
-    Of a cell: lid, above which nothing was measured [mm], even, 1 more where `passed` is not 0; quantiles;
-    deep: the levels below them; thickness; cut: 255 = as measured, else stubble height [cm]
-    passed: from 1 on, share of beams that went below its quantiles, 0 where these say so, < 0 where it is cut
+    Of a cell: lid, above which nothing was measured [mm], even, 1 more where `passed` is not 0; quantiles; cut:
+    255 = as measured, else stubble height [cm]; rest: the levels below the quantiles, thickness and passed (float),
+    the share of beams that went below its quantiles, 0 where these say so, < 0 where it is cut
     intensity: as in the grid
     """
 
@@ -170,9 +170,7 @@ class Heights:
     patch: wp.array(dtype=float)
     lid: wp.array(dtype=wp.int16)
     quantiles: wp.array(dtype=wp.int16)
-    deep: wp.array(dtype=wp.int16)
-    passed: wp.array(dtype=float)
-    thickness: wp.array(dtype=float)
+    rest: wp.array(dtype=wp.int16)
     cut: wp.array(dtype=wp.uint8)
     intensity: wp.array(dtype=float)
     ground: wp.array2d(dtype=float)
