@@ -14,7 +14,6 @@ typedef bool B32 __attribute__((ext_vector_type(32)));
 constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, DEEP = 12, NONE = -32768, UNTOUCHED = 255;
 constexpr int TILE = 32, BLOCK = 8, PER_TILE = TILE / BLOCK;  // cells along a tile and along a patch of the ground
 constexpr int REST = 16;  // numbers of a cell beside its quantiles: DEEP levels, thickness, passed
-constexpr float AHEAD = 2.5f;  // cells on the way whose distribution is asked for
 constexpr float PER_THICKNESS = 50.0f, THICK = 4.1588831f;  // as in rays/height_grid.py; LEVELS are its EVEN
 constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in study/replay/passing.py; rays/checks.py
 
@@ -126,10 +125,10 @@ auto below = [&](int at, float z) -> Below {
   return found;
 };
 auto thickness_of = [&](Below b) -> float { return b.thickness < 0.0f ? -log_one(b.share) : b.thickness; };
-auto height_under = [&](int at, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
+auto height_under = [&](int at, bool told, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
   const short* q = row_of(at);
   float z = 0.0f;  // the ground stops what nothing measured did
-  if (thickness <= whole_of(at) || thickness_in(at) < 0.0f) {
+  if ((!told && thickness <= THICK) || thickness <= whole_of(at) || thickness_in(at) < 0.0f) {  // not told: no less than THICK
     if (thickness <= THICK) {
       float f = part * LEVELS - 0.5f;
       f = f < 0.0f ? 0.0f : f > LEVELS - 1 ? (float)(LEVELS - 1) : f;
@@ -143,7 +142,7 @@ auto height_under = [&](int at, float thickness, float part) -> float {  // of a
       z = 0.001f * (lowest + ((float)q[0] - lowest) * ((float)k + (f > 1.0f ? 1.0f : f)) / DEEP);
     }
   }
-  const int stubble = g.cut.data[at];
+  const int stubble = told ? g.cut.data[at] : UNTOUCHED;
   const float left = 0.01f * (float)stubble * part;
   return stubble < UNTOUCHED && left < z ? left : z;
 };
@@ -182,17 +181,17 @@ t = pick(sinks, most(t, least((g.crest - oz) * per_z, end)), pick(oz + dz * t > 
 I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
 I slot = {}, cx = {}, cy = {};  // of the tile; the cell, counted from the corner of the grid
 I blocks = live & ~early & (I)(t < end), cells = {}, over = live & ~early & ~blocks;  // at a block's border; in its cells; behind it all
-struct alignas(64) { float low[N], high[N]; int at[N], lid[N], bound[2][N]; } in = {};
+struct alignas(64) { float low[N], high[N]; int at[N], next[N], lid[N], bound[2][N]; } in = {};
 F c0 = {}, c1 = {}, c2 = {}, c3 = {};  // ground of the block that each ray is in
 F a = {}, leave = {}, survived = put(1.0f);
 I stopped = {};
-const F ahead = AHEAD * g.cell / most(root(dx * dx + dy * dy), put(0.1f));
+const I step_x = picki(right, puti(1), puti(-1)), step_y = picki(upward, puti(1), puti(-1));
 auto over_patch = [&](F t) -> F {  // height over the ground of the block
   const F u = (ox + dx * t) * g.nodes_per_m - real(i), v = (oy + dy * t) * g.nodes_per_m - real(j);
   return oz + dz * t - (c0 + c1 * u + (c2 + c3 * u) * v);
 };
-F met_low = {}, met_high = {}, met_survived = {}, met_t = {}, met_after = {};
-I met_at = {}, met_rises = {};
+F met_share = put(1.0f), met_thick = {}, met_low = {}, met_high = {}, met_survived = {}, met_t = {}, met_after = {};
+I met_told = {}, met_at = {}, met_rises = {};
 while (true) {
   if (any(blocks)) {
     const F ex = exit_x(i, side), ey = exit_y(j, side);
@@ -220,8 +219,8 @@ while (true) {
     }
     const I on = blocks & ~low, along_x = ex <= ey;
     t = pick(on, leave, t);
-    i += picki(on & along_x, picki(right, puti(1), puti(-1)), I{});
-    j += picki(on & ~along_x, picki(upward, puti(1), puti(-1)), I{});
+    i += picki(on & along_x, step_x, I{});
+    j += picki(on & ~along_x, step_y, I{});
     const I gone = on & ((i < 0) | (j < 0) | (i >= columns) | (j >= rows) | (I)(t >= end));
     over |= gone;
     blocks = on & ~gone;
@@ -230,6 +229,7 @@ while (true) {
   if (!any(cells)) break;
   const F ex = exit_x(cx, g.cell), ey = exit_y(cy, g.cell), after = most(least(least(ex, ey), leave), t);
   const F b = over_patch(after);
+  const I along_x = ex <= ey;
   const I at = place_of(slot, cx, cy);
   const F flat = flattest * (after - t);  // flat rays count as if they sank or rose more steeply
   const I rises = b > a;
@@ -245,29 +245,36 @@ while (true) {
     storei(in.bound[0], whole(__builtin_elementwise_ceil(low_mm)));
     storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(lid & ~1)))));
     storei(in.lid, lid);
-    I pair[2] = {}, found = {}, slow = {};  // quantiles on both sides of each end; how many lie below it and the last
-    F passed = {}, ratio = {};
+    storei(in.next, place_of(slot, cx + picki(along_x, step_x, I{}), cy + picki(along_x, I{}, step_y)));
+    I pair[2] = {}, found = {}, slow = {};  // quantiles on both sides of each end; how many lie below it, and the last
+    F passed = {}, ratio = {}, thick = put(-1.0f);
     for (unsigned m = bits(within_top); m; m &= m - 1) {
       const int l = __builtin_ctz(m), n = in.at[l];
       const I me = count_up == l;
       const short* q = row_of(n);
+      __builtin_prefetch(row_of(in.next[l]));
       S32 all;
       __builtin_memcpy(&all, q, 64);
+      unsigned below_it[2];
       int count[2], both[2];
       for (int e = 0; e < 2; ++e) {
         const B32 lower = __builtin_convertvector(all < (short)in.bound[e][l], B32);
-        unsigned u;
-        __builtin_memcpy(&u, &lower, 4);
-        count[e] = __builtin_popcount(u);
-        const int k = count[e] > LEVELS - 1 ? LEVELS - 1 : count[e] < 1 ? 1 : count[e];
-        __builtin_memcpy(&both[e], q + k - 1, 4);
+        __builtin_memcpy(&below_it[e], &lower, 4);
+        count[e] = __builtin_popcount((below_it[e] & 0x7fffffffu) | 1u);  // 1 .. 31
+        __builtin_memcpy(&both[e], q + count[e] - 1, 4);
       }
       pair[0] = picki(me, puti(both[0]), pair[0]), pair[1] = picki(me, puti(both[1]), pair[1]);
       found = picki(me, puti(((int)q[LEVELS - 1] << 16) | (count[1] << 8) | count[0]), found);
-      const float gone_by = in.lid[l] & 1 ? number(rest_of(n) + DEEP + 2) : 0.0f;
-      passed = pick(me, put(gone_by), passed);
-      if (count[0] == 0 || gone_by < 0.0f) {
-        store(in.low, low), store(in.high, high);
+      passed = pick(me, put(number(rest_of(n & -(in.lid[l] & 1)) + DEEP + 2)), passed);  // of some other cell where it does not count
+      slow = picki(me, puti((int)(below_it[0] & 1) - 1), slow);
+    }
+    passed = pick((lid & 1) != 0, passed, F{});
+    slow |= (I)(passed < 0.0f);
+    if (any(slow)) {  // below the quantiles, or cut
+      store(in.low, low), store(in.high, high);
+      for (unsigned m = bits(slow); m; m &= m - 1) {
+        const int l = __builtin_ctz(m), n = in.at[l];
+        const I me = count_up == l;
         const Below lower = below(n, in.low[l]), upper = below(n, in.high[l]);
         float left = 0.0f;
         if (lower.thickness < 0.0f && upper.thickness < 0.0f) {
@@ -276,12 +283,12 @@ while (true) {
           left = exp_one(thickness_of(upper) - thickness_of(lower));
         }
         ratio = pick(me, put(left), ratio);
-        slow |= me;
+        thick = pick(me, put(thickness_of(upper)), thick);
       }
     }
     auto share_of = [&](I both, I count, F mm) -> F {
-      const F x = real((both << 16) >> 16), y = real(both >> 16), k = real(mosti(leasti(count, puti(LEVELS - 1)), puti(1)));
-      const F f = (k - 0.5f + (mm - x) / most(y - x, put(1.0f))) * (1.0f / LEVELS);
+      const F x = real((both << 16) >> 16), y = real(both >> 16);
+      const F f = (real(count) - 0.5f + (mm - x) / most(y - x, put(1.0f))) * (1.0f / LEVELS);
       return pick(mm > real(found >> 16), put(1.0f), most(f, passed));
     };
     const F lower = share_of(pair[0], found & 255, low_mm), upper = share_of(pair[1], (found >> 8) & 255, high_mm);
@@ -289,6 +296,7 @@ while (true) {
     done = within_top & ~(I)(left > drawn);
     met_at = picki(done, at, met_at), met_rises = picki(done, rises, met_rises);
     met_low = pick(done, low, met_low), met_high = pick(done, high, met_high), met_survived = pick(done, survived, met_survived);
+    met_share = pick(done, upper, met_share), met_thick = pick(done, thick, met_thick), met_told = picki(done, lid & 1, met_told);
     met_t = pick(done, t, met_t), met_after = pick(done, after, met_after);
     stopped |= done;
     survived = pick(within_top & ~done, left, survived);
@@ -297,23 +305,16 @@ while (true) {
   cells &= ~(done | ground);
   a = pick(cells, b, a);
   t = pick(cells, after, t);
-  const I along_x = ex <= ey, out = cells & (I)(after >= leave);
-  cx += picki(cells & ~out & along_x, picki(right, puti(1), puti(-1)), I{});
-  cy += picki(cells & ~out & ~along_x, picki(upward, puti(1), puti(-1)), I{});
+  const I out = cells & (I)(after >= leave);
+  cx += picki(cells & ~out & along_x, step_x, I{});
+  cy += picki(cells & ~out & ~along_x, step_y, I{});
   const I crossed = out | (cells & (((cx >> 3) != i) | ((cy >> 3) != j)));
   cells &= ~crossed;
-  const I soon = cells & is_measured & (I)(low_mm - 60.0f <= real(lid));
-  if (any(soon)) {  // what is behind the next cell is on its way before it is asked
-    const F next = t + ahead;
-    storei(in.at, soon ? place_of(slot, down((ox + dx * next) * per_cell), down((oy + dy * next) * per_cell)) : I{});
-    for (int l = 0; l < N; ++l) __builtin_prefetch(row_of(in.at[l]));
-    for (unsigned m = bits(soon & (I)(2.0f * low_mm < real(lid))); m; m &= m - 1) __builtin_prefetch(rest_of(in.at[__builtin_ctz(m)]));
-  }
   if (!any(crossed)) continue;
   const I block_x = exit_x(i, side) <= exit_y(j, side);  // to the next block
   t = pick(crossed, leave, t);
-  i += picki(crossed & block_x, picki(right, puti(1), puti(-1)), I{});
-  j += picki(crossed & ~block_x, picki(upward, puti(1), puti(-1)), I{});
+  i += picki(crossed & block_x, step_x, I{});
+  j += picki(crossed & ~block_x, step_y, I{});
   const I gone = crossed & ((i < 0) | (j < 0) | (i >= columns) | (j >= rows) | (I)(t >= end));
   over |= gone;
   blocks = crossed & ~gone;
@@ -321,22 +322,16 @@ while (true) {
 
 // ---- Where in its last cell a ray was stopped
 if (any(stopped)) {
-  storei(in.at, met_at), store(in.high, met_high);
-  float share[N], thickness[N], at_height[N];
-  for (int l = 0; l < N; ++l) share[l] = thickness[l] = 1.0f;
-  for (unsigned m = bits(stopped); m; m &= m - 1) {
-    const int l = __builtin_ctz(m);
-    const Below upper = below(in.at[l], in.high[l]);
-    share[l] = upper.thickness < 0.0f ? upper.share : 1.0f, thickness[l] = upper.thickness;
-  }
-  const F above = pick(load(thickness) < 0.0f, -log_of(load(share)), load(thickness));
+  storei(in.at, met_at);
+  storei(in.lid, met_told);
+  const F above = pick(met_thick < 0.0f, -log_of(met_share), met_thick);
   const F deeper = above - log_of(drawn / met_survived), part = pick(deeper > 80.0f, F{}, exp_of(-deeper));
-  float depth[N], parts[N];
+  float depth[N], parts[N], at_height[N];
   store(depth, deeper), store(parts, part);
   for (int l = 0; l < N; ++l) at_height[l] = 0.0f;
   for (unsigned m = bits(stopped & (I)(above < FAR)); m; m &= m - 1) {
     const int l = __builtin_ctz(m);
-    at_height[l] = height_under(in.at[l], depth[l], parts[l]);
+    at_height[l] = height_under(in.at[l], in.lid[l] != 0, depth[l], parts[l]);
   }
   const I is_open = (I)(above < FAR) & (I)(met_high > met_low);
   const F down_to = within((met_high - load(at_height)) / most(met_high - met_low, put(1.0e-30f)), 0.0f, 1.0f);
