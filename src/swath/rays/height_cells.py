@@ -9,6 +9,7 @@ from swath.rays.height_grid import DEEP, NODE_CELLS, NODES, NONE, THICK, TILE, H
 
 FLATTEST = 0.18  # as in `beams/heights.cpp`
 UNTOUCHED = 255  # stubble height of a cell that is as it was measured
+TOLD, CLOSED = 1, 2  # bits of `lid`: `passed` counts; nothing goes on below the quantiles
 UNSEEN = np.float32(1e-30)  # size of `passed` in cut cells where it was 0
 REST = np.dtype([("deep", np.int16, DEEP), ("thickness", np.float32), ("passed", np.float32)])
 
@@ -26,7 +27,8 @@ class Cells:
         self.lid, self.cut = np.empty(len(quantiles), np.int16), np.empty(len(quantiles), np.uint8)
         size = np.abs(self.rest["thickness"])
         self._passed = np.where(size < THICK, np.exp(-size), 0.0).astype(np.float32)
-        top = np.minimum(quantiles[:, -1].astype(np.int32) + 1 & ~1, 32766)
+        is_closed = (quantiles[:, 0] == quantiles[:, DEEP]) & (self.rest["thickness"] < 0.0)
+        top = np.minimum(quantiles[:, -1].astype(np.int32) + 3 & ~3, 32764) | np.where(is_closed, CLOSED, 0)
         self._lid = np.where(quantiles[:, 0] == NONE, NONE, top).astype(np.int16)
         self.restore()
 
@@ -48,7 +50,7 @@ class Cells:
     def _tell(self, at: Any) -> None:
         is_cut, passed, lid = self.cut[at] != UNTOUCHED, self._passed[at], self._lid[at]
         self.rest["passed"][at] = np.where(is_cut, -np.maximum(passed, UNSEEN), passed)
-        self.lid[at] = np.where((lid != NONE) & (is_cut | (passed != 0.0)), lid | 1, lid)
+        self.lid[at] = np.where((lid != NONE) & (is_cut | (passed != 0.0)), lid | TOLD, lid)
 
 
 def by_blocks(cells: NDArray[Any]) -> NDArray[Any]:

@@ -206,13 +206,11 @@ while (true) {
         const float* c = g.patch.data + 4 * (size_t)in.at[l];
         c0 = pick(me, put(c[0]), c0), c1 = pick(me, put(c[1]), c1), c2 = pick(me, put(c[2]), c2), c3 = pick(me, put(c[3]), c3);
       }
-      slot = picki(low, gatheri(g.table.data, j / PER_TILE * (columns / PER_TILE) + i / PER_TILE, low), slot);
+      slot = picki(low, gatheri(g.table.data, (j >> 2) * (columns / PER_TILE) + (i >> 2), low), slot);
       const F to = pick(sinks, most(t, least((top - oz) * per_z, leave)), t);
       const I first_x = i * BLOCK, first_y = j * BLOCK;
       cx = picki(low, mosti(leasti(down((ox + dx * to) * per_cell), first_x + (BLOCK - 1)), first_x), cx);
       cy = picki(low, mosti(leasti(down((oy + dy * to) * per_cell), first_y + (BLOCK - 1)), first_y), cy);
-      storei(in.at, (low & (slot >= 0)) ? place_of(slot, cx, cy) : I{});
-      for (int l = 0; l < N; ++l) __builtin_prefetch(g.lid.data + in.at[l]), __builtin_prefetch(row_of(in.at[l]));
       t = pick(low, most(most(enter_x(cx), enter_y(cy)), begin), t);
       a = pick(low, over_patch(t), a);
       cells |= low;
@@ -239,14 +237,14 @@ while (true) {
   const I lid = known ? shorts(g.lid.data, in.at) : puti(NONE);
   const I is_measured = lid != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
   const F low_mm = 1000.0f * low, high_mm = 1000.0f * high;
-  const I within_top = is_measured & (I)(low_mm <= real(lid & ~1));  // others are above all that was measured
+  const I within_top = is_measured & (I)(low_mm <= real(lid & ~3));  // others are above all that was measured
   I done = {};
   if (any(within_top)) {
     storei(in.bound[0], whole(__builtin_elementwise_ceil(low_mm)));
-    storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(lid & ~1)))));
+    storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(lid | 3)))));
     storei(in.lid, lid);
     storei(in.next, place_of(slot, cx + picki(along_x, step_x, I{}), cy + picki(along_x, I{}, step_y)));
-    I pair[2] = {}, found = {}, slow = {};  // quantiles on both sides of each end; how many lie below it, and the last
+    I pair[2] = {}, found = {};  // quantiles on both sides of each end; how many lie below it, are there none, and the last
     F passed = {}, ratio = {}, thick = put(-1.0f);
     for (unsigned m = bits(within_top); m; m &= m - 1) {
       const int l = __builtin_ctz(m), n = in.at[l];
@@ -264,12 +262,12 @@ while (true) {
         __builtin_memcpy(&both[e], q + count[e] - 1, 4);
       }
       pair[0] = picki(me, puti(both[0]), pair[0]), pair[1] = picki(me, puti(both[1]), pair[1]);
-      found = picki(me, puti(((int)q[LEVELS - 1] << 16) | (count[1] << 8) | count[0]), found);
+      found = picki(me, puti(((int)q[LEVELS - 1] << 16) | (~below_it[1] & 1) << 15 | (count[1] << 8) | (~below_it[0] & 1) << 7 | count[0]), found);
       passed = pick(me, put(number(rest_of(n & -(in.lid[l] & 1)) + DEEP + 2)), passed);  // of some other cell where it does not count
-      slow = picki(me, puti((int)(below_it[0] & 1) - 1), slow);
     }
     passed = pick((lid & 1) != 0, passed, F{});
-    slow |= (I)(passed < 0.0f);
+    const I under = (found & 128) != 0, closed = under & ((lid & 3) == 2), slow = (under & ~closed) | (I)(passed < 0.0f);
+    thick = pick(closed & ((found & 32768) != 0), put(FAR), thick);
     if (any(slow)) {  // below the quantiles, or cut
       store(in.low, low), store(in.high, high);
       for (unsigned m = bits(slow); m; m &= m - 1) {
@@ -291,8 +289,8 @@ while (true) {
       const F f = (real(count) - 0.5f + (mm - x) / most(y - x, put(1.0f))) * (1.0f / LEVELS);
       return pick(mm > real(found >> 16), put(1.0f), most(f, passed));
     };
-    const F lower = share_of(pair[0], found & 255, low_mm), upper = share_of(pair[1], (found >> 8) & 255, high_mm);
-    const F left = survived * pick(slow, ratio, lower / upper);
+    const F lower = share_of(pair[0], found & 127, low_mm), upper = share_of(pair[1], (found >> 8) & 127, high_mm);
+    const F left = survived * pick(slow | closed, ratio, lower / upper);
     done = within_top & ~(I)(left > drawn);
     met_at = picki(done, at, met_at), met_rises = picki(done, rises, met_rises);
     met_low = pick(done, low, met_low), met_high = pick(done, high, met_high), met_survived = pick(done, survived, met_survived);
