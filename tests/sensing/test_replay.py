@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import pickle
 import zipfile
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from replay_rig import (
     SHARES,
+    TEXT,
     drive,
     hand_grid,
     heights_of,
@@ -25,6 +27,10 @@ from swath.field.solids import post
 from swath.rays.height_grid import EVEN, load_height_grid
 from swath.rays.heights import MEASURED, NOTHING, SOLID, UNMEASURED, HeightCaster
 from swath.sensing.lidar.replay import Params, ReplayLidar
+from swath.sim.digest import Digest
+from swath.sim.loop import drive as run
+from swath.sim.scenario import parse_scenario
+from swath.sim.world import assemble
 from swath.study.replay.build import build_replay
 
 
@@ -189,6 +195,24 @@ def test_a_run_goes_on_from_a_saved_state_with_the_same_bits(world, recorded):
         out = other.step(k * 40_000_000, 40_000_000, {"state": tuple(states[5 * k : 5 * k + 5])})
         assert np.array_equal(out["scan"].ranges, outs[k]["scan"].ranges, equal_nan=True)
     assert other.unmeasured_count == lidar.unmeasured_count
+
+
+def test_a_run_that_cuts_has_the_same_digest_when_it_is_saved_and_resumed(recorded):
+    def fresh():
+        keys = f"lidar: {{level: replay, file: '{recorded}',"
+        return assemble(parse_scenario(TEXT.replace("lidar: {sub_rays: 7,", keys)))
+
+    whole, half, rest = Digest(), Digest(), Digest()
+    run(fresh(), [whole], until_s=1.6)
+    world = fresh()
+    run(world, [half], until_s=0.735)
+    assert world.field.store.recut  # the header was in the crop by then
+    kept = pickle.loads(pickle.dumps({"world": world.save(), "digest": half.save()}))
+    other = fresh()
+    other.load(kept["world"])
+    rest.load(kept["digest"])
+    run(other, [rest], resume=True, until_s=1.6)
+    assert rest.hex == whole.hex
 
 
 def test_what_a_header_cuts_is_stubble_from_then_on(recorded):
