@@ -17,7 +17,8 @@ REST = np.dtype([("deep", np.int16, DEEP), ("thickness", np.float32), ("passed",
 class Cells:
     """What rays read of cells, each array in the order of `by_blocks`; see `Heights` in beams/kernel.py.
 
-    quantiles: (n, EVEN) int16, lid: (n,) int16, rest: (n,) REST, cut: (n,) uint8, UNTOUCHED or stubble height [cm]
+    quantiles: (n, EVEN) int16, lid: (n,) int16, rest: (n,) REST
+    cut: (n,) uint8, UNTOUCHED or stubble height [cm]
     """
 
     def __init__(self, grid: HeightGrid) -> None:

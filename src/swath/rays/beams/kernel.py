@@ -154,8 +154,8 @@ class Heights:
 
     block_top: no ray above it meets a cell of the block, height above origin z; crest: the highest of them
     patch: height of the ground in a block, c0 + c1 u + (c2 + c3 u) v with u, v in 0 .. 1
-    Of a cell: lid, above which nothing was measured [mm], in steps of 4, 1 more where `passed` is not 0, 2 more
-    where nothing goes on below its quantiles; quantiles; cut: 255 = as measured, else stubble height [cm]
+    Of a cell: lid, above which nothing was measured [mm], in steps of 4, 1 more where `passed` is not 0, 2
+    more where nothing goes on below its quantiles; cut: 255 = as measured, else stubble height [cm]
     rest: the levels below the quantiles, thickness and passed (float), the share of beams that went below the
     quantiles, 0 where these say so, < 0 where it is cut
     intensity: as in the grid
