@@ -1,8 +1,9 @@
 """Closed loops over crops, densities, slopes and bends: how well the edge is found and followed.
 
-    python benchmarks/edge.py [--metres 60] [--workers 2] [--set KEY=VALUE ...]
+    python benchmarks/edge.py [--table runs|crops|dust|wind] [--metres 60] [--workers 2] [--set KEY=VALUE ...]
 
-Prints the Markdown table of docs/control.md: bias and RMSE of the edge, bias and RMS of the header end [cm].
+Prints a Markdown table [cm]: `runs` and `dust` of docs/control.md, `crops` and `wind` of docs/crops.md. Wind:
+the mean of three seeds.
 """
 
 import argparse
@@ -33,17 +34,90 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "`bend`, right": ("bend", ("run.distance_m=140", "field.edge.angle_deg=-60")),
     "`laser-pilot`": ("laser-pilot", ("run.distance_m=130",)),
 }
-COLUMNS = ("edge_bias_m", "edge_rmse_m", "lateral_bias_m", "lateral_rms_m")
+COLUMNS = {
+    "edge bias": "edge_bias_m",
+    "edge RMSE": "edge_rmse_m",
+    "lateral bias": "lateral_bias_m",
+    "lateral RMS": "lateral_rms_m",
+}
+SHORT = {
+    "found": "detection_availability",
+    "edge RMSE": "edge_rmse_m",
+    "edge bias": "edge_bias_m",
+    "lateral RMS": "lateral_rms_m",
+}
+FEW_RAYS = ("run.distance_m=12", "combine.lidar.sub_rays=7", "combine.lidar.sector_deg=[-45,45]")
+TALL_STUBBLE = "field.edge.stubble_height_m=0.3"
+CROPS: dict[str, tuple[str, ...]] = {
+    "wheat": (),
+    "wheat with weeds, 40 /m2 of 0.5 m": (
+        "field.stand.weeds.plants_per_m2=40",
+        "field.stand.weeds.height_m=0.5",
+    ),
+    "barley": BARLEY,
+    "rye": ("field.stand.crop=rye", "field.edge.stubble_height_m=0.25"),
+    "rape": ("field.stand.crop=rape", TALL_STUBBLE),
+    "maize": ("field.stand.crop=maize", TALL_STUBBLE),
+}
+DUST_RAYS = ("run.distance_m=16", "combine.lidar.sub_rays=7")
+PUFFS = "combine.lidar.weather.near_returns"
+DUST: dict[str, tuple[str, ...]] = {
+    f"{crop}, {puffs:g}": (f"field.stand.crop={crop}", f"{PUFFS}={puffs:g}")
+    for crop in ("wheat", "rye")
+    for puffs in (0, 0.1, 0.3, 0.6)
+} | {"wheat, 0.3, reach 2.5 m": (f"{PUFFS}=0.3", "combine.lidar.weather.near_reach_m=2.5")}
+WINDS = {
+    "none": (),
+    "5 m/s along the edge": (5, 0),
+    "3 m/s into the crop": (3, 90),
+    "5 m/s into the crop": (5, 90),
+    "8 m/s into the crop": (8, 90),
+    "5 m/s out over the edge": (5, -90),
+    "8 m/s out over the edge": (8, -90),
+    "5 m/s out over the edge, `steady_deg: 0`": (5, -90, 0),
+}
+WIND_KEYS = ("speed_m_s", "azimuth_deg", "steady_deg")
+SEEDS = (1, 2, 3)  # of a wind
+
+Case = tuple[str, tuple[str, ...]]
 
 
-def judge(case: tuple[str, tuple[str, ...]]) -> list[float]:
-    """The four metrics of one run [m]."""
+def judge(case: Case) -> dict[str, float]:
+    """The metrics of one run [m], 1."""
     name, sets = case
     world = assemble(load_scenario(name, sets=list(sets)))
     referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
     drive(world, [referee])
-    metrics = referee.metrics()
-    return [metrics[name] for name in COLUMNS]
+    return referee.metrics()
+
+
+def cases_of(table: str, metres: float) -> dict[str, list[Case]]:
+    """The runs of each row."""
+    if table == "crops":
+        return {name: [("straight", (*FEW_RAYS, *sets))] for name, sets in CROPS.items()}
+    if table == "dust":
+        return {name: [("straight", (*DUST_RAYS, *sets))] for name, sets in DUST.items()}
+    if table == "wind":
+        winds = {
+            name: tuple(
+                f"field.stand.wind.{key}={value}" for key, value in zip(WIND_KEYS, wind, strict=False)
+            )
+            for name, wind in WINDS.items()
+        }
+        return {
+            name: [("straight", (*FEW_RAYS, *sets, f"seed={seed}")) for seed in SEEDS]
+            for name, sets in winds.items()
+        }
+    length = {"straight": (f"run.distance_m={metres:g}",)}
+    return {name: [(run, (*length.get(run, ()), *sets))] for name, (run, sets) in CASES.items()}
+
+
+def text_of(key: str, runs: list[dict[str, float]]) -> str:
+    """A cell: centimetres, with a sign where it is a bias, or percent."""
+    mean = 100.0 * sum(run[key] for run in runs) / len(runs)
+    if key == "detection_availability":
+        return f"{mean:.0f} %"
+    return f"{mean:+.1f}" if "bias" in key else f"{mean:.1f}"
 
 
 def main() -> None:
@@ -51,22 +125,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--table", choices=("runs", "crops", "dust", "wind"), default="runs")
     parser.add_argument("--metres", type=float, default=60.0, help="length of the straight runs")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE")
     args = parser.parse_args()
-    cases = [
-        (
-            scenario,
-            (*((f"run.distance_m={args.metres:g}",) if scenario == "straight" else ()), *sets, *args.sets),
-        )
-        for scenario, sets in CASES.values()
-    ]
-    print("| | edge bias | edge RMSE | lateral bias | lateral RMS |\n|---|---|---|---|---|")
+    columns = COLUMNS if args.table == "runs" else SHORT
+    rows = cases_of(args.table, args.metres)
+    runs = [(run, (*sets, *args.sets)) for row in rows.values() for run, sets in row]
+    print(f"| | {' | '.join(columns)} |\n|---{'|---' * len(columns)}|")
     with ProcessPoolExecutor(args.workers) as pool:
-        for label, row in zip(CASES, pool.map(judge, cases), strict=True):
-            bias, rmse, beside, rms = (100.0 * value for value in row)
-            print(f"| {label} | {bias:+.1f} | {rmse:.1f} | {beside:+.1f} | {rms:.1f} |", flush=True)
+        done = pool.map(judge, runs)
+        for label, row in rows.items():
+            found = [next(done) for _ in row]
+            print(f"| {label} | {' | '.join(text_of(key, found) for key in columns.values())} |", flush=True)
 
 
 if __name__ == "__main__":

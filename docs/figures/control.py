@@ -52,7 +52,7 @@ def profile_figure() -> None:
         axes.set_xlabel("y, left of the machine's middle [m]")
         axes.invert_xaxis()
         axes.grid(alpha=0.25)
-    plan.scatter(-used[:, 1], used[:, 0], s=7, color=EDGE, alpha=0.6, label="edge points, 6 m of travel")
+    plan.scatter(-used[:, 1], used[:, 0], s=7, color=EDGE, alpha=0.6, label="edge points of 7.5 m of travel")
     top.set_ylabel("height above the machine's ground plane [m]")
     plan.set_ylabel("x, ahead of the fixed axle [m]")
     top.legend(loc="center left")
