@@ -68,6 +68,15 @@ def place_of(cell: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray((block * NODE_CELLS + y % NODE_CELLS) * NODE_CELLS + x % NODE_CELLS)
 
 
+def first_cells(grid: HeightGrid) -> NDArray[np.int32]:
+    """(ty * NODES, tx * NODES): place of the first cell of each block, < 0 where none is held."""
+    in_tile = np.arange(NODES**2, dtype=np.int32).reshape(NODES, NODES)
+    ty, tx = grid.table.shape
+    slot = grid.table.repeat(NODES, axis=0).repeat(NODES, axis=1)
+    first = (slot * NODES**2 + np.tile(in_tile, (ty, tx))) * NODE_CELLS**2
+    return np.where(slot >= 0, first, -1).astype(np.int32)
+
+
 def patches(ground: NDArray[np.float32]) -> NDArray[np.float32]:
     """(blocks_y, blocks_x, 4): c of the height c0 + c1 u + (c2 + c3 u) v in each block."""
     a, b, c, d = ground[:-1, :-1], ground[:-1, 1:], ground[1:, :-1], ground[1:, 1:]

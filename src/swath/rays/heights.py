@@ -10,7 +10,7 @@ from swath.field.layout import Solids
 from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
-from swath.rays.height_cells import Cells, block_tops, patches
+from swath.rays.height_cells import Cells, block_tops, first_cells, patches
 from swath.rays.height_grid import DEEP, LEVELS, NONE, SHARES, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
@@ -127,7 +127,7 @@ class HeightCaster:
         scene.origin = wp.vec3d(*g.origin)
         scene.turn = wp.vec2d(np.cos(g.yaw), np.sin(g.yaw))
         scene.cell, scene.nodes_per_m = g.cell, 1.0 / g.node
-        scene.table, scene.ground = share(g.table, wp.int32), share(g.ground, wp.float32)
+        scene.first, scene.ground = share(first_cells(g).ravel(), wp.int32), share(g.ground, wp.float32)
         tops = block_tops(g) if self.skips else np.full(np.array(g.ground.shape) - 1, np.inf, np.float32)
         scene.block_top, scene.crest = share(tops.ravel(), wp.float32), float(tops.max())
         scene.patch = share(patches(g.ground).ravel(), wp.float32)

@@ -179,7 +179,7 @@ t = pick(sinks, most(t, least((g.crest - oz) * per_z, end)), pick(oz + dz * t > 
 
 // ---- Blocks and their cells in the order of the rays
 I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
-I slot = {}, cx = {}, cy = {};  // of the tile; the cell, counted from the corner of the grid
+I first = {}, cx = {}, cy = {};  // place of the block's first cell, < 0 = none; the cell, counted from the corner of the grid
 I blocks = live & ~early & (I)(t < end), cells = {}, over = live & ~early & ~blocks;  // at a block's border; in its cells; behind it all
 struct alignas(64) { float low[N], high[N]; int at[N], next[N], lid[N], bound[2][N]; } in = {};
 F c0 = {}, c1 = {}, c2 = {}, c3 = {};  // ground of the block that each ray is in
@@ -205,8 +205,8 @@ while (true) {
         const I me = count_up == l;
         const float* c = g.patch.data + 4 * (size_t)in.at[l];
         c0 = pick(me, put(c[0]), c0), c1 = pick(me, put(c[1]), c1), c2 = pick(me, put(c[2]), c2), c3 = pick(me, put(c[3]), c3);
+        first = picki(me, puti(g.first.data[in.at[l]]), first);
       }
-      slot = picki(low, gatheri(g.table.data, (j >> 2) * (columns / PER_TILE) + (i >> 2), low), slot);
       const F to = pick(sinks, most(t, least((top - oz) * per_z, leave)), t);
       const I first_x = i * BLOCK, first_y = j * BLOCK;
       cx = picki(low, mosti(leasti(down((ox + dx * to) * per_cell), first_x + (BLOCK - 1)), first_x), cx);
@@ -228,11 +228,11 @@ while (true) {
   const F ex = exit_x(cx, g.cell), ey = exit_y(cy, g.cell), after = most(least(least(ex, ey), leave), t);
   const F b = over_patch(after);
   const I along_x = ex <= ey;
-  const I at = place_of(slot, cx, cy);
+  const I at = first + ((cy & 7) << 3) + (cx & 7);
   const F flat = flattest * (after - t);  // flat rays count as if they sank or rose more steeply
   const I rises = b > a;
   const F low = pick(rises, a, least(b, a - flat)), high = pick(rises, most(b, a + flat), a);
-  const I known = cells & (slot >= 0);
+  const I known = cells & (first >= 0);
   storei(in.at, known ? at : I{});
   const I lid = known ? shorts(g.lid.data, in.at) : puti(NONE);
   const I is_measured = lid != NONE, ground = cells & ~is_measured & (I)(b <= 0.0f);
@@ -243,7 +243,7 @@ while (true) {
     storei(in.bound[0], whole(__builtin_elementwise_ceil(low_mm)));
     storei(in.bound[1], whole(__builtin_elementwise_ceil(least(high_mm, real(lid | 3)))));
     storei(in.lid, lid);
-    storei(in.next, place_of(slot, cx + picki(along_x, step_x, I{}), cy + picki(along_x, I{}, step_y)));
+    storei(in.next, place_of(first >> 10, cx + picki(along_x, step_x, I{}), cy + picki(along_x, I{}, step_y)));
     I pair[2] = {}, found = {};  // quantiles on both sides of each end; how many lie below it, are there none, and the last
     F passed = {}, ratio = {}, thick = put(-1.0f);
     for (unsigned m = bits(within_top); m; m &= m - 1) {

@@ -150,10 +150,11 @@ def cast_bodies(
 
 @wp.struct
 class Heights:
-    """A `HeightGrid`, all flat but the table and the ground; cells in the order of `by_blocks`.
+    """A `HeightGrid`, all flat but the ground; cells in the order of `by_blocks`.
 
     block_top: no ray above it meets a cell of the block, height above origin z; crest: the highest of them
     patch: height of the ground in a block, c0 + c1 u + (c2 + c3 u) v with u, v in 0 .. 1
+    first: place of its first cell, < 0 where the block is not held
     Of a cell: lid, above which nothing was measured [mm], in steps of 4, 1 more where `passed` is not 0, 2
     more where nothing goes on below its quantiles; cut: 255 = as measured, else stubble height [cm]
     rest: the levels below the quantiles, thickness and passed (float), the share of beams that went below the
@@ -165,10 +166,10 @@ class Heights:
     turn: wp.vec2d
     cell: float
     nodes_per_m: float
-    table: wp.array2d(dtype=int)
     block_top: wp.array(dtype=float)
     crest: float
     patch: wp.array(dtype=float)
+    first: wp.array(dtype=int)
     lid: wp.array(dtype=wp.int16)
     quantiles: wp.array(dtype=wp.int16)
     rest: wp.array(dtype=wp.int16)
