@@ -4,9 +4,9 @@ struct alignas(64) Ways {  // of the packs through the tile at hand, along the w
   float a0[PACKS], a1[PACKS], from[PACKS], reach[PACKS], until[PACKS];  // bounds from `from` on: across low and
   float bound[5][PACKS], rise[5][PACKS];                   // high, other axis low and high, least depth
 };
-struct Kept {  // pieces in slopes: middle, direction, half length, half width; least depth, 1 / depth; entry, image
+struct Kept {  // pieces in slopes: middle, direction, half length, half width; least depth, 1 / depth; primitive, image
   float u[KEPT + N], v[KEPT + N], tu[KEPT + N], tv[KEPT + N], h[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
-  int entry[KEPT + N], image[KEPT + N];
+  int prim[KEPT + N], image[KEPT + N];
 };
 
 struct Crop : Tiles {
@@ -353,7 +353,7 @@ struct Crop : Tiles {
         keep_some(kept.wide + to, close ? put(FAR) : broad, found);
         keep_some(kept.near + to, near, found);
         keep_some(kept.inv + to, close ? F{} : inv, found);
-        keep_ints(kept.entry + to, every() + i, found);
+        keep_ints(kept.prim + to, loadi(index.primitive.data + i), found);
         keep_ints(kept.image + to, puti(run.kx * 65536 + run.ky), found);
         to += __builtin_popcount(found);
         if (to <= KEPT - N) continue;
@@ -379,6 +379,7 @@ struct Crop : Tiles {
       const int some = look_around(box[b / N]);
       for (int q = 0; q < some; ++q) {
         const int n = around[q];
+        __builtin_prefetch(row_of(kept.prim[n]));
         const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
         const float su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv);
         F du = cu + ou * inv - kept.u[n], dv = cv + ov * inv - kept.v[n];
@@ -436,7 +437,6 @@ struct Crop : Tiles {
       pair[pairs] = pair[q];  // no branch: whether it stays is hard to foretell
       pairs += bits(may) != 0;
     }
-    for (int q = 0; q < pairs; ++q) __builtin_prefetch(row_of(index.primitive.data[kept.entry[pair[q] / SLICES]]));
     return pairs;
   }
   void settle(int pairs) {
@@ -444,7 +444,7 @@ struct Crop : Tiles {
       const int n = pair[i] / SLICES;
       for (next = i + 1; next < pairs && (int)(pair[next] / SLICES) == n;) ++next;
       Whole w;
-      if (!stands(index.primitive.data[kept.entry[n]], kept.image[n], &w)) continue;
+      if (!stands(kept.prim[n], kept.image[n], &w)) continue;
       for (int s = i; s < next; ++s) {
         const int b = pair[s] % SLICES;
         if (!test(r[b], w) || touched[b]) continue;
