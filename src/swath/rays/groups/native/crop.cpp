@@ -343,18 +343,22 @@ struct Crop : Tiles {
                (least(f[2], f[5]) <= top + 2.0f * thick);  // a cut end is round
         const unsigned found = bits(keep);
         F h = root(hu * hu + hv * hv);
+        if (bits(keep & close)) {  // may touch any slice
+          u = close ? F{} : u; v = close ? F{} : v; h = close ? F{} : h;
+          broad = close ? put(FAR) : broad; inv = close ? F{} : inv;
+        }
         I tiny = h < 1.0e-9f;
         F per_h = 1.0f / h;
-        keep_some(kept.u + to, close ? F{} : u, found);
-        keep_some(kept.v + to, close ? F{} : v, found);
+        keep_some(kept.u + to, u, found);
+        keep_some(kept.v + to, v, found);
         keep_some(kept.tu + to, tiny ? put(1.0f) : hu * per_h, found);
         keep_some(kept.tv + to, tiny ? F{} : hv * per_h, found);
-        keep_some(kept.h + to, close ? F{} : h, found);
-        keep_some(kept.wide + to, close ? put(FAR) : broad, found);
+        keep_some(kept.h + to, h, found);
+        keep_some(kept.wide + to, broad, found);
         keep_some(kept.near + to, near, found);
-        keep_some(kept.inv + to, close ? F{} : inv, found);
+        keep_some(kept.inv + to, inv, found);
         keep_ints(kept.prim + to, loadi(index.primitive.data + i), found);
-        keep_ints(kept.image + to, puti(run.kx * 65536 + run.ky), found);
+        storei(kept.image + to, puti(run.kx * 65536 + run.ky));
         to += __builtin_popcount(found);
         if (to <= KEPT - N) continue;
         waiting = to;
