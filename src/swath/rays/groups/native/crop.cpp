@@ -342,17 +342,15 @@ struct Crop : Tiles {
         keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max) &
                (least(f[2], f[5]) <= top + 2.0f * thick);  // a cut end is round
         const unsigned found = bits(keep);
-        F h = root(hu * hu + hv * hv);
         if (bits(keep & close)) {  // may touch any slice
-          u = close ? F{} : u; v = close ? F{} : v; h = close ? F{} : h;
+          u = close ? F{} : u; v = close ? F{} : v; hu = close ? F{} : hu; hv = close ? F{} : hv;
           broad = close ? put(FAR) : broad; inv = close ? F{} : inv;
         }
-        I tiny = h < 1.0e-9f;
-        F per_h = 1.0f / h;
+        F h = root(hu * hu + hv * hv), per_h = 1.0f / most(h, put(1.0e-9f));
         keep_some(kept.u + to, u, found);
         keep_some(kept.v + to, v, found);
-        keep_some(kept.tu + to, tiny ? put(1.0f) : hu * per_h, found);
-        keep_some(kept.tv + to, tiny ? F{} : hv * per_h, found);
+        keep_some(kept.tu + to, hu * per_h, found);
+        keep_some(kept.tv + to, hv * per_h, found);
         keep_some(kept.h + to, h, found);
         keep_some(kept.wide + to, broad, found);
         keep_some(kept.near + to, near, found);
