@@ -341,23 +341,13 @@ struct Crop : Tiles {
         I keep = (size_of(u - gcu) <= size_of(hu) + reach_u + gru) & (size_of(v - gcv) <= size_of(hv) + reach_u + grv);
         keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max) &
                (least(f[2], f[5]) <= top + 2.0f * thick);  // a cut end is round
-        const unsigned found = bits(keep);
         if (bits(keep & close)) {  // may touch any slice
           u = close ? F{} : u; v = close ? F{} : v; hu = close ? F{} : hu; hv = close ? F{} : hv;
           broad = close ? put(FAR) : broad; inv = close ? F{} : inv;
         }
-        F h = root(hu * hu + hv * hv), per_h = 1.0f / most(h, put(1.0e-9f));
-        keep_some(kept.u + to, u, found);
-        keep_some(kept.v + to, v, found);
-        keep_some(kept.tu + to, hu * per_h, found);
-        keep_some(kept.tv + to, hv * per_h, found);
-        keep_some(kept.h + to, h, found);
-        keep_some(kept.wide + to, broad, found);
-        keep_some(kept.near + to, near, found);
-        keep_some(kept.inv + to, inv, found);
-        keep_ints(kept.prim + to, loadi(index.primitive.data + i), found);
+        keep_ints(kept.prim + to, loadi(index.primitive.data + i), bits(keep));
         storei(kept.image + to, puti(run.kx * 65536 + run.ky));
-        to += __builtin_popcount(found);
+        to = add_pieces(to, bits(keep), u, v, hu, hv, broad, near, inv);
         if (to <= KEPT - N) continue;
         waiting = to;
         flush();
@@ -366,6 +356,18 @@ struct Crop : Tiles {
     }
     runs = 0;
     waiting = to;
+  }
+  HOT int add_pieces(int to, unsigned found, F u, F v, F hu, F hv, F wide, F near, F inv) {
+    F h = root(hu * hu + hv * hv), per_h = 1.0f / most(h, put(1.0e-9f));
+    keep_some(kept.u + to, u, found);
+    keep_some(kept.v + to, v, found);
+    keep_some(kept.tu + to, hu * per_h, found);
+    keep_some(kept.tv + to, hv * per_h, found);
+    keep_some(kept.h + to, h, found);
+    keep_some(kept.wide + to, wide, found);
+    keep_some(kept.near + to, near, found);
+    keep_some(kept.inv + to, inv, found);
+    return to + __builtin_popcount(found);
   }
 
   // The pieces that wait: against all slices at once, then against the lanes of those that they may touch;
