@@ -9,7 +9,7 @@ from swath.field.layout import Solids
 from swath.rays.beams.desk import ASTRAY, CLAMPED, PACK, Desk
 from swath.rays.checks import check_origins, check_range
 from swath.rays.device import start_warp
-from swath.rays.engine import Castable, RayCaster
+from swath.rays.live_scene import Castable, LiveScene
 from swath.rays.spread import SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
@@ -18,7 +18,7 @@ EMPTY = 2e-6  # less silhouette than this above a height stops no beam [m2]
 STRIDE = 7  # between the drawn stems that neighbouring beams look for
 
 
-class BodyCaster(RayCaster):
+class BodyCaster:
     """Casts the beams of a desk, one ray each; how deep one goes into crop is drawn by its normal number.
 
     desk: the beams; apart: angle to the neighbour on the line [rad], (count,); line_count: lines of the
@@ -26,8 +26,6 @@ class BodyCaster(RayCaster):
     table: of the spread; crop_height: of the field's crop at scale 1 [m]; exit [m], divergence [rad]: of the
     beam, mean of both directions; pitch: step through crop [m]
     """
-
-    top_room = TOP_ROOM + 1e-3
 
     def __init__(
         self,
@@ -42,7 +40,7 @@ class BodyCaster(RayCaster):
         divergence: float,
         pitch: float = PITCH,
     ) -> None:
-        super().__init__(field, threads=1, device="cpu")
+        self.field, self.scene = field, LiveScene(field, "cpu", top_room=TOP_ROOM + 1e-3)
         self.table, self.desk, self.line_count = table, desk, line_count
         self._apart = np.zeros(len(desk.score), np.float32)
         self._apart[: desk.count] = apart
@@ -62,9 +60,9 @@ class BodyCaster(RayCaster):
         if self.desk.count == 0:
             return 0
         wp = start_warp()
-        scene = self._refresh(wp)
+        scene = self.scene.refresh(wp)
         has_solids = int(self.desk.meet(solids, range_max))
-        if self._made_for != self._version:
+        if self._made_for != self.scene.version:
             self._prepare(wp, scene, range_max, has_solids)
         elif self._called != (range_max, has_solids):
             self._launch.set_param_at_index(7, range_max)
@@ -88,7 +86,7 @@ class BodyCaster(RayCaster):
         told = [self.line_count, range_max, desk.count, has_solids]
         inputs = [scene, self._pack(wp), *rays, apart, *told, *out]
         self._launch = wp.launch(cast_bodies, dim=1, inputs=inputs, device="cpu", record_cmd=True)
-        self._made_for = self._version
+        self._made_for = self.scene.version
 
     def _pack(self, wp: Any) -> Any:
         """The table as native code reads it."""
@@ -117,7 +115,7 @@ class BodyCaster(RayCaster):
     def _keep(self, wp: Any, array: Any) -> Any:
         kept = np.ascontiguousarray(array, dtype=np.float32)
         self._kept.append(kept)
-        return self._share(wp, kept, wp.float32)
+        return self.scene.share(wp, kept, wp.float32)
 
 
 def lean_of_packs(lean: NDArray[np.float64]) -> NDArray[np.float64]:
