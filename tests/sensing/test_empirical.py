@@ -109,6 +109,21 @@ def test_bundled_tables_say_what_they_are(name):
     assert table.about["range"]["spot_mm"][1] >= 60.0
 
 
+@pytest.mark.parametrize("echo", ["percentile", "nearest"])
+def test_an_even_stand_gives_the_table_back(echo):
+    """All the way up: high returns lie where the silhouette is thin and bends most, nearest ones above it."""
+    setup = site(600)
+    _, cheap = pair(setup, sensor="sick-lms511-sr", step_deg=1.0, sector_deg=(-1.0, 1.0), echo=echo)
+    height, beam, share = load_crop("wheat").stand.height, cheap.card.beam, np.array([0.5, 0.75, 0.9, 0.95])
+    for pitch in (10.0, 25.0, 50.0):
+        far = (2.4 - 0.9 * height) / np.sin(np.radians(pitch))
+        spot = float(np.mean(beam.exit_diameter) + np.mean(beam.divergence) * far)
+        even = (np.arange(20_000) + 0.5) / 20_000
+        told = cheap.table.heights(even, 600.0, height, np.radians(pitch), spot)
+        drawn = heights(cheap, setup, pitch, 3000, 1)
+        assert np.quantile(drawn, share) == pytest.approx(np.quantile(told, share), abs=5e-3)
+
+
 def test_crop_edge_lies_where_it_does_for_plants():
     """Where the height goes through half the crop's, along a scan across the edge: within 3 cm."""
     dear, cheap = pair(site(), sector_deg=(-15.0, 15.0), step_deg=0.1)

@@ -1,5 +1,6 @@
 """Beams against bodies: solids, ground, and the canopy with a drawn depth. One ray per beam."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -99,13 +100,11 @@ class BodyCaster:
         canopy.ground = self._keep(wp, double_log(table.ground_share).ravel())
         canopy.lift = self._keep(wp, table.ground_lift.ravel())
         canopy.node_count = table.quantile.shape[-1]
-        canopy.depth = self._keep(wp, table.silhouette)
+        depth, crest = below_crest(table)
+        canopy.depth, canopy.crest = self._keep(wp, depth), self._numbers[0] * crest
         canopy.fine = table.fine
         canopy.lean = self._keep(wp, lean_of_packs(table.lean).ravel())
         canopy.height, canopy.exit, canopy.divergence, canopy.pitch = self._numbers
-        canopy.crest = (
-            self._numbers[0] * table.fine * (1 + int(np.flatnonzero(table.silhouette > EMPTY).max()))
-        )
         canopy.density_max = self.field.library.density_max
         canopy.cosine = table.cosine
         canopy.tangents = wp.vec2(*np.exp(table.scaled_axes()[2][[0, -1]]))
@@ -116,6 +115,19 @@ class BodyCaster:
         kept = np.ascontiguousarray(array, dtype=np.float32)
         self._kept.append(kept)
         return self.scene.share(wp, kept, wp.float32)
+
+
+def below_crest(table: SpreadTable) -> tuple[NDArray[np.float64], float]:
+    """Silhouette of a stem above equal steps of the relative height [m2], 0 from the crest on; the crest.
+
+    No echo of the table lies above the crest, relative to the crop's height, and what a beam passes counts
+    from there.
+    """
+    last = len(table.silhouette) - 1
+    reached = 1 + int(np.flatnonzero(table.silhouette > EMPTY).max())
+    highest = math.ceil(float(table.quantile.max()) / table.fine - 1e-6)
+    crest = min(max(reached, highest), last)
+    return np.maximum(table.silhouette - table.silhouette[crest], 0.0), table.fine * crest
 
 
 def lean_of_packs(lean: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ constexpr float FLAT = 1.0e-3f;        // steps that change the relative height 
 constexpr float TOP_ROOM = 0.12f;      // as in rays/bodies.py
 constexpr float FALL = 0.025f;         // steps lose no more height than this [m]
 constexpr float THIN = 1.0e-4f, FEW = 1.0e-5f;  // where less silhouette than this lies above, steps are doubled, and again [m2]
+constexpr int HALVINGS = 5;            // of the step that holds the echo, which falls 10 cm at most; straight from there
 constexpr float SNAP = 1.0e-4f;        // values so close to a node, in shares of a step, are taken as on it
 constexpr float STRAW_DEPTH = 0.005f;  // as in kernel/cast.py
 constexpr float MARGIN = 0.005f, SLACK = 0.001f, BELOW = 0.001f;  // as in kernel/cast.py, rays/checks.py
@@ -169,6 +170,7 @@ auto walk_ground = [&](I who, F t0, F t1) {
 // ---- The canopy of a tile, in steps along the beam short enough for what stands around each of them. Of a beam in it:
 // until where, the stand, height over the tile's plane as h0 + h1 t and in crop heights as r0 + r1 t, place in cut cells from
 // the page's corner as x0 + x1 t, optical depth per silhouette, silhouette above
+F stop_from = {}, stop_length = {}, stop_above = {};  // the step in which a beam has its echo, and the silhouette above the echo
 F until = {}, density = {}, scale = put(1.0f), lean_x = {}, lean_y = {}, h0 = {}, h1 = {}, r0 = {}, r1 = {}, x0 = {}, x1 = {}, y0 = {}, y1 = {};
 F speed = put(1.0f), pitch = put(1.0f), unit = {}, above = {}, spot = put(1.0f);
 I row = {};
@@ -229,7 +231,11 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
     gain = pick(flat, density * speed * dt * width * (per_fine * per_height), gain);
   }
   const I stops = acts & (I)(gain >= left), goes_on = acts & ~stops;
-  hit_t = pick(stops, t + dt * left / gain, hit_t);
+  const F part = left / gain;
+  hit_t = pick(stops, t + dt * part, hit_t);
+  stop_from = pick(stops, t, stop_from);
+  stop_length = pick(stops & ~flat, dt, stop_length);
+  stop_above = pick(stops, above + (below - above) * part, stop_above);
   hit_organ = picki(stops, picki(code == STANDING, picki(relative > EAR_ZONE, puti(upper_organ), puti(STEM)), puti(STUBBLE)), hit_organ);
   hit_cosine = pick(stops, put(canopy.cosine), hit_cosine);
   left = pick(goes_on, left - gain, pick(stops, F{}, left));
@@ -323,6 +329,20 @@ for (;;) {
   jx += picki(through & along_x, picki(right, puti(1), puti(-1)), I{});
   jy += picki(through & ~along_x, picki(upward, puti(1), puti(-1)), I{});
   walks |= through;
+}
+
+// ---- Where in its last step a beam has its echo: the silhouette is anything but a straight line there, above all near the top
+if (any(stop_length > 0.0f)) {
+  const F falls = pick(r1 < 0.0f, put(1.0f), put(-1.0f));
+  F near = stop_from, far = stop_from + stop_length;
+  for (int k = 0; k < HALVINGS; ++k) {
+    const F middle = 0.5f * (near + far);
+    const I is_far = (falls * (silhouette_above(r0 + r1 * middle) - stop_above) >= 0.0f);
+    far = pick(is_far, middle, far), near = pick(is_far, near, middle);
+  }
+  const F a = silhouette_above(r0 + r1 * near), b = silhouette_above(r0 + r1 * far), rise = b - a;
+  const F part = within(pick(size_of(rise) > 0.0f, (stop_above - a) / rise, put(0.5f)), 0.0f, 1.0f);
+  hit_t = pick(stop_length > 0.0f, near + (far - near) * part, hit_t);
 }
 
 // ---- Ground seen through crop is reported a little above itself: crop hides the far part of the spot
