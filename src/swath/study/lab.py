@@ -36,6 +36,7 @@ from swath.sim.hints import near_miss, unknown_key
 from swath.sim.kit import KIT
 from swath.sim.yamlfile import Document
 
+SUB_RAYS = 37  # of a beam, for levels that have them: as in the tables of `empirical`
 REFERENCE = "plants"  # the dearest level, which the others are held against
 ADVANCE = 0.5  # from stop to stop [m]
 HALF_AREA = 8.0  # passes begin within this of the middle of the stand [m]
@@ -236,6 +237,7 @@ class Bench:
             "mount": mount,
             "sector_deg": [-half, half],
             "reach_m": self.reach,
+            "sub_rays": SUB_RAYS,
         }
         known = known_keys(KIT.registry.get("lidar", level, base=self.settings.base).params)
         return {k: v for k, v in values.items() if k in known}
