@@ -46,6 +46,7 @@ class HeightCaster:
         self.grid, self.skips = grid, skips
         self.cells = Cells(grid)
         self._whole, self._real = np.zeros(2, np.int32), np.zeros(3, np.float32)
+        self._seed = self._whole.view(np.uint32)
         self._desk = Desk(0)
         self._kept: list[NDArray[Any]] = []  # arrays whose memory the launch reads
         self._launch: Any = None
@@ -90,29 +91,41 @@ class HeightCaster:
         ValueError on rays that are not finite, InputError on a range that is not > 0 and on rays that start
         under the measured ground.
         """
-        check_range(range_max)
+        self.tell(range_max=range_max, seed=seed, share=share, grain=grain)
         if desk is not self._desk or self._launch is None:
             self._desk, self._launch = desk, self._prepare(desk)
-        self._whole.view(np.uint32)[0] = seed & 0xFFFFFFFF
         self._whole[1] = desk.meet(solids, range_max)
-        self._real[:] = share, grain, range_max
         if desk.count:
             self._launch.launch()
+        self.check(desk)
+
+    def tell(self, *, range_max: float, seed: int, share: float, grain: float) -> None:
+        """What a scan wants of the next launch, as in `cast_beams`."""
+        check_range(range_max)
+        self._seed[0] = seed & 0xFFFFFFFF
+        self._real[:] = share, grain, range_max
+
+    def check(self, desk: Desk) -> None:
+        """Raises on rays of a desk that could not be cast, see `cast_beams`."""
         if desk.take_fault() & ASTRAY:
             o = desk.origins[: desk.count]
             refuse_below(o, self.grid.ground_height(o[:, 0], o[:, 1]))
+
+    def told(self) -> list[Any]:
+        """Arguments of kernels that march: the grid, and what `tell` sets (whole and real numbers)."""
+        wp = start_warp()
+        if self._scene is None:
+            self._scene = self._make_scene()
+        whole = wp.array(self._whole, dtype=wp.int32, device="cpu", copy=False)
+        return [self._scene, whole, wp.array(self._real, dtype=wp.float32, device="cpu", copy=False)]
 
     def _prepare(self, desk: Desk) -> Any:
         wp = start_warp()
         from swath.rays.beams.kernel import cast_heights
 
-        if self._scene is None:
-            self._scene = self._make_scene()
-        told = [wp.array(self._whole, dtype=wp.int32, device="cpu", copy=False)]
-        told.append(wp.array(self._real, dtype=wp.float32, device="cpu", copy=False))
         rays = desk.shared("origins", "directions")
         out = desk.shared("distance", "kind", "cell", "cosine", "reflectance", "fault")
-        inputs = [self._scene, *told, *rays, desk.count, *out]
+        inputs = [*self.told(), *rays, desk.count, *out]
         return wp.launch(cast_heights, dim=desk.pack_count, inputs=inputs, device="cpu", record_cmd=True)
 
     def _make_scene(self) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.layout import Solids
-from swath.field.solids import solid_count
+from swath.field.solids import NOTHING, solid_count
 from swath.rays.device import start_warp
 from swath.rays.geometry import make_things
 
@@ -52,7 +52,7 @@ class Desk:
     def meet(self, solids: Solids | None, range_max: float) -> bool:
         """False where there are none; else distance, kind (organ), cosine, reflectance become those of the
         nearest solid of each beam, range_max [m] and 0 without one."""
-        if solids is None or solid_count(solids) == 0:
+        if solids is None or solids is NOTHING or solid_count(solids) == 0:
             return False
         wp = start_warp()
         from swath.rays.beams.kernel import meet_things

@@ -19,6 +19,7 @@ from swath.core.signals import F64, MachineState
 from swath.core.units import DEG
 from swath.field.field import Field
 from swath.field.site import SiteSetup
+from swath.field.solids import NOTHING as FREE_VIEW
 from swath.rays.height_grid import HeightGrid, load_height_grid
 from swath.rays.heights import SOLID, UNMEASURED, HeightCaster
 from swath.sensing.mount import Mount
@@ -76,7 +77,9 @@ class ReplayLidar:
         self.grid = _placed(grid, params, setup.field)
         self.caster = HeightCaster(self.grid)
         self.watch = CutWatch(setup.field, self.caster)
-        self.rays = SingleRays(self.scanner, judged=SOLID, blind=UNMEASURED, by_signal=False)
+        self.rays = SingleRays(
+            self.scanner, judged=SOLID, blind=UNMEASURED, by_signal=False, scored=False
+        )
         self._share = params.percentile / 100.0 if params.draw == "percentile" else -1.0
         self._last: MachineState | None = None
         self.ray_count = self.beam_count = self.unmeasured_count = 0
@@ -102,24 +105,31 @@ class ReplayLidar:
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        self.rays.aim(t, origins, rotations)
-        solids, desk, n = self.setup.solids(), self.rays.desk, len(origins)
-        seed = _mixed(self._seed, t)
-        while True:
-            self.caster.cast_beams(
-                desk,
-                range_max=self.scanner.reach,
-                seed=seed,
-                share=self._share,
-                grain=self.params.grain_m,
-                solids=solids,
-            )
-            if not self.watch.lower(desk.cell[:n]):
-                break
+        rays, desk, n = self.rays, self.rays.desk, len(origins)
+        solids = self.setup.solids()
+        told = {
+            "range_max": self.scanner.reach,
+            "seed": _mixed(self._seed, t),
+            "share": self._share,
+            "grain": self.params.grain_m,
+        }
+        if solids is FREE_VIEW:
+            rays.place(t, origins, rotations)
+            self.caster.tell(**told)
+            rays.scan_heights(self.caster)
+        else:
+            rays.aim(t, origins, rotations)
+            self.caster.cast_beams(desk, solids=solids, **told)
+        is_recast = False
+        while self.watch.lower(desk.cell[:n]):
+            self.caster.cast_beams(desk, solids=solids, **told)
+            is_recast = True
         self.ray_count += n
         self.beam_count += n
         self.unmeasured_count += int(np.count_nonzero(desk.kind[:n] == UNMEASURED))
-        return self.rays.report(t, origins)
+        if solids is FREE_VIEW and not is_recast:
+            return rays.outputs(t, origins)
+        return rays.report(t, origins)
 
     @property
     def notes(self) -> list[str]:

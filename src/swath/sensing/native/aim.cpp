@@ -3,8 +3,8 @@
 // Beam n of the scan at t draws the words 4 n to 4 n + 3 of the stream's generator `Stream.at(t)`, whatever else is drawn: block
 // n + 1 of Philox 4x64 (Salmon et al. 2011, doi:10.1145/2063384.2063405). The first two make two standard normal numbers (Box and
 // Muller 1958, doi:10.1214/aoms/1177706645).
-// In: p, words (key, t), origins, rotations (n, 3, 3), forward (n, 3) in the sensor frame, count.
-// Out: directions (n, 3), normal (2, room), fault: 1 where a number is not finite.
+// In: p, words (key, t), origins, rotations (n, 3, 3), forward (n, 3) in the sensor frame, count, is_drawn: 0 = no random numbers.
+// Out: directions (n, 3), normal (2, room) where they are drawn, fault: 1 where a number is not finite.
 
 typedef unsigned long long W;
 const int start = p * N, room = normal.shape[1];
@@ -18,6 +18,7 @@ for (int l = 0; l < N && start + l < count; ++l) {
   double *d = (double*)directions.data + 3 * (size_t)n, sum = o[0] + o[1] + o[2];
   for (int i = 0; i < 3; ++i) sum += d[i] = r[3 * i] * f[0] + r[3 * i + 1] * f[1] + r[3 * i + 2] * f[2];
   is_finite &= sum - sum == 0.0;
+  if (!is_drawn) continue;
   W c0 = (W)n + 1, c1 = 0, c2 = 0, c3 = words.data[2], k0 = words.data[0], k1 = words.data[1];
   for (int round = 0; round < 10; ++round) {
     const unsigned __int128 a = (unsigned __int128)0xD2E7470EE14C6C93ull * c0, b = (unsigned __int128)0xCA5A826395121157ull * c2;
@@ -31,7 +32,9 @@ for (int l = 0; l < N && start + l < count; ++l) {
   u[0][l] = ((float)(c0 >> 40) + 0.5f) * 5.9604645e-8f;
   u[1][l] = ((float)(c1 >> 40) + 0.5f) * 5.9604645e-8f;
 }
-const F far = root(-2.0f * log_of(load(u[0]))), turn = load(u[1]);
-store(normal.data + start, far * sine_of_turns(turn + 0.25f));
-store(normal.data + room + start, far * sine_of_turns(turn));
+if (is_drawn) {
+  const F far = root(-2.0f * log_of(load(u[0]))), turn = load(u[1]);
+  store(normal.data + start, far * sine_of_turns(turn + 0.25f));
+  store(normal.data + room + start, far * sine_of_turns(turn));
+}
 if (!is_finite) fault.data[0] |= 1;

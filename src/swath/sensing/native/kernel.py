@@ -68,6 +68,7 @@ def aim_pack(
     rotations: wp.array(dtype=wp.float64),
     forward: wp.array(dtype=wp.vec3d),
     count: int,
+    is_drawn: int,
     directions: wp.array(dtype=wp.vec3d),
     normal: wp.array2d(dtype=float),
     fault: wp.array(dtype=int),
@@ -81,12 +82,13 @@ def aim(
     rotations: wp.array(dtype=wp.float64),
     forward: wp.array(dtype=wp.vec3d),
     count: int,
+    is_drawn: int,
     directions: wp.array(dtype=wp.vec3d),
     normal: wp.array2d(dtype=float),
     fault: wp.array(dtype=int),
 ):
     """One thread per pack of 16 beams."""
-    aim_pack(wp.tid(), words, origins, rotations, forward, count, directions, normal, fault)
+    aim_pack(wp.tid(), words, origins, rotations, forward, count, is_drawn, directions, normal, fault)
 
 
 @wp.func_native(lanes() + _source("report"))
