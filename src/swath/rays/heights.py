@@ -11,7 +11,7 @@ from swath.rays.beams.desk import ASTRAY, Desk
 from swath.rays.checks import check_range, refuse_below
 from swath.rays.device import start_warp
 from swath.rays.height_cells import Cells, block_tops, first_cells, patches
-from swath.rays.height_grid import DEEP, LEVELS, NONE, SHARES, HeightGrid, lattice_height
+from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, HeightGrid, lattice_height
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
 
@@ -92,18 +92,22 @@ class HeightCaster:
         under the measured ground.
         """
         self.tell(range_max=range_max, seed=seed, share=share, grain=grain)
-        if desk is not self._desk or self._launch is None:
-            self._desk, self._launch = desk, self._prepare(desk)
-        self._whole[1] = desk.meet(solids, range_max)
-        if desk.count:
-            self._launch.launch()
-        self.check(desk)
+        self.march(desk, solids)
 
     def tell(self, *, range_max: float, seed: int, share: float, grain: float) -> None:
-        """What a scan wants of the next launch, as in `cast_beams`."""
+        """What a scan wants of the next launches, as in `cast_beams`."""
         check_range(range_max)
         self._seed[0] = seed & 0xFFFFFFFF
         self._real[:] = share, grain, range_max
+
+    def march(self, desk: Desk, solids: Solids | None = None) -> None:
+        """`cast_beams` with what `tell` was told."""
+        if desk is not self._desk or self._launch is None:
+            self._desk, self._launch = desk, self._prepare(desk)
+        self._whole[1] = desk.meet(solids, float(self._real[2]))
+        if desk.count:
+            self._launch.launch()
+        self.check(desk)
 
     def check(self, desk: Desk) -> None:
         """Raises on rays of a desk that could not be cast, see `cast_beams`."""
@@ -142,7 +146,10 @@ class HeightCaster:
         scene.cell, scene.nodes_per_m = g.cell, 1.0 / g.node
         scene.first, scene.ground = share(first_cells(g).ravel(), wp.int32), share(g.ground, wp.float32)
         tops = block_tops(g) if self.skips else np.full(np.array(g.ground.shape) - 1, np.inf, np.float32)
+        ty, tx = g.table.shape
+        tile_tops = tops.reshape(ty, NODES, tx, NODES).max(axis=(1, 3))
         scene.block_top, scene.crest = share(tops.ravel(), wp.float32), float(tops.max())
+        scene.tile_top = share(tile_tops.ravel(), wp.float32)
         scene.patch = share(patches(g.ground).ravel(), wp.float32)
         cells = self.cells
         scene.quantiles, scene.lid = share(cells.quantiles.ravel(), wp.int16), share(cells.lid, wp.int16)

@@ -190,6 +190,26 @@ auto over_patch = [&](F t) -> F {  // height over the ground of the block
   const F u = (ox + dx * t) * g.nodes_per_m - real(i), v = (oy + dy * t) * g.nodes_per_m - real(j);
   return oz + dz * t - (c0 + c1 * u + (c2 + c3 * u) * v);
 };
+// ---- Tile by tile down to the first one that is not below the ray; blocks as if each had been stepped over
+auto block_at = [&](I k, I tile, F t, F o, F d, I stays, I step, auto exit) -> I {  // the one that a ray is in at t, along an axis
+  const I guess = mosti(leasti(down((o + d * t) * per_side), tile * PER_TILE + (PER_TILE - 1)), tile * PER_TILE);
+  return picki(stays, k, guess - picki((I)(exit(guess - step, side) > t) & ((guess - step) / PER_TILE == tile), step, I{}));
+};
+for (I far = blocks; any(far);) {
+  const I tile_x = i / PER_TILE, tile_y = j / PER_TILE;
+  const F ex = exit_x(tile_x, PER_TILE * side), ey = exit_y(tile_y, PER_TILE * side), to = most(least(least(ex, ey), end), t);
+  far &= ~(I)(oz + least(dz * t, dz * to) <= gather(g.tile_top.data, tile_y * (columns / PER_TILE) + tile_x, far));
+  if (!any(far)) break;
+  const I along_x = ex <= ey;
+  const I next_x = picki(right, tile_x * PER_TILE + PER_TILE, tile_x * PER_TILE - 1), next_y = picki(upward, tile_y * PER_TILE + PER_TILE, tile_y * PER_TILE - 1);
+  i = picki(far, picki(along_x, next_x, block_at(i, tile_x, to, ox, dx, stays_x, step_x, exit_x)), i);
+  j = picki(far, picki(along_x, block_at(j, tile_y, to, oy, dy, stays_y, step_y, exit_y), next_y), j);
+  t = pick(far, to, t);
+  const I gone = far & ((i < 0) | (j < 0) | (i >= columns) | (j >= rows) | (I)(t >= end));
+  over |= gone;
+  blocks &= ~gone;
+  far &= ~gone;
+}
 F met_share = put(1.0f), met_thick = {}, met_low = {}, met_high = {}, met_survived = {}, met_t = {}, met_after = {};
 I met_told = {}, met_at = {}, met_rises = {};
 while (true) {

@@ -152,7 +152,8 @@ def cast_bodies(
 class Heights:
     """A `HeightGrid`, all flat but the ground; cells in the order of `by_blocks`.
 
-    block_top: no ray above it meets a cell of the block, height above origin z; crest: the highest of them
+    block_top: no ray above it meets a cell of the block, height above origin z; tile_top: of all blocks of a
+    tile; crest: the highest of them
     patch: height of the ground in a block, c0 + c1 u + (c2 + c3 u) v with u, v in 0 .. 1
     first: place of its first cell, < 0 where the block is not held
     Of a cell: lid, above which nothing was measured [mm], in steps of 4, 1 more where `passed` is not 0, 2
@@ -167,6 +168,7 @@ class Heights:
     cell: float
     nodes_per_m: float
     block_top: wp.array(dtype=float)
+    tile_top: wp.array(dtype=float)
     crest: float
     patch: wp.array(dtype=float)
     first: wp.array(dtype=int)

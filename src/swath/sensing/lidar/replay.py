@@ -77,9 +77,7 @@ class ReplayLidar:
         self.grid = _placed(grid, params, setup.field)
         self.caster = HeightCaster(self.grid)
         self.watch = CutWatch(setup.field, self.caster)
-        self.rays = SingleRays(
-            self.scanner, judged=SOLID, blind=UNMEASURED, by_signal=False, scored=False
-        )
+        self.rays = SingleRays(self.scanner, judged=SOLID, blind=UNMEASURED, by_signal=False, scored=False)
         self._share = params.percentile / 100.0 if params.draw == "percentile" else -1.0
         self._last: MachineState | None = None
         self.ray_count = self.beam_count = self.unmeasured_count = 0
@@ -107,29 +105,26 @@ class ReplayLidar:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
         rays, desk, n = self.rays, self.rays.desk, len(origins)
         solids = self.setup.solids()
-        told = {
-            "range_max": self.scanner.reach,
-            "seed": _mixed(self._seed, t),
-            "share": self._share,
-            "grain": self.params.grain_m,
-        }
-        if solids is FREE_VIEW:
+        self.caster.tell(
+            range_max=self.scanner.reach,
+            seed=_mixed(self._seed, t),
+            share=self._share,
+            grain=self.params.grain_m,
+        )
+        is_reported = solids is FREE_VIEW
+        if is_reported:
             rays.place(t, origins, rotations)
-            self.caster.tell(**told)
             rays.scan_heights(self.caster)
         else:
             rays.aim(t, origins, rotations)
-            self.caster.cast_beams(desk, solids=solids, **told)
-        is_recast = False
+            self.caster.march(desk, solids)
         while self.watch.lower(desk.cell[:n]):
-            self.caster.cast_beams(desk, solids=solids, **told)
-            is_recast = True
+            self.caster.march(desk, solids)
+            is_reported = False
         self.ray_count += n
         self.beam_count += n
         self.unmeasured_count += int(np.count_nonzero(desk.kind[:n] == UNMEASURED))
-        if solids is FREE_VIEW and not is_recast:
-            return rays.outputs(t, origins)
-        return rays.report(t, origins)
+        return rays.outputs(t, origins) if is_reported else rays.report(t, origins)
 
     @property
     def notes(self) -> list[str]:

@@ -30,7 +30,7 @@ def scan_heights(
     intensity: wp.array(dtype=float),
     points: wp.array(dtype=wp.vec3d),
 ):
-    """One thread per pack of 16 beams, in free view: no solids. Rest as in `aim`, `cast_heights`, `report`."""
+    """One thread per pack of 16 beams, without solids; rest as in `aim`, `cast_heights`, `report`."""
     p = wp.tid()
     aim_pack(p, words, origins, rotations, forward, count, is_drawn, directions, normal, fault)
     meet_heights(
@@ -38,5 +38,6 @@ def scan_heights(
         distance, kind, cell, cosine, reflectance, fault,
     )  # fmt: skip
     report_pack(
-        p, e, origins, directions, distance, cosine, reflectance, kind, normal, count, ranges, intensity, points
+        p, e, origins, directions, distance, cosine, reflectance, kind, normal, count,
+        ranges, intensity, points,
     )  # fmt: skip
