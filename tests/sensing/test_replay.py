@@ -26,7 +26,7 @@ from swath.core.random import Stream
 from swath.field.solids import post
 from swath.rays.height_grid import EVEN, load_height_grid
 from swath.rays.heights import MEASURED, NOTHING, SOLID, UNMEASURED, HeightCaster
-from swath.sensing.lidar.replay import Params, ReplayLidar
+from swath.sensing.lidar.replay import Params, ReplayLidar, _mixed
 from swath.sim.digest import Digest
 from swath.sim.loop import drive as run
 from swath.sim.scenario import parse_scenario
@@ -195,6 +195,30 @@ def test_a_run_goes_on_from_a_saved_state_with_the_same_bits(world, recorded):
         out = other.step(k * 40_000_000, 40_000_000, {"state": tuple(states[5 * k : 5 * k + 5])})
         assert np.array_equal(out["scan"].ranges, outs[k]["scan"].ranges, equal_nan=True)
     assert other.unmeasured_count == lidar.unmeasured_count
+
+
+@pytest.mark.parametrize("noise", ["none", "data_sheet"])
+def test_one_launch_gives_what_three_give(world, recorded, noise):
+    whole, parts = (replay_of(world, recorded, noise=noise) for _ in range(2))
+    _, states = drive(whole, world, length=1.0)
+    parts.reset(Stream(5, "combine.lidar"))
+    whole.reset(Stream(5, "combine.lidar"))
+    for k in range(1, 4):
+        poses = whole.scanner.sweep(tuple(states[: 5 * k]), k * 40_000_000)
+        one = whole.scan_from(k * 40_000_000, *poses)
+        parts.rays.aim(k * 40_000_000, *poses)
+        wanted = {
+            "range_max": 40.0,
+            "seed": _mixed(parts._seed, k * 40_000_000),
+            "share": -1.0,
+            "grain": 0.05,
+        }
+        parts.caster.cast_beams(parts.rays.desk, **wanted)
+        three = parts.rays.report(k * 40_000_000, poses[0])
+        for name in ("ranges", "intensity"):
+            assert getattr(one["scan"], name).tobytes() == getattr(three["scan"], name).tobytes()
+        assert np.isfinite(one["scan"].ranges).any()
+        assert one["truth"].points.tobytes() == three["truth"].points.tobytes()
 
 
 def test_a_run_that_cuts_has_the_same_digest_when_it_is_saved_and_resumed(recorded):
