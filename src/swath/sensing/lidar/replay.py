@@ -175,6 +175,6 @@ LEVEL = Level(
     ReplayLidar,
     Params,
     "measured scans as heights in a grid, seen again from another path",
-    cost="about 0.3 us per beam, 1/40 to 1/50 of plants with 37 sub-rays",
+    cost="about 0.3 us per beam, 1/35 to 1/50 of plants with 37 sub-rays",
     tolerance="height histogram of a run beside the recorded one within 2 cm of plants (Wasserstein-1)",
 )
