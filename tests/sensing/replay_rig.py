@@ -58,8 +58,13 @@ def hand_grid(tiles=(4, 6), cell=0.1, heights=0.8, origin=(0.0, 0.0, 0.0), yaw=0
 
 def set_where(grid, where, heights):
     """Give cells whose local centre (u, v) satisfies `where` other heights; None = never measured."""
-    u, v = grid.to_local(*grid.cell_centres())
-    chosen = where(u, v)
+    tile = np.zeros((len(grid.quantiles), 2))
+    ty, tx = np.nonzero(grid.table >= 0)
+    tile[grid.table[ty, tx]] = np.stack([tx, ty], axis=1)
+    step = np.arange(TILE) + 0.5
+    u = (tile[:, None, None, 0] * TILE + step[None, None, :]) * grid.cell
+    v = (tile[:, None, None, 1] * TILE + step[None, :, None]) * grid.cell
+    chosen = where(*np.broadcast_arrays(u, v))
     grid.quantiles[chosen] = NONE if heights is None else levels(heights)
 
 

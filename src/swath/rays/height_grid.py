@@ -99,16 +99,6 @@ class HeightGrid:
         cell = (row.astype(np.int64) * TILE + j % TILE) * TILE + i % TILE
         return np.asarray(np.where(known & (row >= 0), cell, -1))
 
-    def cell_centres(self) -> tuple[Array, Array]:
-        """World x and y of the middles of all cells of held tiles, (m, TILE, TILE) each."""
-        tile = np.zeros((len(self.quantiles), 2))
-        ty, tx = np.nonzero(self.table >= 0)
-        tile[self.table[ty, tx]] = np.stack([tx, ty], axis=1)
-        step = np.arange(TILE) + 0.5
-        u = (tile[:, None, None, 0] * TILE + step[None, None, :]) * self.cell
-        v = (tile[:, None, None, 1] * TILE + step[None, :, None]) * self.cell
-        return self.to_world(*np.broadcast_arrays(u, v))
-
     def save(self, path: Path) -> None:
         """Write the file in one go; the same grid gives the same bytes."""
         about = np.frombuffer(json.dumps(dict(self.about), sort_keys=True).encode(), np.uint8)

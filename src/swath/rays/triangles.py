@@ -68,12 +68,6 @@ def ribbon_triangles(a: Array, b: Array, width: Array) -> Array:
     return np.concatenate([first, second])
 
 
-def facet_triangles(a: Array, b: Array, width: Array) -> Array:
-    """Triangles as they are, (m, 3, 3) [m]."""
-    result: Array = np.stack([a - width, a + width, b], axis=1)
-    return result
-
-
 def to_stand(points: Array, plane: Array, stand: Array, size: float) -> Array:
     """Prototype coordinates (..., 3) seen from a tile's lower corner; plane and stand as in the pages."""
     zeta = points[..., 2]
