@@ -13,10 +13,10 @@ from _harness import interleave, machine, median, write_json
 from ray_scenes import make_beams
 
 from swath.core.random import Stream
-from swath.field.breaks import BrokenEdge
 from swath.field.crop import load_crop
+from swath.field.edge_defects import BrokenEdge
 from swath.field.field import Field, make_field
-from swath.field.setup import FieldSetup
+from swath.field.field_setup import FieldSetup
 from swath.field.stand.uniform import Params as StandParams
 from swath.field.stand.uniform import Uniform
 from swath.field.terrain.plane import Params as PlaneParams

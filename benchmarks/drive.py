@@ -29,7 +29,7 @@ combine:
 def run(scenario: str, out: Path) -> tuple[dict[str, Any], float]:
     """The summary of a run in a process of its own, and that process's peak memory [MiB]."""
     code = (  # VmHWM and not ru_maxrss, which a child inherits from the process that started it
-        "import sys; from swath.cli import main; main(sys.argv[1:]);"
+        "import sys; from swath.commands.main import main; main(sys.argv[1:]);"
         "print('peak', next(s for s in open('/proc/self/status') if s.startswith('VmHWM')).split()[1])"
     )
     command = [sys.executable, "-c", code, "run", scenario, "--out", str(out), "--quiet"]

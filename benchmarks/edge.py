@@ -9,10 +9,10 @@ the mean of three seeds.
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
-from swath.study.referee import Referee
+from swath.judge.referee import Referee
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 BARLEY = ("field.stand.crop=barley", "field.edge.stubble_height_m=0.15")
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -14,7 +14,7 @@ from _harness import machine, write_json
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.signals import CropFlow, MachineState
+from swath.signals import CropFlow, MachineState
 
 STEPS, PERIOD = 3000, 100_000_000
 GOAL_US = 30.0
@@ -25,7 +25,7 @@ def part_of(file: Path, **more: Any) -> Any:
     """The process slot of a machine, filled with the FMU."""
     from fmu_scenario import scenario
 
-    from swath.sim.world import assemble
+    from swath.run.world import assemble
 
     made = scenario(process={"level": "fmu", "file": str(file), **KEYS, **more})
     return assemble(made).leader.parts["process"].part

@@ -13,7 +13,7 @@ from _harness import interleave, machine, median, write_json
 
 from swath.link.fmi.export import export_fmu
 from swath.link.fmi.export_slave import Session
-from swath.sim.scenario import Scenario, load_scenario
+from swath.scenario.scenario import Scenario, load_scenario
 
 STEPS = 500
 CASES: dict[str, tuple[str, tuple[str, ...], float]] = {
@@ -56,7 +56,7 @@ def _case(name: str, slots: str, sets: tuple[str, ...], h: float) -> dict[str, A
 
 def _inside(scenario: Scenario, session: Session, h: float) -> Any:
     """The slots alone: one sample for every input, put in before each step."""
-    from swath.sim.world import assemble
+    from swath.run.world import assemble
 
     world = assemble(scenario, only=session.slots)
     graph, ns = world.graph, round(h * 1e9)

@@ -15,11 +15,11 @@ from swath.core.component import Port
 from swath.core.graph import Graph, Node
 from swath.core.random import Stream
 from swath.core.schedule import NS, Slot
-from swath.core.signals import CropFlow, SpeedCommand, SteerState
-from swath.machine.card import load_machine, with_grain
+from swath.machine.machine_sheet import load_machine, with_grain
 from swath.machine.motion import kinematic, multibody, single_track
 from swath.machine.powertrain import hydrostat
 from swath.machine.process import threshing
+from swath.signals import CropFlow, SpeedCommand, SteerState
 
 SECONDS = 10.0
 FIELD = """
@@ -47,9 +47,9 @@ def rough_site() -> Any:
     """A machine's setup on a bundled kind of rough ground, pages of the way in memory."""
     import tempfile
 
-    from swath.field.site import SiteSetup
-    from swath.sim.scenario import load_scenario
-    from swath.sim.world import assemble
+    from swath.field.site_setup import SiteSetup
+    from swath.run.world import assemble
+    from swath.scenario.scenario import load_scenario
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "machine.yaml"

@@ -8,7 +8,7 @@ import numpy as np
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import (
+from swath.field.memory_layout import (
     PAGE_CUT_CELLS,
     PAGE_NODES,
     PAGE_TILES,
@@ -18,7 +18,7 @@ from swath.field.layout import (
     PlantLibrary,
     Shape,
 )
-from swath.field.library import make_library
+from swath.field.prototypes import make_library
 from swath.field.wind import Sway
 from swath.rays.spots import Spots
 from swath.rays.triangles import capsule_triangles, own_primitives, ribbon_triangles, to_stand

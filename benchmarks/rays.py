@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from _harness import interleave, machine, median, resident_bytes, write_json
 from ray_scenes import make_beams, make_embree, make_picture, make_scene, make_spots, organs
 
-from swath.field.layout import shared_rows
+from swath.field.memory_layout import shared_rows
 from swath.rays.engine import RayCaster
 
 REACH = 60.0

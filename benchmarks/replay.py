@@ -23,8 +23,8 @@ CASES = (("120 deg at 0.5 deg", "[-60, 60]", 0.5), ("190 deg at 0.167 deg", "nul
 def make(level: str, sector: str, step: float) -> Any:
     """The scanner of the scenario at a level."""
     from swath.core.random import Stream
-    from swath.sim.scenario import load_scenario
-    from swath.sim.world import assemble
+    from swath.run.world import assemble
+    from swath.scenario.scenario import load_scenario
 
     sets = [
         f"combine.lidar={{level: {level}, sensor: sick-lms511-hr, sector_deg: {sector}, step_deg: {step}}}"
@@ -46,9 +46,9 @@ def place(lidar: Any, along: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def build(plants: Any, path: Path) -> tuple[int, float]:
     """A grid of plants' scans; echoes and CPU seconds of the building alone."""
-    from swath.study.replay.build import build_replay
-    from swath.study.replay.poses import make_track
-    from swath.study.replay.source import Echoes, Source
+    from swath.tools.height_map.build import build_replay
+    from swath.tools.height_map.poses import make_track
+    from swath.tools.height_map.source import Echoes, Source
 
     echoes, positions = [], []
     for k in range(MEASURED):

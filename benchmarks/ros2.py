@@ -16,10 +16,10 @@ from pathlib import Path
 from _harness import machine
 
 from swath.core.errors import SwathError
-from swath.core.signals import CropEdge, Odometry
-from swath.job import run_job
-from swath.sim.scenario import load_scenario, parse_scenario
-from swath.sim.world import assemble
+from swath.run.job import run_job
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario, parse_scenario
+from swath.signals import CropEdge, Odometry
 
 ROOT = Path(__file__).parents[1]
 LISTENED = {"/combine/lidar/scan": "sensor_msgs/LaserScan", "/combine/odometry/odometry": "nav_msgs/Odometry"}
@@ -80,14 +80,12 @@ def cost(simulated_s: float) -> dict[str, float]:
     sets = [*DEMO, f"run.max_duration_s={simulated_s}"]
     taken: dict[str, list[tuple[float, float]]] = {"alone": [], "bridge": []}
     with tempfile.TemporaryDirectory() as folder:
-        run_job(
-            load_scenario("laser-pilot", sets=[*DEMO, "run.max_duration_s=1"]), Path(folder), report=False
-        )
+        run_job(load_scenario("laser-pilot", sets=[*DEMO, "run.max_duration_s=1"]), Path(folder))
         for _ in range(3):
             for name, times in taken.items():
                 bridge = Bridge() if name == "bridge" else None
                 cpu, wall = time.process_time(), time.perf_counter()
-                run_job(load_scenario("laser-pilot", sets=sets), Path(folder), report=False, companion=bridge)
+                run_job(load_scenario("laser-pilot", sets=sets), Path(folder), hooks=[bridge])
                 times.append((time.process_time() - cpu, time.perf_counter() - wall))
                 if bridge is not None:
                     bridge.close()
@@ -118,9 +116,7 @@ def loss(simulated_s: float) -> dict[str, float]:
         bridge = Bridge(is_paused=True)
         started = time.perf_counter()
         try:
-            summary = run_job(
-                load_scenario("laser-pilot", sets=sets), run, report=False, companion=bridge
-            ).summary
+            summary = run_job(load_scenario("laser-pilot", sets=sets), run, hooks=[bridge]).summary
             reader.communicate("", timeout=120)
         except (SwathError, subprocess.TimeoutExpired):
             reader.kill()

@@ -10,7 +10,6 @@ import cutting
 import drive
 import fmi
 import fmu_export
-import gpu
 import lidar
 import machine
 import rays
@@ -19,7 +18,6 @@ import ros2
 
 BENCHMARKS = {
     "rays": rays.main,
-    "gpu": gpu.main,
     "cutting": cutting.main,
     "drive": drive.main,
     "machine": machine.main,

@@ -17,8 +17,8 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
-from swath.core.setup import ControlSetup
-from swath.core.signals import CropEdge, Odometry, SteerCommand
+from swath.signals import CropEdge, Odometry, SteerCommand
+from swath.signals.setup import ControlSetup
 
 
 class MySteeringLaw:

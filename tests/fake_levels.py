@@ -10,8 +10,8 @@ from pydantic import Field
 
 from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
-from swath.sim.kit import Kit
-from swath.sim.slots import SlotKind
+from swath.scenario.catalogue import Kit
+from swath.scenario.slots import SlotKind
 
 
 @dataclass(frozen=True)

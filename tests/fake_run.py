@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.core.setup import MachineGeometry
-from swath.core.signals import (
+from swath.record.messages import RecordedMachine
+from swath.signals import (
     CropEdge,
     CropFlow,
     MachineLoad,
@@ -22,7 +22,7 @@ from swath.core.signals import (
     SteerCommand,
     SteerState,
 )
-from swath.sim.messages import RecordedMachine
+from swath.signals.setup import MachineGeometry
 
 NS = 1_000_000_000
 GEOMETRY = MachineGeometry(3.7, 3.2, 3.0, 0.6, 7.0, 4.0, 0.0, 1.0, 1.0, (-6.0, 2.0, 1.6, 0.5, 3.9))

@@ -11,7 +11,7 @@ import yaml
 
 import swath
 from swath.core.errors import InputError
-from swath.sim.scenario import Scenario
+from swath.scenario.scenario import Scenario
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "many_runs.py"
 TINY = {

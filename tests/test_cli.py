@@ -11,9 +11,9 @@ import pytest
 from fake_levels import FAKE, GOOD
 
 import swath
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.sim.runfolder import choose_run_folder, choose_scan_folder, clear_run_folder
+from swath.run.folder import choose_run_folder, choose_scan_folder, clear_run_folder
 
 HEAVY = {
     "warp",
@@ -31,14 +31,14 @@ HEAVY = {
 
 
 class Job:
-    """Stands for `swath.job`; keeps what it was asked for."""
+    """Stands for `swath.run.job`; keeps what it was asked for."""
 
     def __init__(self):
         self.calls = []
         self.exit_code = 0
         self.error = None
 
-    def run_job(self, scenario, out, progress, events=(), companion=None, begun=None):
+    def run_job(self, scenario, out, progress, events=(), hooks=(), begun=None):
         self.calls.append((scenario, out, progress))
         if self.error is not None:
             raise self.error
@@ -68,9 +68,9 @@ class Job:
 @pytest.fixture
 def job(monkeypatch, tmp_path):
     fake = Job()
-    monkeypatch.setitem(sys.modules, "swath.job", fake)
+    monkeypatch.setitem(sys.modules, "swath.run.job", fake)
     monkeypatch.setattr(swath, "job", fake, raising=False)
-    import swath.sim.scenario as module
+    import swath.scenario.scenario as module
 
     monkeypatch.setattr(module, "load_scenario", partial(module.load_scenario, kit=FAKE))
     monkeypatch.chdir(tmp_path)
@@ -79,18 +79,18 @@ def job(monkeypatch, tmp_path):
 
 
 def test_nothing_heavy_is_loaded():
-    code = "import sys, swath, swath.cli; swath.cli.main([]); print(*sys.modules)"
+    code = "import sys, swath, swath.commands.main; swath.commands.main.main([]); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(run.stdout.splitlines()[-1].split())
-    assert "swath.cli" in loaded
+    assert "swath.commands.main" in loaded
     assert not HEAVY & loaded
-    helps = "import sys, swath.cli\ntry: swath.cli.main(['run', '--help'])\nfinally: print(*sys.modules)"
+    helps = "import sys, swath.commands.main\ntry: swath.commands.main.main(['run', '--help'])\nfinally: print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", helps], capture_output=True, text=True, check=True)
     assert not HEAVY & set(run.stdout.splitlines()[-1].split())
 
 
 def test_alone_it_shows_five_real_command_lines(capsys):
-    from swath.cli import COMMANDS
+    from swath.commands.main import COMMANDS
 
     assert main([]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  swath ")]
@@ -99,7 +99,7 @@ def test_alone_it_shows_five_real_command_lines(capsys):
 
 
 def test_every_command_is_in_the_documentation():
-    from swath.cli import COMMANDS
+    from swath.commands.main import COMMANDS
 
     page = (Path(__file__).parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
     for command in COMMANDS:
@@ -210,7 +210,7 @@ def test_a_mistake_in_the_users_own_level_is_the_users(job, capsys, tmp_path):
 
 
 def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
-    def stopped(scenario, out, progress, events=(), companion=None, begun=None):
+    def stopped(scenario, out, progress, events=(), hooks=(), begun=None):
         out.mkdir(parents=True)
         (out / "summary.json").write_text("{}")
         raise KeyboardInterrupt
@@ -241,8 +241,8 @@ def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
         Settings=lambda **given: given,
     )
     passes = SimpleNamespace(write_pass_scenario=lambda folder: folder / "scenario.yaml")
-    monkeypatch.setitem(sys.modules, "swath.field.io.importer", importer)
-    monkeypatch.setitem(sys.modules, "swath.sim.pass_scenario", passes)
+    monkeypatch.setitem(sys.modules, "swath.field_io.importer", importer)
+    monkeypatch.setitem(sys.modules, "swath.field_io.pass_scenario", passes)
     flags = ["--dem", "d.tif", "--grain-g-per-stem", "1.1", "--header-width-m", "9"]
     assert main(["field", "import", "log.csv", "--out", "field", *flags]) == 0
     assert asked[0][:2] == ("log.csv", "field")
@@ -265,7 +265,7 @@ def test_cards(capsys, tmp_path):
     assert {"sick-lms111", "lexion-700-class", "wheat"} <= set(capsys.readouterr().out.split())
     assert main(["cards", "sick-lms111"]) == 0
     (tmp_path / "mine.yaml").write_text(capsys.readouterr().out)
-    from swath.sensing.card import load_lidar
+    from swath.sensing.lidar_sheet import load_lidar
 
     assert load_lidar("mine.yaml", tmp_path).name == load_lidar("sick-lms111").name
     assert main(["cards", "sick-lms1111"]) == 2

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from swath.cli import COMMANDS, UsageError, _make_parser
-from swath.commands.replay import with_verb
+from swath.commands.main import COMMANDS, UsageError, _make_parser
 from swath.core.errors import InputError
-from swath.sim.scenario import load_scenario, scenario_names
+from swath.scenario.scenario import load_scenario, scenario_names
+from swath.tools.rerun.command import with_verb
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]

@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.patches import Circle
 
 from swath.core.random import Stream
+from swath.report import plots
 from swath.sensing.beam import spot_pattern, sub_rays
-from swath.sensing.card import load_lidar
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
+from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.weather import Weather, disturb
-from swath.view import plots
 
 SCANNERS = {
     "sick-lms111": plots.ORANGE,

@@ -9,11 +9,11 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from swath.control.edge._profile import Reach, make_profile
+from swath.control.edge.profile import Reach, make_profile
 from swath.core.component import Outputs
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests" / "control"))

@@ -9,10 +9,10 @@ from matplotlib.colors import to_rgb
 
 from swath.core.random import Stream
 from swath.field.crop import Crop, load_crop
-from swath.field.layout import Organ, PlantLibrary, Shape
-from swath.field.library import make_library
+from swath.field.memory_layout import Organ, PlantLibrary, Shape
+from swath.field.prototypes import make_library
 from swath.field.weeds import Weeds, weed_crop
-from swath.view.stand3d import COLOURS, NAMES
+from swath.report.stand3d import COLOURS, NAMES
 
 INK, GRID = "#33373d", "#d9dbde"
 MESH = Path(__file__).resolve().parents[2] / "examples" / "meshes" / "sunflower.yaml"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from swath.study.first_returns import Moments, Stems, UprightStand, closed_form, ray_count
+from swath.tools.lab.first_returns import Moments, Stems, UprightStand, closed_form, ray_count
 
 COUNTS = {0.0: 40_000, 0.02: 8_000, 0.05: 6_000, 0.10: 4_000}
 

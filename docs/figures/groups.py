@@ -10,10 +10,10 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import PlantLibrary
-from swath.field.library import make_library
-from swath.rays.groups.index import GroupIndex, make_index
-from swath.rays.groups.lanes import bundle_lanes
+from swath.field.memory_layout import PlantLibrary
+from swath.field.prototypes import make_library
+from swath.rays.packets.index import GroupIndex, make_index
+from swath.rays.packets.packing import bundle_lanes
 
 INK, GRID, PIECE, RAY = "#33373d", "#d9dbde", "#b9b4a6", "#c0223b"
 SLICES = ("#c0223b", "#2f6f9f", "#7d9352")

@@ -10,8 +10,8 @@ from matplotlib.patches import Circle, Rectangle
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import Organ, PlantLibrary
-from swath.field.library import make_library
+from swath.field.memory_layout import Organ, PlantLibrary
+from swath.field.prototypes import make_library
 
 INK, GRID, STRAW, EAR, LEAF, RAY = "#33373d", "#d9dbde", "#b08d3f", "#d2691e", "#7d9352", "#c0223b"
 COLOURS = {Organ.STEM: STRAW, Organ.EAR: EAR, Organ.LEAF: LEAF}

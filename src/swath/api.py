@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.job import JobResult, run_job
-from swath.sim.runfolder import choose_run_folder
-from swath.sim.scenario import Scenario
-from swath.sim.scenario import load_scenario as _load
+from swath.report.report import ReportWriter
+from swath.run.folder import choose_run_folder
+from swath.run.job import JobResult, run_job
+from swath.scenario.scenario import Scenario
+from swath.scenario.scenario import load_scenario as _load
 
 Sets = Mapping[str, Any] | Sequence[str]
 
@@ -50,6 +51,6 @@ def run(
         raise InputError("sets", None, "expected with a name or a file; give them to load_scenario instead")
     folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
     try:
-        return run_job(scenario, folder, progress=progress, report=report)
+        return run_job(scenario, folder, progress=progress, hooks=[ReportWriter()] if report else [])
     except InputError as error:
         raise scenario.locate(error) from error

@@ -7,8 +7,8 @@ import numpy as np
 from swath.control.steer.preview import Params, Preview
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.setup import ControlSetup, MachineGeometry
-from swath.core.signals import CropEdge, Odometry
+from swath.signals import CropEdge, Odometry
+from swath.signals.setup import ControlSetup, MachineGeometry
 
 MACHINE = MachineGeometry(
     wheelbase=3.9,

@@ -6,10 +6,10 @@ import numpy as np
 from closed_loop import Course, setup_of
 from synthetic_edge import Scanner, Stand, mounting
 
-from swath.control.edge._detector import EdgeParams
+from swath.control.edge.detector import EdgeParams
 from swath.control.edge.max_likelihood import MaxLikelihood
 from swath.core.random import Stream
-from swath.core.signals import Odometry
+from swath.signals import Odometry
 
 
 class EdgeSensor:

@@ -6,7 +6,7 @@ from closed_loop import setup_of
 
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.signals import CropAhead, EngineState, FeedReading, Odometry
+from swath.signals import CropAhead, EngineState, FeedReading, Odometry
 
 H = 0.1
 STEP = round(H * NS)

@@ -12,7 +12,7 @@ from math import erf
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.core.signals import Scan
+from swath.signals import Scan
 
 EAR, EAR_LENGTH, STEM = 0.012, 0.09, 0.0035
 MOUNT_HEIGHT, MOUNT_AHEAD = 2.4, 8.0

@@ -8,12 +8,12 @@ from closed_loop import Course, setup_of
 from edge_drive import EdgeSensor, drive, errors
 from synthetic_edge import Scanner, Stand, hazard_table, mounting
 
-from swath.control.edge._detector import EdgeParams
+from swath.control.edge.detector import EdgeParams
 from swath.control.edge.max_likelihood import MaxLikelihood
 from swath.control.edge.otsu import Otsu
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.signals import Odometry
+from swath.signals import Odometry
 
 LEVELS = [MaxLikelihood, Otsu]
 DEG = np.pi / 180

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_edge import Scanner, Stand, mounting
 
-from swath.control.edge._detector import EdgeParams
+from swath.control.edge.detector import EdgeParams
 from swath.control.edge.max_likelihood import MaxLikelihood
 from swath.control.edge.otsu import Otsu
 from swath.core.random import Stream
-from swath.core.signals import Odometry, Scan
+from swath.signals import Odometry, Scan
 
 PERIOD = 40_000_000
 MOUNT = mounting()

@@ -10,7 +10,7 @@ from synthetic_edge import Scanner, Stand, mounting
 from swath.core.component import Component
 from swath.core.random import Stream
 from swath.core.registry import Registry
-from swath.core.signals import CropEdge, Odometry
+from swath.signals import CropEdge, Odometry
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 REGISTRY = Registry({"edge": ["swath.control.edge"], "steer": ["swath.control.steer"]})

@@ -12,7 +12,7 @@ from swath.control.speed.look_ahead import Params as LookParams
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.signals import CropEdge, FeedReading, Odometry, Scan
+from swath.signals import CropEdge, FeedReading, Odometry, Scan
 
 KMH = 1 / 3.6
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from edge_drive import drive, errors
 
-from swath.control.edge._overhang import LAYER, TALLEST, Overhang, height_at, stopped
-from swath.control.edge._step import Rays, Step
-from swath.sim.loop import drive as run
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
-from swath.study.referee import Referee
+from swath.control.edge.canopy_offset import LAYER, TALLEST, Overhang, height_at, stopped
+from swath.control.edge.height_step import Rays, Step
+from swath.judge.referee import Referee
+from swath.run.loop import drive as run
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 NORMAL = np.array([np.linspace(-6, 6, 1201)] * 2)
 NORMAL[1] = np.cumsum(np.exp(-0.5 * NORMAL[0] ** 2))

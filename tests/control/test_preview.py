@@ -8,7 +8,7 @@ from edge_drive import EdgeSensor
 from swath.control.speed import constant
 from swath.control.steer.preview import Params, Preview
 from swath.core.random import Stream
-from swath.core.signals import CropEdge, Odometry
+from swath.signals import CropEdge, Odometry
 
 KMH = 1 / 3.6
 DEG = np.pi / 180

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.core.flat import UNITS, build, flat_fields, read
 from swath.core.frames import Pose
-from swath.core.signals import CropFlow, MachineState, Scan, Signal, SteerCommand
+from swath.signals import CropFlow, MachineState, Scan, Signal, SteerCommand
+from swath.signals.flat import UNITS, build, flat_fields, read
 
 SIGNALS = Signal.__subclasses__()
 

@@ -7,7 +7,7 @@ from dataclasses import FrozenInstanceError, asdict, field, fields, replace
 import pytest
 
 from swath.core.frozen import frozen
-from swath.core.signals import MachineLoad, SpeedCommand
+from swath.signals import MachineLoad, SpeedCommand
 
 
 @frozen

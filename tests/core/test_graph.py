@@ -6,7 +6,7 @@ from swath.core.component import Port
 from swath.core.errors import WiringError
 from swath.core.graph import Graph, Node
 from swath.core.schedule import Slot
-from swath.core.signals import Signal, SpeedCommand
+from swath.signals import Signal, SpeedCommand
 
 MS = 1_000_000
 

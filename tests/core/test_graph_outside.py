@@ -8,7 +8,7 @@ from swath.core.component import Port
 from swath.core.errors import WiringError
 from swath.core.graph import Graph, Node
 from swath.core.schedule import Slot
-from swath.core.signals import FeedReading
+from swath.signals import FeedReading
 
 MS = 1_000_000
 

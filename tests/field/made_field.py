@@ -7,8 +7,8 @@ from swath.field.boundary import Region
 from swath.field.crop import load_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import Field, make_field
-from swath.field.library import make_library
-from swath.field.setup import FieldSetup
+from swath.field.field_setup import FieldSetup
+from swath.field.prototypes import make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import formula, plane
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.setup import FieldSetup
+from swath.field.field_setup import FieldSetup
 from swath.field.stand.bands import Band, Bands, Params
 
 

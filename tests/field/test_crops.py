@@ -12,14 +12,14 @@ import swath.data
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.data.cards import card_names
+from swath.documents.data_sheets import card_names
 from swath.field.crop import load_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
-from swath.field.layout import Organ
-from swath.field.library import make_library
+from swath.field.field_setup import FieldSetup
+from swath.field.memory_layout import Organ
 from swath.field.plants import make_plants, silhouette_area
-from swath.field.setup import FieldSetup
+from swath.field.prototypes import make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import plane
 from swath.field.weeds import Weeds, weed_crop

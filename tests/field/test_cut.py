@@ -5,11 +5,11 @@ import pytest
 from made_field import CROP, library, made_field, rectangle
 
 from swath.core.errors import InputError
-from swath.field.cutting import Cut
+from swath.field.cut_result import Cut
 from swath.field.edge import GapParams, StraightEdge, TeethParams
-from swath.field.layout import MIRROR_X, MIRROR_Y
+from swath.field.height_bounds import update_tops
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y
 from swath.field.stand import maps, uniform
-from swath.field.tops import update_tops
 
 ALL_CROP = StraightEdge(x_m=-1e4)
 NORTH = uniform.Params(row_azimuth_deg=90.0)  # rows run east: the stand frame is the world

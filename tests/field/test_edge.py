@@ -21,8 +21,8 @@ from swath.field.edge import (
     make_boundary,
     make_edge,
 )
-from swath.field.layout import STANDING
-from swath.field.setup import FieldSetup
+from swath.field.field_setup import FieldSetup
+from swath.field.memory_layout import STANDING
 from swath.field.track import EdgeShape, curve, polyline, shifted_left, straight
 
 WINDING = [[0.0, 0.0], [40.0, 5.0], [60.0, 40.0], [55.0, 70.0], [90.0, 90.0], [140.0, 85.0]]

@@ -15,11 +15,11 @@ from made_log import COLUMNS, MadeLog
 pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError, SwathError
-from swath.field.io import folder
-from swath.field.io.columns import find_columns, guess
-from swath.field.io.importer import Settings, import_log, show
-from swath.field.io.log import read_log
-from swath.field.io.outline import read_outline
+from swath.field_io import folder
+from swath.field_io.columns import find_columns, guess
+from swath.field_io.importer import Settings, import_log, show
+from swath.field_io.log import read_log
+from swath.field_io.outline import read_outline
 
 
 @pytest.fixture(scope="module")
@@ -319,7 +319,7 @@ def test_corrupted_bytes_never_end_in_a_traceback(small, seed, cuts, mode):
     path.write_bytes(bytes(data))
     out = small / "out"
     try:
-        with mock.patch("swath.field.io.importer.draw", return_value=None):  # a second each
+        with mock.patch("swath.field_io.importer.draw", return_value=None):  # a second each
             import_log(path, out, columns=small / "map.yaml", progress=False)
     except SwathError:
         pass

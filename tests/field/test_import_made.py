@@ -9,11 +9,11 @@ from made_log import COLUMNS, EAST, EPSG, HEADER, LENGTH, NORTH, MadeLog, grain_
 pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError
-from swath.field.io import folder
-from swath.field.io.clean import clean
-from swath.field.io.importer import Settings, import_log, show
-from swath.field.io.log import read_log
-from swath.field.io.machines import separate_machines
+from swath.field_io import folder
+from swath.field_io.clean import clean
+from swath.field_io.importer import Settings, import_log, show
+from swath.field_io.log import read_log
+from swath.field_io.machines import separate_machines
 
 
 def columns(path):
@@ -157,7 +157,7 @@ def test_one_machine_stays_one():
 
 
 def test_a_given_boundary_is_the_field(tmp_path):
-    from swath.field.io.project import Origin
+    from swath.field.projection import Origin
 
     corners = np.array([[20, 30], [140, 30], [140, 300], [20, 300], [20, 30]], float)
     ring = Origin(EPSG, EAST, NORTH).to_lon_lat(corners).tolist()

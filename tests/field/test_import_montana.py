@@ -8,10 +8,10 @@ import pytest
 
 pytest.importorskip("rasterio")
 
-from swath.field.io import folder
-from swath.field.io.importer import import_log
-from swath.field.io.passes import lateral_sd
 from swath.field.raster import Raster
+from swath.field_io import folder
+from swath.field_io.importer import import_log
+from swath.field_io.passes import lateral_sd
 
 DATA = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from made_taskdata import HEADER, TASKDATA, record, simple_records, write
 
 from swath.core.errors import InputError, SwathError
-from swath.field.io.isoxml import is_taskdata, read_taskdata
-from swath.field.io.table import read_table
+from swath.field_io.isoxml import is_taskdata, read_taskdata
+from swath.field_io.table import read_table
 
 DATA = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -182,7 +182,7 @@ def test_no_bytes_do_more_than_fail_cleanly(whole, name, at, new, length, end):
 
 def test_an_import_of_a_made_log_gives_its_field(tmp_path):
     pytest.importorskip("rasterio")
-    from swath.field.io.importer import import_log
+    from swath.field_io.importer import import_log
 
     made = []
     for k in range(8):  # passes of 200 m, 6 m apart, north and back
@@ -243,8 +243,8 @@ def test_values_equal_the_shipped_decode(forage, shipped, ours, theirs, scale, t
 @real
 def test_units_of_the_standard_agree_with_what_the_device_declares():
     """Scaling from the table of identifiers against the device's own, through the units' definitions."""
-    from swath.field.io.isoxml import _read_description
-    from swath.field.io.taskfiles import task_files
+    from swath.field_io.isoxml import _read_description
+    from swath.field_io.taskfiles import task_files
 
     described = _read_description(dict(task_files(DATA / "raw")))
     per = {
@@ -255,7 +255,7 @@ def test_units_of_the_standard_agree_with_what_the_device_declares():
         (149, "l/h"): 1,
         (90, "t"): 1,
     }
-    from swath.field.io.ddi import DDI
+    from swath.field_io.ddi import DDI
 
     for (ddi, unit), factor in per.items():
         _, shown, scale, offset = described.values["DET-1", ddi]

@@ -6,8 +6,8 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import Organ, Shape
-from swath.field.library import make_library
+from swath.field.memory_layout import Organ, Shape
+from swath.field.prototypes import make_library
 
 WHEAT = load_crop("wheat")
 LIBRARY = make_library(WHEAT, density_max=400, row_spacing=0.125, seed=Stream(1, "test"), tile_count=2)

@@ -13,11 +13,11 @@ from swath.core.random import Stream
 from swath.field.crop import load_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
-from swath.field.layout import Organ, Shape
-from swath.field.library import make_library, resolution
+from swath.field.field_setup import FieldSetup
+from swath.field.memory_layout import Organ, Shape
 from swath.field.mesh_file import read_mesh
 from swath.field.plants import make_plants, silhouette_area
-from swath.field.setup import FieldSetup
+from swath.field.prototypes import make_library, resolution
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 from swath.core.errors import InputError
 from swath.field.edge import StraightEdge, TeethParams, make_edge
 from swath.field.field import make_field
-from swath.field.layout import MIRROR_X, MIRROR_Y, STANDING
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING
 from swath.field.raster import Raster
 from swath.field.stand import maps, uniform
 from swath.field.terrain import dem, formula, plane

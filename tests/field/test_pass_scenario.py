@@ -6,10 +6,10 @@ from made_log import COLUMNS, MadeLog
 pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError
-from swath.field.io.importer import Settings, import_log
-from swath.sim.pass_scenario import write_pass_scenario
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
+from swath.field_io.importer import Settings, import_log
+from swath.field_io.pass_scenario import write_pass_scenario
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")

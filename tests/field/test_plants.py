@@ -10,7 +10,7 @@ import swath.data
 from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.field.crop import load_crop
-from swath.field.layout import Organ, Shape
+from swath.field.memory_layout import Organ, Shape
 from swath.field.plants import make_plants, silhouette_area
 
 WHEAT = load_crop("wheat")

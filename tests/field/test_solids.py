@@ -7,9 +7,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.setup import MachineGeometry
-from swath.field.layout import Solids
-from swath.field.site import Bodies, SiteSetup
+from swath.field.memory_layout import Solids
+from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solids import (
     BoxObstacle,
     Obstacle,
@@ -24,6 +23,7 @@ from swath.field.solids import (
     stone,
 )
 from swath.field.terrain import plane
+from swath.signals.setup import MachineGeometry
 
 MACHINE = MachineGeometry(
     wheelbase=3.6,

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
+from swath.field.field_setup import FieldSetup
 from swath.field.raster import Raster
-from swath.field.setup import FieldSetup
 from swath.field.terrain import dem, formula, plane
 from swath.field.waves import N0, ROUGHNESS_CLASSES, make_random_field, make_roughness
 

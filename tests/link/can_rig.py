@@ -7,9 +7,9 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.frames import Pose
-from swath.core.setup import ControlSetup, LinkSetup, MachineGeometry
-from swath.core.signals import CropEdge, Odometry, SteerCommand
 from swath.link.can.bus import Where
+from swath.signals import CropEdge, Odometry, SteerCommand
+from swath.signals.setup import ControlSetup, LinkSetup, MachineGeometry
 
 MS, NS = 1_000_000, 1_000_000_000
 GEOMETRY = MachineGeometry(3.9, 3.2, 3.0, 0.6, 12.0, 4.0, 0.0, 1.0, 1.0, (-6.0, 2.0, 1.6, 0.5, 3.9))

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from swath.core.component import Port
 from swath.core.frames import Pose
-from swath.core.setup import ControlSetup, LinkSetup
-from swath.core.signals import CropFlow, EngineState, MachineLoad, MachineState
-from swath.machine.card import load_machine
-from swath.sim.scenario import parse_scenario
+from swath.machine.machine_sheet import load_machine
+from swath.scenario.scenario import parse_scenario
+from swath.signals import CropFlow, EngineState, MachineLoad, MachineState
+from swath.signals.setup import ControlSetup, LinkSetup
 
 TEXT = """
 name: fmu

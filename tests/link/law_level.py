@@ -5,8 +5,8 @@ from pathlib import Path
 
 from swath.core.component import Port
 from swath.core.schedule import NS
-from swath.core.signals import CropEdge, Scan, SteerCommand
 from swath.link.ros2.beams import table_of
+from swath.signals import CropEdge, Scan, SteerCommand
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "ros2"
 

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
-from swath.core.signals import CropEdge, Odometry
 from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, open_bus
 from swath.link.can.codec import Codec
 from swath.link.levels.can import BoxError, CanSteering, Params
+from swath.signals import CropEdge, Odometry
 
 CODEC = Codec()
 
@@ -409,7 +409,7 @@ def test_without_the_extra_the_level_says_what_to_install(monkeypatch):
 
 OWN_LAW = """
 from swath.core.component import Port
-from swath.core.signals import CropEdge, Odometry, SteerCommand
+from swath.signals import CropEdge, Odometry, SteerCommand
 
 
 class Law:

@@ -6,10 +6,10 @@ from fmu_scenario import TEXT
 from made_fmus import engine_fmu, needs_cc, store_fmu
 
 from swath.core.errors import SwathError
-from swath.job import run_job
-from swath.sim.loop import drive
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.run.job import run_job
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -3,7 +3,7 @@
 import pytest
 from made_fmus import PROCESS, engine_fmu, needs_cc, store_fmu
 
-from swath.cli import main
+from swath.commands.main import main
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -13,8 +13,8 @@ from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import read_fmu
 from swath.link.fmi.open_unit import make_instance
 from swath.link.fmi.ssp import read_system
-from swath.sim.loop import drive
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
 
 pytest.importorskip("fmpy")
 toolbox = pytest.mark.skipif(

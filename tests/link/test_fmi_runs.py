@@ -19,11 +19,11 @@ from made_fmus import (
 )
 
 from swath.core.errors import InputError, MissingExtra, SwathError
-from swath.job import run_job
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
-from swath.study.referee import Referee
+from swath.judge.referee import Referee
+from swath.run.job import run_job
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 pytest.importorskip("fmpy")
 INSTANT = {"time_constant": 1e-15}
@@ -168,7 +168,7 @@ def test_an_fmu_without_states_refuses_by_name(folder):
 def test_a_failing_fmu_is_named_and_the_run_folder_kept(store, tmp_path, mode, process, message):
     keys = store_keys(store, parameters={"mode": mode}, process=process, timeout_s=0.5)
     with pytest.raises(SwathError, match=r"combine\.process: store\.fmu " + message):
-        run_job(scenario(process=keys), tmp_path / "run", report=False)
+        run_job(scenario(process=keys), tmp_path / "run")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["incomplete"] is True
     assert summary["simulated_s"] == pytest.approx(0.6, abs=0.11)
@@ -294,7 +294,7 @@ def test_missing_outputs_are_listed(folder):
 @needs_cc
 def test_the_scenario_of_a_run_gives_the_same_digest(store, tmp_path):
     keys = store_keys(store, step_ms=20, constants={"load.return_flow": 0.25})
-    first = run_job(scenario(process=keys), tmp_path / "a", report=False)
+    first = run_job(scenario(process=keys), tmp_path / "a")
     again = run_job(load_scenario(str(tmp_path / "a")), tmp_path / "b", report=False)
     assert again.summary["digest"] == first.summary["digest"]
 

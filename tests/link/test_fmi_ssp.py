@@ -22,11 +22,11 @@ from made_fmus import (
 )
 
 from swath.core.errors import InputError
+from swath.judge.referee import Referee
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.ssp import read_system
-from swath.sim.loop import drive
-from swath.sim.world import assemble
-from swath.study.referee import Referee
+from swath.run.loop import drive
+from swath.run.world import assemble
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from made_fmus import CAN, PROCESS, needs_cc, store_fmu
 
-from swath.cli import main
+from swath.commands.main import main
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -5,8 +5,8 @@ from math import isclose, pi
 import pytest
 
 from swath.core.errors import InputError
-from swath.core.flat import UNITS
 from swath.link.fmi.units import Unit, parse_unit, scale
+from swath.signals.flat import UNITS
 
 
 @pytest.mark.parametrize(

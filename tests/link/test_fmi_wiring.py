@@ -7,13 +7,13 @@ from fmu_scenario import process_part, scenario
 from made_fmus import PROCESS, needs_cc, store_fmu
 
 from swath.core.errors import InputError
-from swath.core.flat import flat_fields
-from swath.core.signals import CropFlow
 from swath.link.fmi.feed import Feed
 from swath.link.fmi.units import Scale
 from swath.link.fmi.wiring import Into
-from swath.sim.loop import drive
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.signals import CropFlow
+from swath.signals.flat import flat_fields
 
 pytest.importorskip("fmpy")
 MS = 1_000_000

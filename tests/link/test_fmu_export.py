@@ -7,11 +7,11 @@ import pytest
 from fmu_host import Host
 from fmu_scenario import TEXT
 
-from swath.core.flat import flat_fields, read
 from swath.core.schedule import NS
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario, parse_scenario
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario, parse_scenario
+from swath.signals.flat import flat_fields, read
 
 pytest.importorskip("fmpy", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu3", reason="needs the extra fmi")

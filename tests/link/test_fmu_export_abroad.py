@@ -11,9 +11,9 @@ from fmu_host import Host
 from fmu_scenario import TEXT
 
 from swath.core.errors import InputError
-from swath.sim.loop import drive
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
 
 pytest.importorskip("fmpy", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu3", reason="needs the extra fmi")

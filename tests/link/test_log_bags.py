@@ -23,14 +23,14 @@ from fake_run import GEOMETRY
 from swath.core.errors import InputError, MissingExtra
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.setup import ControlSetup, LinkSetup
-from swath.core.signals import MachineState, Odometry, Scan, SpeedCommand, SteerCommand, SteerState
 from swath.link.levels.log import LogPlayer
 from swath.link.log_sources import GeoOrigin, Params
+from swath.record.read.files import open_log
+from swath.record.read.tangent_plane import TangentPlane
+from swath.scenario.slots import SLOTS
 from swath.sensing.mount import Mount
-from swath.sim.recorded.files import open_log
-from swath.sim.recorded.tangent_plane import TangentPlane
-from swath.sim.slots import SLOTS
+from swath.signals import MachineState, Odometry, Scan, SpeedCommand, SteerCommand, SteerState
+from swath.signals.setup import ControlSetup, LinkSetup
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +211,7 @@ def test_the_plane_agrees_with_proj():
 
 def test_the_metres_of_a_field_folder(bags, tmp_path):
     pytest.importorskip("pyproj")
-    from swath.field.io.project import transform, utm_epsg
+    from swath.field.projection import transform, utm_epsg
 
     epsg = utm_epsg(PLANE.lon, PLANE.lat)
     corner = transform([[PLANE.lon, PLANE.lat]], "EPSG:4326", f"EPSG:{epsg}")[0]

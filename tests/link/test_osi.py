@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.frames import rotation_matrix
-from swath.job import run_job
-from swath.sim.recorded.feed import exact_samples, exact_topic
-from swath.sim.recorded.files import open_log
-from swath.sim.scenario import load_scenario
+from swath.record.read.feed import exact_samples, exact_topic
+from swath.record.read.files import open_log
+from swath.run.job import run_job
+from swath.scenario.scenario import load_scenario
 
 pytest.importorskip("osi3", reason="needs the extra osi")
 from swath.link.osi.trace import write_trace
@@ -24,7 +24,7 @@ SETS = [
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("osi") / "run"
 
-    run_job(load_scenario("straight", sets=SETS), folder, report=False)
+    run_job(load_scenario("straight", sets=SETS), folder)
     return folder
 
 

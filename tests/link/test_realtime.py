@@ -3,9 +3,9 @@
 import pytest
 from fake_clock import FakeClock
 
-from swath.link.clock import scheduling
-from swath.link.realtime import Exchange, OverrunError, Pacer
-from swath.sim.sections import RealTime
+from swath.run.clock import scheduling
+from swath.run.pacing import Exchange, OverrunError, Pacer
+from swath.scenario.sections import RealTime
 
 MS, NS = 1_000_000, 1_000_000_000
 

@@ -10,9 +10,9 @@ from mcap.reader import make_reader
 from pyarrow.parquet import read_table
 from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
-from swath.job import run_job
-from swath.sim.interventions import read_events
-from swath.sim.scenario import parse_scenario
+from swath.run.changes import read_events
+from swath.run.job import run_job
+from swath.scenario.scenario import parse_scenario
 
 pytestmark = needs_ros2
 
@@ -59,7 +59,7 @@ def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, brid
     pairs = [f"{topic}={kind}" for topic, kind in LISTENED.items()]
     scenario = parse_scenario(TEXT)
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
-        summary = run_job(scenario, out, report=False, companion=bridge).summary
+        summary = run_job(scenario, out, hooks=[bridge]).summary
         listener.communicate("", timeout=60)
     found = json.loads(report.read_text())
     assert found["reply"] == "running at 0 s"
@@ -78,7 +78,7 @@ def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, brid
     assert np.all(np.diff(fired) > 0)
     assert np.all(fired >= 100_000_000 * np.arange(1, len(fired) + 1))
     assert fired[-1] <= 2_000_000_000
-    alone = run_job(scenario, tmp_path / "alone", report=False).summary
+    alone = run_job(scenario, tmp_path / "alone").summary
     assert alone["digest"] == summary["digest"]
 
 
@@ -99,7 +99,7 @@ def act(bridge, tmp_path, *calls):
     """The run under these calls; (summary, replies)."""
     report, out = tmp_path / "replies.json", tmp_path / "run"
     with node(HERE / "ros2_caller.py", report, json.dumps(calls)) as caller:
-        summary = run_job(parse_scenario(TEXT), out, report=False, companion=bridge).summary
+        summary = run_job(parse_scenario(TEXT), out, hooks=[bridge]).summary
         assert caller.wait(60) == 0
     return summary, json.loads(report.read_text())
 
@@ -111,7 +111,7 @@ def test_images_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
     sets = ["run.max_duration_s=0.65", "combine.camera={width_px: 61, height_px: 45, reach_m: 30}"]
     pairs = [f"{topic}={kind}" for topic, kind in listened.items()]
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
-        run_job(parse_scenario(TEXT, sets=sets), out, report=False, companion=bridge)
+        run_job(parse_scenario(TEXT, sets=sets), out, hooks=[bridge])
         listener.communicate("", timeout=60)
     got = json.loads(report.read_text())["got"]
     assert set(got) == set(listened)
@@ -170,9 +170,7 @@ def test_services_act_on_the_run_and_what_they_did_can_be_done_again(domain, bri
         max(r for t, r in nearest.items() if 0.51 < t <= 1.0)
         < min(r for t, r in nearest.items() if t > 1.02) - 1.0
     )
-    again = run_job(
-        parse_scenario(TEXT), tmp_path / "again", report=False, events=read_events(tmp_path / "run")
-    ).summary
+    again = run_job(parse_scenario(TEXT), tmp_path / "again", events=read_events(tmp_path / "run")).summary
     assert again["digest"] == summary["digest"]
     assert again["events"] == summary["events"]
 
@@ -206,7 +204,7 @@ def test_a_recorded_run_is_published_again(domain, tmp_path):  # noqa: F811
     out, report = tmp_path / "run", tmp_path / "report.json"
     pairs = [f"{topic}={kind}" for topic, kind in LISTENED.items()]
     with node(HERE / "ros2_listener.py", report, "--no-pause", *pairs, stdin=subprocess.PIPE) as listener:
-        run_job(parse_scenario(TEXT, sets=["run.max_duration_s=1"]), out, report=False)
+        run_job(parse_scenario(TEXT, sets=["run.max_duration_s=1"]), out)
         count = play(out / "run.mcap", factor=0.5, wait_s=4.0)
         listener.communicate("", timeout=60)
     found = json.loads(report.read_text())

@@ -5,11 +5,11 @@ import threading
 
 import pytest
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import SwathError
-from swath.link.realtime import Pacer
 from swath.link.ros2.desk import Desk
-from swath.sim.sections import RealTime
+from swath.run.pacing import Pacer
+from swath.scenario.sections import RealTime
 
 
 def asked(desk, *actions):

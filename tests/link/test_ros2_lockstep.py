@@ -12,9 +12,9 @@ from pyarrow.parquet import read_table
 from ros2_rig import CHEAP, EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
 
 from swath.core.errors import InputError, SwathError
-from swath.job import run_job
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.run.job import run_job
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
 
 pytestmark = needs_ros2
 IN_PROCESS = f"level: {HERE / 'law_level.py'}:LawInProcess"
@@ -27,8 +27,8 @@ def scenario(steer="level: ros2", seconds=60.0):
 @pytest.mark.usefixtures("domain")
 def test_a_node_in_lock_step_gives_the_bytes_of_the_law_in_process(tmp_path):
     with node(EXAMPLES / "steering_node.py"):
-        played = run_job(scenario(), tmp_path / "node", report=False).summary
-    alone = run_job(scenario(IN_PROCESS), tmp_path / "alone", report=False).summary
+        played = run_job(scenario(), tmp_path / "node").summary
+    alone = run_job(scenario(IN_PROCESS), tmp_path / "alone").summary
     assert played["simulated_s"] == 60.0
     assert played["cost"]["combine.steer"]["steps"] == 3000
     assert played["lateral_p95_m"] < 0.3
@@ -77,7 +77,7 @@ def test_a_killed_node_ends_the_run_with_its_name_and_a_whole_folder(tmp_path):
         killer.start()
         started = time.monotonic()
         with pytest.raises(SwathError, match="/combine/steer/answer") as caught:
-            run_job(scenario("level: ros2, timeout_s: 1.0", 3600.0), tmp_path / "run", report=False)
+            run_job(scenario("level: ros2, timeout_s: 1.0", 3600.0), tmp_path / "run")
         waited = time.monotonic() - started
         killer.join()
     assert "combine.steer: no answer for" in str(caught.value)

@@ -8,9 +8,9 @@ import pytest
 
 from swath.core.component import Port
 from swath.core.errors import SwathError
-from swath.core.signals import CropEdge, HeaderState, MachineLoad, Odometry, Scan, SteerCommand
 from swath.link.ros2.beams import LAYOUT, fill_cloud, scan_of
 from swath.link.ros2.record import check_names, numbers_of, numbers_of_inputs, sample_of
+from swath.signals import CropEdge, HeaderState, MachineLoad, Odometry, Scan, SteerCommand
 
 
 def scan(beams=5, echoes=2, t=40_000_000):

@@ -15,11 +15,11 @@ from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 from swath.core.component import Port
 from swath.core.errors import SwathError
 from swath.core.random import Stream
-from swath.core.setup import ControlSetup, LinkSetup
-from swath.core.signals import CropEdge, SteerCommand
-from swath.job import run_job
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.run.job import run_job
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
+from swath.signals import CropEdge, SteerCommand
+from swath.signals.setup import ControlSetup, LinkSetup
 
 pytestmark = [*needs_ros2, pytest.mark.usefixtures("domain")]
 
@@ -80,7 +80,6 @@ def test_a_free_node_answers_when_it_can_and_the_run_says_so(tmp_path):
         found = run_job(
             scenario("steer: {level: ros2, mode: free}\nrealtime: {on_overrun: slip}", 2.0),
             tmp_path / "run",
-            report=False,
         ).summary
     assert found["simulated_s"] == 2.0
     (note,) = [n for n in found["notes"] if "free mode" in n]

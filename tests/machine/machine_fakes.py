@@ -8,7 +8,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.machine.card import MachineCard, load_machine
+from swath.machine.machine_sheet import MachineCard, load_machine
 from swath.machine.sweep import signed_area
 
 STREAM = Stream(1, "test")

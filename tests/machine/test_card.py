@@ -3,9 +3,9 @@ import yaml
 from machine_fakes import site
 
 from swath.core.errors import InputError
-from swath.core.setup import MachineGeometry
-from swath.data.cards import Card, card_names, find_card
-from swath.machine.card import MachineCard, dynamics_of, load_machine
+from swath.documents.data_sheets import Card, card_names, find_card
+from swath.machine.machine_sheet import MachineCard, dynamics_of, load_machine
+from swath.signals.setup import MachineGeometry
 
 
 @pytest.mark.parametrize("name", card_names("machines"))

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from machine_fakes import STREAM, Ground, site
 
 from swath.core.frames import Pose
-from swath.core.signals import MachineState
 from swath.machine.header.fixed_height import FixedHeightHeader, Params
 from swath.machine.sweep import signed_area, swept
+from swath.signals import MachineState
 
 
 def state(x, y, yaw, t=0):

@@ -10,11 +10,11 @@ from machine_fakes import STREAM, Ground, site
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.core.signals import MachineState
 from swath.core.units import DEG, KMH
 from swath.machine.header import fixed_height
-from swath.machine.header._hydraulics import Controller, Cylinder, Feelers
 from swath.machine.header.height_control import HeightControlHeader, Params
+from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
+from swath.signals import MachineState
 
 DT = 20_000_000
 # no lag anywhere, feelers at the knife: what is left is the control law

@@ -10,17 +10,17 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.signals import CropFlow, HeaderState, MachineLoad, MachineState
-from swath.field.layout import PAGE_CUT_CELLS, STANDING, Organ
-from swath.field.site import SiteSetup
+from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING, Organ
+from swath.field.site_setup import SiteSetup
+from swath.judge.referee import Referee
 from swath.rays.engine import RayCaster
+from swath.record.digest import Digest
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.sensing.lidar.plants import Params as LidarParams
 from swath.sensing.lidar.plants import PlantsLidar
-from swath.sim.digest import Digest
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario, parse_scenario
-from swath.sim.world import assemble
-from swath.study.referee import Referee
+from swath.signals import CropFlow, HeaderState, MachineLoad, MachineState
 
 DATA = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -125,8 +125,8 @@ def imported(tmp_path_factory):
     if not DATA.is_dir():
         pytest.skip("needs the Montana yield logs: SWATH_DATA")
     pytest.importorskip("rasterio")
-    from swath.field.io.importer import import_log
-    from swath.sim.pass_scenario import write_pass_scenario
+    from swath.field_io.importer import import_log
+    from swath.field_io.pass_scenario import write_pass_scenario
 
     out = tmp_path_factory.mktemp("montana") / "field"
     import_log(DATA / "si/farmerI_henrys_2018_wheat.csv.gz", out, progress=False)

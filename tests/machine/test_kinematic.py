@@ -5,9 +5,9 @@ import pytest
 from machine_fakes import STREAM, Ground, drive, site, slope
 
 from swath.core.frames import Pose
-from swath.core.signals import SpeedCommand, SteerState
 from swath.machine.loops import approach
 from swath.machine.motion.kinematic import Kinematic, Params
+from swath.signals import SpeedCommand, SteerState
 
 
 def make(**kwargs):

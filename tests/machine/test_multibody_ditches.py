@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from machine_fakes import STREAM, Ground, drive, site
 
-from swath.core.signals import SpeedCommand, SteerState
-from swath.machine.card import load_machine, masses_of
+from swath.machine.machine_sheet import load_machine, masses_of
 from swath.machine.motion.multibody import Multibody, Params
+from swath.signals import SpeedCommand, SteerState
 
 pytest.importorskip("mujoco", reason="needs the extra `multibody`")
 CARD = load_machine("lexion-700")

@@ -5,9 +5,12 @@ import pytest
 from machine_fakes import STREAM, site
 from works_rig import state
 
-from swath.core.signals import MachineLoad
-from swath.machine.card import dynamics_of
-from swath.machine.powertrain._power import (
+from swath.machine.drivetrain_sheet import works_of
+from swath.machine.machine_sheet import dynamics_of
+from swath.machine.powertrain.hydrostat import HydrostatPowertrain, Params
+from swath.machine.powertrain.ideal import IdealPowertrain
+from swath.machine.powertrain.ideal import Params as IdealParams
+from swath.machine.powertrain.power_balance import (
     Powers,
     fuel_rate,
     full_torque,
@@ -17,10 +20,7 @@ from swath.machine.powertrain._power import (
     propulsion_power,
     pull,
 )
-from swath.machine.powertrain.hydrostat import HydrostatPowertrain, Params
-from swath.machine.powertrain.ideal import IdealPowertrain
-from swath.machine.powertrain.ideal import Params as IdealParams
-from swath.machine.works import works_of
+from swath.signals import MachineLoad
 
 SITE = site(period=0.05)
 WORKS, DYNAMICS = works_of(SITE.machine), dynamics_of(SITE.machine)

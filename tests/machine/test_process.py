@@ -5,10 +5,10 @@ import pytest
 from machine_fakes import STREAM, Ground, site
 
 from swath.core.frames import Pose
-from swath.core.signals import CropFlow, MachineState
+from swath.machine.compensated_sum import Total
 from swath.machine.process.constant import ConstantProcess, Params
-from swath.machine.sums import Total
 from swath.machine.sweep import signed_area
+from swath.signals import CropFlow, MachineState
 
 
 def state(x, yaw=0.0):

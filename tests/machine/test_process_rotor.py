@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.machine.card import load_machine
-from swath.machine.process._rotor import Rotor, coupled, coupled_one
-from swath.machine.works import works_of
+from swath.machine.drivetrain_sheet import works_of
+from swath.machine.machine_sheet import load_machine
+from swath.machine.process.rotor import Rotor, coupled, coupled_one
 
 RATE = st.floats(0.01, 12.0)
 

@@ -8,11 +8,11 @@ from machine_fakes import STREAM, site
 from works_rig import GRAIN, STRAW, WIDTH, Rig, flow, state
 
 from swath.core.errors import InputError
-from swath.core.setup import MachineGeometry
-from swath.core.signals import EngineState
-from swath.machine.process._rotor import coupled_one
+from swath.machine.drivetrain_sheet import works_of
+from swath.machine.process.rotor import coupled_one
 from swath.machine.process.threshing import Params, ThreshingProcess, shoe_load, shoe_loss
-from swath.machine.works import works_of
+from swath.signals import EngineState
+from swath.signals.setup import MachineGeometry
 
 RECORD = 7.35 / 3.6
 WORKS = works_of(site().machine)

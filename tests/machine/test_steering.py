@@ -5,9 +5,9 @@ import pytest
 from machine_fakes import STREAM, site
 
 from swath.core.schedule import NS
-from swath.core.signals import SteerCommand
 from swath.core.units import DEG
 from swath.machine.steering import actuator, ideal
+from swath.signals import SteerCommand
 
 WHEELBASE = 3.9
 

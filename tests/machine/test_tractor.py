@@ -7,10 +7,10 @@ import pytest
 from machine_fakes import STREAM, Ground, drive, site, slope
 
 from swath.core.errors import InputError
-from swath.core.signals import SpeedCommand, SteerState
 from swath.machine.attitude import TerrainFollower
-from swath.machine.card import load_machine
+from swath.machine.machine_sheet import load_machine
 from swath.machine.motion import kinematic, single_track
+from swath.signals import SpeedCommand, SteerState
 
 CARD = load_machine("tractor-grain-cart")
 D, L, G = CARD.dynamics, CARD.wheelbase, 9.81
@@ -45,7 +45,7 @@ def test_a_wrong_axle_is_named(tmp_path):
 
 
 def open_card():
-    from swath.data.cards import find_card
+    from swath.documents.data_sheets import find_card
 
     return find_card("machines", "tractor-grain-cart").read_text()
 

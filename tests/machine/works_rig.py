@@ -4,10 +4,10 @@ from machine_fakes import STREAM, Ground, site
 
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.core.signals import CropFlow, MachineState
 from swath.machine.powertrain.hydrostat import HydrostatPowertrain
 from swath.machine.powertrain.hydrostat import Params as DriveParams
 from swath.machine.process.threshing import Params, ThreshingProcess
+from swath.signals import CropFlow, MachineState
 
 WIDTH = 12.0  # of the header [m]
 GRAIN, STRAW = 0.97, 0.97 * 0.65  # of the record's wheat [kg/m2]

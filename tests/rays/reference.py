@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from swath.field.layout import MIRROR_X, MIRROR_Y, STANDING, Organ, Pages, PlantLibrary, Shape
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING, Organ, Pages, PlantLibrary, Shape
 
 BIG = 1e30
 

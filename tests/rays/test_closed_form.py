@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from hand_field import HandField, make_pages, small_library, wheat
 
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
 
 STEM, EAR, EAR_LENGTH, HEIGHT, CV = 0.0035, 0.012, 0.09, 0.85, 0.08

@@ -7,8 +7,8 @@ from reference import cast_slowly
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import Organ
-from swath.field.library import make_library
+from swath.field.memory_layout import Organ
+from swath.field.prototypes import make_library
 from swath.field.weeds import Weeds, weed_crop
 from swath.rays.engine import RayCaster
 

@@ -9,7 +9,7 @@ import pytest
 from hand_field import HandField, make_pages, small_library
 from reference import cell_code
 
-from swath.field.layout import STANDING, Organ
+from swath.field.memory_layout import STANDING, Organ
 from swath.rays.engine import RayCaster
 from swath.rays.triangles import (
     capsule_triangles,

@@ -5,7 +5,7 @@ import pytest
 from hand_field import HandField, make_pages, set_bumps, small_library
 from reference import cast_slowly
 
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
 
 LIBRARY = small_library(300, tiles=2)

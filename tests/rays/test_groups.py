@@ -15,8 +15,8 @@ from made_field import made_field
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import Organ, Solids
-from swath.field.library import make_library
+from swath.field.memory_layout import Organ, Solids
+from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.wind import Wind
 from swath.rays.engine import RayCaster

@@ -9,9 +9,9 @@ from reference import cast_slowly
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.field.layout import Organ, Shape
-from swath.field.library import make_library
+from swath.field.memory_layout import Organ, Shape
 from swath.field.mesh_file import read_mesh
+from swath.field.prototypes import make_library
 from swath.field.weeds import Weeds, weed_crop
 from swath.rays.engine import RayCaster
 

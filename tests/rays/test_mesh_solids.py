@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.field.mesh_file import read_mesh
 from swath.field.solids import (
     MeshObstacle,

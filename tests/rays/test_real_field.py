@@ -10,7 +10,7 @@ from reference import cast_slowly
 sys.path.insert(0, str(Path(__file__).parents[1] / "field"))
 from made_field import made_field, rectangle
 
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.field.stand import maps
 from swath.field.terrain import formula
 from swath.rays.engine import RayCaster

@@ -5,7 +5,7 @@ import pytest
 from hand_field import HandField, make_pages, small_library
 
 from swath.core.errors import SwathError
-from swath.field.layout import Organ, Solids
+from swath.field.memory_layout import Organ, Solids
 from swath.rays.device import start_warp, thread_count
 from swath.rays.engine import RayCaster
 

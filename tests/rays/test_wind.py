@@ -11,9 +11,9 @@ from reference import cast_slowly
 sys.path.insert(0, str(Path(__file__).parents[1] / "field"))
 from made_field import made_field, rectangle
 
-from swath.field.layout import Organ
+from swath.field.height_bounds import update_tops
+from swath.field.memory_layout import Organ
 from swath.field.stand import uniform
-from swath.field.tops import update_tops
 from swath.field.wind import Sway, Wind, make_sway
 from swath.rays.engine import RayCaster
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.core.signals import MachineState
+from swath.signals import MachineState
 
 STATE_STEP = 5_000_000  # the motion runs at 200 Hz
 

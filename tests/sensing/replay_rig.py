@@ -4,12 +4,12 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.signals import MachineState
 from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, PER_THICKNESS, SHARES, THICK, TILE, HeightGrid
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
-from swath.study.replay.poses import make_track
-from swath.study.replay.source import Echoes, Source
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
+from swath.signals import MachineState
+from swath.tools.height_map.poses import make_track
+from swath.tools.height_map.source import Echoes, Source
 
 TEXT = """
 name: replay-rig

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.data.cards import card_names, find_card
+from swath.documents.data_sheets import card_names, find_card
 from swath.sensing.beam import (
     FWHM_TO_E2,
     Beam,
@@ -16,7 +16,7 @@ from swath.sensing.beam import (
     sub_rays,
     turned_pattern,
 )
-from swath.sensing.card import load_lidar
+from swath.sensing.lidar_sheet import load_lidar
 
 NESTED = [1, 7, 19, 37, 61]
 E2 = np.exp(-2.0)

@@ -8,15 +8,15 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.layout import Organ, Solids
+from swath.field.memory_layout import Organ, Solids
 from swath.rays.engine import RayCaster
-from swath.sensing.camera._light import COLOURS
-from swath.sensing.camera._pinhole import OPTICAL
+from swath.record.digest import sample_bytes
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
+from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
+from swath.sensing.camera.shading import COLOURS
 from swath.sensing.mount import Mount
-from swath.sim.digest import sample_bytes
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
 
 TEXT = """
 name: seen

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.core.signals import MachineLoad
 from swath.sensing.crop_flow.delayed import DelayedCropFlow, Params
 from swath.sensing.crop_flow.ideal import IdealCropFlow
 from swath.sensing.crop_flow.ideal import Params as IdealParams
+from swath.signals import MachineLoad
 
 STEP = 100_000_000
 SETUP = SimpleNamespace(period=0.1)

@@ -10,12 +10,12 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.field.site import SiteSetup
-from swath.machine.card import load_machine
+from swath.field.site_setup import SiteSetup
+from swath.machine.machine_sheet import load_machine
 from swath.rays.engine import Hits
-from swath.sensing.card import load_lidar
 from swath.sensing.echo import EchoRule
 from swath.sensing.lidar.plants import Params, PlantsLidar
+from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.noise import Noise
 from swath.sensing.weather import Weather

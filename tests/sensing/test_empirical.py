@@ -6,16 +6,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from swath.commands.calibrate import SHIPPED
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.crop import load_crop
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar import empirical, plants
 from swath.sensing.tables import load_table
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
-from swath.study.compare import compare
+from swath.tools.calibrate.command import SHIPPED
+from swath.tools.distributions import compare
 
 TEXT = """
 name: stand
@@ -83,7 +83,7 @@ def agreement(crop, density, sensor, pitch):
 @pytest.mark.parametrize("density", [200, 400, 600])
 @pytest.mark.parametrize("sensor", ["sick-lms511-hr", "sick-lms111"])
 def test_measured_heights_agree_with_plants(density, sensor):
-    """The limits of study/compare.py at three angles. Beams 2 deg apart see stems of their own."""
+    """The limits of tools/distributions.py at three angles. Beams 2 deg apart see stems of their own."""
     for pitch in (10.0, 25.0, 50.0):
         found = agreement("wheat", density, sensor, pitch)
         assert found.is_good, (pitch, found)

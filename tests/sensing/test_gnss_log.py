@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swath.sensing.gnss._errors import RECEIVERS
-from swath.sim.recorded.tangent_plane import TangentPlane
+from swath.record.read.tangent_plane import TangentPlane
+from swath.sensing.gnss.receiver_errors import RECEIVERS
 
 LOG = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -6,12 +6,12 @@ from driven_states import circle, column, feed, setup_of, standing, state, strai
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.sensing.imu._strapdown import GRAVITY, Place, rotation_of, rotation_vector
-from swath.sensing.imu._units import UNITS, Axis
+from swath.record.digest import sample_bytes
 from swath.sensing.imu.error import ErrorImu, Params
 from swath.sensing.imu.ideal import IdealImu
 from swath.sensing.imu.ideal import Params as IdealParams
-from swath.sim.digest import sample_bytes
+from swath.sensing.imu.noise_grades import UNITS, Axis
+from swath.sensing.imu.strapdown import GRAVITY, Place, rotation_of, rotation_vector
 
 STEP = 10_000_000
 PERIOD = 0.01

@@ -26,12 +26,12 @@ from swath.core.random import Stream
 from swath.field.solids import post
 from swath.rays.height_grid import EVEN, load_height_grid
 from swath.rays.heights import MEASURED, NOTHING, SOLID, UNMEASURED, HeightCaster
+from swath.record.digest import Digest
+from swath.run.loop import drive as run
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar.replay import Params, ReplayLidar, _mixed
-from swath.sim.digest import Digest
-from swath.sim.loop import drive as run
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
-from swath.study.replay.build import build_replay
+from swath.tools.height_map.build import build_replay
 
 
 def ray(x, y, z, towards, down_deg):

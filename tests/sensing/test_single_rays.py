@@ -8,10 +8,10 @@ from test_empirical import scan, site
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.signals import MachineState
 from swath.sensing.lidar import empirical
 from swath.sensing.mount import poses_at
 from swath.sensing.sweep import ROOM, Sweep
+from swath.signals import MachineState
 
 POSE = Pose.from_euler((25.0, 50.0, 3.0), 0.0, 0.35, 0.3)
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.sensing.card import load_lidar
 from swath.sensing.echo import Bundle, Receiver, least_energy, receive
+from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.noise import Noise
 from swath.sensing.weather import Weather, disturb
 

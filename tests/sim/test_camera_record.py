@@ -5,15 +5,15 @@ import pickle
 import numpy as np
 import pytest
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.frames import Pose
-from swath.core.signals import Image, MachineState
-from swath.job import scan_job
-from swath.sim.digest import Digest
-from swath.sim.loop import drive
-from swath.sim.record import Recorder
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.record.digest import Digest
+from swath.record.recorder import Recorder
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
+from swath.signals import Image, MachineState
+from swath.tools.scan.scan import scan_job
 
 TEXT = """
 name: filmed
@@ -169,7 +169,9 @@ def test_a_scan_with_the_camera_beside_it(tmp_path):
 def test_the_flag_gives_a_scenario_its_camera(tmp_path, monkeypatch):
     asked = []
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("swath.job.scan_job", lambda *given, **keys: asked.append((given[0], keys)) or [])
+    monkeypatch.setattr(
+        "swath.tools.scan.scan.scan_job", lambda *given, **keys: asked.append((given[0], keys)) or []
+    )
     assert main(["scan", "straight", "--camera", "--seed", "4"]) == 0
     assert main(["scan", "straight", "--camera", "--set", "combine.camera.width_px=64"]) == 0
     assert main(["scan", "straight"]) == 0

@@ -3,8 +3,8 @@
 import pytest
 from fake_levels import FAKE, GOOD
 
-from swath.sim.defaults import default_lines, defaults, paragraphs
-from swath.sim.scenario import parse_scenario
+from swath.scenario.defaults import default_lines, defaults, paragraphs
+from swath.scenario.scenario import parse_scenario
 
 SHORT = "{name: a, field: {edge: {shape: straight}}, combine: {lidar: plants}}"
 

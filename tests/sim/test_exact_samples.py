@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.signals import F64, Scan, ScanTruth, Signal
-from swath.sim.exact import can_keep, signal_type, unpack
-from swath.sim.mcap import McapFile
-from swath.sim.record import Recorder
-from swath.sim.recorded.feed import exact_samples, exact_topic, own_outputs
-from swath.sim.recorded.mcap_log import McapLog
+from swath.record.mcap_file import McapFile
+from swath.record.read.feed import exact_samples, exact_topic, own_outputs
+from swath.record.read.mcap_log import McapLog
+from swath.record.recorder import Recorder
+from swath.record.samples import can_keep, signal_type, unpack
+from swath.signals import F64, Scan, ScanTruth, Signal
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.sim.digest import Digest
-from swath.sim.interventions import Interventions, Script, read_events
-from swath.sim.loop import drive
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.record.digest import Digest
+from swath.run.changes import Interventions, Script, read_events
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
 
 TEXT = """
 name: changed

@@ -8,8 +8,8 @@ pytest.importorskip("rasterio")
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.raster import Raster
-from swath.sim.ground import build_field
-from swath.sim.scenario import parse_scenario
+from swath.run.field_setup import build_field
+from swath.scenario.scenario import parse_scenario
 
 TEXT = """
 field:

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from fake_run import MOUNTING, ArcEdge, GridField, drive, machine
 
-from swath.core.signals import F64, MachineState, Scan, Signal
-from swath.sim.mcap import definition
-from swath.sim.messages import is_laser_scan
-from swath.sim.record import Recorder
-from swath.sim.tracks import Column, read_tracks
+from swath.record.mcap_file import definition
+from swath.record.messages import is_laser_scan
+from swath.record.recorder import Recorder
+from swath.record.tracks import Column, read_tracks
+from swath.signals import F64, MachineState, Scan, Signal
 
 
 @pytest.fixture(scope="module")
@@ -281,7 +281,7 @@ def test_a_killed_run_leaves_a_readable_file(tmp_path):
         "import os, signal, sys\n"
         "from pathlib import Path\n"
         "from fake_run import *\n"
-        "from swath.sim.record import Recorder\n"
+        "from swath.record.recorder import Recorder\n"
         "def stop(slot, t, outputs):\n"
         "    if t > 3 * 10**9: os.kill(os.getpid(), signal.SIGKILL)\n"
         "drive([Recorder(Path(sys.argv[1]), [machine()]), stop], GridField(ArcEdge()), seconds=9.0)\n"

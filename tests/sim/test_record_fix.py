@@ -8,9 +8,9 @@ from fake_run import ArcEdge, GridField, drive, machine
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from swath.core.signals import MachineState
-from swath.field.io.project import Origin
-from swath.sim.record import Recorder
+from swath.field.projection import Origin
+from swath.record.recorder import Recorder
+from swath.signals import MachineState
 
 pyproj = pytest.importorskip("pyproj")
 

@@ -9,11 +9,11 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.frames import Pose
-from swath.core.signals import FIX_QUALITIES, Fix, Inertial
-from swath.field.io.project import Origin
-from swath.sim.record import Recorder
-from swath.sim.recorded.messages import Context, maker_for
-from swath.sim.tracks import read_tracks
+from swath.field.projection import Origin
+from swath.record.read.messages import Context, maker_for
+from swath.record.recorder import Recorder
+from swath.record.tracks import read_tracks
+from swath.signals import FIX_QUALITIES, Fix, Inertial
 
 NS = 1_000_000_000
 NAN = float("nan")

@@ -4,7 +4,7 @@ import pytest
 from fake_levels import FAKE, GOOD
 
 from swath.core.errors import InputError, SwathError
-from swath.sim.scenario import load_scenario, parse_scenario
+from swath.scenario.scenario import load_scenario, parse_scenario
 
 
 def read(text=GOOD, **options):

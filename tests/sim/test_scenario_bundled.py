@@ -6,13 +6,13 @@ import jsonschema
 import pytest
 
 from swath.core.errors import InputError
-from swath.sim.kit import KIT
-from swath.sim.metric_names import LIMITABLE_METRICS
-from swath.sim.reference import reference
-from swath.sim.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
-from swath.sim.schema import scenario_schema
-from swath.sim.yamlfile import parse, read_document
-from swath.study.metrics import METRICS
+from swath.documents.yaml_document import parse, read_document
+from swath.judge.metrics import METRICS
+from swath.scenario.catalogue import KIT
+from swath.scenario.metric_names import LIMITABLE_METRICS
+from swath.scenario.reference import reference
+from swath.scenario.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
+from swath.scenario.schema import scenario_schema
 
 DOCS = Path(__file__).parents[2] / "docs"
 

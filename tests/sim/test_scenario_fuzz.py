@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import SwathError
-from swath.sim.scenario import Scenario, parse_scenario
-from swath.sim.schema import scenario_schema
-from swath.sim.yamlfile import dump, parse
+from swath.documents.yaml_document import dump, parse
+from swath.scenario.scenario import Scenario, parse_scenario
+from swath.scenario.schema import scenario_schema
 
 NASTY = [None, True, False, -1, 0, 1 << 40, -(1 << 62), 1e308, -1e308, 5e-324, "", "7 km/h", "nan", "x" * 500]
 NASTY += [".nan", "off", "a.py:B", "..", "/", "\0", "é\n\t", "../../etc", "__init__", "level", [], {}, [[]]]

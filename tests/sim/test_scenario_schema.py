@@ -6,10 +6,10 @@ import jsonschema
 import pytest
 from fake_levels import FAKE, GOOD
 
-from swath.sim.reference import reference
-from swath.sim.scenario import parse_scenario
-from swath.sim.schema import meanings, scenario_schema
-from swath.sim.yamlfile import parse
+from swath.documents.yaml_document import parse
+from swath.scenario.reference import reference
+from swath.scenario.scenario import parse_scenario
+from swath.scenario.schema import meanings, scenario_schema
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.sim.yamlfile import dump, parse, read_document
+from swath.documents.yaml_document import dump, parse, read_document
 
 
 def refusal(text):

@@ -8,11 +8,11 @@ import pytest
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
-from swath.core.setup import LinkSetup
-from swath.core.signals import SteerCommand
-from swath.sim.scenario import load_scenario
-from swath.sim.slots import CONTROL, REGISTRY, SLOTS, TRUTH
-from swath.sim.world import assemble
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
+from swath.scenario.slots import CONTROL, REGISTRY, SLOTS, TRUTH
+from swath.signals import SteerCommand
+from swath.signals.setup import LinkSetup
 
 
 @pytest.mark.parametrize("kind", SLOTS, ids=lambda s: s.name)

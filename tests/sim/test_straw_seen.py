@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
-from swath.sim.loop import drive
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
 
 SCENARIO = """
 name: swath-seen

@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from test_exact_samples import same_bits
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.sim.record import Recorder
-from swath.sim.recorded.feed import exact_samples, exact_topic, own_outputs
-from swath.sim.recorded.files import open_log
-from swath.sim.recorded.mcap_log import BROKEN, CUT_OFF, DAMAGED, McapLog
+from swath.record.read.feed import exact_samples, exact_topic, own_outputs
+from swath.record.read.files import open_log
+from swath.record.read.mcap_log import BROKEN, CUT_OFF, DAMAGED, McapLog
+from swath.record.recorder import Recorder
 
 MANY = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 SLOTS = ("combine.motion", "combine.lidar", "combine.edge", "combine.steering")

@@ -1,8 +1,8 @@
 """Some slots of a scenario, the rest put in from outside."""
 
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 CALM = ["run.distance_m=20", "run.max_duration_s=4"]
 

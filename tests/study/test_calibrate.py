@@ -6,24 +6,24 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import load_crop
-from swath.job import run_job
 from swath.rays.spread import SpreadTable, quantile_nodes
+from swath.run.job import run_job
+from swath.scenario.scenario import parse_scenario
 from swath.sensing.tables import load_table, save_table
-from swath.sim.scenario import parse_scenario
-from swath.study.calibrate import (
+from swath.tools.calibrate.fit import (
     SMALL,
     fit_correlation,
     fit_plants,
     normal_scores,
 )
-from swath.study.compare import compare
-from swath.study.measured import COLUMNS, fit_samples, read_run, read_samples
-from swath.study.stand_rays import LINE, Place, Reading, Returns, StandRays
+from swath.tools.calibrate.measured import COLUMNS, fit_samples, read_run, read_samples
+from swath.tools.calibrate.stand_rays import LINE, Place, Reading, Returns, StandRays
+from swath.tools.distributions import compare
 
 
 @cache
@@ -176,7 +176,7 @@ combine:
 
 def test_a_recorded_run_gives_a_table_of_its_stand(tmp_path):
     """Heights of the run's own beams, its ground and stand known from the scenario."""
-    run_job(parse_scenario(RUN), tmp_path / "run", report=False)
+    run_job(parse_scenario(RUN), tmp_path / "run")
     samples, crop = read_run(tmp_path / "run")
     assert crop == "wheat"
     assert np.unique(samples.place[:, 0]).tolist() == [400.0]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.study.compare import (
+from swath.tools.distributions import (
     compare,
     ground_share,
     histogram_intersection,

@@ -10,16 +10,16 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.data.cards import Card
-from swath.field.io.machine_log import read_machine_log
-from swath.machine.card import find_machine, load_machine, read_machine
-from swath.machine.powertrain._power import full_torque, governed_torque
-from swath.machine.works import RPM
-from swath.study.along_log import Drive, simulate
-from swath.study.compare_log import changed, compare_log
-from swath.study.log_figures import best_lag, judge, steady_speed, usable
+from swath.documents.data_sheets import Card
+from swath.field_io.machine_log import read_machine_log
+from swath.machine.drivetrain_sheet import RPM
+from swath.machine.machine_sheet import find_machine, load_machine, read_machine
+from swath.machine.powertrain.power_balance import full_torque, governed_torque
+from swath.tools.compare_log.along_log import Drive, simulate
+from swath.tools.compare_log.compare import changed, compare_log
+from swath.tools.compare_log.figures import best_lag, judge, steady_speed, usable
 
 DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 WHEAT = DATA / "wheat_combine_logs_msu" / "si" / "farmerI_henrys_2018_wheat.csv.gz"

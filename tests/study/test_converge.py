@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.study.converge import COUNTS, Settling, judge, settle, table, wasserstein
+from swath.tools.scan.converge import COUNTS, Settling, judge, settle, table, wasserstein
 
 
 def settling(seed, means, sd=0.05, beams=2000):

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from swath.core.signals import CropFlow, HeaderState
-from swath.study.header import HeaderWatch
-from swath.study.metrics import METRICS, SETTLING_M
+from swath.judge.header import HeaderWatch
+from swath.judge.metrics import METRICS, SETTLING_M
+from swath.signals import CropFlow, HeaderState
 
 
 def height(*errors):

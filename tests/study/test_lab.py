@@ -8,13 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.study.compare import wasserstein1
-from swath.study.lab import Case, CaseHeights, Lab, Settings, run_lab
-from swath.study.lab_judge import describe, judge_lab, repeatability, verdict_of
-from swath.study.lab_real import RealHeights, read_real
-from swath.study.lab_table import document
+from swath.tools.distributions import wasserstein1
+from swath.tools.lab.agreement import describe, judge_lab, repeatability, verdict_of
+from swath.tools.lab.lab import Case, CaseHeights, Lab, Settings, run_lab
+from swath.tools.lab.measured_stands import RealHeights, read_real
+from swath.tools.lab.table import document
 
 TINY = {"densities": (150.0,), "sensors": ("sick-lms511-hr",), "depressions_deg": (45.0,)}
 TINY |= {"passes": 1, "stops": 2, "levels": ("plants",)}

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from swath.sim.metric_names import LIMITABLE_METRICS
-from swath.study.metrics import (
+from swath.judge.metrics import (
     METRICS,
     balance_error,
     edge_metrics,
@@ -15,6 +14,7 @@ from swath.study.metrics import (
     json_safe,
     lateral_metrics,
 )
+from swath.scenario.metric_names import LIMITABLE_METRICS
 
 
 def test_lateral_of_a_sine_is_its_closed_form():

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from fake_run import ArcEdge, GridField, drive, machine
 
-from swath.core.signals import CropFlow, MachineLoad
-from swath.study.metrics import METRICS
-from swath.study.referee import Referee
+from swath.judge.metrics import METRICS
+from swath.judge.referee import Referee
+from swath.signals import CropFlow, MachineLoad
 
 
 def judged(side="left", radius=0.0, overlap=0.2, **run):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from bags import KINDS, MOUNT, PLANE, START, write_bag
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.rays.height_grid import load_height_grid
 from swath.rays.heights import surface
-from swath.study.replay.build import Settings, build_replay, open_source
-from swath.study.replay.source import Wanted
+from swath.tools.height_map.build import Settings, build_replay, open_source
+from swath.tools.height_map.source import Wanted
 
 
 @pytest.fixture(scope="module")

@@ -8,19 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.units import DEG
 from swath.rays.height_grid import DEEP, EVEN, LEVELS, NONE, THICK, load_height_grid
 from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster, surface
-from swath.sim.mcap import McapFile
-from swath.sim.recorded.mcap_log import CUT_OFF
-from swath.study.replay.build import Settings, build_replay, open_source
-from swath.study.replay.gather import Gatherer, Samples, pool
-from swath.study.replay.passing import Passing, thicknesses
-from swath.study.replay.poses import PoseTrack, euler_of, make_track
-from swath.study.replay.source import Wanted
+from swath.record.mcap_file import McapFile
+from swath.record.read.mcap_log import CUT_OFF
+from swath.tools.height_map.build import Settings, build_replay, open_source
+from swath.tools.height_map.gather import Gatherer, Samples, pool
+from swath.tools.height_map.passing import Passing, thicknesses
+from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
+from swath.tools.height_map.source import Wanted
 
 DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 VINEYARD = DATA / "lms200_vineyard_protolidar" / "lms200_scans.npz"

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from swath.study.metrics import METRICS, is_broken
-from swath.study.summary import make_summary, versions, write_summary
+from swath.judge.metrics import METRICS, is_broken
+from swath.judge.summary import make_summary, versions, write_summary
 
 
 def make(**changes):

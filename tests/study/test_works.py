@@ -1,8 +1,8 @@
 import pytest
 
-from swath.core.signals import EngineState, MachineLoad
-from swath.study.metrics import METRICS, SETTLING_M
-from swath.study.works import WorksWatch
+from swath.judge.drivetrain import WorksWatch
+from swath.judge.metrics import METRICS, SETTLING_M
+from swath.signals import EngineState, MachineLoad
 
 
 def load(t, tank, drum=40.0, loss=0.01, feeder=39.0):

@@ -8,9 +8,9 @@ from fake_run import ArcEdge, GridField, drive, machine
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from swath.core.signals import Scan
-from swath.data.cards import viewer_layout
-from swath.sim.record import Recorder
+from swath.documents.data_sheets import viewer_layout
+from swath.record.recorder import Recorder
+from swath.signals import Scan
 
 LAYOUT = json.loads(viewer_layout().read_text())
 PATHS = [p["value"] for c in LAYOUT["configById"].values() for p in c.get("paths", ())]

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 
-from swath.sim.digest import Digest
-from swath.sim.record import Recorder
-from swath.study.referee import Referee
-from swath.study.summary import make_summary, write_summary
-from swath.view.keep import ScanKeeper, circles_of, make_map
-from swath.view.page import render
-from swath.view.plots import figure
-from swath.view.report import ReportData, write_report
+from swath.judge.referee import Referee
+from swath.judge.summary import make_summary, write_summary
+from swath.record.digest import Digest
+from swath.record.recorder import Recorder
+from swath.report.page import render
+from swath.report.plots import figure
+from swath.report.report import ReportData, write_report
+from swath.report.scan_sampler import ScanKeeper, circles_of, make_map
 
 LIMITS = {"edge_rmse_m": {"max": 0.5}, "lateral_rms_m": {"max": 0.001}}
 
@@ -169,7 +169,7 @@ def test_figures_need_no_display_and_leave_no_state():
 
 
 def test_circles_of_solids():
-    from swath.field.layout import Solids
+    from swath.field.memory_layout import Solids
 
     axes = np.eye(3)[None]
     solids = Solids(

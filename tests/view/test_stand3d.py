@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.field.layout import Organ
-from swath.view.stand3d import Camera, organs_near
+from swath.field.memory_layout import Organ
+from swath.report.stand3d import Camera, organs_near
 
 AT = 5.0 * np.cos(0.4), 5.0 * np.sin(0.4)  # a place on the edge
 
@@ -13,11 +13,11 @@ AT = 5.0 * np.cos(0.4), 5.0 * np.sin(0.4)  # a place on the edge
 @pytest.fixture(scope="module")
 def ground():
     from swath.core.random import Stream
-    from swath.field.breaks import BrokenEdge
     from swath.field.crop import load_crop
     from swath.field.edge import EdgeShape, straight
+    from swath.field.edge_defects import BrokenEdge
     from swath.field.field import make_field
-    from swath.field.setup import FieldSetup
+    from swath.field.field_setup import FieldSetup
     from swath.field.stand.uniform import LEVEL as STAND
     from swath.field.terrain.plane import LEVEL as TERRAIN
 

@@ -1,6 +1,6 @@
 """A small, quick version of the real job: real wheat, few rays, a few metres."""
 
-from swath.sim.scenario import parse_scenario
+from swath.scenario.scenario import parse_scenario
 
 TEXT = """
 name: small

@@ -3,7 +3,7 @@
 import pytest
 from small import TEXT
 
-from swath.cli import main
+from swath.commands.main import main
 
 CASES = {
     "unknown key": ("combine.lidar.sub_ray=7", "did you mean 'sub_rays'"),

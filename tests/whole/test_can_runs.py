@@ -15,11 +15,11 @@ from fake_clock import FakeClock
 from pyarrow.parquet import read_table
 
 from swath.core.errors import InputError
-from swath.job import run_job
-from swath.link.realtime import make_pacer, paced
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
+from swath.run.job import run_job
+from swath.run.loop import drive
+from swath.run.pacing import make_pacer, paced
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "can"
@@ -56,14 +56,14 @@ def set_flags(sets):
 
 
 def run(file, out, *sets):
-    return run_job(load_scenario(file, sets=sets), out, report=False).summary
+    return run_job(load_scenario(file, sets=sets), out).summary
 
 
 class Box:
     """`swath can box` in a process of its own."""
 
     def __init__(self, *words):
-        command = [sys.executable, "-m", "swath.cli", "can", "box", *words]
+        command = [sys.executable, "-m", "swath.commands.main", "can", "box", *words]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout.readline().startswith("box at address 28")
 
@@ -132,7 +132,7 @@ def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path,
     out = tmp_path / "out"
     with Box(str(FOLDER / "hil.yaml"), *set_flags(outside)) as box:
         code = [
-            sys.executable, "-m", "swath.cli", "run", str(FOLDER / "hil.yaml"), "--quiet",
+            sys.executable, "-m", "swath.commands.main", "run", str(FOLDER / "hil.yaml"), "--quiet",
             "--out", str(out), *set_flags([*QUICK, *outside]),
         ]  # fmt: skip
         runner = subprocess.Popen(code, stderr=subprocess.PIPE, text=True)
@@ -208,8 +208,8 @@ def test_the_commands_of_the_tutorial_run(port, tmp_path):
 swath() {{
   if [ "$1" = run ]; then
     case "$2" in *hil*) extra="--set realtime.factor=2";; *) extra="";; esac
-    {sys.executable} -m swath.cli "$@" {quick} $extra
-  else {sys.executable} -m swath.cli "$@"; fi
+    {sys.executable} -m swath.commands.main "$@" {quick} $extra
+  else {sys.executable} -m swath.commands.main "$@"; fi
 }}
 python() {{ {sys.executable} "$@"; }}
 {commands}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bags import SPEED, START, write_bag
 
-from swath.cli import main
-from swath.sim.tracks import read_tracks
+from swath.commands.main import main
+from swath.record.tracks import read_tracks
 
 BEGIN = START[0] + SPEED * 7.0  # east, where the run starts within the log [m]
 SCENARIO = """

@@ -5,9 +5,9 @@ import pickle
 import pytest
 from small import small
 
-from swath.sim.digest import Digest
-from swath.sim.loop import drive
-from swath.sim.world import assemble
+from swath.record.digest import Digest
+from swath.run.loop import drive
+from swath.run.world import assemble
 
 
 def digest_of(*sets):

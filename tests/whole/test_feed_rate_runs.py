@@ -2,10 +2,10 @@
 
 import pytest
 
-from swath.sim.loop import drive
-from swath.sim.scenario import load_scenario
-from swath.sim.world import assemble
-from swath.study.referee import Referee
+from swath.judge.referee import Referee
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
 
 JUMP = ("combine.start.along_edge_m=45", "run.distance_m=105")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.job import scan_job
-from swath.sim.scenario import load_scenario
+from swath.scenario.scenario import load_scenario
+from swath.tools.scan.scan import scan_job
 
 pytest.importorskip("trimesh", reason="trimesh is not installed")
 

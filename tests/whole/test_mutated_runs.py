@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from small import TEXT
 
 from swath.core.errors import SwathError
-from swath.core.signals import MachineState
-from swath.sim.loop import drive
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
+from swath.signals import MachineState
 
 BASE = yaml.safe_load(TEXT)
 SHORT = ["run.max_duration_s=0.09", "combine.lidar.sub_rays=1", "combine.lidar.step_deg=4"]

@@ -6,12 +6,12 @@ import pytest
 from fake_clock import FakeClock
 from small import small
 
-from swath.cli import main
+from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.link.realtime import make_pacer, paced
-from swath.sim.digest import Digest
-from swath.sim.loop import drive
-from swath.sim.world import assemble
+from swath.record.digest import Digest
+from swath.run.loop import drive
+from swath.run.pacing import make_pacer, paced
+from swath.run.world import assemble
 
 MS = 1_000_000
 CHEAP = "realtime.degrade=[{slot: combine.lidar, level: empirical}, {slot: combine.edge, level: truth}]"
@@ -79,7 +79,7 @@ def test_bad_sections_are_refused(setting, said):
 
 
 def test_the_section_is_written_only_where_it_is_and_reads_back():
-    from swath.sim.scenario import parse_scenario
+    from swath.scenario.scenario import parse_scenario
 
     assert "realtime" not in small().plain()
     scenario = small(CHEAP, "realtime.pace=free")

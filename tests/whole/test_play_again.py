@@ -12,20 +12,20 @@ import pytest
 import yaml
 from small import small
 
-from swath.again import plan_again
-from swath.cli import main
-from swath.commands.replay import with_verb
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.registry import Level
-from swath.job import run_job
-from swath.sim.recorded.mcap_log import McapLog
-from swath.sim.slots import SLOTS
+from swath.record.read.mcap_log import McapLog
+from swath.run.job import run_job
+from swath.scenario.slots import SLOTS
+from swath.tools.rerun.command import with_verb
+from swath.tools.rerun.rerun import plan_again
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("again") / "run"
-    run_job(small("run.record=full"), folder, report=False)
+    run_job(small("run.record=full"), folder)
     return folder
 
 
@@ -119,7 +119,7 @@ def test_a_killed_run_can_be_played(tmp_path):
         "        if t > 1.8 * 10**9: os.kill(os.getpid(), signal.SIGKILL)\n"
         "    self.observers.append(stop)\n"
         "job.Watch.__init__ = watch\n"
-        "job.run_job(small('run.record=full'), Path(sys.argv[1]), report=False)\n"
+        "job.run_job(small('run.record=full'), Path(sys.argv[1]))\n"
     )
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     done = subprocess.run([sys.executable, "-c", code, str(out)], env=env, check=False)
@@ -173,7 +173,7 @@ def test_the_recording_is_not_written_over(recorded, capsys):
 
 
 def test_a_recording_without_samples_is_refused(tmp_path):
-    run_job(small("run.record=standard", "run.distance_m=0.2"), tmp_path / "plain", report=False)
+    run_job(small("run.record=standard", "run.distance_m=0.2"), tmp_path / "plain")
     with pytest.raises(InputError, match=r"run\.record: exact"):
         plan_again(tmp_path / "plain")
 
@@ -183,7 +183,7 @@ def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
         {"t_s": 0.3, "set": "combine.speed.speed_kmh", "value": 5},
         {"t_s": 0.4, "set": "combine.odometry.level", "value": "ideal"},  # of a slot that is played then
     ]
-    run_job(small("run.distance_m=1"), tmp_path / "changed", report=False, events=events)
+    run_job(small("run.distance_m=1"), tmp_path / "changed", events=events)
     plan = plan_again(tmp_path / "changed")
     summary = plan.run(tmp_path / "out", report=False).summary
     assert all(identical(summary).values())
@@ -191,9 +191,9 @@ def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
 
 
 def test_save_and_load_in_the_middle_of_a_log(recorded):
-    from swath.sim.digest import Digest
-    from swath.sim.loop import drive
-    from swath.sim.world import assemble
+    from swath.record.digest import Digest
+    from swath.run.loop import drive
+    from swath.run.world import assemble
 
     plan = plan_again(recorded)
     whole, first = Digest(), Digest()
@@ -207,7 +207,7 @@ def test_save_and_load_in_the_middle_of_a_log(recorded):
 
 
 def test_a_link_level_is_listed():
-    from swath.sim.kit import KIT
+    from swath.scenario.catalogue import KIT
 
     assert "log" in KIT.registry.links()
     level = KIT.registry.get("steer", "log")

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from small import small
 
-from swath.again import plan_again
 from swath.core.schedule import NS
-from swath.job import run_job
-from swath.sim.recorded.feed import exact_samples, exact_topic
-from swath.sim.recorded.mcap_log import McapLog
+from swath.record.read.feed import exact_samples, exact_topic
+from swath.record.read.mcap_log import McapLog
+from swath.run.job import run_job
+from swath.tools.rerun.rerun import plan_again
 
 LAW = '''
 from swath.core.component import Port
-from swath.core.signals import Fix, SpeedCommand
+from swath.signals import Fix, SpeedCommand
 
 
 class Law:
@@ -52,7 +52,7 @@ def driven(tmp_path_factory):
     law = folder / "law.py"
     law.write_text(LAW)
     speed = f"combine.speed={{level: '{law}:Law', wires: {{fix: gnss.fix}}}}"
-    run_job(small(*SETS, speed), folder / "run", report=False)
+    run_job(small(*SETS, speed), folder / "run")
     return folder / "run"
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from small import TEXT, small
 
-from swath.cli import main
-from swath.job import converge_job, run_job, scan_job
-from swath.sim.scenario import load_scenario
+from swath.commands.main import main
+from swath.run.job import run_job
+from swath.scenario.scenario import load_scenario
+from swath.tools.scan.scan import converge_job, scan_job
 
 CONTRACT = {
     "edge_rmse_m",
@@ -59,7 +60,7 @@ def test_folder_and_summary_keep_the_contract(finished):
 
 def test_the_resolved_scenario_runs_to_the_same_digest(finished, tmp_path):
     result, out = finished
-    again = run_job(load_scenario(out), tmp_path / "again", report=False)
+    again = run_job(load_scenario(out), tmp_path / "again")
     assert again.summary["digest"] == result.summary["digest"]
 
 
@@ -72,7 +73,7 @@ def test_a_broken_limit_is_exit_code_1(tmp_path, capsys):
 
 
 def test_ctrl_c_leaves_a_valid_folder_marked_incomplete(tmp_path, monkeypatch):
-    from swath.study.referee import Referee
+    from swath.judge.referee import Referee
 
     see = Referee._see_state
 

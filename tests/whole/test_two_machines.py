@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from small import TEXT
 
-from swath.core.signals import ScanTruth
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
-from swath.sim.loop import drive
-from swath.sim.scenario import parse_scenario
-from swath.sim.world import assemble
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import parse_scenario
+from swath.signals import ScanTruth
 
 SECOND = """
 other:

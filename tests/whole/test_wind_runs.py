@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from small import small
 
-from swath.sim.digest import Digest
-from swath.sim.loop import drive
-from swath.sim.world import assemble
+from swath.record.digest import Digest
+from swath.run.loop import drive
+from swath.run.world import assemble
 
 WIND = ("field.stand.wind={speed_m_s: 6, azimuth_deg: 270}", "run.max_duration_s=2.5")
 

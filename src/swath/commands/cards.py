@@ -17,12 +17,12 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print a card as it is, or the names of all."""
-    from swath.data.cards import Card, card_names, find_card
+    from swath.documents.data_sheets import Card, card_names, find_card
 
     if args.name is not None:
         print(find_card(_kind_of(args.name), args.name).read_text(encoding="utf-8"), end="")
         return 0
-    from swath.commands.output import table
+    from swath.terminal.tables import table
 
     cards = [(kind, name, Card(find_card(kind, name))) for kind in KINDS for name in card_names(kind)]
     rows = [(kind, name, str(card.data.get("name", ""))) for kind, name, card in cards]
@@ -35,7 +35,7 @@ def _kind_of(name: str) -> str:
     from difflib import get_close_matches
 
     from swath.core.errors import InputError
-    from swath.data.cards import card_names
+    from swath.documents.data_sheets import card_names
 
     kinds = {card: kind for kind in KINDS for card in card_names(kind)}
     if name not in kinds:

@@ -13,10 +13,10 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the levels."""
-    from swath.commands.output import table
     from swath.core.errors import InputError
-    from swath.sim.hints import near_miss
-    from swath.sim.kit import KIT
+    from swath.documents.hints import near_miss
+    from swath.scenario.catalogue import KIT
+    from swath.terminal.tables import table
 
     slots = [slot.name for slot in KIT.slots]
     kinds = [*KIT.field_levels, *slots]
@@ -44,7 +44,7 @@ def _ports(name: str) -> None:
     """What a level of the slot may see, and what it must give, with the fields of the samples."""
     from dataclasses import fields
 
-    from swath.sim.kit import KIT
+    from swath.scenario.catalogue import KIT
 
     kind = next((slot for slot in KIT.slots if slot.name == name), None)
     if kind is None:
@@ -64,9 +64,9 @@ def _ports(name: str) -> None:
 
 
 def _parameters(kind: str) -> None:
-    from swath.commands.output import table
-    from swath.sim.kit import KIT
-    from swath.sim.reference import parameter_rows
+    from swath.scenario.catalogue import KIT
+    from swath.scenario.reference import parameter_rows
+    from swath.terminal.tables import table
 
     for name in KIT.registry.names(kind):
         rows = parameter_rows(KIT.registry.get(kind, name).params)

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.commands import run as run_command
+from swath.terminal import options
 
 
 def add(parsers: Any) -> None:
@@ -14,7 +14,7 @@ def add(parsers: Any) -> None:
         "bridge", help="publish a recorded run, or run a scenario in real time", description=_DESCRIPTION
     )
     bridge.add_argument("scenario", metavar="RUN|NAME|FILE", help="a run folder, a file .mcap, or a scenario")
-    run_command.add_scenario_options(bridge)
+    options.add_scenario_options(bridge)
     bridge.add_argument("--paused", action="store_true", help="a scenario: wait at the start for ~/pause")
     bridge.add_argument(
         "--factor", type=float, metavar="X", help="a recording: simulated seconds per second (default 1)"
@@ -31,7 +31,9 @@ def run(args: argparse.Namespace) -> int:
     if file is None:
         if args.factor is not None:
             raise InputError("--factor", args.factor, "expected a recording, there is no run.mcap")
-        return run_command.run(args)
+        from swath.commands import run
+
+        return run.run(args)
     factor = 1.0 if args.factor is None else args.factor
     if not 0.01 <= factor <= 100.0:
         raise InputError("--factor", factor, "expected 0.01 to 100")

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_scenario_options, load
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
@@ -33,50 +35,30 @@ def add(parsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-def add_scenario_options(parser: argparse.ArgumentParser) -> None:
-    """`--out`, `--set` and `--seed`."""
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="sets",
-        metavar="KEY=VALUE",
-        help="change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times",
-    )
-    parser.add_argument("--seed", metavar="N", help="another seed")
-
-
-def load(args: argparse.Namespace) -> Any:
-    """The scenario that the arguments ask for."""
-    from swath.sim.scenario import load_scenario
-
-    flags = {f"--seed {args.seed}": f"seed={args.seed}"} if args.seed is not None else {}
-    if getattr(args, "real_time", False):
-        flags["--real-time"] = "realtime.pace=real_time"
-    return load_scenario(args.scenario, sets=args.sets, flags=flags)
-
-
 def run(args: argparse.Namespace) -> int:
     """Exit code: 0 limits kept, 1 a limit broken."""
     from swath.core.errors import InputError
-    from swath.sim.runfolder import choose_run_folder
+    from swath.run.folder import choose_run_folder
 
     if args.paused and not args.ros2:
         raise InputError("--paused", None, "expected --ros2, who else would let the run go on")
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
-    from swath.job import run_job
-    from swath.sim.interventions import read_events
+    from swath.report.report import ReportWriter
+    from swath.run.changes import read_events
+    from swath.run.job import run_job
 
     events = read_events(args.events) if args.events is not None else []
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario)
     try:
-        with _bridge(args) as bridge:
+        with _bridge(args) as bridges:
             result = run_job(
-                scenario, out, progress=not args.quiet, events=events, companion=bridge, begun=begun
+                scenario,
+                out,
+                progress=not args.quiet,
+                events=events,
+                hooks=[*bridges, ReportWriter()],
+                begun=begun,
             )
     except InputError as error:
         raise scenario.locate(error) from error
@@ -86,14 +68,16 @@ def run(args: argparse.Namespace) -> int:
     if args.quiet:
         print(out)
     else:
-        report(result.summary, out)
+        from swath.terminal.outcome import print_outcome
+
+        print_outcome(result.summary, out)
     return int(result.exit_code)
 
 
 def print_defaults(scenario: Any) -> None:
     """Print every value that the scenario and the flags leave to swath, a paragraph per slot."""
-    from swath.commands.output import paragraphs
-    from swath.sim.defaults import paragraphs as by_slot
+    from swath.scenario.defaults import paragraphs as by_slot
+    from swath.terminal.tables import paragraphs
 
     items = by_slot(scenario)
     if items:
@@ -105,7 +89,7 @@ def print_defaults(scenario: Any) -> None:
 def _bridge(args: argparse.Namespace) -> Iterator[Any]:
     """The ROS 2 bridge, where it was asked for."""
     if not args.ros2:
-        yield None
+        yield []
         return
     from swath.link.ros2.bridge import Bridge
 
@@ -114,34 +98,9 @@ def _bridge(args: argparse.Namespace) -> Iterator[Any]:
         call = "ros2 service call /swath/pause std_srvs/srv/SetBool '{data: false}'"
         print(f"paused before the first tick, let it go: {call}", file=sys.stderr)
     try:
-        yield bridge
+        yield [bridge]
     finally:
         bridge.close()
-
-
-def report(summary: dict[str, Any], out: Path) -> None:
-    """Print the metrics of a run, its limits and where the report is."""
-    from swath.commands.output import number, table
-    from swath.sim.metric_names import LIMITABLE_METRICS
-
-    limits = summary.get("expect", {})
-    rows = []
-    for name in LIMITABLE_METRICS:
-        if name in summary:
-            entry = limits.get(name, {})
-            bounds = entry.get("limit", {})
-            bound = ", ".join(f"{k} {number(v)}" for k, v in bounds.items() if v is not None)
-            unmeasured = ": nothing measured" if entry and summary[name] is None else ""
-            rows.append((name, number(summary[name]), bound, entry.get("verdict", "") + unmeasured))
-    table("", ("metric", "value", "limit", "verdict"), rows)
-    if summary.get("incomplete"):
-        print("incomplete: the run was stopped before its end")
-    for note in summary.get("notes", []):
-        print(f"note    {note}")
-    if events := summary.get("events"):
-        print(f"events  {len(events)}, listed in summary.json; do them again: --events {out}")
-    print(f"digest  {summary.get('digest', '-')}")
-    print(f"report  {out / 'report.html'}")
 
 
 _DESCRIPTION = """Run a scenario. Exit code: 0 all limits kept, 1 a limit broken, 2 bad input,

@@ -12,10 +12,10 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print name and summary of every bundled scenario."""
-    from swath.commands.output import table
-    from swath.data.cards import find_card
-    from swath.sim.scenario import scenario_names
-    from swath.sim.yamlfile import read_document
+    from swath.documents.data_sheets import find_card
+    from swath.documents.yaml_document import read_document
+    from swath.scenario.scenario import scenario_names
+    from swath.terminal.tables import table
 
     rows = []
     for name in scenario_names():

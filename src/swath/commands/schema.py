@@ -17,8 +17,8 @@ def run(args: argparse.Namespace) -> int:
     """Print or write it."""
     import json
 
-    from swath.sim.reference import reference
-    from swath.sim.schema import scenario_schema
+    from swath.scenario.reference import reference
+    from swath.scenario.schema import scenario_schema
 
     text = reference() if args.markdown else json.dumps(scenario_schema(), indent=1) + "\n"
     if args.out is None:

@@ -13,7 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from swath.core.errors import WiringError
 from swath.core.random import Stream
-from swath.core.signals import Signal
+from swath.core.signal import Signal
 
 Inputs = Mapping[str, Any]
 Outputs = dict[str, Signal]

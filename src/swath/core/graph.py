@@ -9,7 +9,7 @@ from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import WiringError
 from swath.core.random import Stream
 from swath.core.schedule import Plan, Slot, make_plan
-from swath.core.signals import Signal
+from swath.core.signal import Signal
 
 Wire = tuple[str, str]
 Observer = Callable[[str, int, Outputs], None]

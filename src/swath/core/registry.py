@@ -6,7 +6,7 @@ A built-in level is a module in one of the slot's packages; its file name is the
 
 A level may also come from an entry point (group `swath.levels`, name `slot.level`) or from a user's file
 (`path/to/file.py:Class`). In every case the class has a nested or module-level dataclass of parameters,
-`Params`, and is made by `Class(params, setup)`; `setup` is what the slot may know (see `core/setup.py`).
+`Params`, and is made by `Class(params, setup)`; `setup` is what the slot may know (see `signals/setup.py`).
 Levels that stand for somebody else's part (an FMU, a ROS 2 node, a log) may fill any slot of a machine.
 """
 

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from swath.core.errors import InputError
 from swath.core.units import DEG
-from swath.data.cards import Card, find_card
+from swath.documents.data_sheets import Card, find_card
 from swath.field.facts import LENGTH, RATIO, number, section
 from swath.field.mesh_crop import MeshFacts, mesh_facts
 from swath.field.organs import (

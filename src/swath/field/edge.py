@@ -13,8 +13,8 @@ from pydantic import Field as PydanticField
 from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.field.boundary import Region
-from swath.field.breaks import BrokenEdge, Gap, Teeth
-from swath.field.setup import FieldSetup
+from swath.field.edge_defects import BrokenEdge, Gap, Teeth
+from swath.field.field_setup import FieldSetup
 from swath.field.track import EdgeShape, Piece, curve, polyline, shifted_left, straight
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from swath.core.errors import InputError
 from swath.core.units import CM, DEG, GRAM, MM, PERCENT
-from swath.data.cards import Card
+from swath.documents.data_sheets import Card
 
 UNITS = {
     "1": 1.0,

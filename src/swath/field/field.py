@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.boundary import Region
-from swath.field.breaks import BrokenEdge
+from swath.field.cell_counts import recount_pages, standing_share
 from swath.field.crop import Crop
-from swath.field.cutter import Cutter
-from swath.field.cutting import Cut, StemIndex, check_polygon
+from swath.field.cut_field import Cutter
+from swath.field.cut_result import Cut, StemIndex, check_polygon
+from swath.field.edge_defects import BrokenEdge
+from swath.field.field_setup import Stand, Terrain
 from swath.field.footprint import Block, Footprint
-from swath.field.harvest import recount_pages, standing_share
-from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
-from swath.field.page_maker import PageMaker
+from swath.field.height_bounds import update_tops
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import Change, Key, PageStore
-from swath.field.setup import Stand, Terrain
 from swath.field.straw import Spreader, write_depth
-from swath.field.tops import update_tops
+from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
 from swath.field.weeds import weed_crop
 from swath.field.wind import Sway, make_sway
@@ -295,7 +295,7 @@ def make_field(
 
     Raises InputError when the edge does not pass through the boundary, the terrain's map, or any crop.
     """
-    from swath.field.library import make_library
+    from swath.field.prototypes import make_library
 
     _check_edge(terrain, stand, edge.shape, boundary)
     if library is None:

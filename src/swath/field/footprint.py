@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.compiled import Row, numbers, repeatable, start_warp
 from swath.core.errors import InputError
-from swath.field.layout import PAGE_NODES
+from swath.field.memory_layout import PAGE_NODES
+from swath.kernels import Row, numbers, repeatable, start_warp
 
 Array = NDArray[np.float64]
 Block = tuple[int, int, Array]  # first page column and row, heights of the nodes [m], (rows, columns)
@@ -40,7 +40,7 @@ class Footprint:
         *,
         groups: int = 1,
     ) -> None:
-        from swath.field._footprint import read_heights
+        from swath.field.footprint_kernel import read_heights
 
         at = np.asarray(points, dtype=float) / node
         self._turn, self._per_m, self._pages_of = turn, 1.0 / node, pages_of
@@ -97,7 +97,7 @@ class Footprint:
 
 def make_ground(points: Array, groups: int, side: int) -> Any:
     """`_footprint.Ground` with room for side x side nodes; points (n, 2) in nodes."""
-    from swath.field._footprint import Ground
+    from swath.field.footprint_kernel import Ground
 
     ground = Ground()
     ground.points, ground.first = numbers(len(points), 2), numbers(2, whole=True)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.data.cards import Card
+from swath.documents.data_sheets import Card
 from swath.field.facts import LENGTH, RATIO, number
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.field.mesh_file import UNITS, UP, MeshPart, base_middle, file_up, read_mesh
 
 Array = NDArray[np.float64]

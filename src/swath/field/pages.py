@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pages
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pages
 
 Key = tuple[int, int]
 Codes = int | NDArray[np.uint8]

@@ -11,10 +11,10 @@ from pydantic import Field as PydanticField
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose, rotation_matrix
-from swath.core.setup import MachineGeometry
 from swath.core.units import DEG
-from swath.field.layout import SolidMesh, Solids
+from swath.field.memory_layout import SolidMesh, Solids
 from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
+from swath.signals.setup import MachineGeometry
 
 Array = NDArray[np.float64]
 PLACE = 1e5  # farthest coordinate of an obstacle [m]

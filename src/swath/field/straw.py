@@ -9,10 +9,10 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.compiled import Row, numbers, repeatable, start_warp
-from swath.field.layout import PAGE_NODES
+from swath.field.height_bounds import update_bumps, update_bumps_within
+from swath.field.memory_layout import PAGE_NODES
 from swath.field.pages import Key, PageStore
-from swath.field.tops import update_bumps, update_bumps_within
+from swath.kernels import Row, numbers, repeatable, start_warp
 
 Array = NDArray[np.float64]
 SPACING = 0.5  # of the points that straw is laid from, in nodes
@@ -55,7 +55,7 @@ class Spreader:
             _add(store, laid, u0, v0, depth_per_kg)
 
     def _make(self, corners: int, room: int) -> None:
-        from swath.field._straw import Heap, spread
+        from swath.field.straw_kernel import Heap, spread
 
         wp = start_warp()
         self._heap = Row(Heap)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.field.setup import from_azimuth
+from swath.field.field_setup import from_azimuth
 
 GUST_SHARE = 0.3  # of the amplitude that the second wave has [E]
 GUST_LENGTH = 4  # of the second wave, in wavelengths and in periods of the first [E]

@@ -9,15 +9,15 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Port
 from swath.core.errors import InputError
-from swath.core.flat import flat_fields
-from swath.core.setup import LinkSetup
-from swath.core.signals import Fix, MachineState, Scan, Signal
+from swath.record import positioning_messages as positioning
+from swath.record.read import feed as feeds
+from swath.record.read.files import Log
+from swath.record.read.messages import Context, maker_for, message_names
+from swath.record.read.tangent_plane import TangentPlane, ToLocal, field_plane
 from swath.sensing.mount import Mount
-from swath.sim import positioning
-from swath.sim.recorded import feed as feeds
-from swath.sim.recorded.files import Log
-from swath.sim.recorded.messages import Context, maker_for, message_names
-from swath.sim.recorded.tangent_plane import TangentPlane, ToLocal, field_plane
+from swath.signals import Fix, MachineState, Scan, Signal
+from swath.signals.flat import flat_fields
+from swath.signals.setup import LinkSetup
 
 FIX = "sensor_msgs/msg/NavSatFix"
 BESIDE: dict[type[Signal], str] = {

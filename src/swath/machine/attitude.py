@@ -10,12 +10,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from swath.core.compiled import Row, numbers, repeatable, start_warp
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.setup import MachineGeometry
 from swath.field.footprint import Footprint, make_ground
-from swath.machine.card import Axle, dynamics_of
+from swath.kernels import Row, numbers, repeatable, start_warp
+from swath.machine.machine_sheet import Axle, dynamics_of
+from swath.signals.setup import MachineGeometry
 
 ALONG, ACROSS = 4, 2  # ground samples of one contact patch
 SAMPLES = ALONG * ACROSS
@@ -49,7 +49,7 @@ class TerrainFollower:
     """
 
     def __init__(self, ground: Ground, machine: MachineGeometry) -> None:
-        from swath.machine._attitude import Gear, Stand, stand
+        from swath.machine.attitude_kernel import Gear, Stand, stand
 
         self._ground, self._points = ground, _tyre_points(machine)
         quick = getattr(ground, "footprint", None)

@@ -3,8 +3,8 @@
 from math import copysign, expm1, isfinite
 
 from swath.core.errors import InputError
-from swath.core.signals import EngineState
-from swath.machine.card import Dynamics
+from swath.machine.machine_sheet import Dynamics
+from swath.signals import EngineState
 
 
 def approach(value: float, target: float, dt: float, *, lag: float, limit: float) -> tuple[float, float]:

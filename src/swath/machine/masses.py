@@ -7,7 +7,7 @@ may be left out of a card; the motion levels that need them then say so.
 from dataclasses import dataclass
 
 from swath.core.units import DEG
-from swath.data.cards import Card
+from swath.documents.data_sheets import Card
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.layout import Solids
-from swath.rays.beams.desk import ASTRAY, CLAMPED, PACK, Desk
-from swath.rays.checks import check_origins, check_range
+from swath.field.memory_layout import Solids
 from swath.rays.device import start_warp
-from swath.rays.live_scene import Castable, LiveScene
+from swath.rays.field_arrays import Castable, LiveScene
+from swath.rays.refusals import check_origins, check_range
+from swath.rays.single.buffers import ASTRAY, CLAMPED, PACK, Desk
 from swath.rays.spread import SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
@@ -77,7 +77,7 @@ class BodyCaster:
 
     def _prepare(self, wp: Any, scene: Any, range_max: float, has_solids: int) -> None:
         """The launch that is repeated until the field's memory moves."""
-        from swath.rays.beams.kernel import cast_bodies
+        from swath.rays.single.kernel import cast_bodies
 
         desk = self.desk
         self._kept = []
@@ -91,7 +91,7 @@ class BodyCaster:
 
     def _pack(self, wp: Any) -> Any:
         """The table as native code reads it."""
-        from swath.rays.beams.kernel import Canopy
+        from swath.rays.single.kernel import Canopy
 
         table, canopy = self.table, Canopy()
         canopy.axes = self._keep(wp, np.concatenate(table.scaled_axes()))

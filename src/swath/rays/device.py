@@ -2,8 +2,8 @@
 
 import os
 
-from swath.core.compiled import start_warp
 from swath.core.errors import SwathError
+from swath.kernels import start_warp
 
 __all__ = ["ray_device", "start_warp", "thread_count"]
 

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swath.field.layout import Solids
+from swath.field.memory_layout import Solids
 from swath.field.solids import solid_count
-from swath.rays.checks import check_origins, check_range
 from swath.rays.device import ray_device, start_warp, thread_count
-from swath.rays.groups.cast import Crew, GroupWalk, Task, can_walk, no_hits
-from swath.rays.groups.lanes import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
-from swath.rays.live_scene import Castable, LiveScene
+from swath.rays.field_arrays import Castable, LiveScene
+from swath.rays.packets.cast import Crew, GroupWalk, Task, can_walk, no_hits
+from swath.rays.packets.packing import SUB_RAYS_MAX, Lanes, bundle_lanes, image_lanes
+from swath.rays.refusals import check_origins, check_range
 from swath.rays.spots import Spots
-from swath.rays.warps import cast as warps
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -60,7 +59,7 @@ class RayCaster:
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
         self._crew = Crew(self._pool, self.threads)
         self.scene = LiveScene(field, self.device)
-        self._group_walk: GroupWalk | warps.WarpWalk | None = None
+        self._group_walk: GroupWalk | None = None
 
     def cast(
         self,
@@ -97,7 +96,7 @@ class RayCaster:
 
         Neighbouring bundles walk through the crop together (docs/rays.md). Whatever the rays are, they hit
         what `cast` says they hit; it only pays when the sub-rays of a bundle lie close together. More than
-        512 sub-rays (384 on another device) go through `cast`.
+        512 sub-rays go through `cast`, and so do all rays on another device than the CPU.
         """
         o, d = _of_shape(origins, directions, 3)
         n, s = o.shape[:2]
@@ -219,13 +218,13 @@ class RayCaster:
 
     def _walks(self, sub_rays: int) -> bool:
         """Does the group walk serve such bundles? Else the plain kernel does, and says so once."""
-        is_cpu = self.device == "cpu"
-        most = SUB_RAYS_MAX if is_cpu else warps.SUB_RAYS_MAX
-        if not (can_walk() if is_cpu else warps.can_walk(self.device)):
+        if self.device != "cpu":
+            return False
+        if not can_walk():
             _warn("groups of rays cannot be compiled on this machine: cast one by one, which is slower")
             return False
-        if sub_rays > most:
-            _warn(f"{sub_rays} sub-rays: more than {most} are cast one by one, which is slower")
+        if sub_rays > SUB_RAYS_MAX:
+            _warn(f"{sub_rays} sub-rays: more than {SUB_RAYS_MAX} are cast one by one, which is slower")
             return False
         return True
 
@@ -257,8 +256,7 @@ class RayCaster:
         scene = self.scene.refresh(wp)
         self.scene.blow(wp, t)
         if self._group_walk is None or self._group_walk.library is not self.field.library:
-            library, is_cpu = self.field.library, self.device == "cpu"
-            self._group_walk = GroupWalk(wp, library) if is_cpu else warps.WarpWalk(wp, library, self.device)
+            self._group_walk = GroupWalk(wp, self.field.library)
         things = None if solids is None or solid_count(solids) == 0 else self.scene.things(wp, solids)
         out = tuple(a.reshape(-1) for a in _arrays(hits))
         task = Task(rays, sub_rays, lanes, float(range_max), need, only, out, offsets)

@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.layout import SolidMesh, Solids
+from swath.field.memory_layout import SolidMesh, Solids
 
 BOX, CAPSULE, ELLIPSOID, MESH = 0, 1, 2, 3
 _TREES: WeakKeyDictionary[SolidMesh, dict[str, Any]] = WeakKeyDictionary()  # search tree on each device

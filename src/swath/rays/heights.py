@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.layout import Solids
-from swath.rays.beams.desk import ASTRAY, Desk
-from swath.rays.checks import check_range, refuse_below
+from swath.field.memory_layout import Solids
 from swath.rays.device import start_warp
 from swath.rays.height_cells import Cells, block_tops, first_cells, patches
 from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, HeightGrid, lattice_height
+from swath.rays.refusals import check_range, refuse_below
+from swath.rays.single.buffers import ASTRAY, Desk
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
 
@@ -125,7 +125,7 @@ class HeightCaster:
 
     def _prepare(self, desk: Desk) -> Any:
         wp = start_warp()
-        from swath.rays.beams.kernel import cast_heights
+        from swath.rays.single.kernel import cast_heights
 
         rays = desk.shared("origins", "directions")
         out = desk.shared("distance", "kind", "cell", "cosine", "reflectance", "fault")
@@ -134,7 +134,7 @@ class HeightCaster:
 
     def _make_scene(self) -> Any:
         wp = start_warp()
-        from swath.rays.beams.kernel import Heights
+        from swath.rays.single.kernel import Heights
 
         def share(array: NDArray[Any], kind: Any) -> Any:
             self._kept.append(array)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.layout import PlantLibrary, Shape
+from swath.field.memory_layout import PlantLibrary, Shape
 
 Array = NDArray[np.float64]
 

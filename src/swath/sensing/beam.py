@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.signals import F64
 from swath.rays.spots import Spots
+from swath.signals import F64
 
 Profile = Literal["uniform", "gaussian"]
 Convention = Literal["full_angle", "half_angle"]

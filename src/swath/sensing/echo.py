@@ -17,8 +17,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.signals import F64
 from swath.rays.spots import Spots
+from swath.signals import F64
 
 Within = Literal["nearest", "percentile", "mean", "leading_edge"]
 EchoRule = Literal["nearest", "percentile", "mean", "leading_edge", "first", "last", "strongest", "all"]

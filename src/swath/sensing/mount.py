@@ -8,9 +8,9 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.frames import Pose, wrap_angle
-from swath.core.setup import MachineGeometry
-from swath.core.signals import F64, MachineState
 from swath.core.units import DEG
+from swath.signals import F64, MachineState
+from swath.signals.setup import MachineGeometry
 
 Length = Annotated[float, Ge(-30), Le(30)]
 Angle = Annotated[float, Ge(-180), Le(180)]

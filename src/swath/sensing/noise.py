@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.random import Stream
-from swath.core.signals import F64
-from swath.sensing.card import LidarCard
+from swath.sensing.lidar_sheet import LidarCard
+from swath.signals import F64
 
 
 class Noise:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.field import Field
-from swath.field.layout import PAGE_CUT_CELLS, STANDING
+from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING
 from swath.field.pages import Codes, Key
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import TILE

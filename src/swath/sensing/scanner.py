@@ -11,13 +11,13 @@ import numpy as np
 from swath.core.component import Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.core.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
 from swath.core.units import DEG
-from swath.field.site import SiteSetup
-from swath.sensing.card import load_lidar
+from swath.field.site_setup import SiteSetup
+from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.noise import Noise
 from swath.sensing.sweep import Sweep
+from swath.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
 
 WHITE_SHARE = 0.1  # diffuse reflectance that the data sheet's reach refers to
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from swath.core.component import Outputs
 from swath.core.random import Stream
-from swath.core.signals import F32, F64
-from swath.rays.beams.desk import Desk
 from swath.rays.device import start_warp
 from swath.rays.heights import HeightCaster
+from swath.rays.single.buffers import Desk
 from swath.sensing.echo import least_energy
 from swath.sensing.scanner import Scanner
 from swath.sensing.weather import Weather, disturb
+from swath.signals import F32, F64
 
 ANY = -1
 NOTHING = -1

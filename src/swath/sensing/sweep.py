@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.core.signals import F64, MachineState
 from swath.rays.device import start_warp
+from swath.signals import F64, MachineState
 
 ROOM = 64  # states between two sweeps; more are thinned out
 

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.signals import F64
+from swath.signals import F64
 
 
 @dataclass(frozen=True)

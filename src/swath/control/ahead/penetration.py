@@ -16,8 +16,8 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.setup import ControlSetup
-from swath.core.signals import F64, CropAhead, Scan
+from swath.signals import F64, CropAhead, Scan
+from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)

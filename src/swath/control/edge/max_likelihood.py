@@ -8,9 +8,9 @@ correction; between two beams the edge is uniform.
 
 import numpy as np
 
-from swath.control.edge._detector import EdgeDetector, EdgeParams
+from swath.control.edge.detector import EdgeDetector, EdgeParams
 from swath.core.registry import Level
-from swath.core.signals import F64
+from swath.signals import F64
 
 FLOOR = 0.03  # m, standard deviation no population may fall below: range noise and soil roughness
 STRAY_LOW = 0.05  # share of stubble-side echoes that are something else: weeds, volunteers, straw

@@ -6,9 +6,9 @@ Zhao et al. 2016 (IJABE 9(2):21) used it per profile with a line over several, f
 
 import numpy as np
 
-from swath.control.edge._detector import EdgeDetector, EdgeParams
+from swath.control.edge.detector import EdgeDetector, EdgeParams
 from swath.core.registry import Level
-from swath.core.signals import F64
+from swath.signals import F64
 
 ERROR_ODDS = 3.0  # nat: log odds of an echo being on the right side of the threshold, 95 %
 

@@ -8,9 +8,9 @@ from annotated_types import Ge, Le
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.setup import ControlSetup
-from swath.core.signals import Odometry, SpeedCommand
 from swath.core.units import KMH
+from swath.signals import Odometry, SpeedCommand
+from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.speed._target import Common, has_crop, ramped, room
+from swath.control.speed.throughput_target import Common, has_crop, ramped, room
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.setup import ControlSetup
-from swath.core.signals import EngineState, FeedReading, SpeedCommand
 from swath.core.units import KMH
+from swath.signals import EngineState, FeedReading, SpeedCommand
+from swath.signals.setup import ControlSetup
 
 APART = 0.05  # command and wish may differ by this share before the integration waits
 

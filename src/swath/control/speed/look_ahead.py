@@ -12,14 +12,14 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.speed._target import Common, has_crop, ramped, room
+from swath.control.speed.throughput_target import Common, has_crop, ramped, room
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.setup import ControlSetup
-from swath.core.signals import CropAhead, CropEdge, EngineState, FeedReading, Odometry, SpeedCommand
 from swath.core.units import KMH
+from swath.signals import CropAhead, CropEdge, EngineState, FeedReading, Odometry, SpeedCommand
+from swath.signals.setup import ControlSetup
 
 KEPT = 200  # places and past moments that are remembered
 SPACING = 0.25  # between remembered places [m]

@@ -27,14 +27,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.steer._plant import ActuatorModel, Place, SlipObserver
+from swath.control.steer.plant_model import ActuatorModel, Place, SlipObserver
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.setup import ControlSetup
-from swath.core.signals import CropEdge, Odometry, SteerCommand
 from swath.core.units import CM, DEG
+from swath.signals import CropEdge, Odometry, SteerCommand
+from swath.signals.setup import ControlSetup
 
 CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the slip observer rests
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.crop import Crop
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.field.organs import BranchFacts, PodFacts
 from swath.field.plants.parts import (
     Array,

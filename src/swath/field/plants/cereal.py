@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath.field.crop import Crop, EarFacts
-from swath.field.layout import Organ, Shape
+from swath.field.memory_layout import Organ, Shape
 from swath.field.organs import AwnFacts
 from swath.field.plants.parts import (
     Array,

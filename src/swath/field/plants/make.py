@@ -3,13 +3,13 @@
 import numpy as np
 
 from swath.field.crop import Crop
+from swath.field.field_setup import Detail
 from swath.field.plants.branched import make as make_branched
 from swath.field.plants.cereal import make as make_cereal
 from swath.field.plants.maize import make as make_maize
 from swath.field.plants.mesh import make as make_mesh
 from swath.field.plants.parts import Plants
 from swath.field.plants.weed import make as make_weed
-from swath.field.setup import Detail
 
 
 def leaf_parts_of(crop: Crop, detail: Detail) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.crop import Crop
-from swath.field.layout import Organ, Shape
+from swath.field.memory_layout import Organ, Shape
 from swath.field.mesh_crop import triangle_area
 from swath.field.plants.parts import Array, Plants, normal, shared
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.crop import LeafFacts, StemFacts
-from swath.field.layout import Organ, Shape
+from swath.field.memory_layout import Organ, Shape
 
 Array = NDArray[np.float64]
 CUTOFF = 3.0  # normal distributions are cut at this many standard deviations

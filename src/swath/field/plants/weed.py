@@ -3,7 +3,7 @@
 import numpy as np
 
 from swath.field.crop import Crop
-from swath.field.layout import Organ
+from swath.field.memory_layout import Organ
 from swath.field.plants.parts import (
     Leafing,
     Plants,

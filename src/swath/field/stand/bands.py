@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.registry import Level
-from swath.field.setup import FieldSetup, from_azimuth
+from swath.field.field_setup import FieldSetup, from_azimuth
 from swath.field.stand.uniform import Params as UniformParams
 from swath.field.stand.uniform import Uniform
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.registry import Level
+from swath.field.field_setup import FieldSetup
 from swath.field.raster import Raster
-from swath.field.setup import FieldSetup
 from swath.field.waves import ROUGHNESS_CLASSES, Waves, make_roughness
 
 Array = NDArray[np.float64]

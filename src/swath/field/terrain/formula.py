@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.registry import Level
 from swath.core.units import DEG
-from swath.field.setup import FieldSetup, from_azimuth
+from swath.field.field_setup import FieldSetup, from_azimuth
 from swath.field.terrain import plane
 from swath.field.waves import ROUGHNESS_CLASSES, Waves, make_roughness, make_wave
 

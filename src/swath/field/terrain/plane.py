@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.registry import Level
 from swath.core.units import PERCENT
-from swath.field.setup import FieldSetup, from_azimuth
+from swath.field.field_setup import FieldSetup, from_azimuth
 
 Array = NDArray[np.float64]
 

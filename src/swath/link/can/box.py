@@ -12,15 +12,15 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.setup import ControlSetup
-from swath.core.signals import SteerCommand
+from swath.documents.hints import unknown_key
+from swath.documents.validation import known_keys, validate
+from swath.documents.yaml_document import Document
 from swath.link.can import guidance, j1939
 from swath.link.can.bus import CLAIM, Message, Node
 from swath.link.can.codec import Values
-from swath.sim.check import known_keys, validate
-from swath.sim.hints import unknown_key
-from swath.sim.slots import REGISTRY
-from swath.sim.yamlfile import Document
+from swath.scenario.slots import REGISTRY
+from swath.signals import SteerCommand
+from swath.signals.setup import ControlSetup
 
 
 class ControllerBox:

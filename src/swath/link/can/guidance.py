@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from math import atan, isfinite, tan
 
 from swath.core.schedule import NS
-from swath.core.signals import CropEdge, Odometry, SteerCommand
 from swath.link.can.bus import Message
 from swath.link.can.codec import Values
+from swath.signals import CropEdge, Odometry, SteerCommand
 
 COMMAND = "GuidanceSystemCommand"
 STATUS = "GuidanceMachineStatus"

@@ -5,14 +5,14 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.setup import ControlSetup
+from swath.documents.validation import adapter_of
 from swath.link.can import j1939
 from swath.link.can.box import make_law
 from swath.link.can.bus import Where
 from swath.link.levels.can import Params
-from swath.machine.card import load_machine
-from swath.sim.check import adapter_of
-from swath.sim.scenario import Scenario
+from swath.machine.machine_sheet import load_machine
+from swath.scenario.scenario import Scenario
+from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)

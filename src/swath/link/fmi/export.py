@@ -19,11 +19,11 @@ from typing import Any
 from swath import __version__
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS, from_hz
+from swath.documents.yaml_document import dump
 from swath.link.fmi.export_slave import FILE
 from swath.link.fmi.export_variables import Variable, check_slots, list_variables
 from swath.link.fmi.export_xml import Model, describe_model
-from swath.sim.scenario import Scenario
-from swath.sim.yamlfile import dump
+from swath.scenario.scenario import Scenario
 
 PACKAGES = {3: "pythonfmu3", 2: "pythonfmu"}
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that its bytes do not depend on the clock

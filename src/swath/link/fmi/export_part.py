@@ -16,12 +16,12 @@ from typing import Any
 
 from swath.core.component import Outputs, State
 from swath.core.errors import InputError
-from swath.core.flat import build, read
 from swath.core.graph import Graph
 from swath.core.schedule import NS, Slot
-from swath.core.signals import MachineState, Signal
 from swath.link.fmi.export_variables import AMOUNTS
-from swath.sim.world import World
+from swath.run.world import World
+from swath.signals import MachineState, Signal
+from swath.signals.flat import build, read
 
 MICRO = 1_000
 Source = tuple[str, str]  # slot, output

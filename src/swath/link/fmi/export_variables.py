@@ -15,11 +15,11 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError
-from swath.core.flat import flat_fields, read
 from swath.core.graph import Node
-from swath.core.signals import CropFlow, ScanTruth, Signal
-from swath.sim.scenario import Scenario
-from swath.sim.world import World, assemble, outside_of
+from swath.run.world import World, assemble, outside_of
+from swath.scenario.scenario import Scenario
+from swath.signals import CropFlow, ScanTruth, Signal
+from swath.signals.flat import flat_fields, read
 
 # Amounts within a sample's own length of time: they add up over several samples.
 AMOUNTS: dict[type[Signal], tuple[str, ...]] = {
@@ -165,7 +165,7 @@ def _zero(kind: str) -> Any:
 
 
 def _parameters(scenario: Scenario, slots: Sequence[str], more: Sequence[str]) -> list[Variable]:
-    from swath.sim.reference import parameter_rows
+    from swath.scenario.reference import parameter_rows
 
     names = _short_names(scenario)
     made = [Variable("seed", "parameter", "int", "", "of every random stream", (), scenario.seed, ("seed",))]

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from swath.core.component import Inputs
-from swath.core.flat import POSE
 from swath.core.schedule import NS
-from swath.core.signals import Signal
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.wiring import Into
+from swath.signals import Signal
+from swath.signals.flat import POSE
 
 
 class Feed:

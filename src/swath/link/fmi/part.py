@@ -8,12 +8,12 @@ from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.setup import LinkSetup
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.feed import Feed
 from swath.link.fmi.open_unit import Unit
 from swath.link.fmi.samples import Samples
 from swath.link.fmi.wiring import Wiring
+from swath.signals.setup import LinkSetup
 
 
 class FmuPart:

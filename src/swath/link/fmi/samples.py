@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from swath.core.component import Outputs, Port
-from swath.core.flat import build
-from swath.core.signals import CropAhead, CropEdge, Fix, HeaderState, Scan, ScanTruth, Signal
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.wiring import Out, Wiring
+from swath.signals import CropAhead, CropEdge, Fix, HeaderState, Scan, ScanTruth, Signal
+from swath.signals.flat import build
 
 # Fields in which nan means that there is nothing; `*` = every field.
 MAY_BE_NAN: dict[type[Signal], tuple[str, ...]] = {

@@ -8,11 +8,11 @@ from typing import Any
 
 from swath.core.component import Port
 from swath.core.errors import InputError
-from swath.core.flat import FlatField, flat_fields
-from swath.core.setup import LinkSetup
-from swath.core.signals import CropFlow, Signal
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.units import Scale, Unit, describe, parse_unit, scale
+from swath.signals import CropFlow, Signal
+from swath.signals.flat import FlatField, flat_fields
+from swath.signals.setup import LinkSetup
 
 # What adds up over time: samples of these are amounts of one step, not states.
 AMOUNTS: dict[type[Signal], tuple[str, ...]] = {

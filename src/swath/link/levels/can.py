@@ -22,11 +22,11 @@ from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.setup import ControlSetup, LinkSetup
-from swath.core.signals import CropEdge, Odometry, SteerCommand
 from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, check_bus
+from swath.signals import CropEdge, Odometry, SteerCommand
+from swath.signals.setup import ControlSetup, LinkSetup
 
 ASK_AGAIN = 0.5  # s
 Address = Annotated[int, Ge(0), Le(253)]

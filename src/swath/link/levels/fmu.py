@@ -11,7 +11,6 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import InputError
 from swath.core.registry import Level
-from swath.core.setup import LinkSetup
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import Description, read_fmu
 from swath.link.fmi.open_unit import Unit
@@ -19,6 +18,7 @@ from swath.link.fmi.part import FmuPart
 from swath.link.fmi.runner import Runner
 from swath.link.fmi.ssp import SUFFIXES, System, read_system
 from swath.link.fmi.wiring import make_wiring
+from swath.signals.setup import LinkSetup
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Level `log`: a slot plays what was recorded, from a run.mcap or from anybody's bag.
 
 From our own run.mcap every sample comes back bit for bit at the moment it was published. From any other
-recording, messages become samples as `sim/recorded/messages.py` says; a sample comes out at the first step
+recording, messages become samples as `record/read/messages.py` says; a sample comes out at the first step
 after its message was received.
 """
 
@@ -14,20 +14,20 @@ import numpy as np
 
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.errors import InputError
-from swath.core.flat import build, flat_fields
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.setup import LinkSetup
-from swath.core.signals import MachineState, Scan, Signal
 from swath.link.log_sources import FIX, Params, Source, choose_sources, recording_path, to_local
-from swath.sim.recorded import feed as feeds
-from swath.sim.recorded.feed import Demux, Feed, Timed
-from swath.sim.recorded.files import Log, open_log
-from swath.sim.recorded.fixes import read_fixes, states_of_fixes
-from swath.sim.recorded.frames import own_mounting, static_mounting
-from swath.sim.recorded.messages import Context, maker_for, number_at, stamp_of
+from swath.record.read import feed as feeds
+from swath.record.read.feed import Demux, Feed, Timed
+from swath.record.read.files import Log, open_log
+from swath.record.read.fixes import read_fixes, states_of_fixes
+from swath.record.read.frames import own_mounting, static_mounting
+from swath.record.read.messages import Context, maker_for, number_at, stamp_of
+from swath.signals import MachineState, Scan, Signal
+from swath.signals.flat import build, flat_fields
+from swath.signals.setup import LinkSetup
 
 LATE_S = 1.0  # the first sample may come this much after the start [s]
 

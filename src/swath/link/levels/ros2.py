@@ -16,9 +16,9 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.setup import LinkSetup
-from swath.core.signals import ScanTruth
 from swath.link.ros2.slotnode import NodeSilent, SlotNode
+from swath.signals import ScanTruth
+from swath.signals.setup import LinkSetup
 
 RESEND_S = 0.25  # the question at t = 0 is asked anew so often until a node has found us
 

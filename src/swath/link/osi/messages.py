@@ -12,8 +12,8 @@ import numpy as np
 from swath.core.errors import MissingExtra
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.core.signals import MachineState, Scan
-from swath.machine.card import MachineCard, dynamics_of
+from swath.machine.machine_sheet import MachineCard, dynamics_of
+from swath.signals import MachineState, Scan
 
 TYPES = {"sd": "SensorData", "sv": "SensorView"}
 SENSOR_ID = 1

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.signals import MachineState, Scan
 from swath.link.osi.messages import TYPES, Writer
-from swath.machine.card import load_machine
-from swath.sim.recorded.feed import exact_samples, exact_topic
-from swath.sim.recorded.files import Log, open_log
-from swath.sim.recorded.frames import own_mounting
-from swath.sim.scenario import load_scenario
+from swath.machine.machine_sheet import load_machine
+from swath.record.read.feed import exact_samples, exact_topic
+from swath.record.read.files import Log, open_log
+from swath.record.read.frames import own_mounting
+from swath.scenario.scenario import load_scenario
+from swath.signals import MachineState, Scan
 
 LENGTH = struct.Struct("<I")
 

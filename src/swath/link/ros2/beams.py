@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import SwathError
-from swath.core.signals import Scan
+from swath.signals import Scan
 
 LAYOUT = np.dtype(
     [

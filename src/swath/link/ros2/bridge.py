@@ -1,6 +1,6 @@
 """The bridge: what is recorded goes out as topics, `/clock` runs, and services act on the run.
 
-    run_job(scenario, out, companion=Bridge())
+    run_job(scenario, out, hooks=[Bridge()])
 
 Node `/swath`. Services: `~/pause` (std_srvs/SetBool), `~/step`, `~/reset` (std_srvs/Trigger) and the
 parameter services that every node has: levels and parameters of the slots are its parameters, obstacles too.
@@ -18,17 +18,16 @@ from swath.link.ros2.desk import Desk
 from swath.link.ros2.middleware import close_node, open_node, set_stamp, stream_qos, type_of
 from swath.link.ros2.parameters import RunParameters
 from swath.link.ros2.publisher import Publisher
-from swath.sim.interventions import Interventions, Restart
-from swath.sim.record import Recorder
-from swath.sim.world import World
+from swath.run.changes import Restart
+from swath.run.hooks import ActiveRun, RunHook
 
 CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]
 POLL_S = 0.1
 STEP_S = 0.02
 
 
-class Bridge:
-    """Goes along with a run (`job.Companion`). is_paused: the run waits before its first tick.
+class Bridge(RunHook):
+    """Goes along with a run. is_paused: the run waits before its first tick.
 
     Raises MissingExtra without rclpy.
     """
@@ -53,27 +52,22 @@ class Bridge:
 
     # the run's side
 
-    def join(
-        self,
-        world: World,
-        changes: Interventions,
-        recorder: Recorder,
-        rest: Callable[[int], None],
-    ) -> None:
-        """Go along with a world from its start; rest: told how long a pause was on the wall [ns]."""
+    def begin(self, run: ActiveRun) -> None:
+        """Go along with a world from its start."""
+        world, recorder = run.world, run.recorder
         assert recorder.file is not None
-        self._rest = rest
+        self._rest = run.rest
         if self._publisher is not None:
             self._publisher.close()
         self._publisher = Publisher(self._node, recorder.file.store)
         recorder.file.taps.append(self._publisher)
-        self._parameters.join(changes)
+        self._parameters.join(run.changes)
         world.graph.before_tick.insert(0, self._before_tick)
         self._graph = world.graph
         self._until = self._next_clock = 0
         self._tell_time(0)
 
-    def leave(self) -> dict[str, Any]:
+    def summarize(self, t: int) -> dict[str, Any]:
         """What summary.json says of the bridge."""
         return {"ros2": {"messages": self._publisher.count if self._publisher is not None else 0}}
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
-from swath.core.flat import build, flat_fields, read
-from swath.core.setup import LinkSetup
-from swath.core.signals import Image, Scan, ScanTruth, Signal
+from swath.signals import Image, Scan, ScanTruth, Signal
+from swath.signals.flat import build, flat_fields, read
+from swath.signals.setup import LinkSetup
 
 CLOUDS = (Scan, ScanTruth, Image)  # too long for a list of names: messages of their own
 

@@ -6,11 +6,11 @@ from typing import Any
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
-from swath.core.setup import LinkSetup
-from swath.core.signals import Scan, Signal
 from swath.link.ros2.beams import fill_cloud, scan_of
 from swath.link.ros2.middleware import close_node, latched_qos, open_node, set_stamp, stamp_ns, type_of
 from swath.link.ros2.record import check_names, numbers_of_inputs, numbers_of_setup, sample_of
+from swath.signals import Scan, Signal
+from swath.signals.setup import LinkSetup
 
 JOINT_STATE, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 DEPTH = 10

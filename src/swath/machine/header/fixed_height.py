@@ -15,9 +15,9 @@ from swath.core.frames import Array
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import CropFlow, MachineState
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
 from swath.machine.sweep import line_ends, signed_area, swept
+from swath.signals import CropFlow, MachineState
 
 
 @dataclass(frozen=True)

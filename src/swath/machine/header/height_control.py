@@ -17,13 +17,13 @@ from swath.core.frames import Array, Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import CropFlow, HeaderState, MachineState
 from swath.core.units import DEG, KMH, PERCENT
-from swath.field.site import SiteSetup
-from swath.machine.header._hang import Hang
-from swath.machine.header._hydraulics import Controller, Cylinder, Feelers
-from swath.machine.header._lead import Lead
+from swath.field.site_setup import SiteSetup
+from swath.machine.header.header_kinematics import Hang
+from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
+from swath.machine.header.predictor import Lead
 from swath.machine.sweep import signed_area, swept
+from swath.signals import CropFlow, HeaderState, MachineState
 
 BEST_INDEX, INDEX_WIDTH = (
     1.2,

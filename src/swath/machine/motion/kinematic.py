@@ -15,12 +15,12 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import EngineState, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
-from swath.machine.card import dynamics_of
 from swath.machine.loops import SpeedLoop, within_drive
+from swath.machine.machine_sheet import dynamics_of
+from swath.signals import EngineState, MachineState, SpeedCommand, SteerState
 
 
 @dataclass(frozen=True)

@@ -17,16 +17,16 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import EngineState, HeaderState, MachineLoad, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH, MS
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
-from swath.machine.card import Axle, MachineCard, dynamics_of, masses_of
 from swath.machine.loops import SpeedLoop, within_drive
+from swath.machine.machine_sheet import Axle, MachineCard, dynamics_of, masses_of
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
 from swath.machine.tyre import GRAVITY
+from swath.signals import EngineState, HeaderState, MachineLoad, MachineState, SpeedCommand, SteerState
 
 LOOK = 0.01  # the ground under the wheels is read this often [s]
 DRIVE_FREQUENCY, DRIVE_DAMPING = 70.0, 0.4  # of a driven or locked wheel on oil and shafts [rad/s, ratio]

@@ -10,17 +10,17 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.compiled import Row, repeatable
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
 from swath.core.units import KMH, MS
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
+from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
-from swath.machine.card import Dynamics, MachineCard, dynamics_of, loaded
 from swath.machine.loops import SpeedLoop, within_drive
+from swath.machine.machine_sheet import Dynamics, MachineCard, dynamics_of, loaded
+from swath.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
 
 GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 
@@ -109,7 +109,7 @@ class SingleTrack:
 
     def _compile(self) -> None:
         """Memory that is shared with the compiled step: the state `_q`, what is held, what stays."""
-        from swath.machine.motion._track import Car, Drive, Moment, Track, advance
+        from swath.machine.motion.single_track_kernel import Car, Drive, Moment, Track, advance
 
         self._car, self._drive, self._moment, self._q = (Row(s) for s in (Car, Drive, Moment, Track))
         rows = self._car, self._drive, self._moment, self._q

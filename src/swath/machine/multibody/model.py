@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import pi
 
 from swath.core.errors import InputError
-from swath.machine.card import MachineCard, masses_of
+from swath.machine.machine_sheet import MachineCard, masses_of
 from swath.machine.masses import Masses
 from swath.machine.tyre import GRAVITY
 

@@ -14,11 +14,12 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import EngineState, MachineLoad, MachineState
 from swath.core.units import MS
-from swath.field.site import SiteSetup
-from swath.machine.card import dynamics_of
-from swath.machine.powertrain._power import (
+from swath.field.site_setup import SiteSetup
+from swath.machine.compensated_sum import Total
+from swath.machine.drivetrain_sheet import works_of
+from swath.machine.machine_sheet import dynamics_of
+from swath.machine.powertrain.power_balance import (
     Powers,
     engine_state,
     fuel_rate,
@@ -29,8 +30,7 @@ from swath.machine.powertrain._power import (
     propulsion_power,
     pull,
 )
-from swath.machine.sums import Total
-from swath.machine.works import works_of
+from swath.signals import EngineState, MachineLoad, MachineState
 
 STALL_SHARE = 0.3  # the engine does not fall below this share of rated speed: it would stall [-]
 HEADROOM = 0.2  # a drive that gives way starts from this much above the present speed [m/s]

@@ -6,10 +6,11 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import EngineState, MachineLoad, MachineState
-from swath.field.site import SiteSetup
-from swath.machine.card import dynamics_of
-from swath.machine.powertrain._power import (
+from swath.field.site_setup import SiteSetup
+from swath.machine.compensated_sum import Total
+from swath.machine.drivetrain_sheet import works_of
+from swath.machine.machine_sheet import dynamics_of
+from swath.machine.powertrain.power_balance import (
     Powers,
     engine_state,
     fuel_rate,
@@ -17,8 +18,7 @@ from swath.machine.powertrain._power import (
     propulsion_power,
     pull,
 )
-from swath.machine.sums import Total
-from swath.machine.works import works_of
+from swath.signals import EngineState, MachineLoad, MachineState
 
 
 @dataclass(frozen=True)

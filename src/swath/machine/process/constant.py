@@ -12,11 +12,11 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import CropFlow, MachineLoad, MachineState
 from swath.core.units import PERCENT
-from swath.field.site import SiteSetup
-from swath.machine.process._straw import StrawOutlet
-from swath.machine.sums import Total
+from swath.field.site_setup import SiteSetup
+from swath.machine.compensated_sum import Total
+from swath.machine.process.straw_outlet import StrawOutlet
+from swath.signals import CropFlow, MachineLoad, MachineState
 
 TOTALS = ("tank", "lost", "straw")
 

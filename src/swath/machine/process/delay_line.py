@@ -13,12 +13,12 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import CropFlow, MachineLoad, MachineState
 from swath.core.units import PERCENT
-from swath.field.site import SiteSetup
-from swath.machine.process._straw import StrawOutlet
-from swath.machine.process._transport import Conveyor, Mixer
-from swath.machine.sums import Total
+from swath.field.site_setup import SiteSetup
+from swath.machine.compensated_sum import Total
+from swath.machine.process.straw_outlet import StrawOutlet
+from swath.machine.process.transport import Conveyor, Mixer
+from swath.signals import CropFlow, MachineLoad, MachineState
 
 TOTALS = ("tank", "lost", "straw")
 JOINED = 0.02  # [s]

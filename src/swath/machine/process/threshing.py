@@ -14,14 +14,14 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import CropFlow, EngineState, MachineLoad, MachineState
 from swath.core.units import PERCENT
-from swath.field.site import SiteSetup
-from swath.machine.process._rotor import Rotor, coupled_one
-from swath.machine.process._straw import StrawOutlet
-from swath.machine.process._transport import Conveyor, Masses, Mixer, flow_delay
-from swath.machine.sums import Total
-from swath.machine.works import Cleaning, works_of
+from swath.field.site_setup import SiteSetup
+from swath.machine.compensated_sum import Total
+from swath.machine.drivetrain_sheet import Cleaning, works_of
+from swath.machine.process.rotor import Rotor, coupled_one
+from swath.machine.process.straw_outlet import StrawOutlet
+from swath.machine.process.transport import Conveyor, Masses, Mixer, flow_delay
+from swath.signals import CropFlow, EngineState, MachineLoad, MachineState
 
 TOTALS = ("tank", "lost", "straw", "unloaded")
 JOINED = 0.02  # transports join what entered within this time [s], or this share of their length

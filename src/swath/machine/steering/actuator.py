@@ -19,12 +19,12 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import SteerCommand, SteerState
 from swath.core.units import DEG, PERCENT
-from swath.field.site import SiteSetup
-from swath.machine.card import dynamics_of
+from swath.field.site_setup import SiteSetup
 from swath.machine.loops import approach
+from swath.machine.machine_sheet import dynamics_of
 from swath.machine.steering.ideal import wanted_angle
+from swath.signals import SteerCommand, SteerState
 
 
 @dataclass(frozen=True)

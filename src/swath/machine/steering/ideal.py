@@ -7,9 +7,9 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.setup import MachineGeometry
-from swath.core.signals import SteerCommand, SteerState
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
+from swath.signals import SteerCommand, SteerState
+from swath.signals.setup import MachineGeometry
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class Touch:
 
 @wp.func
 def to_prototype(ray: Ray, tile: Tile, size: float, enter: float, start: float) -> Local:
-    """The affine map of `field/layout.py`, applied to the ray."""
+    """The affine map of `field/memory_layout.py`, applied to the ray."""
     r = Local()
     r.start = start
     r.squeeze = 1.0 / tile.stand[0]

@@ -7,7 +7,7 @@ from swath.rays.kernel.shapes import MISS
 
 @wp.struct
 class Scene:
-    """Library and pages, see `field/layout.py`.
+    """Library and pages, see `field/memory_layout.py`.
 
     prims: four vectors per primitive, one cache line: (a, radius; 0 = ribbon, -1 = triangle), (b, rank of the
     owner), (width of a ribbon or triangle, organ), (foot of the owner, its own reflectance or 0, 0)

@@ -18,14 +18,14 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import F64, Image, MachineState
 from swath.core.units import DEG
-from swath.field.layout import Solids
-from swath.field.site import SiteSetup
+from swath.field.memory_layout import Solids
+from swath.field.site_setup import SiteSetup
 from swath.rays.engine import Hits, RayCaster
-from swath.sensing.camera._light import encode, sky_light, sun_direction, surface_light
-from swath.sensing.camera._pinhole import OPTICAL, Pinhole, focal_of
+from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
+from swath.sensing.camera.shading import encode, sky_light, sun_direction, surface_light
 from swath.sensing.mount import Mount, poses_at
+from swath.signals import F64, Image, MachineState
 
 Channel = Literal["colour", "depth", "label"]
 RAYS_MAX = 10_000_000  # full HD with four samples per pixel

@@ -12,9 +12,9 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import FeedReading, LossReading, MachineLoad, YieldReading
 from swath.core.units import PERCENT
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
+from swath.signals import FeedReading, LossReading, MachineLoad, YieldReading
 
 Share = Annotated[float, Ge(0), Le(100)]
 Seconds = Annotated[float, Ge(0), Le(60)]

@@ -8,9 +8,9 @@ from annotated_types import Ge, Le
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import FeedReading, LossReading, MachineLoad, YieldReading
 from swath.core.units import PERCENT
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
+from swath.signals import FeedReading, LossReading, MachineLoad, YieldReading
 
 
 @dataclass(frozen=True)

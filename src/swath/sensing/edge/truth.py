@@ -9,8 +9,8 @@ from annotated_types import Gt, Le
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import CropEdge, MachineState
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
+from swath.signals import CropEdge, MachineState
 
 
 @dataclass(frozen=True)

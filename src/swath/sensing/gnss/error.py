@@ -11,11 +11,11 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import F64, FIX_QUALITIES, Fix, MachineState
 from swath.core.units import CM
-from swath.field.site import SiteSetup
-from swath.sensing.gnss._antenna import Antenna, Place, fix_of, no_fix
-from swath.sensing.gnss._errors import FIGURES, RECEIVERS, Figures
+from swath.field.site_setup import SiteSetup
+from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
+from swath.sensing.gnss.receiver_errors import FIGURES, RECEIVERS, Figures
+from swath.signals import F64, FIX_QUALITIES, Fix, MachineState
 
 Centimetres = Annotated[float, Ge(0), Le(10_000)] | None
 MS_NS = 1_000_000

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import FIX_QUALITIES, Fix, MachineState
-from swath.field.site import SiteSetup
-from swath.sensing.gnss._antenna import Antenna, Place, fix_of, no_fix
+from swath.field.site_setup import SiteSetup
+from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
+from swath.signals import FIX_QUALITIES, Fix, MachineState
 
 
 @dataclass(frozen=True)

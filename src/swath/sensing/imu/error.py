@@ -11,11 +11,11 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signals import F64, Inertial, MachineState
 from swath.core.units import DEG, PERCENT
-from swath.field.site import SiteSetup
-from swath.sensing.imu._strapdown import Place, Strapdown, sample_of
-from swath.sensing.imu._units import STANDARD_GRAVITY, UNITS
+from swath.field.site_setup import SiteSetup
+from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
+from swath.sensing.imu.strapdown import Place, Strapdown, sample_of
+from swath.signals import F64, Inertial, MachineState
 
 Share = Annotated[float, Ge(0), Le(30)]
 Factor = Annotated[float, Ge(0), Le(1000)]

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import Inertial, MachineState
-from swath.field.site import SiteSetup
-from swath.sensing.imu._strapdown import Place, Strapdown, sample_of
+from swath.field.site_setup import SiteSetup
+from swath.sensing.imu.strapdown import Place, Strapdown, sample_of
+from swath.signals import Inertial, MachineState
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,9 @@ from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import F64, MachineState
 from swath.core.units import DEG
 from swath.field.crop import load_crop
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
 from swath.rays.bodies import BodyCaster
 from swath.rays.spread import AXES, SpreadTable
 from swath.sensing.mount import Mount
@@ -29,6 +28,7 @@ from swath.sensing.scanner import Scanner
 from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, valid_range
 from swath.sensing.weather import Weather
+from swath.signals import F64, MachineState
 
 ENSURE_EVERY = 2.0  # travel after which pages are asked for again [m]
 

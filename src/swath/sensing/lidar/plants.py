@@ -14,16 +14,16 @@ from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import F64, MachineState
 from swath.core.units import DEG
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
-from swath.sensing.card import load_lidar
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, least_energy, merging_gap, receive
+from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.scanner import Scanner
 from swath.sensing.weather import Weather, disturb
+from swath.signals import F64, MachineState
 
 
 @dataclass(frozen=True)

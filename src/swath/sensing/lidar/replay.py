@@ -15,10 +15,9 @@ from annotated_types import Ge, Gt, Le
 from swath.core.component import Inputs, Outputs, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import F64, MachineState
 from swath.core.units import DEG
 from swath.field.field import Field
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
 from swath.field.solids import NOTHING as FREE_VIEW
 from swath.rays.height_grid import HeightGrid, load_height_grid
 from swath.rays.heights import SOLID, UNMEASURED, HeightCaster
@@ -26,6 +25,7 @@ from swath.sensing.mount import Mount
 from swath.sensing.replay_cut import CutWatch
 from swath.sensing.scanner import Scanner
 from swath.sensing.single import SingleRays
+from swath.signals import F64, MachineState
 
 DULL = 0.3  # intensity where the measurement had none, assumed
 Place = Annotated[float, Ge(-1e5), Le(1e5)]

@@ -1,4 +1,4 @@
-// Directions and random numbers of a pack of 16 beams: the body of a native function, after rays/beams/lanes.cpp.
+// Directions and random numbers of a pack of 16 beams: the body of a native function, after rays/single/lanes.cpp.
 //
 // Beam n of the scan at t draws the words 4 n to 4 n + 3 of the stream's generator `Stream.at(t)`, whatever else is drawn: block
 // n + 1 of Philox 4x64 (Salmon et al. 2011, doi:10.1145/2063384.2063405). The first two make two standard normal numbers (Box and

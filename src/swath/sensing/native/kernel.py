@@ -4,7 +4,7 @@ from pathlib import Path
 
 import warp as wp
 
-from swath.rays.beams.kernel import lanes
+from swath.rays.single.kernel import lanes
 
 _HERE = Path(__file__).parent
 

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.rays.beams.kernel import Heights, meet_heights
+from swath.rays.single.kernel import Heights, meet_heights
 from swath.sensing.native.kernel import Electronics, aim_pack, report_pack
 
 

@@ -1,4 +1,4 @@
-// What the electronics make of 16 distances: the body of a native function, after rays/beams/lanes.cpp. Rules as in noise.py.
+// What the electronics make of 16 distances: the body of a native function, after rays/single/lanes.cpp. Rules as in noise.py.
 //
 // In: p, e (see `Electronics` in kernel.py), origins, directions, distance, cosine, reflectance, kind, normal, count.
 // Out, nan = no echo: ranges, intensity (n,), points (n, 3) in the world, of the true distance.

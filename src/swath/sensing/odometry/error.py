@@ -8,9 +8,9 @@ from annotated_types import Ge, Le
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import MachineState, Odometry, SteerState
 from swath.core.units import DEG, PERCENT
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
+from swath.signals import MachineState, Odometry, SteerState
 
 Share = Annotated[float, Ge(0), Le(30)]
 Angle = Annotated[float, Ge(0), Le(10)]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.signals import MachineState, Odometry, SteerState
-from swath.field.site import SiteSetup
+from swath.field.site_setup import SiteSetup
+from swath.signals import MachineState, Odometry, SteerState
 
 
 @dataclass(frozen=True)

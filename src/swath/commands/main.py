@@ -1,0 +1,149 @@
+"""The command line. Everything heavy is imported by the command that needs it."""
+
+import argparse
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from swath import __version__
+from swath.commands import cards, levels, ros2, run, scenarios, schema
+from swath.core.errors import SwathError
+from swath.core.registry import user_line
+from swath.field_io import command as field
+from swath.link.can import command as can
+from swath.link.fmi import command as fmu
+from swath.link.osi import command as osi
+from swath.tools.calibrate import command as calibrate
+from swath.tools.compare_log import command as compare
+from swath.tools.lab import command as lab
+from swath.tools.rerun import command as replay
+from swath.tools.scan import command as scan
+
+COMMANDS = (
+    run,
+    scenarios,
+    levels,
+    cards,
+    field,
+    lab,
+    replay,
+    calibrate,
+    compare,
+    scan,
+    fmu,
+    ros2,
+    can,
+    osi,
+    schema,
+)
+BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
+
+EXAMPLES = """\
+swath: a simulator for harvest machines that act on what they sense
+
+  swath scenarios                                   what is there to run
+  swath run laser-pilot                             a combine steers itself along the crop edge
+  swath run bend --set combine.speed.speed_kmh=5    the same at another speed, on a bend
+  swath levels lidar                                levels of a slot and their parameters
+  swath field import harvest.csv --out my-field     your yield log becomes a field to drive in
+
+swath --help lists all commands."""
+
+
+class UsageError(SwathError):
+    """A command line that cannot be understood."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message} (see {self.prog} --help)")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse, but a command itself refuses what it does not know, and says what is near."""
+        found, extra = super().parse_known_args(args, namespace)
+        if extra and self._subparsers is None:
+            import difflib
+
+            near = difflib.get_close_matches(extra[0].partition("=")[0], self._option_string_actions, 1, 0.75)
+            hint = f", did you mean {near[0]}?" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(extra)}{hint}")
+        return found, extra
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command line; returns the exit code.
+
+    0 fine, 1 a limit of the scenario broken, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C.
+    """
+    debug = os.environ.get("SWATH_DEBUG") == "1"
+    try:
+        code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt as error:
+        return _say(str(error) or "stopped", INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except (SwathError, OSError) as error:
+        if debug:
+            traceback.print_exc()
+        return _say(str(error), BAD_INPUT)
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        place = user_line(error)
+        if place is not None:
+            file, line = place
+            what = f"{file}:{line}: {type(error).__name__}: {error}"
+            return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the way there)", BAD_INPUT)
+        return _say(
+            f"{type(error).__name__}: {error}. This is a mistake in swath, not in your input. Please run it "
+            "again with SWATH_DEBUG=1 and report what it prints, with the scenario",
+            INTERNAL,
+        )
+
+
+def _dispatch(argv: list[str]) -> int:
+    if not argv:
+        print(EXAMPLES)
+        return 0
+    if argv == ["help"]:
+        argv = ["--help"]
+    parser = _make_parser()
+    names = [c.__name__.rpartition(".")[2] for c in COMMANDS]
+    if not argv[0].startswith("-") and argv[0] not in names:
+        import difflib
+
+        near = difflib.get_close_matches(argv[0], names, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
+        raise UsageError(f"{argv[0]}: no such command, {hint}")
+    if argv[0] == "replay":
+        argv = replay.with_verb(argv)
+    args = parser.parse_args(argv)
+    code: int = args.run(args)
+    return code
+
+
+def _make_parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="swath", description="A simulator for harvest machines that act on what they sense."
+    )
+    parser.add_argument("--version", action="version", version=f"swath {__version__}")
+    parsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        command.add(parsers)
+    return parser
+
+
+def _say(text: str, code: int) -> int:
+    print("swath: " + " ".join(text.split()), file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,138 @@
+"""How far the canopy hangs over the feet of its stems, learned from the scans themselves.
+
+The step that the detector finds is where the outermost stems stop half of the rays: in dense crop those that
+lean out furthest, in thin crop hardly any. It is a sharp mark to follow, but lies beside the feet by
+centimetres in wheat and by decimetres in rape. The feet end where half of the stand is there. That can be
+seen without knowing the crop, because the stand within is its own measure: nine of ten of its rays are
+stopped above a certain height; where half of the stand is there, a known smaller share is (`stopped`). Each
+ray counts once, at the lateral place where it crosses the middle height of the echoes within.
+
+Nothing is assumed of depth, height or habit of the crop but that it leans to both sides alike. The counts are
+kept over the last tens of metres; the steps of single scans carry the line.
+"""
+
+from math import erf
+
+import numpy as np
+
+from swath.control.edge.height_step import Rays, Step
+from swath.core.component import State
+from swath.signals import F64
+
+REACHED = 0.9  # share of the rays within the stand that are stopped above the height that is watched
+FROM, TO, BIN = -0.8, 1.0, 0.025  # m, lateral places whose rays are counted
+INSIDE = (0.4, 1.5)  # m behind the step: the stand within
+TALLEST, LAYER = 4.0, 0.02  # m, of the heights counted within
+FEWEST = 60.0  # echoes within, before their heights count
+STRAY = 0.02  # share of rays on the wrong side whatever the edge
+LOOKS = 4.0  # scans that see the same stems: so many rays count as one
+CLOSE = 0.12  # m: scans whose edge point is further from the line than this show a notch, not the edge
+GUESS = 0.05  # m, standard deviation of the shift about the guess
+OFTEN = 0.5  # m of travel from fit to fit
+
+_Z = np.linspace(-6.0, 6.0, 1201)
+_MET = np.linspace(0.0, 60.0, 3001)
+_PHI = np.array([0.5 * (1.0 + erf(z / np.sqrt(2.0))) for z in _Z])
+
+
+class Overhang:
+    """Counts the rays that are stopped in the canopy, across the edge and within the stand.
+
+    memory_m: travel after which old rays count 1/e; 0 = nothing is learned and `shift` is the guess
+    lean, spot: first guess of the shift, over the height of the crop [1] and whatever that is [m]
+    parts: of plants that make an echo together
+    """
+
+    def __init__(self, memory_m: float, lean: float, spot: float = 0.0, *, parts: int = 1) -> None:
+        self._memory, self._lean, self._spot = memory_m, lean, spot
+        self._middle = np.arange(FROM + 0.5 * BIN, TO, BIN)
+        self._spreads = np.geomspace(0.02, 0.3, 8)
+        self._shifts = np.arange(-0.1, 0.45, 0.01)
+        beside = (self._middle - self._shifts[:, None]) / self._spreads[:, None, None]
+        self._there = np.interp(beside, _Z, _PHI)  # share of the stand, [spread, shift, place]
+        self._chance = stopped(_MET, parts)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._seen = np.zeros((2, len(self._middle)))  # rays that went on and that were stopped, by place
+        self._heights = np.zeros(round(TALLEST / LAYER))
+        self._since = 0.0
+        self._shift = float("nan")
+
+    def move(self, distance: float) -> None:
+        """The machine drove so far [m]."""
+        if self._memory > 0.0 and distance > 0.0:
+            keep = np.exp(-distance / self._memory)
+            self._seen *= keep
+            self._heights *= keep
+            self._since += distance
+
+    def add(self, step: Step, beside: float, height: float) -> None:
+        """Count the rays of a scan that shows the edge `beside` the line [m]; crop height [m]."""
+        if self._memory <= 0.0 or abs(beside) > CLOSE:
+            return
+        rays = step.rays
+        place = rays.at(0.5 * (rays.limit + rays.top))
+        within = rays.height[(place > INSIDE[0]) & (place < INSIDE[1])]
+        layer = np.clip(within / LAYER, 0.0, len(self._heights) - 1).astype(np.int64)
+        np.add.at(self._heights, layer, 1.0)
+        if float(self._heights.sum()) < FEWEST:
+            return
+        self._count(rays)
+        if self._since >= OFTEN and height > 0.0:
+            self._since = 0.0
+            self._shift = self._fit(height)
+
+    def shift(self, height: float) -> float:
+        """How far the edge of the feet lies behind the detected step [m], of crop `height` [m] tall."""
+        return self._shift if np.isfinite(self._shift) else self._guess(height)
+
+    def save(self) -> State:
+        """Counts and the last fit."""
+        return {
+            "seen": self._seen.copy(),
+            "heights": self._heights.copy(),
+            "rest": (self._since, self._shift),
+        }
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._seen, self._heights = state["seen"].copy(), state["heights"].copy()
+        self._since, self._shift = state["rest"]
+
+    def _guess(self, height: float) -> float:
+        return self._lean * max(height, 0.0) + self._spot
+
+    def _count(self, rays: Rays) -> None:
+        low, middle = height_at(self._heights, np.array([1.0 - REACHED, 0.5]))
+        bins = np.floor((rays.at(float(middle)) - FROM) / BIN).astype(np.int64)
+        ok = (bins >= 0) & (bins < len(self._middle))
+        is_stopped = rays.height > max(float(low), rays.limit)
+        np.add.at(self._seen, (is_stopped[ok].astype(np.int64), bins[ok]), 1.0 / LOOKS)
+
+    def _fit(self, height: float) -> float:
+        """Mean shift under the likelihood of the counts and the guess [m]."""
+        inside = self._seen[:, self._middle > INSIDE[0]].sum(axis=1)
+        most = float(np.clip(inside[1] / max(float(inside.sum()), 1e-9), 0.3, 1.0 - STRAY))
+        depth = float(np.interp(most, self._chance, _MET))
+        high = STRAY + (1.0 - STRAY) * np.interp(depth * self._there, _MET, self._chance)
+        score = (self._seen[1] * np.log(high) + self._seen[0] * np.log(1.0 - high)).sum(axis=-1)
+        score -= 0.5 * ((self._shifts - self._guess(height)) / GUESS) ** 2
+        chance = np.exp(score - score.max())
+        return float((chance * self._shifts).sum() / chance.sum())
+
+
+def stopped(met: F64, parts: int) -> F64:
+    """Chance that a ray which meets `met` pieces of plants on average meets at least `parts` (Poisson)."""
+    fewer = term = np.exp(-met)
+    for k in range(1, parts):
+        term = term * met / k
+        fewer = fewer + term
+    return 1.0 - fewer
+
+
+def height_at(heights: F64, share: F64) -> F64:
+    """Heights [m] below which shares of a histogram lie: counts in layers of LAYER from 0 up."""
+    reached = np.cumsum(heights) / heights.sum()
+    return np.asarray(np.interp(share, reached, LAYER * np.arange(1, len(heights) + 1)))

@@ -1,0 +1,195 @@
+"""The cut of a field: one compiled pass over the cells, the sums after it."""
+
+from math import ceil, floor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field.cut_result import TILE_CELLS, Cut, StemIndex
+from swath.field.height_bounds import stem_reach
+from swath.field.pages import Key, PageStore
+from swath.kernels import repeatable, start_warp
+
+Array = NDArray[np.float64]
+CORNERS_MAX = 64
+PAGES_MAX = 256  # of one launch, as in the kernel
+STATUS, PAGE_COUNT, STEM_COUNT, AGAIN_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED, ROOM = range(8)
+POOLS = ("table", "cut_slot", "cut", "tile_stand", "tile_prototype", "tile_top")
+
+
+class Cutter:
+    """Cuts the pages of a store. sway: the most that wind leans stems, see `tops.update_tops`.
+
+    The arrays of a kernel launch are made once; pools of pages are taken anew where they were replaced.
+    """
+
+    def __init__(self, store: PageStore, stems: StemIndex, *, sway: float = 0.0) -> None:
+        self.store, self.stems, self.sway = store, stems, sway
+        self._polygon = np.zeros((CORNERS_MAX, 2))
+        self._ask, self._report = np.zeros(4, np.int32), np.zeros(8, np.int32)
+        self._pages = np.zeros((PAGES_MAX, 3), np.int32)
+        self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
+        self._masses: tuple[Array, Array] = (np.zeros((4, 0)), np.zeros((4, 0)))
+        self._kept: list[Any] = []  # arrays whose memory the kernel reads
+        self._pools: dict[str, Any] = {}
+        self._land: Any = None
+        self._launch: Any = None
+
+    def cut(self, corners: list[tuple[float, float]], code: int) -> Cut:
+        """Bring every cell of a convex polygon that is higher down to the code.
+
+        corners: counter-clockwise, in cell units of the stand frame
+        """
+        if len(corners) > CORNERS_MAX:
+            raise InputError("polygon", len(corners), f"expected at most {CORNERS_MAX} corners")
+        self._polygon[: len(corners)] = corners
+        y = [v for _, v in corners]
+        self._ask[0], self._ask[3] = len(corners), code
+        return self._cut_rows(ceil(min(y) - 0.5), floor(max(y) - 0.5))
+
+    def _cut_rows(self, first: int, last: int) -> Cut:
+        """Cut these rows of cells of the polygon; in two halves when they lie on too many pages."""
+        self._ask[1:3] = first, last
+        places = self._run(int(self._ask[3]))
+        if places is None:
+            if first == last:
+                raise InputError("polygon", None, f"expected one less than {8 * PAGES_MAX} tiles wide")
+            middle = (first + last) // 2
+            return self._cut_rows(first, middle) + self._cut_rows(middle + 1, last)
+        if self._report[CHANGED] == 0:
+            return Cut()
+        self._note(places)
+        return self._sum()
+
+    def _run(self, code: int) -> list[Key] | None:
+        """Launch until all pages are there and the stems have room. The pages of the polygon, None when there
+        are too many.
+        """
+        report, store = self._report, self.store
+        report[ROOM] = self._masses[0].shape[1]
+        while True:
+            report[CHANGED] = 0
+            self._refresh()
+            self._launch.launch()
+            status, count = int(report[STATUS]), int(report[PAGE_COUNT])
+            if status == 3:
+                return None
+            places = sorted((j, i) for i, j in self._pages[:count, :2].tolist())
+            keys = [(i, j) for j, i in places]
+            store.need(keys)
+            if status == 0:
+                return [(i, j) for i, j in self._pages[:count, :2].tolist()]
+            if status == 1:
+                for key in keys:
+                    slot = store.keys[key]
+                    if -1 - int(store.pages.cut_slot[slot]) > code:
+                        store.open_cut(slot)
+            else:
+                self._make_room(int(report[ROOM]))
+
+    def _note(self, places: list[Key]) -> None:
+        """Book-keeping after codes changed."""
+        store = self.store
+        store.pages.revision += 1
+        touched = self._tiles[: len(places)].max(axis=1).tolist()
+        lower = self._pages[: len(places), 2].tolist()
+        store.recut.update(key for key, is_cut in zip(places, touched, strict=True) if is_cut)
+        for key, is_lower in zip(places, lower, strict=True):
+            if is_lower:
+                store.try_collapse(store.keys[key])
+
+    def _sum(self) -> Cut:
+        """The masses of the last launch."""
+        report, power = self._report, self.stems.straw_exponent
+        grain, straw, left = self._sums(self._masses[0][:, : report[STEM_COUNT]], power)
+        if report[AGAIN_COUNT]:
+            was = self._sums(self._masses[1][:, : report[AGAIN_COUNT]], power)
+            grain, straw, left = grain - was[0], straw - was[1], left - was[2]
+        area = int(report[NEWLY_CUT]) * (self.stems.library.tile_size / TILE_CELLS) ** 2
+        return Cut(grain, straw, int(report[CROP_STEMS]), area, left)
+
+    @staticmethod
+    def _sums(masses: Array, power: float) -> tuple[float, float, float]:
+        above, straw, grain, left = masses
+        return float(grain.sum()), float((straw * above**power).sum()), float(left.sum())
+
+    def _refresh(self) -> None:
+        """The launch with the pools as they are now."""
+        p, store = self.store.pages, self.store
+        pools = {name: getattr(p, name) for name in POOLS} | {"code_max": store.code_max}
+        stale = [name for name, pool in pools.items() if self._pools.get(name) is not pool]
+        if self._launch is not None and not stale:
+            return
+        wp = start_warp()
+        from swath.field import cut_kernel as kernel
+
+        if self._land is None:
+            self._land = kernel.Land()
+            library = self.stems.library
+            self._land.tile_size, self._land.height_max = library.tile_size, library.height_max
+            self._land.stem_reach, self._land.sway = stem_reach(library), self.sway
+        kinds = {"table": wp.int32, "cut_slot": wp.int32, "tile_prototype": wp.int32, "tile_top": wp.float32}
+        kinds |= {"cut": wp.uint8, "code_max": wp.uint8, "tile_stand": wp.vec4}
+        for name in stale:
+            self._pools[name] = pools[name]
+            setattr(self._land, name, wp.array(pools[name], dtype=kinds[name], device="cpu", copy=False))
+        self._land.table_x, self._land.table_y = p.table_x, p.table_y
+        if self._launch is None:
+            self._prepare(wp)
+        else:
+            self._launch.set_param_at_index(0, self._land)
+
+    def _prepare(self, wp: Any) -> None:
+        """The launch, with room for some stems."""
+        from swath.field import cut_kernel as kernel
+
+        stems, library = self.stems, self.stems.library
+        roots = kernel.Roots()
+        column = stems.column.astype(np.uint8)
+        for name, array, kind in (
+            ("first", stems.first, np.int32),
+            ("count", stems.count, np.int32),
+            ("stem", stems.stem, np.int32),
+            ("column", column, np.uint8),
+            ("rank", stems.rank, np.float64),
+            ("height", stems.height, np.float64),
+            ("ear", stems.ear_height, np.float64),
+            ("grain", library.grain_kg, np.float64),
+            ("straw", library.straw_kg, np.float64),
+            ("is_crop", stems.is_crop, np.uint8),
+        ):
+            setattr(roots, name, self._share(wp, np.ascontiguousarray(array, kind)))
+        inputs = [
+            self._land,
+            roots,
+            self._share(wp, self._polygon),
+            self._share(wp, self._ask),
+            kernel.Masses(),
+            kernel.Masses(),
+            self._share(wp, self._pages),
+            self._share(wp, self._tiles),
+            self._share(wp, self._report),
+        ]
+        self._launch = repeatable(kernel.cut_cells, inputs)
+        self._make_room(0)
+
+    def _make_room(self, count: int) -> None:
+        """Output for so many stems, or a little more."""
+        wp = start_warp()
+        from swath.field.cut_kernel import Masses
+
+        room = max(4096, ceil(1.5 * count))
+        self._masses = (np.zeros((4, room)), np.zeros((4, room)))
+        for index, block in zip((4, 5), self._masses, strict=True):
+            masses = Masses()
+            for name, row in zip(("above", "straw", "grain", "left"), block, strict=True):
+                setattr(masses, name, wp.array(row, dtype=wp.float64, device="cpu", copy=False))
+            self._launch.set_param_at_index(index, masses)
+        self._report[ROOM] = room
+
+    def _share(self, wp: Any, array: NDArray[Any]) -> Any:
+        """The same memory for Warp."""
+        self._kept.append(array)
+        return wp.array(array, device="cpu", copy=False)

@@ -1,0 +1,162 @@
+"""The cut: which cells a swept polygon covers, and what mass stood on them.
+
+What stands on a cell is a function of its code alone (standing, or cut at so many cm), so a cut returns what
+stood there before minus what stands there after. Masses therefore add up to the same sum for any sequence
+of overlapping cuts, and can be recounted from the codes.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, Organ, PlantLibrary
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
+CELLS = TILE_CELLS * TILE_CELLS
+
+
+@dataclass(frozen=True)
+class Cut:
+    """What a cut took. grain, straw [kg]; stem_count; area of crop that stood [m2]; grain_left [kg]: on cut
+    stems whose ear lay below the cut and stays in the field.
+    """
+
+    grain: float = 0.0
+    straw: float = 0.0
+    stem_count: int = 0
+    area: float = 0.0
+    grain_left: float = 0.0
+
+    def __add__(self, other: "Cut") -> "Cut":
+        return Cut(
+            self.grain + other.grain,
+            self.straw + other.straw,
+            self.stem_count + other.stem_count,
+            self.area + other.area,
+            self.grain_left + other.grain_left,
+        )
+
+
+class StemIndex:
+    """Stems of a library by the cut cell they stand on, for each prototype and mirroring.
+
+    straw_exponent p: a share 1 - (1 - s)^p of a stem's straw lies below the relative height s.
+    The ear of a stem is where the middle of its ear primitives (pods, cob) is, or its tip without any.
+    is_crop: (n,) which stems are no weeds; weeds count as straw but not as stems.
+    """
+
+    def __init__(self, library: PlantLibrary, straw_exponent: float) -> None:
+        self.library = library
+        self.straw_exponent = straw_exponent
+        self.ear_height = ear_heights(library)
+        self.is_crop = np.ones(len(library.stem_xy), dtype=bool)
+        self.is_crop[library.owner[library.organ == Organ.WEED]] = False
+        self.rank = library.stem_rank.astype(np.float64)
+        self.height = library.stem_height.astype(np.float64)
+        stem_tile = np.repeat(np.arange(library.tile_count), np.diff(library.stem_start))
+        x, y = library.stem_xy[:, 0].astype(np.float64), library.stem_xy[:, 1].astype(np.float64)
+        cells, stems = [], []
+        for mirror in range(4):
+            ix = cell_in_tile(x, library.tile_size, bool(mirror & 1))
+            iy = cell_in_tile(y, library.tile_size, bool(mirror & 2))
+            cells.append((stem_tile * 4 + mirror) * CELLS + iy * TILE_CELLS + ix)
+            stems.append(np.arange(len(x)))
+        cell, stem = np.concatenate(cells), np.concatenate(stems)
+        order = np.argsort(cell, kind="stable")
+        self.stem = stem[order]
+        self.column = cell[order] % TILE_CELLS
+        self.count = np.bincount(cell, minlength=library.tile_count * 4 * CELLS).astype(np.int32)
+        self.first = np.cumsum(self.count, dtype=np.int32) - self.count
+
+    def taken(self, stem: Ints, stand: Array, code: Any) -> tuple[Array, Array, Array]:
+        """(grain, straw, grain left below the cut) [kg] gone from stems when their cell has this code.
+
+        stand: (n, 4) as in `Pages.tile_stand`. Straw mass grows with the length of the plant, grain does not.
+        """
+        code = np.broadcast_to(np.asarray(code), stem.shape)
+        is_cut = code != STANDING
+        cut_height = 0.01 * code.astype(np.float64)
+        scale = stand[:, 0]
+        length = np.sqrt(scale**2 + stand[:, 1] ** 2 + stand[:, 2] ** 2)
+        above = np.clip(1.0 - cut_height / (self.height[stem] * scale), 0.0, 1.0) ** self.straw_exponent
+        straw = np.where(is_cut, self.library.straw_kg[stem] * length * above, 0.0)
+        grain = np.where(is_cut, self.library.grain_kg[stem], 0.0)
+        is_high = self.ear_height[stem] * scale > cut_height
+        return np.where(is_high, grain, 0.0), straw, np.where(is_high, 0.0, grain)
+
+
+def ear_heights(library: PlantLibrary) -> Array:
+    """Height of the middle of each stem's ear, pods or cob [m], (n,); the tip where a stem has none."""
+    ears = np.isin(library.organ, (Organ.EAR, Organ.POD, Organ.COB))
+    owner = library.owner[ears]
+    z = np.stack([library.a[ears, 2], library.b[ears, 2]]).astype(np.float64)
+    low, high = np.full(len(library.stem_xy), np.inf), np.full(len(library.stem_xy), -np.inf)
+    np.minimum.at(low, owner, z.min(axis=0))
+    np.maximum.at(high, owner, z.max(axis=0))
+    is_bare = low > high
+    low[is_bare] = high[is_bare] = library.stem_height[is_bare]
+    return np.asarray(0.5 * (low + high))
+
+
+def cell_in_tile(x: Array, tile_size: float, is_mirrored: bool) -> Ints:
+    """Cut cell (one axis) of a stem at x [m] in its prototype."""
+    place = tile_size - x if is_mirrored else x
+    return np.clip(np.floor(place * (TILE_CELLS / tile_size)), 0, TILE_CELLS - 1).astype(np.int64)
+
+
+def check_polygon(polygon: Any, key: str = "polygon") -> Array:
+    """Convex polygon (n, 2) as an array, counter-clockwise. Raises InputError on anything else."""
+    try:
+        p = np.asarray(polygon, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(key, polygon, "expected a list of [x, y]") from error
+    if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
+        raise InputError(key, polygon, "expected at least three finite [x, y]")
+    corners = p.tolist()
+    edge = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise([*corners, corners[0]])]
+    cross = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise([*edge, edge[0]])]
+    tolerance = 1e-9 * max(1.0, *(x * x for e in edge for x in e))
+    if min(cross) < -tolerance and max(cross) > tolerance:
+        raise InputError(key, polygon, "expected a convex polygon, the corners in order")
+    return p[::-1] if sum(cross) < 0.0 else p
+
+
+def rows_inside(polygon: Array) -> tuple[Ints, Ints, Ints]:
+    """Cells whose centre lies in a convex counter-clockwise polygon given in cell units.
+
+    Returns (row, first column, column after the last) of the rows that have any.
+    """
+    ax, ay = polygon[:, 0], polygon[:, 1]
+    ex, ey = np.roll(ax, -1) - ax, np.roll(ay, -1) - ay
+    rows = np.arange(int(np.ceil(ay.min() - 0.5)), int(np.floor(ay.max() - 0.5)) + 1)
+    y = rows + 0.5
+    low, high = np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
+    for i in np.flatnonzero(ey):
+        x = ax[i] + ex[i] / ey[i] * (y - ay[i])
+        if ey[i] > 0.0:
+            np.minimum(high, x, out=high)
+        else:
+            np.maximum(low, x, out=low)
+    some = np.isfinite(low) & np.isfinite(high)
+    rows = rows[some]
+    first = np.ceil(low[some] - 0.5).astype(np.int64)
+    after = np.floor(high[some] - 0.5).astype(np.int64) + 1
+    keep = after > first
+    return rows[keep], first[keep], after[keep]
+
+
+def split_at_tiles(row: Ints, first: Ints, after: Ints) -> tuple[Ints, Ints, Ints]:
+    """The same runs of cells, cut where they pass from one tile to the next."""
+    tile = first // TILE_CELLS
+    count = (after - 1) // TILE_CELLS - tile + 1
+    step = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+    tile = np.repeat(tile, count) + step
+    row, first, after = np.repeat(row, count), np.repeat(first, count), np.repeat(after, count)
+    return row, np.maximum(first, tile * TILE_CELLS), np.minimum(after, (tile + 1) * TILE_CELLS)

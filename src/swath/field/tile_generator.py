@@ -1,0 +1,142 @@
+"""What a page holds before anything happened on it: a pure function of its index."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.boundary import Region
+from swath.field.edge_defects import BrokenEdge
+from swath.field.field_setup import Stand, Terrain
+from swath.field.hashing import hash_cells
+from swath.field.memory_layout import (
+    MIRROR_X,
+    MIRROR_Y,
+    PAGE_CUT_CELLS,
+    PAGE_NODES,
+    PAGE_TILES,
+    STANDING,
+    PlantLibrary,
+)
+from swath.field.pages import TILE_CELLS, Codes, PageData
+
+Array = NDArray[np.float64]
+NODES_PER_TILE = PAGE_NODES // PAGE_TILES
+
+
+class PageMaker:
+    """Makes pages from terrain, stand, edge and boundary. seed: of the hash that places prototypes."""
+
+    def __init__(
+        self,
+        terrain: Terrain,
+        stand: Stand,
+        edge: BrokenEdge,
+        boundary: Region | None,
+        library: PlantLibrary,
+        seed: int,
+    ) -> None:
+        self.terrain, self.stand, self.edge, self.boundary = terrain, stand, edge, boundary
+        self.library, self.seed = library, seed
+        self.yaw = stand.row_heading
+        self.tile = library.tile_size
+        self.side = PAGE_TILES * library.tile_size
+        self.cell = library.tile_size / TILE_CELLS
+        self.node = library.tile_size / NODES_PER_TILE
+
+    def make(self, i: int, j: int) -> PageData:
+        """The page of an index."""
+        ground = self.ground(i, j)
+        tx, ty = np.meshgrid(PAGE_TILES * i + np.arange(PAGE_TILES), PAGE_TILES * j + np.arange(PAGE_TILES))
+        x, y = self.to_world((tx + 0.5) * self.tile, (ty + 0.5) * self.tile)
+        return PageData(
+            ground=ground.astype(np.float32),
+            tile_plane=self._planes(ground).astype(np.float32),
+            tile_stand=self._stand(x, y).astype(np.float32),
+            tile_prototype=self._prototypes(tx, ty),
+            codes=self.codes(i, j),
+        )
+
+    def to_world(self, u: Any, v: Any) -> tuple[Array, Array]:
+        """World coordinates of points of the stand frame."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
+        return c * u - s * v, s * u + c * v
+
+    def ground(self, i: int, j: int) -> Array:
+        """Heights of the lattice nodes [m], (65, 65). Coordinates come from whole numbers of nodes, so both
+        pages at a border see the same ones.
+        """
+        steps = np.arange(PAGE_NODES + 1)
+        u: Array = np.asarray((PAGE_NODES * i + steps) * self.node, dtype=np.float64)
+        v: Array = np.asarray((PAGE_NODES * j + steps) * self.node, dtype=np.float64)
+        return self.terrain.lattice(u, v, self.yaw)
+
+    def codes(self, i: int, j: int) -> Codes:
+        """Codes of the cut cells at the start: decided at the centre of each cell."""
+        middle = self.to_world((i + 0.5) * self.side, (j + 0.5) * self.side)
+        page = self._codes_within(*middle, self.side * np.sqrt(0.5) + 1e-6)
+        if page >= 0:
+            return int(page)
+        tiles = self._tile_codes(i, j)
+        if (tiles == tiles[0, 0]).all() and tiles[0, 0] >= 0:
+            return int(tiles[0, 0])
+        cells = np.repeat(np.repeat(tiles, TILE_CELLS, axis=0), TILE_CELLS, axis=1)
+        ty, tx = np.nonzero(tiles < 0)
+        steps = np.arange(TILE_CELLS)
+        row, column = ty[:, None] * TILE_CELLS + steps, tx[:, None] * TILE_CELLS + steps
+        u = (PAGE_CUT_CELLS * i + column + 0.5) * self.cell
+        v = (PAGE_CUT_CELLS * j + row + 0.5) * self.cell
+        x, y = self.to_world(u[:, None, :], v[:, :, None])
+        found = self.edge.code(x, y)
+        found[(found == STANDING) & self.stand.bare(x, y)] = 0
+        if self.boundary is not None:
+            found[~self.boundary.contains(x, y)] = 0
+        cells[row[:, :, None], column[:, None, :]] = found
+        codes = cells.astype(np.uint8)
+        return int(codes[0, 0]) if (codes == codes[0, 0]).all() else codes
+
+    def _tile_codes(self, i: int, j: int) -> NDArray[np.int16]:
+        """(8, 8) codes of tiles that have a single one, -1 elsewhere."""
+        centre = (np.arange(PAGE_TILES) + 0.5) * self.tile
+        u, v = np.meshgrid(i * self.side + centre, j * self.side + centre)
+        return self._codes_within(*self.to_world(u, v), self.tile * np.sqrt(0.5) + 1e-6)
+
+    def _codes_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
+        """The one code of all points within the radius of points, -1 where there may be several."""
+        codes = self.edge.code_within(x, y, radius)
+        codes[(codes == STANDING) & self.stand.may_be_bare(x, y, radius)] = -1
+        if self.boundary is not None:
+            near = self.boundary.distance(x, y) <= radius
+            codes[~near & ~self.boundary.contains(x, y)] = 0
+            codes[near] = -1
+        return codes
+
+    def _planes(self, ground: Array) -> Array:
+        """Least-squares plane of each tile's 9 x 9 nodes: height in the middle, slope_x, slope_y."""
+        n = NODES_PER_TILE
+        blocks = np.lib.stride_tricks.sliding_window_view(ground, (n + 1, n + 1))[::n, ::n]
+        offset = (np.arange(n + 1) - 0.5 * n) * self.node
+        weight = offset / (np.sum(offset**2) * (n + 1))
+        slope_x = (blocks * weight).sum(axis=(2, 3))
+        slope_y = (blocks * weight[:, None]).sum(axis=(2, 3))
+        return np.stack([blocks.mean(axis=(2, 3)), slope_x, slope_y], axis=-1)
+
+    def _stand(self, x: Array, y: Array) -> Array:
+        """Scale, lean and density fraction of tiles. A plant that leans by a keeps its length: its height
+        shrinks with cos a and its tip moves aside with sin a.
+        """
+        factor = self.stand.height_factor(x, y)
+        angle, azimuth = self.stand.lean(x, y)
+        fraction = self.stand.density(x, y) / self.library.density_max
+        aside = factor * np.sin(angle)
+        azimuth = azimuth - self.yaw
+        lean = aside * np.cos(azimuth), aside * np.sin(azimuth)
+        return np.stack([factor * np.cos(angle), *lean, np.clip(fraction, 0.0, 1.0)], axis=-1)
+
+    def _prototypes(self, tx: Any, ty: Any) -> NDArray[np.int32]:
+        h = hash_cells(self.seed, tx, ty)
+        number = (h % np.uint64(self.library.tile_count)).astype(np.int32)
+        mirror_x = np.where(h & np.uint64(1 << 40), MIRROR_X, 0)
+        mirror_y = np.where(h & np.uint64(1 << 41), MIRROR_Y, 0)
+        return (number | mirror_x | mirror_y).astype(np.int32)

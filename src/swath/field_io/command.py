@@ -1,0 +1,70 @@
+"""`swath field`: fields from yield logs."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its two verbs."""
+    parser = parsers.add_parser("field", help="make a field from a yield log, look at one")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    imports = verbs.add_parser("import", help="make a field folder from a combine's yield log")
+    imports.add_argument(
+        "log",
+        type=Path,
+        metavar="LOG",
+        help="CSV, a zipped point shapefile, or ISOXML: TASKDATA folder or zip, one TLG file",
+    )
+    imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
+    imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")
+    imports.add_argument("--boundary", type=Path, metavar="F", help="GeoJSON or shapefile of the field")
+    imports.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
+    imports.add_argument(
+        "--grain-g-per-stem", type=float, metavar="G", help="grain on a stem [g], for stems from the yield"
+    )
+    imports.add_argument("--crop-height-m", type=float, metavar="H", help="height of the crop [m]")
+    imports.add_argument(
+        "--header-width-m", type=float, metavar="W", help="width of the header [m], where the log holds none"
+    )
+    imports.add_argument(
+        "--flow-delay-s",
+        type=float,
+        metavar="S",
+        help="from the knife to the flow sensor [s] (default: found)",
+    )
+    imports.set_defaults(run=run_import)
+    shows = verbs.add_parser("show", help="draw a field folder as a picture")
+    shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
+    shows.set_defaults(run=run_show)
+
+
+def run_import(args: argparse.Namespace) -> int:
+    """Make the folder and say what came out."""
+    from rich.console import Console
+
+    from swath.core.errors import InputError
+    from swath.field_io.importer import Settings, import_log
+    from swath.field_io.pass_scenario import write_pass_scenario
+
+    keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s")
+    given = {key: getattr(args, key) for key in keys}
+    settings = Settings(**{key: value for key, value in given.items() if value is not None})
+    files = {"dem": args.dem, "boundary": args.boundary, "columns": args.columns}
+    report = import_log(args.log, args.out, **files, settings=settings)
+    console = Console()
+    console.print(report)
+    try:
+        write_pass_scenario(args.out)
+        console.print(f"drive along one of its passes: swath run {args.out}", highlight=False)
+    except InputError as error:
+        console.print(f"no scenario written: {error}", highlight=False)
+    return 0
+
+
+def run_show(args: argparse.Namespace) -> int:
+    """Draw the overview, print where it is."""
+    from swath.field_io.importer import show
+
+    print(show(args.folder))
+    return 0

@@ -1,0 +1,266 @@
+"""A field folder: one real field as rasters and vectors that any GIS opens, and back into local metres.
+
+docs/field-folder.md describes the files.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field.projection import Origin
+from swath.field.raster import Raster
+from swath.field_io.passes import Track, from_feature, to_geojson
+
+Array = NDArray[np.float64]
+FORMAT, VERSION = "swath field", 1
+OPTIONAL = ("moisture",)  # maps that may be without a single number: not every log measures it
+RASTERS = {
+    "terrain": "terrain.tif",
+    "stems": "density.tif",
+    "height": "height.tif",
+    "moisture": "moisture.tif",
+    "grain": "yield.tif",
+}
+PICTURE = "overview.png"
+
+
+@dataclass(frozen=True)
+class FieldFolder:
+    """A field in its local frame: x east, y north [m] from the origin, z up from the origin's height.
+
+    boundary: counter-clockwise, not closed, shape (n, 2) [m]; holes: areas inside without crop, same form
+    row_azimuth: main driving direction, clockwise from north [rad], in [0, pi)
+    tracks: driven passes in driven order
+    terrain: height above the origin [m]; stems: ears per m2; height: of the crop [m]; moisture: of the grain,
+    share of wet mass; grain: yield as harvested [kg/m2]; nan where there is none (no crop, or not known)
+    obstacles: GeoJSON geometry (local metres) and properties of each, empty when there is no such file
+    info: field.yaml as read
+    """
+
+    path: Path
+    origin: Origin
+    boundary: Array
+    holes: tuple[Array, ...]
+    row_azimuth: float
+    tracks: tuple[Track, ...]
+    terrain: Raster
+    stems: Raster
+    height: Raster
+    moisture: Raster
+    grain: Raster
+    obstacles: tuple[tuple[dict[str, Any], dict[str, Any]], ...]
+    info: dict[str, Any]
+
+
+def read_origin(path: Path) -> Origin:
+    """Only where the local metres of a field folder count from."""
+    return _origin(_read_info(path / "field.yaml"), path / "field.yaml")
+
+
+def read(path: Path | str) -> FieldFolder:
+    """Read a field folder. Raises InputError naming the file that is missing or wrong."""
+    path = Path(path)
+    info = _read_info(path / "field.yaml")
+    origin = _origin(info, path / "field.yaml")
+    corner = (origin.easting, origin.northing)
+    rasters = {}
+    for key, name in RASTERS.items():
+        raster = Raster.from_geotiff(path / name, corner, may_be_empty=key in OPTIONAL)
+        if raster.epsg != origin.epsg:
+            raise InputError(
+                "raster.crs", raster.epsg, f"expected EPSG {origin.epsg} of field.yaml", file=path / name
+            )
+        rasters[key] = raster
+    terrain = rasters["terrain"]
+    rasters["terrain"] = replace(terrain, values=(terrain.values - np.float32(origin.height)))
+    boundary, holes = _read_boundary(path / "boundary.geojson", origin)
+    features = _read_features(path / "tracks.geojson")
+    tracks = tuple(from_feature(f, origin, path / "tracks.geojson") for f in features)
+    return FieldFolder(
+        path=path,
+        origin=origin,
+        boundary=boundary,
+        holes=holes,
+        row_azimuth=float(np.radians(_number(info, "row_azimuth_deg", path / "field.yaml"))),
+        tracks=tracks,
+        obstacles=_read_obstacles(path / "obstacles.geojson", origin),
+        info=info,
+        **rasters,
+    )
+
+
+def write(field: FieldFolder, picture: Callable[[FieldFolder, Path], None] | None = None) -> None:
+    """Write a field folder to field.path, whole or not at all.
+
+    It is made beside its place and then moved there. A field folder already there is replaced; anything else
+    is an InputError. picture: called as picture(field, file) to draw the overview.
+    """
+    out = field.path
+    check_target(out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    partial = out.with_name(f".{out.name}.{os.getpid()}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    try:
+        partial.mkdir()
+        _write_parts(field, partial)
+        if picture is not None:
+            picture(field, partial / PICTURE)
+        _move(partial, out)
+    except OSError as error:
+        raise InputError(
+            "out", str(out), f"expected a folder that can be written: {error.strerror}"
+        ) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def check_target(out: Path) -> None:
+    """Raise InputError unless out is free, empty, or a field folder."""
+    if out.is_dir():
+        if any(out.iterdir()) and not (out / "field.yaml").is_file():
+            raise InputError("out", str(out), "expected a new or empty folder, or a field folder to replace")
+    elif out.exists():
+        raise InputError("out", str(out), "expected a folder, this is a file")
+
+
+def _move(partial: Path, out: Path) -> None:
+    if not out.exists():
+        partial.rename(out)
+        return
+    old = out.with_name(f".{out.name}.{os.getpid()}.old")
+    shutil.rmtree(old, ignore_errors=True)
+    out.rename(old)
+    try:
+        partial.rename(out)
+    except OSError:
+        old.rename(out)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _write_parts(field: FieldFolder, folder: Path) -> None:
+    origin = field.origin
+    for key, name in RASTERS.items():
+        raster: Raster = getattr(field, key)
+        if key == "terrain":
+            raster = replace(raster, values=raster.values + np.float32(origin.height))
+        raster.to_geotiff(folder / name, origin.epsg, (origin.easting, origin.northing))
+    closed = [np.vstack([ring, ring[:1]]) for ring in (field.boundary, *field.holes)]
+    polygon = {"type": "Polygon", "coordinates": [np.round(origin.to_lon_lat(r), 9).tolist() for r in closed]}
+    feature = {"type": "Feature", "geometry": polygon, "properties": {}}
+    _write_json(folder / "boundary.geojson", {"type": "FeatureCollection", "features": [feature]})
+    _write_json(folder / "tracks.geojson", to_geojson(field.tracks, origin))
+    if field.obstacles:
+        features = [
+            {"type": "Feature", "geometry": _map_geometry(g, origin.to_lon_lat), "properties": p}
+            for g, p in field.obstacles
+        ]
+        _write_json(folder / "obstacles.geojson", {"type": "FeatureCollection", "features": features})
+    head = {
+        "format": FORMAT,
+        "version": VERSION,
+        "crs": f"EPSG:{origin.epsg}",
+        "origin": {"easting_m": origin.easting, "northing_m": origin.northing, "height_m": origin.height},
+        "row_azimuth_deg": round(float(np.degrees(field.row_azimuth)), 4),
+    }
+    rest = {k: v for k, v in field.info.items() if k not in head}
+    text = yaml.safe_dump({**head, **rest}, sort_keys=False, allow_unicode=True, width=110)
+    (folder / "field.yaml").write_text(text, encoding="utf-8")
+
+
+def _write_json(path: Path, data: dict[str, Any]) -> None:
+    path.write_text(json.dumps(data, allow_nan=False, separators=(",", ":")) + "\n", encoding="utf-8")
+
+
+def _read_info(path: Path) -> dict[str, Any]:
+    if not path.parent.is_dir():
+        raise InputError("field folder", str(path.parent), "expected a folder, there is none")
+    if not path.is_file():
+        raise InputError("field folder", str(path.parent), "expected a field folder, it has no field.yaml")
+    try:
+        info = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, OSError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = None if mark is None else mark.line + 1
+        raise InputError("field.yaml", None, "expected readable YAML", file=path, line=line) from error
+    if not isinstance(info, dict) or info.get("format") != FORMAT:
+        found = info.get("format") if isinstance(info, dict) else info
+        raise InputError("format", found, f"expected {FORMAT!r}", file=path)
+    if info.get("version") != VERSION:
+        raise InputError("version", info.get("version"), f"expected {VERSION}", file=path)
+    return info
+
+
+def _origin(info: dict[str, Any], path: Path) -> Origin:
+    crs, origin = str(info.get("crs", "")), info.get("origin")
+    if not (crs.startswith("EPSG:") and crs[5:].isdigit()):
+        raise InputError("crs", crs, "expected EPSG:number", file=path)
+    if not isinstance(origin, dict):
+        raise InputError("origin", origin, "expected easting_m, northing_m and height_m", file=path)
+    keys = ("easting_m", "northing_m", "height_m")
+    return Origin(int(crs[5:]), *(_number(origin, key, path, "origin.") for key in keys))
+
+
+def _number(mapping: dict[str, Any], key: str, path: Path, prefix: str = "") -> float:
+    value = mapping.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputError(prefix + key, value, "expected a finite number", file=path)
+    return float(value)
+
+
+def _read_features(path: Path) -> list[dict[str, Any]]:
+    try:
+        features = json.loads(path.read_text(encoding="utf-8"))["features"]
+    except FileNotFoundError as error:
+        raise InputError(path.stem, None, "expected GeoJSON, there is no such file", file=path) from error
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(path.stem, None, "expected a GeoJSON FeatureCollection", file=path) from error
+    if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
+        raise InputError(path.stem, None, "expected a GeoJSON FeatureCollection", file=path)
+    return features
+
+
+def _read_boundary(path: Path, origin: Origin) -> tuple[Array, tuple[Array, ...]]:
+    features = _read_features(path)
+    try:
+        geometry = features[0]["geometry"]
+        if geometry["type"] != "Polygon":
+            raise ValueError(geometry["type"])
+        loops = [origin.to_local(np.array(ring, dtype=float)[:-1, :2]) for ring in geometry["coordinates"]]
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise InputError("boundary", None, "expected one feature with a Polygon", file=path) from error
+    if not all(len(loop) >= 3 and np.isfinite(loop).all() for loop in loops):
+        raise InputError("boundary", None, "expected rings of at least three finite corners", file=path)
+    return loops[0], tuple(loops[1:])
+
+
+def _read_obstacles(path: Path, origin: Origin) -> tuple[tuple[dict[str, Any], dict[str, Any]], ...]:
+    if not path.is_file():
+        return ()
+    try:
+        return tuple(
+            (_map_geometry(f["geometry"], origin.to_local), dict(f.get("properties") or {}))
+            for f in _read_features(path)
+        )
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError("obstacles", None, "expected features with a geometry", file=path) from error
+
+
+def _map_geometry(geometry: dict[str, Any], to: Callable[[Any], Array]) -> dict[str, Any]:
+    """A GeoJSON geometry with its coordinates moved by `to`, which takes and gives shape (n, 2)."""
+
+    def walk(coordinates: Any) -> Any:
+        if isinstance(coordinates[0], int | float):
+            return to([coordinates[:2]])[0].tolist()
+        return [walk(c) for c in coordinates]
+
+    return {"type": geometry["type"], "coordinates": walk(geometry["coordinates"])}

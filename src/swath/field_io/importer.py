@@ -1,0 +1,308 @@
+"""From a combine's yield log to a field folder."""
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field.projection import Origin
+from swath.field.raster import Raster
+from swath.field_io import folder, outline
+from swath.field_io.clean import Cleaned, clean
+from swath.field_io.dem import read_dem
+from swath.field_io.folder import FieldFolder
+from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
+from swath.field_io.heights import fit_terrain
+from swath.field_io.log import read_log
+from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
+from swath.field_io.picture import draw
+from swath.field_io.report import ImportReport
+
+Array = NDArray[np.float64]
+GRAIN_G_PER_STEM = 1.8  # 40 grains of 45 g per thousand; thin dry-land crops have 1.0-1.3 (26 grains of 43 g)
+CROP_HEIGHT_M = 0.85  # modern winter wheat, 0.7-1.0
+MARGIN_M = 40.0  # of terrain around the field, for turning
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to import. cell_m, terrain_cell_m: edges of map cells; flow_delay_s: None = estimate per machine;
+    header_width_m: for logs that hold none; crop_height_m: for logs that hold none.
+    """
+
+    cell_m: float = 5.0
+    terrain_cell_m: float = 4.0
+    grain_g_per_stem: float = GRAIN_G_PER_STEM
+    crop_height_m: float = CROP_HEIGHT_M
+    flow_delay_s: float | None = None
+    header_width_m: float | None = None
+
+    def check(self) -> None:
+        """Raise InputError for a number that cannot be."""
+        limits = {
+            "cell_m": (0.5, 100.0), "terrain_cell_m": (0.25, 100.0), "grain_g_per_stem": (0.05, 500.0),
+            "crop_height_m": (0.05, 5.0), "flow_delay_s": (-60.0, 60.0), "header_width_m": (0.5, 20.0),
+        }  # fmt: skip
+        for key, (low, high) in limits.items():
+            value = getattr(self, key)
+            if value is not None and not low <= value <= high:
+                raise InputError(key, value, f"expected {low:g} to {high:g}")
+
+
+def import_log(
+    log: Path,
+    out: Path,
+    *,
+    dem: Path | None = None,
+    boundary: Path | None = None,
+    columns: Path | None = None,
+    settings: Settings | None = None,
+    progress: bool = True,
+) -> ImportReport:
+    """Make a field folder from a yield log.
+
+    log: CSV, CSV.gz, zipped point shapefile, ISOXML folder or zip; dem: GeoTIFF of heights [m]
+    boundary: GeoJSON or zipped shapefile; columns: YAML map of columns. Nothing is written unless all went
+    well. Raises SwathError.
+    """
+    settings = settings or Settings()
+    settings.check()
+    log, out = Path(log), Path(out)
+    folder.check_target(out)
+    with _steps(progress) as step:
+        step("reading the log")
+        records = read_log(log, columns, header_width=settings.header_width_m)
+        polygon, notes, within = None, list(records.notes), None
+        if boundary is not None:
+            polygon = outline.read_outline(boundary, records.epsg)
+            within = outline.inside(polygon.buffer(15.0), records.position)
+            if within.mean() < 0.05:
+                raise InputError(
+                    "boundary",
+                    f"{100 * within.mean():.1f} % of the records inside",
+                    "expected the field of the log",
+                    file=boundary,
+                )
+        step("aligning flow and cleaning")
+        cleaned = clean(records, settings.flow_delay_s, within)
+        if cleaned.kept.sum() < 30:
+            counts = ", ".join(f"{v} {k}" for k, v in cleaned.counts.items() if v)
+            raise InputError(
+                "log",
+                int(cleaned.kept.sum()),
+                f"expected at least 30 harvest records left ({counts})",
+                file=log,
+            )
+        if polygon is None:
+            polygon, more = outline.covered_ground(cleaned)
+            notes += more
+        step("terrain")
+        terrain, terrain_info = _terrain(cleaned, polygon, dem, settings)
+        step("maps of the crop")
+        grid = make_grid(polygon.bounds, settings.cell_m, MARGIN_M, records.epsg)
+        x, y = np.meshgrid(*grid.centres())
+        crop = outline.inside(polygon, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
+        maps = make_maps(cleaned, grid, crop, settings.grain_g_per_stem / 1000.0)
+        height = crop_height(cleaned, grid, maps.stems, settings.crop_height_m)
+        step("passes")
+        origin = _origin(polygon, terrain, records.epsg)
+        tracks = make_tracks(cleaned, origin)
+        report = _report(log, out, cleaned, tracks, maps, polygon, settings, terrain_info, tuple(notes))
+        exterior, holes = outline.rings(polygon)
+        corner = np.array([origin.easting, origin.northing])
+        local = {k: r.shifted(*(-corner)) for k, r in _rasters(maps, height, terrain, origin).items()}
+        info = {**report.to_dict(), "settings": vars(settings), "yield_histogram": _histogram(cleaned)}
+        field = FieldFolder(
+            path=out, origin=origin, boundary=exterior - corner, holes=tuple(h - corner for h in holes),
+            row_azimuth=row_azimuth(tracks), tracks=tracks, obstacles=(), info=_plain(info), **local,
+        )  # fmt: skip
+        step("writing and drawing")
+        folder.write(field, draw)
+    return report
+
+
+def show(path: Path) -> Path:
+    """Draw the overview of a field folder anew; returns the PNG. Raises InputError when it is none."""
+    field = folder.read(path)
+    picture = Path(path) / folder.PICTURE
+    draw(field, picture)
+    return picture
+
+
+def _rasters(maps: Maps, height: Raster, terrain: Raster, origin: Origin) -> dict[str, Raster]:
+    above = Raster(
+        terrain.values - np.float32(origin.height), terrain.x0, terrain.y0, terrain.cell, terrain.epsg
+    )
+    return {
+        "terrain": above,
+        "stems": maps.stems,
+        "height": height,
+        "moisture": maps.moisture,
+        "grain": maps.grain,
+    }
+
+
+def _terrain(
+    cleaned: Cleaned, polygon: Any, dem: Path | None, settings: Settings
+) -> tuple[Raster, dict[str, Any]]:
+    grid = make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, cleaned.log.epsg)
+    if dem is not None:
+        raster, known = read_dem(dem, grid)
+        return raster, {"source": f"DEM {dem.name}", "known_share": known, **_relief(raster)}
+    fit = fit_terrain(cleaned, grid)
+    if fit is None:
+        flat = Raster(np.zeros(grid.values.shape, np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
+        return flat, {"source": "flat: the log has no heights", "relief_m": 0.0}
+    used = bool(np.any(fit.offset != 0.0))
+    return fit.raster, {
+        "source": "heights of the log" + (", drift between passes removed" if used else ""),
+        **_relief(fit.raster),
+        "outliers": fit.outlier_count,
+        "records_without_height": fit.missing_count,
+        "pass_offset_sd_m": float(np.std(fit.offset)),
+        "pass_step_sd_m": fit.step_after,
+        "pass_step_sd_before_m": fit.step_before,
+        "share_far_from_records": fit.far_share,
+    }
+
+
+def _relief(raster: Raster) -> dict[str, float]:
+    return {"relief_m": float(np.nanmax(raster.values) - np.nanmin(raster.values))}
+
+
+def _origin(polygon: Any, terrain: Raster, epsg: int) -> Origin:
+    """Whole metres near the middle of the field."""
+    west, south, east, north = polygon.bounds
+    height = float(np.round(np.nanmedian(terrain.values)))
+    return Origin(epsg, float(np.round((west + east) / 2)), float(np.round((south + north) / 2)), height)
+
+
+def _report(
+    path: Path,
+    out: Path,
+    cleaned: Cleaned,
+    tracks: tuple[Track, ...],
+    maps: Maps,
+    polygon: Any,
+    settings: Settings,
+    terrain: dict[str, Any],
+    notes: tuple[str, ...],
+) -> ImportReport:
+    log = cleaned.log
+    azimuth = row_azimuth(tracks)
+    spacing, spread, count = pass_spacing(tracks, azimuth)
+    grain = cleaned.grain[cleaned.kept] * 10.0
+    map_kg = float(np.nansum(maps.grain.values.astype(float))) * maps.grain.cell**2
+    logged_kg = float((log.flow * log.duration).sum())
+    columns = {k: f"{c.column} [{c.unit}]" for k, c in log.column_map.columns.items()}
+    field = {
+        "area_ha": polygon.area / 1e4,
+        "passes": len(tracks),
+        "pass_length_m": sum(t.length for t in tracks),
+        "pass_spacing_m": spacing if count else None,
+        "pass_spacing_sd_m": spread if count else None,
+        "straight_windows": sum(len(t.straights) for t in tracks),
+        "lateral_sd_m": _median([w.lateral_sd for t in tracks for w in t.straights]),
+        "row_azimuth_deg": float(np.degrees(azimuth)),
+    }
+    crop = {
+        "yield_t_ha": float(grain.mean()),
+        "yield_p10_t_ha": float(np.percentile(grain, 10)),
+        "yield_p90_t_ha": float(np.percentile(grain, 90)),
+        "grain_logged_kg": logged_kg,
+        "grain_on_map_kg": map_kg,
+        "stems_per_m2": float(np.nanmean(maps.stems.values)),
+        "grain_g_per_stem": settings.grain_g_per_stem,
+        "stems_clipped_cells": maps.clipped_count,
+        "filled_cells": maps.filled_count,
+        "cells": int(np.isfinite(maps.grain.values).sum()),
+    }
+    rows = {"read": log.row_count, "broken": log.broken, "records": len(log)}
+    digest = _digest(path)
+    source = {"file": path.name, "sha256": digest, "profile": log.column_map.profile, "columns": columns}
+    return ImportReport(
+        out, source, rows, _machines(cleaned, tracks), cleaned.counts, int(cleaned.kept.sum()), field, crop,
+        terrain, notes,
+    )  # fmt: skip
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of the log, of a folder of all its files in the order of their names."""
+    made = hashlib.sha256()
+    for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
+        made.update(part.read_bytes())
+    return made.hexdigest()
+
+
+def _machines(cleaned: Cleaned, tracks: tuple[Track, ...]) -> list[dict[str, Any]]:
+    log, rows = cleaned.log, []
+    for index, (name, delay) in enumerate(zip(log.machine_names, cleaned.delays, strict=True)):
+        own = cleaned.log.machine == index
+        kept = own & cleaned.kept
+        rows.append(
+            {
+                "name": name,
+                "records": int(own.sum()),
+                "kept": int(kept.sum()),
+                "passes": sum(t.machine == name for t in tracks),
+                "header_width_m": _median(log.width[kept].tolist()),
+                "speed_kmh": _median((3.6 * log.speed[kept]).tolist()),
+                "grain_flow_kg_s": _median(cleaned.flow[kept].tolist()),
+                "flow_delay_s": delay.seconds,
+                "flow_delay_method": delay.method,
+                "flow_delay_agreement": delay.agreement,
+                "flow_delay_pairs": delay.pair_count,
+            }
+        )
+    return rows
+
+
+def _median(values: list[float]) -> float | None:
+    return float(np.median(values)) if values else None
+
+
+def _histogram(cleaned: Cleaned) -> dict[str, Any]:
+    """Records per yield class, kept and removed; yields above the last class count in it."""
+    grain, kept = cleaned.grain * 10.0, cleaned.kept
+    top = float(np.ceil(1.5 * np.percentile(grain[kept], 99)))
+    edges = np.linspace(0.0, max(top, 1.0), 41)
+    known = np.isfinite(grain)
+    count = {
+        name: np.histogram(np.minimum(grain[m & known], edges[-1]), edges)[0]
+        for name, m in (("kept", kept), ("removed", ~kept))
+    }
+    return {"top_t_ha": float(edges[-1]), **{k: v.tolist() for k, v in count.items()}}
+
+
+def _plain(value: Any) -> Any:
+    """Plain data for YAML: numbers rounded to six digits, nan as None."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.6g}") if np.isfinite(value) else None
+    return value
+
+
+@contextmanager
+def _steps(shown: bool) -> Iterator[Any]:
+    """A bar on stderr that moves with each step named to it."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown) as bar:
+        task = bar.add_task("starting", total=6)
+
+        def step(name: str) -> None:
+            bar.update(task, description=name)
+            bar.advance(task)
+
+        yield step

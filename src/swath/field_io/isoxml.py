@@ -1,0 +1,151 @@
+"""Task data of ISO 11783-10 as one table: TASKDATA.XML names devices and logs, TLG files hold the records."""
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field_io.taskfiles import Element, elements, hex_number, is_log_file, number, task_files
+from swath.field_io.timelog import Description, TimeLog, column_names, read_time_log
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TaskData:
+    """All time logs of a TASKDATA folder, in the order of their first records; problems of every file."""
+
+    path: Path
+    logs: tuple[TimeLog, ...]
+    devices: dict[str, str]
+    problems: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return sum(len(log) for log in self.logs)
+
+    @property
+    def time(self) -> Array:
+        """Seconds since the first record, shape (n,)."""
+        all_times = np.concatenate([log.time for log in self.logs])
+        return np.asarray((all_times - all_times.min()) / np.timedelta64(1, "s"), dtype=float)
+
+    def columns(self) -> dict[str, Any]:
+        """Columns of all logs, one after the other: log, machine (text), time_s, lat_deg, lon_deg,
+        elevation_m and one per channel; nan where a log has no such channel.
+        """
+        count = [len(log) for log in self.logs]
+        names = np.array([log.name for log in self.logs])
+        made: dict[str, Any] = {"log": np.repeat(names, count).tolist(), "time_s": self.time}
+        made["machine"] = np.repeat(np.array([log.device for log in self.logs]), count).tolist()
+        made["lat_deg"] = np.concatenate([log.lat for log in self.logs])
+        made["lon_deg"] = np.concatenate([log.lon for log in self.logs])
+        up = np.concatenate([log.up for log in self.logs])
+        if np.isfinite(up).any():
+            made["elevation_m"] = up
+        start = np.concatenate([[0], np.cumsum(count)])
+        for i, log in enumerate(self.logs):
+            for k, name in enumerate(column_names(log.channels)):
+                column = made.setdefault(name, np.full(len(self), np.nan))
+                column[start[i] : start[i + 1]] = log.values[:, k]
+        return made
+
+
+def is_taskdata(path: Path) -> bool:
+    """True for a folder or zip that holds a TASKDATA.XML, for that file, and for a TLG file."""
+    if path.is_dir():
+        return any(p.name.upper() == "TASKDATA.XML" for p in path.iterdir())
+    if path.name.upper() == "TASKDATA.XML" or is_log_file(path):
+        return True
+    if not zipfile.is_zipfile(path):
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(PurePosixPath(n).name.upper() == "TASKDATA.XML" for n in archive.namelist())
+    except (zipfile.BadZipFile, OSError, ValueError):
+        return False
+
+
+def read_taskdata(path: Path) -> TaskData:
+    """Read all time logs of a TASKDATA folder, its zip or its TASKDATA.XML; of a TLG file only that log.
+
+    Raises InputError when nothing can be read: no TASKDATA.XML, no time log, no whole record in any.
+    """
+    path = Path(path)
+    files = dict(task_files(path))
+    if "TASKDATA.XML" not in files:
+        raise InputError("taskdata", None, "expected a TASKDATA.XML beside the time logs", file=path)
+    described = _read_description(files)
+    names = list(described.logs)
+    if described.problems or not names:
+        there = sorted(n[:-4] for n in files if n.startswith("TLG") and n.endswith(".BIN"))
+        names += [n for n in there if n not in described.logs]
+    if is_log_file(path):
+        names = [path.stem.upper()]
+    problems, logs = list(described.problems), []
+    for name in names:
+        try:
+            logs.append(read_time_log(name, files, described))
+            problems += logs[-1].problems
+        except InputError as error:
+            problems.append(str(error))
+    logs = sorted((log for log in logs if len(log)), key=lambda log: (log.time[0], log.name))
+    if not logs:
+        why = f": {problems[0]}" if problems else ""
+        raise InputError(
+            "taskdata", None, f"expected at least one time log with a whole record{why}", file=path
+        )
+    return TaskData(path, tuple(logs), dict(described.devices), tuple(problems))
+
+
+def _read_description(files: dict[str, bytes]) -> Description:
+    made = Description()
+    parts = ["TASKDATA.XML"]
+    found: list[Element] = []
+    for part in parts:
+        if part not in files:
+            made.problems.append(f"{part}: referenced, but missing")
+            continue
+        more, problem = elements(files[part])
+        found += more
+        if problem:
+            made.problems.append(f"{part}: {problem}; the rest of it is left out")
+        linked = [f"{a.get('A', '').upper()}.XML" for tag, a, _ in more if tag == "XFR"]
+        parts += [name for name in linked if name not in parts]
+    _take_devices(found, made)
+    for tag, a, around in found:
+        if tag == "TLG" and a.get("A"):
+            task = next((b.get("A", "") for t, b in around if t == "TSK"), "")
+            made.logs[a["A"].upper()] = task
+    return made
+
+
+def _take_devices(found: list[Element], made: Description) -> None:
+    """Labels and scaling of the values of every device element."""
+    shown: dict[tuple[str, str], tuple[float, float, str]] = {}
+    data: list[tuple[str, str, dict[str, str]]] = []
+    owners: dict[str, list[str]] = {}
+    for tag, a, around in found:
+        device = next((b.get("A", "") for t, b in around if t == "DVC"), "")
+        if tag == "DVC":
+            made.devices[a.get("A", "")] = a.get("B", "")
+        elif tag == "DET":
+            owners.setdefault(device, []).append(a.get("A", ""))
+            made.owners[a.get("A", "")] = device
+        elif tag == "DVP":
+            shown[device, a.get("A", "")] = (
+                number(a.get("C"), 1.0),
+                number(a.get("B"), 0.0),
+                a.get("E", ""),
+            )
+        elif tag == "DPD":
+            data.append((device, a.get("F", ""), a))
+    for device, presentation, a in data:
+        ddi = hex_number(a.get("B"))
+        scale, offset, unit = shown.get((device, presentation), (1.0, 0.0, ""))
+        if ddi is not None:
+            for element in owners.get(device, []):
+                made.values[element, ddi] = (a.get("E", "").strip(), unit, scale, offset)

@@ -1,0 +1,342 @@
+"""A combine's yield log: records in SI units, projected, in driven order, each with its machine.
+
+Broken rows are left out and counted by reason; only a file that holds no usable log is an error.
+"""
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field.projection import known_crs, transform, utm_epsg
+from swath.field_io.columns import QUANTITIES, UNITS, ColumnMap, find_columns
+from swath.field_io.machines import separate_machines
+from swath.field_io.table import Table, read_table
+
+Array = NDArray[np.float64]
+FEWEST_RECORDS = 30  # below, there is no pass to speak of
+MOST_NOTES = 20  # of what could not be read
+FARTHEST_M = 20e3  # from the median position: no field is that large
+PLAUSIBLE: dict[str, tuple[float, float]] = {
+    "speed": (0.0, 15.0), "header_width": (0.0, 20.0), "grain_flow": (0.0, 60.0), "yield": (0.0, 5.0),
+    "moisture": (0.0, 0.6), "elevation": (-500.0, 9000.0), "crop_height": (0.0, 5.0), "duration": (0.0, 1e5),
+    "distance": (0.0, 1e4),
+}  # fmt: skip
+"""Limits in SI units (m/s, m, kg/s, kg/m2, share, m, m, s, m). Outside, the number means something else."""
+_NEEDED = (
+    "grain_flow",
+    "yield",
+    "speed",
+    "header_width",
+)  # a bad value here breaks the row; elsewhere the cell
+
+
+@dataclass(frozen=True)
+class Log:
+    """Records sorted by machine, then time; all arrays have one entry per record, shape (n,).
+
+    machine: index into machine_names; time [s]; duration [s] since the record before; east, north [m] in
+    epsg; elevation [m], nan = none; speed [m/s]; width: of the header in use [m]; flow: grain [kg/s];
+    moisture: share of the wet mass, nan = none; crop_height [m], nan = none
+    row_number: line or record of the file
+    row_count: rows in the file. broken: reason -> rows left out. notes: what was assumed.
+    """
+
+    machine: NDArray[np.int64]
+    time: Array
+    duration: Array
+    east: Array
+    north: Array
+    elevation: Array
+    speed: Array
+    width: Array
+    flow: Array
+    moisture: Array
+    crop_height: Array
+    row_number: NDArray[np.int64]
+    machine_names: tuple[str, ...]
+    epsg: int
+    column_map: ColumnMap
+    row_count: int
+    broken: dict[str, int]
+    notes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def position(self) -> Array:
+        """Shape (n, 2) [m]."""
+        return np.stack([self.east, self.north], axis=1)
+
+    @property
+    def gap(self) -> NDArray[np.bool_]:
+        """Shape (n,): the record does not follow the one before (other machine, pause, jump in position)."""
+        step = np.hypot(np.diff(self.east), np.diff(self.north))
+        pause = np.diff(self.time)
+        far = step > 3.0 * np.maximum(self.speed[1:], 1.0) * np.clip(pause, 1.0, 3.0) + 3.0
+        gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > 5.0) | far]
+        return gap
+
+    def keep(self, mask: NDArray[np.bool_]) -> "Log":
+        """The records of a mask, shape (n,), in the same order."""
+        arrays: dict[str, Any] = {k: v[mask] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays)
+
+
+def read_log(path: Path, columns: Path | None = None, *, header_width: float | None = None) -> Log:
+    """Read a yield log: CSV, CSV.gz, a zipped point shapefile, or ISOXML time logs.
+
+    columns: map file (see swath.field_io.columns). header_width [m]: where the log holds none.
+    Raises InputError when the file is no log or less than 30 rows of it can be used.
+    """
+    table = read_table(path)
+    found = find_columns(list(table.columns), path, columns, table.points is not None)
+    notes = [f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed]
+    notes += table.notes[:MOST_NOTES]
+    row_count = len(table.row_number) + sum(table.broken.values())
+    if len(table.row_number) < FEWEST_RECORDS:
+        raise InputError(
+            "log", len(table.row_number), f"expected at least {FEWEST_RECORDS} whole rows", file=path
+        )
+    lon_lat, crs_note = _lon_lat(table, found, path)
+    values = {key: si_values(table, found, key) for key in QUANTITIES if QUANTITIES[key] != "text"}
+    reasons = _broken(lon_lat, values, found)
+    good = np.ones(len(lon_lat), dtype=bool)
+    broken = dict(table.broken)
+    for reason, bad in reasons.items():
+        broken[reason] = int((bad & good).sum())
+        good &= ~bad
+    if good.sum() < FEWEST_RECORDS:
+        counts = ", ".join(f"{v} {k}" for k, v in broken.items() if v)
+        expected = f"expected at least {FEWEST_RECORDS} usable rows of {row_count} ({counts})"
+        raise InputError("log", int(good.sum()), expected, file=path)
+    work = not_working(table, found)
+    if work is not None:
+        values["grain_flow"] = np.where(work, 0.0, values["grain_flow"])
+        values["yield"] = np.where(work, 0.0, values["yield"])
+    values = {k: v[good] for k, v in values.items()}
+    log = _assemble(table, found, lon_lat[good], values, good, header_width, path)
+    jump = _jumps(log)
+    log = log.keep(~jump)
+    again = _repeats(log)
+    broken |= {"jump": int(jump.sum()), "duplicated_position": int(again.sum())}
+    notes += [crs_note] if crs_note else []
+    return replace(log.keep(~again), row_count=row_count, broken=broken, notes=(*notes, *log.notes))
+
+
+def si_values(table: Table, found: ColumnMap, key: str) -> Array:
+    """A quantity in the units used inside, nan where it is missing."""
+    column = found.columns.get(key)
+    if column is None:
+        return np.full(len(table.row_number), np.nan)
+    values = table.numbers(column.column)
+    if key == "time" and not np.isfinite(values).any():
+        return _clock(table.columns[column.column])
+    with np.errstate(over="ignore"):
+        return values * UNITS[QUANTITIES[key]][column.unit]
+
+
+def _clock(cells: Any) -> Array:
+    """Seconds of ISO date-times, nan where a cell is none."""
+
+    def seconds(cell: Any) -> float:
+        try:
+            stamp = datetime.fromisoformat(str(cell).strip())
+            return (stamp.replace(tzinfo=None) - datetime(2000, 1, 1)).total_seconds()
+        except (ValueError, OverflowError):
+            return np.nan
+
+    return np.array([seconds(c) for c in cells], dtype=float)
+
+
+def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
+    """Lon/lat [deg], shape (n, 2), not finite where a row has none; and what was assumed."""
+    if "lat" in found.columns and "lon" in found.columns:
+        return np.stack([si_values(table, found, "lon"), si_values(table, found, "lat")], axis=1), ""
+    if table.points is not None:
+        points, text = table.points, table.crs or found.crs
+        if not text:
+            inside = np.nanmax(np.abs(points), axis=0, initial=0.0) <= (180.0, 90.0)
+            if not inside.all():
+                raise InputError(
+                    "crs", None, "expected a .prj in the archive or crs in the column map", file=path
+                )
+            return points, "no .prj: positions taken as WGS 84"
+    else:
+        points, text = (
+            np.stack([si_values(table, found, "easting"), si_values(table, found, "northing")], axis=1),
+            found.crs,
+        )
+        if not text:
+            raise InputError(
+                "crs", None, "expected crs: EPSG:... in the column map for easting, northing", file=path
+            )
+    return transform(points, known_crs(text), "EPSG:4326"), ""
+
+
+def _broken(lon_lat: Array, values: dict[str, Array], found: ColumnMap) -> dict[str, NDArray[np.bool_]]:
+    """Reason -> rows, shape (n,), that cannot be used."""
+    lon, lat = lon_lat.T
+    finite = np.isfinite(lon_lat).all(axis=1)
+    on_earth = finite & (np.abs(lon) <= 180.0) & (np.abs(lat) <= 84.0) & ((lon != 0.0) | (lat != 0.0))
+    reasons = {"position_not_a_number": ~finite, "position_out_of_range": finite & ~on_earth}
+    if on_earth.any():
+        centre = np.median(lon_lat[on_earth], axis=0)
+        away = np.hypot((lon - centre[0]) * np.cos(np.radians(centre[1])), lat - centre[1]) * 111.2e3
+        reasons["position_far_away"] = on_earth & (away > FARTHEST_M)
+    for key in _NEEDED:
+        if key in found.columns:
+            low, high = PLAUSIBLE[key]
+            value = values[key]
+            reasons[f"{key}_not_a_number"] = ~np.isfinite(value)
+            reasons[f"{key}_out_of_range"] = np.isfinite(value) & ((value < low) | (value > high))
+    for key in ("moisture", "elevation", "crop_height", "duration", "distance"):
+        low, high = PLAUSIBLE[key]
+        values[key] = np.where((values[key] >= low) & (values[key] <= high), values[key], np.nan)
+    if "time" in found.columns:
+        reasons["time_not_a_number"] = ~np.isfinite(values["time"])
+    return reasons
+
+
+def not_working(table: Table, found: ColumnMap) -> NDArray[np.bool_] | None:
+    """Rows whose header does not work, shape (n,); None where the log does not say."""
+    column = found.columns.get("work_state")
+    if column is None:
+        return None
+    idle = {"out", "off", "0", "up", "false", "no", "raised"}
+    return np.array([word.lower() in idle for word in table.texts(column.column)])
+
+
+def _assemble(
+    table: Table,
+    found: ColumnMap,
+    lon_lat: Array,
+    values: dict[str, Array],
+    good: NDArray[np.bool_],
+    header_width: float | None,
+    path: Path,
+) -> Log:
+    """Project, sort, tell machines apart and fill in what follows from other columns."""
+    epsg = utm_epsg(*np.median(lon_lat, axis=0))
+    east, north = transform(lon_lat, "EPSG:4326", f"EPSG:{epsg}").T
+    names, machine, notes = _declared_machines(table, found, good)
+    if "time" in found.columns:
+        order = np.lexsort((values["time"], machine))
+    else:
+        order = (
+            np.lexsort((values["record"], machine))
+            if "record" in found.columns
+            else np.argsort(machine, kind="stable")
+        )
+    time, time_note = _time(values, found, machine, order)
+    notes += [time_note] if time_note else []
+    if "machine" not in found.columns:
+        machine = separate_machines(time, east, north)
+        names = tuple(str(i + 1) for i in range(machine.max() + 1))
+        if len(names) > 1:
+            notes.append(f"no machine column: {len(names)} machines told apart by their positions")
+    order = np.lexsort((time, machine))
+    machine, time, east, north = machine[order], time[order], east[order], north[order]
+    values = {k: v[order] for k, v in values.items()}
+    period, duration = _duration(time, machine, values["duration"])
+    speed = _speed(values, found, duration, machine, east, north)
+    width = values["header_width"]
+    if not np.isfinite(width).any():
+        if header_width is None:
+            expected = "expected a column (name it with --columns), or --header-width-m"
+            raise InputError("header_width", None, expected, file=path)
+        width = np.full(len(time), header_width)
+    flow = values["grain_flow"]
+    if "grain_flow" not in found.columns:
+        flow = values["yield"] * width * speed
+    if abs(period - 1.0) > 0.05:
+        notes.append(f"one record every {period:.2f} s")
+    return Log(
+        machine, time, duration, east, north, values["elevation"], speed, width, flow, values["moisture"],
+        values["crop_height"], table.row_number[good][order], names, epsg, found, 0, {}, tuple(notes),
+    )  # fmt: skip
+
+
+def _declared_machines(
+    table: Table, found: ColumnMap, good: NDArray[np.bool_]
+) -> tuple[tuple[str, ...], NDArray[np.int64], list[str]]:
+    if "machine" not in found.columns:
+        return ("1",), np.zeros(int(good.sum()), dtype=np.int64), []
+    texts = np.array(table.texts(found.columns["machine"].column))[good]
+    names, machine = np.unique(texts, return_inverse=True)
+    if len(names) > 50:
+        return ("1",), np.zeros(len(texts), dtype=np.int64), [f"{len(names)} machine names: column not used"]
+    shown = tuple("".join(c if c.isprintable() else "?" for c in str(n)[:60]) for n in names)
+    return shown, machine.astype(np.int64), []
+
+
+def _time(
+    values: dict[str, Array], found: ColumnMap, machine: NDArray[np.int64], order: NDArray[np.int64]
+) -> tuple[Array, str]:
+    """Time of each record [s], in file order."""
+    if "time" in found.columns:
+        return values["time"] - values["time"].min(), ""
+    step = np.nan_to_num(values["duration"], nan=1.0) if "duration" in found.columns else np.ones(len(order))
+    sorted_time = np.cumsum(step[order])
+    first = np.r_[True, np.diff(machine[order]) != 0]
+    start = np.maximum.accumulate(np.where(first, sorted_time, 0.0))
+    time = np.empty(len(order))
+    time[order] = sorted_time - start
+    note = "" if "duration" in found.columns else "no time: records taken as 1 s apart"
+    return time, note or "no clock: time counts from the first record of each machine"
+
+
+def _duration(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple[float, Array]:
+    """Nominal period of the log and time since the record before [s].
+
+    Logs round their clock (to 1e-5 days = 0.864 s in some), so steps below 1.8 periods count as one.
+    """
+    step = np.diff(time, prepend=time[:1])
+    usual = step[(step > 0.0) & (step < 2.5)]
+    period = float(usual.mean()) if len(usual) else 1.0
+    period = 1.0 if abs(period - 1.0) < 0.08 else period
+    if np.isfinite(logged).mean() > 0.5:
+        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, 5.0)
+    one = (step < 1.8 * period) | (np.diff(machine, prepend=-1) != 0)
+    return period, np.clip(np.where(one, period, step), period, 5.0)
+
+
+def _speed(
+    values: dict[str, Array],
+    found: ColumnMap,
+    duration: Array,
+    machine: NDArray[np.int64],
+    east: Array,
+    north: Array,
+) -> Array:
+    """Ground speed [m/s]: logged, else logged distance over time, else from positions."""
+    if "speed" in found.columns:
+        return values["speed"]
+    step = np.hypot(np.diff(east, prepend=east[:1]), np.diff(north, prepend=north[:1]))
+    step = np.where(np.diff(machine, prepend=-1) != 0, 0.0, step)
+    if "distance" in found.columns:
+        step = np.where(np.isfinite(values["distance"]), values["distance"], step)
+    return np.clip(step / duration, 0.0, PLAUSIBLE["speed"][1])
+
+
+def _jumps(log: Log) -> NDArray[np.bool_]:
+    """Records off the track of their neighbours, shape (n,)."""
+    p, m = log.position, log.machine
+    jump = np.zeros(len(p), dtype=bool)
+    limit = 12.0 + 3.0 * log.speed[1:-1]
+    before, after = np.hypot(*(p[1:-1] - p[:-2]).T), np.hypot(*(p[2:] - p[1:-1]).T)
+    across = np.hypot(*(p[2:] - p[:-2]).T)
+    one = (m[2:] == m[1:-1]) & (m[1:-1] == m[:-2])
+    jump[1:-1] = one & (before > limit) & (after > limit) & (across < limit)
+    return jump
+
+
+def _repeats(log: Log) -> NDArray[np.bool_]:
+    """Records of a machine on the very spot of the one before, shape (n,)."""
+    step = np.hypot(*np.diff(log.position, axis=0).T)
+    return np.asarray(np.r_[False, (step == 0.0) & (np.diff(log.machine) == 0)])

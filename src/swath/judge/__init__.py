@@ -1,0 +1,1 @@
+"""Judges: they see samples and truth, and give metrics and limits."""

@@ -1,0 +1,102 @@
+"""`swath can`: a controller box on a bus, what is said there, and the message descriptions."""
+
+import argparse
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its parts."""
+    parser = parsers.add_parser("can", help="a controller box on a CAN bus, and what is said there")
+    parts = parser.add_subparsers(metavar="PART", required=True)
+    box = parts.add_parser("box", help="play the controller box of a scenario", description=_BOX)
+    box.add_argument("scenario", metavar="NAME|FILE", help="whose law of the slot steer to run")
+    box.add_argument(
+        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="change the scenario"
+    )
+    box.add_argument("--once", action="store_true", help="end when the machine has switched off")
+    box.set_defaults(run=run_box)
+    listen = parts.add_parser("listen", help="print what is said on a bus")
+    for each in (box, listen):
+        each.add_argument("--interface", metavar="NAME", help="of python-can, e.g. socketcan")
+        each.add_argument("--channel", metavar="NAME", help="of that interface, e.g. can0")
+        each.add_argument(
+            "--option", action="append", default=[], metavar="KEY=VALUE", help="further keys of the interface"
+        )
+    box.add_argument("--address", type=int, metavar="N", help="of the box (default 28)")
+    listen.add_argument("--for", type=float, dest="seconds", metavar="S", help="end after S seconds")
+    listen.add_argument("--count", type=int, metavar="N", help="end after N frames")
+    listen.set_defaults(run=run_listen)
+    dbc = parts.add_parser("dbc", help="print where the DBC file is")
+    dbc.set_defaults(run=run_dbc)
+
+
+def run_box(args: argparse.Namespace) -> int:
+    """Serve the machine until Ctrl-C, or with `--once` until it has switched off."""
+    from swath.link.can import box, j1939
+    from swath.link.can.bus import Node
+    from swath.link.can.planned import plan_box
+    from swath.scenario.scenario import load_scenario
+
+    plan = plan_box(load_scenario(args.scenario, sets=args.sets))
+    node = Node(_where(args, plan.where), args.address or plan.address, device_class=j1939.NO_CLASS)
+    served = box.ControllerBox(plan.law, node, period=plan.period, wheelbase=plan.wheelbase)
+    try:
+        box.run_box(served, node, once=args.once, say=lambda text: print(text, flush=True))
+    finally:
+        node.close()
+    return 0
+
+
+def run_listen(args: argparse.Namespace) -> int:
+    """Print every frame: time, name or PGN, from whom to whom, values."""
+    import time
+
+    from swath.link.can import j1939
+    from swath.link.can.bus import open_bus
+    from swath.link.can.codec import Codec
+    from swath.link.levels.can import Params
+
+    codec, bus, began, left = Codec(), open_bus(_where(args, Params().where)), time.monotonic(), args.count
+    try:
+        while left != 0 and (args.seconds is None or time.monotonic() - began < args.seconds):
+            frame = bus.recv(0.2)
+            if frame is None or not frame.is_extended_id:
+                continue
+            left = None if left is None else left - 1
+            header, data = j1939.parse(frame.arbitration_id), bytes(frame.data)
+            decoded = codec.decode(header.pgn, data)
+            name, values = decoded or (f"PGN {header.pgn}", {})
+            numbers = [f"{key} {'-' if v is None else f'{v:g}'}" for key, v in values.items()]
+            said = ", ".join(numbers) or data.hex(" ")
+            at = time.monotonic() - began
+            print(f"{at:9.3f}  {header.source:3d} > {header.destination:3d}  {name}: {said}", flush=True)
+    finally:
+        bus.shutdown()
+    return 0
+
+
+def run_dbc(args: argparse.Namespace) -> int:
+    """Print the path."""
+    from swath.link.can.codec import dbc_file
+
+    print(dbc_file())
+    return 0
+
+
+def _where(args: argparse.Namespace, default: Any) -> Any:
+    """The bus that the flags say; what they leave out is the default's."""
+    from swath.core.errors import InputError
+    from swath.documents.yaml_document import parse_value
+    from swath.link.can.bus import Where
+
+    options = dict(default.options)
+    for text in args.option:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise InputError(f"--option {text}", None, "expected KEY=VALUE")
+        options[key] = parse_value(value, f"--option {text}")
+    return Where(args.interface or default.interface, args.channel or default.channel, options)
+
+
+_BOX = """Play the controller box of a scenario: its steering law, behind a CAN bus. Where the slot steer has
+the level can, bus and law are as written there; where it has a law, that law runs on the bus of the flags."""

@@ -1,0 +1,140 @@
+"""`swath fmu`: look at an FMU, try it out, make one."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its verbs."""
+    parser = parsers.add_parser("fmu", help="look at an FMU, try it out, make one")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    shows = verbs.add_parser("show", help="variables, units and capabilities of an FMU")
+    shows.add_argument("file", type=Path, metavar="X.fmu", help="an FMU, or a system of several (.ssp, .ssd)")
+    shows.add_argument("--all", action="store_true", help="local variables too")
+    shows.set_defaults(run=run_show)
+    checks = verbs.add_parser("check", help="run an FMU in a process of its own and say what was found")
+    checks.add_argument("file", type=Path, metavar="X.fmu", help="an FMU")
+    checks.add_argument("--step-ms", type=float, default=100.0, metavar="MS", help="step (default 100)")
+    checks.add_argument("--duration-s", type=float, default=1.0, metavar="S", help="how long (default 1)")
+    checks.add_argument(
+        "--timeout-s", type=float, default=10.0, metavar="S", help="for an answer (default 10)"
+    )
+    checks.set_defaults(run=run_check)
+    _add_export(verbs)
+
+
+def _add_export(verbs: Any) -> None:
+    from swath.terminal.options import add_scenario_options
+
+    exports = verbs.add_parser("export", help="slots of a scenario as an FMU for other tools")
+    exports.add_argument(
+        "scenario", metavar="NAME|FILE", help="a bundled scenario, a YAML file, a run folder"
+    )
+    exports.add_argument(
+        "--part",
+        action="append",
+        default=[],
+        dest="parts",
+        metavar="SLOT",
+        help="combine.process, or process where there is one machine; may be given several times",
+    )
+    exports.add_argument("--fmi", type=int, default=3, metavar="N", help="version, 3 (default) or 2")
+    exports.add_argument(
+        "--parameter",
+        action="append",
+        default=[],
+        dest="parameters",
+        metavar="KEY",
+        help="a key of the scenario that becomes a parameter, e.g. field.stand.stems_per_m2",
+    )
+    add_scenario_options(exports)
+    exports.set_defaults(run=run_export)
+
+
+def run_show(args: argparse.Namespace) -> int:
+    """Print what the FMU says about itself."""
+    from swath.link.fmi.composite import describe_file
+    from swath.link.fmi.units import describe
+    from swath.terminal.tables import table
+
+    fmu = describe_file(args.file)
+    can = {
+        "state saved": fmu.saves_state,
+        "state as bytes": fmu.serializes,
+        "steps of any length": fmu.variable_step,
+        "events": fmu.has_events,
+        "returns early": fmu.returns_early,
+        "one per process": fmu.one_per_process,
+        "needs its tool": fmu.needs_tool,
+    }
+    rows = [
+        ("name", fmu.name),
+        ("FMI", f"{fmu.version}, co-simulation"),
+        ("made by", fmu.tool or "-"),
+        ("binaries for", ", ".join(fmu.platforms) or "none"),
+        ("fixed step", f"{fmu.fixed_step:g} s" if fmu.fixed_step else "-"),
+        ("suggested step", f"{fmu.default_step:g} s" if fmu.default_step else "-"),
+        *((what, "yes" if yes else "no") for what, yes in can.items()),
+        *(("fault", fault) for fault in fmu.faults),
+    ]
+    table("", ("", ""), rows)
+    causalities = ["structuralParameter", "parameter", "input", "output"]
+    causalities += ["calculatedParameter", "local", "independent"] if args.all else []
+    made = [
+        (
+            v.name + (f"[{v.size}]" if v.is_array else ""),
+            v.causality,
+            v.type,
+            v.unit_name or "",
+            "" if v.unit is None else describe(v.unit).partition(" = ")[2],
+            "" if v.start is None else _short(v.start),
+            v.description,
+        )
+        for v in sorted(fmu.of(*causalities), key=lambda v: causalities.index(v.causality))
+    ]
+    table("", ("variable", "causality", "type", "unit", "in SI", "start", "description"), made)
+    return 0
+
+
+def run_check(args: argparse.Namespace) -> int:
+    """Run it; 1 when it cannot fill a slot."""
+    from swath.core.errors import InputError
+    from swath.link.fmi.check import check_fmu
+    from swath.terminal.tables import table
+
+    for flag, value in (("--step-ms", args.step_ms), ("--duration-s", args.duration_s)):
+        if not value > 0.0:
+            raise InputError(flag, value, "expected > 0")
+    finding = check_fmu(
+        args.file, step_s=args.step_ms * 1e-3, duration_s=args.duration_s, timeout_s=args.timeout_s
+    )
+    table("", ("what", "verdict", "found"), finding.rows)
+    print("it can fill a slot" if finding.is_usable else "it cannot fill a slot as it is")
+    return 0 if finding.is_usable else 1
+
+
+def run_export(args: argparse.Namespace) -> int:
+    """Write an FMU."""
+    from swath.core.errors import InputError
+    from swath.link.fmi.export import export_fmu
+    from swath.terminal.options import load
+    from swath.terminal.tables import table
+
+    scenario = load(args)
+    if args.out is None or args.out.suffix != ".fmu":
+        raise InputError("--out", args.out and str(args.out), "expected a file such as x.fmu")
+    try:
+        variables = export_fmu(scenario, args.parts, args.out, version=args.fmi, parameters=args.parameters)
+    except InputError as error:
+        raise scenario.locate(error) from error
+    rows = [(v.name, v.causality, v.kind, v.unit, v.description) for v in variables]
+    table("", ("variable", "causality", "type", "unit", "description"), rows)
+    print(f"{args.out}  FMI {args.fmi}; whoever loads it needs a Python with swath (docs/fmu-export.md)")
+    return 0
+
+
+def _short(value: Any, limit: int = 24) -> str:
+    parts = value if isinstance(value, list) else [value]
+    text = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in parts)
+    return text if len(text) <= limit else text[: limit - 3] + "..."

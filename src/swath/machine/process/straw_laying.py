@@ -1,0 +1,70 @@
+"""The straw of a process that is somebody else's: it knows masses but no field, so it is laid here."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from swath.core.component import Component, Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.machine.machine_sheet import MachineCard
+from swath.machine.process.straw_outlet import StrawGround, StrawOutlet
+from swath.signals import MachineLoad, MachineState
+
+WIDTH, STEP = 1.4, 0.25  # of the swath [m], as the built-in levels have it
+
+
+class LaidStraw:
+    """A process, and what its `load.dropped_straw` grows by, laid as a swath behind the machine."""
+
+    def __init__(self, part: Component, ground: StrawGround, card: MachineCard) -> None:
+        self.part = part
+        self.outputs = part.outputs
+        self._passes_state = any(p.name == "state" for p in part.inputs)
+        own = () if self._passes_state else (Port("state", MachineState),)
+        self.inputs = (*part.inputs, *own)
+        self._outlet = StrawOutlet(ground, card.body[0], WIDTH, STEP, ridge=True)
+        self._dropped = 0.0
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Those of the process."""
+        found: Sequence[str] = getattr(self.part, "notes", ())
+        return found
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Nothing laid."""
+        self._outlet.reset()
+        outputs = self.part.reset(stream)
+        self._dropped = _dropped(outputs)
+        return outputs
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Step the process, lay what it dropped."""
+        passed = inputs if self._passes_state else {k: v for k, v in inputs.items() if k != "state"}
+        outputs = self.part.step(t, dt, passed)
+        before, self._dropped = self._dropped, _dropped(outputs)
+        state = inputs.get("state")
+        if isinstance(state, tuple) and state:
+            state = state[-1]
+        if isinstance(state, MachineState):
+            self._outlet.drop(max(self._dropped - before, 0.0), state)
+        return outputs
+
+    def save(self) -> State:
+        """State of the process, and the open end of the swath."""
+        return {"part": self.part.save(), "outlet": self._outlet.save(), "dropped": self._dropped}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self.part.load(state["part"])
+        self._outlet.load(state["outlet"])
+        self._dropped = state["dropped"]
+
+    def close(self) -> None:
+        """Let go of the process."""
+        if callable(close := getattr(self.part, "close", None)):
+            close()
+
+
+def _dropped(outputs: dict[str, Any]) -> float:
+    load = outputs.get("load")
+    return load.dropped_straw if isinstance(load, MachineLoad) else 0.0

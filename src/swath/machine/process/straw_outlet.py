@@ -1,0 +1,91 @@
+"""Straw behind the machine: a swath, or chopped and spread, laid where the outlet passes."""
+
+from math import atan2, hypot
+from typing import Any, Protocol
+
+import numpy as np
+
+from swath.core.component import State
+from swath.core.frames import Array
+from swath.machine.sweep import line_ends, signed_area, swept
+from swath.signals import MachineState
+
+
+class StrawGround(Protocol):
+    """The part of a field that takes straw."""
+
+    def deposit_straw(self, polygon: Array, mass: float, /, *, heading: float | None = None) -> Any:
+        """Lay straw [kg] over a convex polygon (n, 2) [m], as a ridge along a heading [rad]."""
+        ...
+
+
+class StrawOutlet:
+    """Lays straw over the ground that the outlet passed, every `step` [m] of way.
+
+    outlet_x: ahead of the fixed axle [m]; width [m]; ridge: heaped along the way, otherwise even
+    """
+
+    def __init__(
+        self, ground: StrawGround, outlet_x: float, width: float, step: float, *, ridge: bool
+    ) -> None:
+        self._ground, self._step, self._ridge = ground, step, ridge
+        self._outlet = (outlet_x, 0.5 * width, -0.5 * width)
+        self._arm = 1.01 * hypot(outlet_x, 0.5 * width)
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing loose; it starts where the first state finds the machine."""
+        self._ends: Array | None = None
+        self._origin = (0.0, 0.0, 1.0, 0.0)
+        self._loose = 0.0
+
+    def drop(self, straw: float, state: MachineState) -> None:
+        """Straw [kg] that left the machine since the last time, and where the machine is now."""
+        self._loose += straw
+        before = self._ends
+        if before is None:
+            self._begin(line_ends(state.pose, *self._outlet), state)
+            return
+        if self._is_near(state):
+            return
+        ends = line_ends(state.pose, *self._outlet)
+        if float(np.hypot(*(ends - before).T).max()) < self._step:
+            return
+        polygons = swept(before, ends)
+        area = sum(signed_area(p) for p in polygons)
+        if area <= 0.0:
+            return
+        if self._loose > 0.0:
+            dx, dy = (ends - before).sum(axis=0).tolist()
+            heading = atan2(dy, dx) if self._ridge else None
+            for polygon in polygons:
+                mass = self._loose * signed_area(polygon) / area
+                self._ground.deposit_straw(polygon, mass, heading=heading)
+            self._loose = 0.0
+        self._begin(ends, state)
+
+    def _begin(self, ends: Array, state: MachineState) -> None:
+        self._ends = ends
+        self._origin = _stance(state)
+
+    def _is_near(self, state: MachineState) -> bool:
+        """True when no end of the outlet can have moved by a step: a quick look before the exact one."""
+        x, y, c, s = _stance(state)
+        x0, y0, c0, s0 = self._origin
+        return hypot(x - x0, y - y0) + self._arm * hypot(c - c0, s - s0) < self._step
+
+    def save(self) -> State:
+        """The open end of the swath."""
+        ends = None if self._ends is None else self._ends.copy()
+        return {"ends": ends, "origin": self._origin, "loose": self._loose}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._ends = None if state["ends"] is None else np.array(state["ends"])
+        self._origin, self._loose = state["origin"], state["loose"]
+
+
+def _stance(state: MachineState) -> tuple[float, float, float, float]:
+    """x, y [m], and x, y of the forward axis."""
+    position, axis = state.pose.position, state.pose.rotation[:, 0]
+    return float(position[0]), float(position[1]), float(axis[0]), float(axis[1])

@@ -1,0 +1,152 @@
+"""What kernels see of a field: its arrays as they are now, on the device that rays run on."""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.memory_layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
+from swath.field.wind import GUST_SHARE, Sway
+from swath.rays.geometry import make_things
+from swath.rays.refusals import Place
+
+F32 = NDArray[np.float32]
+
+
+class Castable(Place, Protocol):
+    """What rays need of a field."""
+
+    @property
+    def wind(self) -> Sway | None:
+        """What sways the stand."""
+
+
+class LiveScene:
+    """The field's own memory on the CPU, a copy on another device, renewed after each change.
+
+    version: goes up whenever the scene itself changes, not what its arrays hold; top_room: hits may lie above
+    crop by this share of its height
+    """
+
+    def __init__(self, field: Castable, device: str, *, top_room: float = 0.0) -> None:
+        self.field, self.device, self.top_room = field, device, top_room
+        self.version = 0
+        self._scene: Any = None
+        self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
+        self._pages: Pages | None = None  # as they were at the revision
+        self._revision = -1
+        self._place = (float("nan"), 0, 0)  # yaw of the stand, first page of the table
+        self._library: PlantLibrary | None = None
+
+    def share(self, wp: Any, array: NDArray[Any], dtype: Any) -> Any:
+        """The array for Warp: the same memory on the CPU, a copy elsewhere."""
+        return wp.array(array, dtype=dtype, device=self.device, copy=self.device != "cpu")
+
+    def things(self, wp: Any, solids: Solids) -> Any:
+        """Solids as kernels read them."""
+        return make_things(wp, solids, self.device)
+
+    def blow(self, wp: Any, t: int) -> None:
+        """The wind at a time [ns]; the scene must be fresh."""
+        scene = self._scene
+        wind = self.field.wind
+        if wind is None and scene.sways == 0:
+            return
+        self.version += 1
+        scene.sways = 0 if wind is None else 1
+        if wind is None:
+            return
+        size = self.field.library.tile_size
+        scene.toward = wp.vec2(*wind.toward)
+        scene.slopes = wp.vec3(wind.steady, (1.0 - GUST_SHARE) * wind.amplitude, GUST_SHARE * wind.amplitude)
+        for name, k, phase in zip(("wave", "gust"), (wind.wave, wind.gust), wind.phases(t), strict=True):
+            x, y = k[0] * size, k[1] * size
+            setattr(scene, name, wp.vec3d(x, y, 0.5 * (x + y) - phase))
+
+    def refresh(self, wp: Any) -> Any:
+        """The scene as it is now: pools that were reallocated are taken anew, copies renewed."""
+        from swath.rays.kernel.scene import Scene
+
+        if self._scene is None:
+            self._scene = Scene()
+        if self._library is not self.field.library:
+            self._library, self._pages = self.field.library, None
+            self._take_library(wp, self._library)
+        scene, pages = self._scene, self.field.pages
+        yaw = self.field.stand_yaw
+        if pages is self._pages and pages.revision == self._revision and yaw == self._place[0]:
+            return scene
+        self._pages, self._revision = pages, pages.revision
+        place = yaw, pages.table_x, pages.table_y
+        if place != self._place:
+            self._place, self.version = place, self.version + 1
+            scene.turn = wp.vec2d(np.cos(yaw), np.sin(yaw))
+            scene.table_x, scene.table_y = pages.table_x, pages.table_y
+        for name, dtype in (
+            ("table", wp.int32),
+            ("ground", wp.float32),
+            ("straw", wp.float32),
+            ("tile_plane", wp.vec3),
+            ("tile_stand", wp.vec4),
+            ("tile_top", wp.float32),
+            ("tile_bump", wp.float32),
+            ("tile_prototype", wp.int32),
+            ("cut_slot", wp.int32),
+            ("cut", wp.uint8),
+        ):
+            pool = getattr(pages, name)
+            if self._held.get(name) is not pool or self.device != "cpu":
+                self._held[name] = pool
+                self.version += 1
+                setattr(scene, name, self.share(wp, pool, dtype))
+        self._hold_tops(wp, page_tops(pages, self._library.tile_size, self.top_room))
+        return scene
+
+    def _hold_tops(self, wp: Any, tops: F32) -> None:
+        held = self._held.get("page_top")
+        if held is not None and held.shape == tops.shape and self.device == "cpu":
+            held[:] = tops
+            return
+        self._held["page_top"] = tops
+        self.version += 1
+        self._scene.page_top = self.share(wp, tops, wp.float32)
+
+    def _take_library(self, wp: Any, library: PlantLibrary) -> None:
+        packed = {
+            "prims": (pack_primitives(library), wp.vec4),
+            "cell_start": (library.cell_start, wp.int32),
+            "cell_items": (library.cell_items, wp.int32),
+            "reflectance": (library.reflectance, wp.float32),
+        }
+        scene = self._scene
+        self.version += 1
+        for name, (array, dtype) in packed.items():
+            self._held[name] = array
+            setattr(scene, name, self.share(wp, array, dtype))
+        scene.tile_size = library.tile_size
+        scene.side = library.tile_size / library.columns
+        scene.columns, scene.bins, scene.bin_height = library.columns, library.bins, library.bin_height
+
+
+def pack_primitives(library: PlantLibrary) -> F32:
+    """Primitives as the kernel reads them, (4 m, 4), see `kernel/scene.py`."""
+    rows = shared_rows(library)
+    if rows is None:
+        rows = primitive_rows(len(library.owner))
+        rows[:, 0:3], rows[:, 4:7], rows[:, 8:11] = library.a, library.b, library.width
+        rows[:, 3] = np.where(library.shape == Shape.TRIANGLE, -1.0, library.radius)
+        rows[:, 12:14] = library.base
+    rows[:, 7], rows[:, 11] = library.stem_rank[library.owner], library.organ
+    if len(library.own_reflectance):
+        rows[:, 14] = library.own_reflectance
+    result: F32 = rows.reshape(-1, 4)
+    return result
+
+
+def page_tops(pages: Pages, tile_size: float, room: float = 0.0) -> F32:
+    """Highest thing in each page [m], (n,): ground, straw or live crop with room for this share above it."""
+    plane = pages.tile_plane
+    corner = plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2]))
+    crop = pages.tile_top if room == 0.0 else (1.0 + room) * pages.tile_top
+    top: F32 = (corner + np.maximum(crop, pages.tile_bump)).max(axis=(1, 2)).astype(np.float32)
+    return top

@@ -1,0 +1,359 @@
+// Beams against bodies: the body of one native function (kernel.py), after lanes.cpp. One pack of 16 beams.
+//
+// In: p, the pack; scene, canopy, origins, directions, score (standard normal numbers, low = high up), reach [m], count.
+// In and out, per beam: distance, kind (organ), cosine, reflectance: with has_solids the nearest solid's, else only out. Out: fault,
+// 2 where a beam starts over no known page or under the ground, 256 << k where one left axis k of the table.
+//
+// Frames as in kernel/scene.py: each beam in the stand frame, from the corner of the tile it starts over.
+
+constexpr int STANDING = 255, GROUND = 1, STRAW = 2, STEM = 3, EAR = 4, STUBBLE = 6;
+constexpr float EAR_ZONE = 0.85f;      // crop above this share of its height counts as ears
+constexpr float SPOT_AT = 0.9f;        // share of the crop's height where the spot is taken, or lower at a wall
+constexpr float FLAT = 1.0e-3f;        // steps that change the relative height by less use the silhouette itself
+constexpr float TOP_ROOM = 0.12f;      // as in rays/bodies.py
+constexpr float FALL = 0.025f;         // steps lose no more height than this [m]
+constexpr float THIN = 1.0e-4f, FEW = 1.0e-5f;  // where less silhouette than this lies above, steps are doubled, and again [m2]
+constexpr int HALVINGS = 5;            // of the step that holds the echo, which falls 10 cm at most; straight from there
+constexpr float SNAP = 1.0e-4f;        // values so close to a node, in shares of a step, are taken as on it
+constexpr float STRAW_DEPTH = 0.005f;  // as in kernel/cast.py
+constexpr float MARGIN = 0.005f, SLACK = 0.001f, BELOW = 0.001f;  // as in kernel/cast.py, rays/refusals.py
+
+const int start = p * N, nx = scene.table.shape[1], ny = scene.table.shape[0];
+const float size = (float)scene.tile_size, per_size = 1.0f / size, per_gap = 8.0f / size, fine = 64.0f / size;
+const float per_fine = 1.0f / canopy.fine, per_height = 1.0f / canopy.height;
+const I number = count_up + start;
+
+struct Stepped { I first, stops; };  // met crop for the first time; have their echo
+struct Visited { I enters, ends, through; };
+
+// ---- The beams in the stand frame
+const double per_tile = 1.0 / scene.tile_size;
+struct alignas(64) { float ox[N], oy[N], oz[N], dx[N], dy[N], dz[N], z0[N]; int tx[N], ty[N]; } raw = {};
+for (int l = 0; l < N && start + l < count; ++l) {
+  const auto& o = origins.data[start + l];
+  const auto& v = directions.data[start + l];
+  const double c = scene.turn[0], s = scene.turn[1], x = c * o[0] + s * o[1], y = c * o[1] - s * o[0];
+  const double tx = __builtin_floor(x * per_tile), ty = __builtin_floor(y * per_tile), z0 = __builtin_floor(o[2]);
+  raw.tx[l] = (int)tx, raw.ty[l] = (int)ty, raw.z0[l] = (float)z0;
+  raw.ox[l] = (float)(x - tx * scene.tile_size), raw.oy[l] = (float)(y - ty * scene.tile_size), raw.oz[l] = (float)(o[2] - z0);
+  raw.dx[l] = (float)(c * v[0] + s * v[1]), raw.dy[l] = (float)(c * v[1] - s * v[0]), raw.dz[l] = (float)v[2];
+}
+const F ox = load(raw.ox), oy = load(raw.oy), oz = load(raw.oz), dx = load(raw.dx), dy = load(raw.dy), dz = load(raw.dz), z0 = load(raw.z0);
+const I tile_x = loadi(raw.tx), tile_y = loadi(raw.ty), right = dx > 0.0f, upward = dy > 0.0f;
+auto slope_of = [&](F d) -> F { return pick(size_of(d) < 1.0e-12f, F{}, 1.0f / d); };           // t of a plane
+auto offset_of = [&](F o, F d) -> F { return pick(size_of(d) < 1.0e-12f, put(MISS), -o / d); };  // x = c: c * slope + offset
+const F inv_x = slope_of(dx), inv_y = slope_of(dy), off_x = offset_of(ox, dx), off_y = offset_of(oy, dy);
+
+const int upper_organ = scene.reflectance.data[EAR] > 0.0f ? EAR : STEM;  // crops without ears reflect as stems do
+
+// ---- What a beam carries
+F hit_t = put(reach), hit_cosine = {}, hit_albedo = {};
+I hit_organ = {}, out_of = {};
+if (has_solids) {
+  hit_t = load(distance.data + start), hit_cosine = load(cosine.data + start), hit_albedo = load(reflectance.data + start);
+  hit_organ = loadi(kind.data + start);
+}
+const F share = normal_share(load(score.data + start));
+F left = put(-1.0f), spent = {}, full = put(1.0f), lift = {};  // optical depth until the echo (-1 = no crop met yet), passed, of a full canopy
+
+auto silhouette_above = [&](F relative) -> F {  // per stem above a relative height [m2]
+  const int last = canopy.depth.shape[0] - 1;
+  const F x = within(relative * per_fine, 0.0f, (float)last);
+  const I k = leasti(whole(x), puti(last - 1));
+  const F a = gather(canopy.depth.data, k, puti(-1));
+  return a + (gather(canopy.depth.data + 1, k, puti(-1)) - a) * (x - real(k));
+};
+
+// ---- The table: fill in the optical depth of beams that meet crop here
+struct Place { I node; F share; I outside; };
+auto place = [&](int first, int nodes, F value) -> Place {  // lower node on an axis, share of the way to the next
+  const float* axis = canopy.axes.data + first;
+  if (nodes < 2) return {I{}, F{}, size_of(value - axis[0]) > 0.1f};
+  I k = {};
+  for (int n = 1; n < nodes - 1; ++n) k -= (I)(put(axis[n]) <= value);
+  const F low = gather(axis, k, puti(-1)), s = (value - low) / (gather(axis + 1, k, puti(-1)) - low);
+  return {k, pick(s < SNAP, F{}, pick(s > 1.0f - SNAP, put(1.0f), s)), (s < -1.0e-3f) | (s > 1.001f)};
+};
+auto draw = [&](I who, F density, F scale, F tangent, F spot) {
+  const int n0 = canopy.size[0], n1 = canopy.size[1], n2 = canopy.size[2], n3 = canopy.size[3], nodes = canopy.node_count;
+  const Place at[4] = {place(0, n0, log_of(pick(who, density, put(1.0f)))), place(n0, n1, canopy.height * scale),
+                       place(n0 + n1, n2, log_of(pick(who, tangent, put(1.0f)))),
+                       place(n0 + n1 + n2, n3, log_of(pick(who, spot, put(1.0f))))};
+  const int stride[4] = {n1 * n2 * n3, n2 * n3, n3, 1};
+  I base = {}, outside = {};
+  for (int i = 0; i < 4; ++i) base += at[i].node * stride[i], outside |= at[i].outside & (1 << i);
+  auto at_corners = [&](auto add) {  // the 16 cells around, where any beam needs them, with their weights
+    for (int corner = 0; corner < 16; ++corner) {
+      F w = put(1.0f);
+      int cell = 0;
+      for (int i = 0; i < 4; ++i) {
+        const bool up = corner >> i & 1;
+        w *= up ? at[i].share : 1.0f - at[i].share;
+        cell += up ? stride[i] : 0;
+      }
+      const I on = who & (I)(w > 0.0f);
+      if (any(on)) add(base + cell, w, on);
+    }
+  };
+  F loglog = {}, mean_lift = {};
+  at_corners([&](I cell, F w, I on) {
+    loglog += w * gather(canopy.ground.data, cell, on);
+    mean_lift += w * gather(canopy.lift.data, cell, on);
+  });
+  const F seen = 1.0f - exp_of(-exp_of(loglog));  // share of beams that crop stops
+  const F x = arc_cos(within(1.0f - 2.0f * share / seen, -1.0f, 1.0f)) * (float)(0.318309886 * (nodes - 1));
+  const I k = mosti(leasti(whole(x), puti(nodes - 2)), I{}), is_crop = who & (I)(share < seen);
+  const F f = x - real(k);
+  F relative = {};
+  at_corners([&](I cell, F w, I on) {
+    const I q = cell * nodes + k;
+    relative += w * (gather(canopy.quantile.data, q, on) * (1.0f - f) + gather(canopy.quantile.data + 1, q, on) * f);
+  });
+  const F cot = 1.0f / within(tangent, canopy.tangents[0], canopy.tangents[1]), depth = density * scale * cot;
+  left = pick(who, pick(is_crop, depth * silhouette_above(relative), put(MISS)), left);
+  full = pick(who, depth * canopy.depth.data[0], full);
+  lift = pick(who, 2.0f * mean_lift * (1.0f - share) / most(1.0f - seen, put(1.0e-9f)), lift);
+  out_of |= who & outside;
+};
+
+// ---- Where a beam is: page, tile from its first one, and t; where it leaves the tile, and through which side
+I page_x = {}, page_y = {}, slot = {}, jx = {}, jy = {}, along_x = {};
+F t = {}, leave = {};
+
+auto page_of = [&](I px, I py) -> I {  // slot of a page, -1 where nothing is known
+  const I i = px - scene.table_x, j = py - scene.table_y;
+  const I in = (i >= 0) & (j >= 0) & (i < nx) & (j < ny);
+  return picki(in, gatheri(scene.table.data, j * nx + i, in), puti(-1));
+};
+
+// The ground of the tile between t0 and t1: patch by patch of the lattice, as walk_ground in kernel/cast.py
+auto walk_ground = [&](I who, F t0, F t1) {
+  const I low_x = (jx + tile_x - page_x * 8) * 8, low_y = (jy + tile_y - page_y * 8) * 8;
+  const F x = (ox - real(page_x * 8 - tile_x) * size) * per_gap, y = (oy - real(page_y * 8 - tile_y) * size) * per_gap, xd = dx * per_gap, yd = dy * per_gap;
+  const F gx = slope_of(xd), gy = slope_of(yd), px = offset_of(x, xd), py = offset_of(y, yd);
+  I ix = mosti(leasti(down(x + xd * t0), low_x + 7), low_x), iy = mosti(leasti(down(y + yd * t0), low_y + 7), low_y);
+  F t = t0;
+  while (any(who)) {
+    const F tx = real(ix - right) * gx + px, ty = real(iy - upward) * gy + py, leave = least(least(tx, ty), t1);
+    const I node = (slot * 65 + iy) * 65 + ix;
+    F h[4], s[4];  // surface and depth of straw at the corners
+    const int corner[4] = {0, 1, 65, 66};
+    for (int i = 0; i < 4; ++i) {
+      s[i] = gather(scene.straw.data + corner[i], node, who);
+      h[i] = (gather(scene.ground.data + corner[i], node, who) - z0) + s[i];
+    }
+    const F u = x + xd * t - real(ix), v = y + yd * t - real(iy), hu = h[1] - h[0], hv = h[2] - h[0], huv = h[3] - h[1] - hv;
+    const F over = oz + dz * t - (h[0] + hu * u + hv * v + huv * u * v), falls = dz - (hu + huv * v) * xd - (hv + huv * u) * yd;
+    // first root in [0, length] of over + falls t + bend t^2, as hit_patch in kernel/shapes.py
+    const F bend = -huv * xd * yd, disc = falls * falls - 4.0f * bend * over, r = root(most(disc, F{})), length = most(leave - t, F{});
+    const F rising = pick(bend >= 0.0f, put(MISS), -0.5f * (falls + r) / bend), falling = 2.0f * over / (r - falls);
+    F step = pick(falls >= 0.0f, rising, falling);
+    step = pick((disc >= 0.0f) & (step <= length), step, put(MISS));
+    step = pick(over <= 0.0f, pick(falls < 0.0f, F{}, put(MISS)), step);
+    const I found = who & (I)(step < MISS) & (I)(t + step < hit_t);
+    if (any(found)) {
+      const F a = u + xd * step, b = v + yd * step, nu = -(hu + huv * b) * per_gap, nv = -(hv + huv * a) * per_gap;
+      const F straw = (s[0] * (1.0f - a) + s[1] * a) * (1.0f - b) + (s[2] * (1.0f - a) + s[3] * a) * b;
+      hit_t = pick(found, t + step, hit_t);
+      hit_organ = picki(found, picki(straw > STRAW_DEPTH, puti(STRAW), puti(GROUND)), hit_organ);
+      hit_cosine = pick(found, size_of(nu * dx + nv * dy + dz) / root(nu * nu + nv * nv + 1.0f), hit_cosine);
+    }
+    who &= ~found & (I)(leave < t1);
+    t = most(leave, t);
+    const I along_x = tx <= ty;
+    ix += picki(along_x, picki(right, puti(1), puti(-1)), I{});
+    iy += picki(along_x, I{}, picki(upward, puti(1), puti(-1)));
+    who &= (((ix - low_x) | (iy - low_y)) & ~7) == 0;
+  }
+};
+
+// ---- The canopy of a tile, in steps along the beam short enough for what stands around each of them. Of a beam in it:
+// until where, the stand, height over the tile's plane as h0 + h1 t and in crop heights as r0 + r1 t, place in cut cells from
+// the page's corner as x0 + x1 t, optical depth per silhouette, silhouette above
+F stop_from = {}, stop_length = {}, stop_above = {};  // the step in which a beam has its echo, and the silhouette above the echo
+F until = {}, density = {}, scale = put(1.0f), lean_x = {}, lean_y = {}, h0 = {}, h1 = {}, r0 = {}, r1 = {}, x0 = {}, x1 = {}, y0 = {}, y1 = {};
+F speed = put(1.0f), pitch = put(1.0f), unit = {}, above = {}, spot = put(1.0f);
+I row = {};
+const int stems = canopy.lean.shape[0] / (2 * N);
+int turn = start * 7 % stems;  // which of the drawn stems the next step looks for
+
+auto enter = [&](I who, F from, F to, I tile, F scales, F a, F b) {
+  const float* stands = (const float*)scene.tile_stand.data;
+  until = pick(who, to, until);
+  h0 = pick(who, a, h0), h1 = pick(who, b, h1);
+  scale = pick(who, scales, scale);
+  lean_x = pick(who, gather(stands + 1, 4 * tile, who), lean_x), lean_y = pick(who, gather(stands + 2, 4 * tile, who), lean_y);
+  density = pick(who, canopy.density_max * gather(stands + 3, 4 * tile, who), density);
+  row = picki(who, gatheri(scene.cut_slot.data, slot, who), row);
+  t = pick(who, from, t);
+  const F per_scale = 1.0f / scale, rise = h0 * per_scale, rate = h1 * per_scale, flow_x = dx - lean_x * rate, flow_y = dy - lean_y * rate;
+  speed = most(root(flow_x * flow_x + flow_y * flow_y), put(1.0e-3f));
+  pitch = least(put(canopy.pitch), FALL / most(size_of(h1), put(1.0e-6f)));
+  unit = -density * speed / pick(rate == 0.0f, put(1.0f), rate);
+  r0 = rise * per_height, r1 = rate * per_height;
+  x0 = (ox - lean_x * rise) * fine - real(page_x * 8 - tile_x) * 64.0f, x1 = flow_x * fine;
+  y0 = (oy - lean_y * rise) * fine - real(page_y * 8 - tile_y) * 64.0f, y1 = flow_y * fine;
+  above = silhouette_above(r0 + r1 * t);
+};
+auto code_at = [&](I who, I x, I y) -> I {  // of cut cells, counted from the page's corner
+  const I inside = ((x | y) & ~511) == 0;
+  struct alignas(64) { int x[N], y[N], row[N], code[N]; } at;
+  storei(at.x, x), storei(at.y, y), storei(at.row, row), storei(at.code, -1 - row);
+  for (unsigned m = bits(who & inside & (row >= 0)); m; m &= m - 1) {
+    const int l = __builtin_ctz(m);
+    at.code[l] = scene.cut.data[((size_t)at.row[l] * 512 + at.y[l]) * 512 + at.x[l]];
+  }
+  for (unsigned m = bits(who & ~inside); m; m &= m - 1) {  // in a neighbouring page
+    const int l = __builtin_ctz(m), i = page_x[l] + (at.x[l] >> 9) - scene.table_x, j = page_y[l] + (at.y[l] >> 9) - scene.table_y;
+    const int other = i < 0 || j < 0 || i >= nx || j >= ny ? -1 : scene.table.data[j * nx + i];
+    const int its = other < 0 ? -1 - STANDING : scene.cut_slot.data[other];
+    at.code[l] = its < 0 ? -1 - its : scene.cut.data[((size_t)its * 512 + (at.y[l] & 511)) * 512 + (at.x[l] & 511)];
+  }
+  return loadi(at.code);
+};
+auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
+  const F dt = least(pick(above < THIN, pick(above < FEW, 4.0f * pitch, 2.0f * pitch), pitch), until - t), middle = t + 0.5f * dt;
+  const F relative = r0 + r1 * middle, below = silhouette_above(r0 + r1 * (t + dt));
+  const F bent = least(relative, put(1.2f)), bow = bent * bent * (canopy.height * fine);
+  const float* stem = canopy.lean.data + turn * 2 * N;
+  turn = turn + 1 == stems ? 0 : turn + 1;
+  const I looks = who & (I)(relative > 0.0f);
+  const I code = code_at(looks, down(x0 + x1 * middle - load(stem) * bow), down(y0 + y1 * middle - load(stem + N) * bow));
+  const I meets = looks & ((code == STANDING) | (I)(0.01f * real(code) > h0 + h1 * middle)), first = meets & (I)(left < 0.0f), acts = meets & ~first;
+  if (any(first)) {
+    const F deeper = most(relative - SPOT_AT, F{}) / most(-r1, put(0.05f));
+    spot = pick(first, most(canopy.exit + canopy.divergence * (middle + deeper), put(1.0e-4f)), spot);
+  }
+  F gain = unit * (below - above);
+  const I flat = acts & (I)(size_of(r1 * dt) <= FLAT);
+  if (any(flat)) {
+    const F half = put(0.5f * canopy.fine), width = silhouette_above(relative - half) - silhouette_above(relative + half);
+    gain = pick(flat, density * speed * dt * width * (per_fine * per_height), gain);
+  }
+  const I stops = acts & (I)(gain >= left), goes_on = acts & ~stops;
+  const F part = left / gain;
+  hit_t = pick(stops, t + dt * part, hit_t);
+  stop_from = pick(stops, t, stop_from);
+  stop_length = pick(stops & ~flat, dt, stop_length);
+  stop_above = pick(stops, above + (below - above) * part, stop_above);
+  hit_organ = picki(stops, picki(code == STANDING, picki(relative > EAR_ZONE, puti(upper_organ), puti(STEM)), puti(STUBBLE)), hit_organ);
+  hit_cosine = pick(stops, put(canopy.cosine), hit_cosine);
+  left = pick(goes_on, left - gain, pick(stops, F{}, left));
+  spent = pick(goes_on, spent + gain, spent);
+  who &= ~first;  // those draw, and repeat the step
+  above = pick(who, below, above);
+  t = pick(who, t + dt, t);
+  return {first, stops};
+};
+
+// ---- One tile of beams on their way: they end on its ground, enter its canopy, or go on. Says who enters, and who ends
+auto visit = [&](I who) -> Visited {
+  I ends = who & (I)(t >= hit_t), passes = {};
+  who &= ~ends;
+  const I px = (tile_x + jx) >> 3, py = (tile_y + jy) >> 3, fresh = who & ((px != page_x) | (py != page_y) | (slot < 0));
+  if (any(fresh)) {  // another page: down to the highest thing in it at once, or on to the next
+    page_x = picki(fresh, px, page_x);
+    page_y = picki(fresh, py, page_y);
+    slot = picki(fresh, page_of(px, py), slot);
+    ends |= fresh & (slot < 0);
+    who &= ~ends;
+    const F high = gather(scene.page_top.data, slot, who) - z0;
+    F lower = pick(dz < 0.0f, (high - oz) / least(dz, put(-1.0e-6f)), put(MISS));
+    lower = pick(oz + dz * t > high, lower, t);
+    const I over = fresh & who & (I)(lower > t), bx = page_x * 8 - tile_x, by = page_y * 8 - tile_y;
+    const F ex = real(bx + picki(right, puti(8), I{})) * size * inv_x + off_x, ey = real(by + picki(upward, puti(8), I{})) * size * inv_y + off_y;
+    const F out = most(least(ex, ey), t);
+    t = pick(over, least(lower, out), t);
+    passes = over & (I)(lower >= out);
+    const I kx = mosti(leasti(down((ox + dx * t) * per_size), bx + 7), bx), ky = mosti(leasti(down((oy + dy * t) * per_size), by + 7), by);
+    jx = picki(over, picki(passes & (I)(ex <= ey), picki(right, bx + 8, bx - 1), kx), jx);
+    jy = picki(over, picki(passes & (I)(ex > ey), picki(upward, by + 8, by - 1), ky), jy);
+    who &= ~passes;
+  }
+  const I tile = (slot * 8 + ((tile_y + jy) & 7)) * 8 + ((tile_x + jx) & 7);
+  const F tx = real(jx - right) * size * inv_x + off_x, ty = real(jy - upward) * size * inv_y + off_y;
+  leave = pick(who, most(least(tx, ty), t), leave);
+  along_x = picki(who, tx <= ty, along_x);
+  const float* planes = (const float*)scene.tile_plane.data;
+  const F plane[3] = {gather(planes, 3 * tile, who), gather(planes + 1, 3 * tile, who), gather(planes + 2, 3 * tile, who)};
+  const F b = dz - plane[1] * dx - plane[2] * dy;  // height over the tile's plane: a + b t
+  const F a = oz - (plane[0] - z0) - plane[1] * (ox - (real(jx) + 0.5f) * size) - plane[2] * (oy - (real(jy) + 0.5f) * size);
+  const F end = least(leave, hit_t), lowest = least(a + b * t, a + b * end);
+  const F per_b = 1.0f / b;
+  auto from = [&](F high) -> F { return pick(b < 0.0f, most(t, (high - a) * per_b), t); };              // where the beam
+  auto to = [&](F high, F far) -> F { return pick(b > 0.0f, least(far, (high - a) * per_b), far); };  // is lower than that
+  const F bump = gather(scene.tile_bump.data, tile, who) + SLACK, top = gather(scene.tile_top.data, tile, who), scales = gather((const float*)scene.tile_stand.data, 4 * tile, who);
+  const F crown = least(top + TOP_ROOM * top, scales * canopy.crest);
+  const I is_low = who & (I)(lowest <= bump), is_in_crop = who & (I)(top > MARGIN) & (I)(lowest <= crown);
+  if (any(is_low)) walk_ground(is_low, from(bump), to(bump, end));
+  const F ta = from(crown), tb = to(crown, least(end, hit_t));
+  const I enters = is_in_crop & (I)(ta < tb);
+  if (any(enters)) enter(enters, ta, tb, tile, scales, a, b);
+  return {enters, ends, who & ~enters};
+};
+
+// ---- All beams, each kind of work for as many of them at once as there are
+I walks = number < count, inside = {}, waits = {};
+slot = page_of(tile_x >> 3, tile_y >> 3);
+int wrong = any(walks & (slot < 0)) ? 2 : 0;
+for (unsigned m = bits(walks & (slot >= 0) & (I)(oz + z0 <= gather(scene.page_top.data, slot, slot >= 0))); m; m &= m - 1) {
+  const int l = __builtin_ctz(m);  // lower than something in its page: over the ground?
+  const float x = ox[l] * per_gap, y = oy[l] * per_gap;
+  const int ix = x < 7.0f ? (int)x : 7, iy = y < 7.0f ? (int)y : 7;
+  const float u = x - ix, v = y - iy, *g = scene.ground.data + ((size_t)slot[l] * 65 + (raw.ty[l] & 7) * 8 + iy) * 65 + (raw.tx[l] & 7) * 8 + ix;
+  if ((g[0] * (1.0f - u) + g[1] * u) * (1.0f - v) + (g[65] * (1.0f - u) + g[66] * u) * v - z0[l] - oz[l] > BELOW) wrong = 2;
+}
+slot = puti(-1);
+for (;;) {
+  I through = {};  // done with their tile
+  if (__builtin_popcount(bits(walks)) > 2 * __builtin_popcount(bits(inside))) {
+    const Visited v = visit(walks);
+    inside |= v.enters;
+    walks &= ~(v.enters | v.ends | v.through);
+    through = v.through;
+  } else if (any(inside)) {
+    const Stepped s = step(inside);
+    waits |= s.first;
+    inside &= ~(s.first | s.stops);
+    through = inside & (I)(t >= until);
+    inside &= ~through;
+  } else if (any(waits)) {
+    draw(waits, density, scale, most(-h1, put(1.0e-4f)) / speed, spot);
+    inside = waits;
+    waits = I{};
+  } else {
+    break;
+  }
+  through &= (I)(hit_t > leave);
+  t = pick(through, leave, t);
+  jx += picki(through & along_x, picki(right, puti(1), puti(-1)), I{});
+  jy += picki(through & ~along_x, picki(upward, puti(1), puti(-1)), I{});
+  walks |= through;
+}
+
+// ---- Where in its last step a beam has its echo: the silhouette is anything but a straight line there, above all near the top
+if (any(stop_length > 0.0f)) {
+  const F falls = pick(r1 < 0.0f, put(1.0f), put(-1.0f));
+  F near = stop_from, far = stop_from + stop_length;
+  for (int k = 0; k < HALVINGS; ++k) {
+    const F middle = 0.5f * (near + far);
+    const I is_far = (falls * (silhouette_above(r0 + r1 * middle) - stop_above) >= 0.0f);
+    far = pick(is_far, middle, far), near = pick(is_far, near, middle);
+  }
+  const F a = silhouette_above(r0 + r1 * near), b = silhouette_above(r0 + r1 * far), rise = b - a;
+  const F part = within(pick(size_of(rise) > 0.0f, (stop_above - a) / rise, put(0.5f)), 0.0f, 1.0f);
+  hit_t = pick(stop_length > 0.0f, near + (far - near) * part, hit_t);
+}
+
+// ---- Ground seen through crop is reported a little above itself: crop hides the far part of the spot
+const I is_ground = (hit_organ == GROUND) | (hit_organ == STRAW);
+const F raised = lift * least(put(1.0f), spent / most(full, put(1.0e-9f))) / most(-dz, put(0.05f));
+hit_t = pick(is_ground & (I)(spent > 0.0f), hit_t - raised, hit_t);
+const I is_field = (hit_organ > 0) & (hit_organ < 7);
+hit_albedo = pick(is_field, gather(scene.reflectance.data, hit_organ, is_field), hit_albedo);
+store(distance.data + start, hit_t);
+storei(kind.data + start, hit_organ);
+store(cosine.data + start, hit_cosine);
+store(reflectance.data + start, hit_albedo);
+for (int axis = 0; axis < 4; ++axis) wrong |= any((out_of & (1 << axis)) != 0) ? 256 << axis : 0;
+fault.data[0] |= wrong;

@@ -1,1 +1,0 @@
-"""Rays in groups on a card: one warp for some neighbouring beams (docs/rays.md)."""

@@ -1,0 +1,1 @@
+"""What a run leaves behind: messages, tracks and digest; `read/` reads recordings back."""

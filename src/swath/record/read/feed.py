@@ -1,0 +1,167 @@
+"""Samples of a recording in the order of time, each at the moment it came out."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from swath.core.component import Port
+from swath.core.errors import InputError
+from swath.record.read.files import Log
+from swath.record.samples import MSGTYPE, SUFFIX, signal_type, unpack
+from swath.signals import MachineState, Signal
+
+Timed = tuple[int, Signal]  # (published [ns], sample)
+
+
+class Demux:
+    """One pass through a recording for several readers: what one is not asked for yet waits."""
+
+    def __init__(self, records: Iterator[tuple[str, int, Any]]) -> None:
+        self._records = records
+        self._waiting: dict[str, list[deque[tuple[str, int, Any]]]] = {}
+
+    def read(self, *topics: str) -> Iterator[tuple[str, int, Any]]:
+        """(topic, log time [ns], message) of some topics; to be called before the first message is read."""
+        mine: deque[tuple[str, int, Any]] = deque()
+        for topic in topics:
+            self._waiting.setdefault(topic, []).append(mine)
+        return self._read(mine)
+
+    def close(self) -> None:
+        """Close the file."""
+        if callable(close := getattr(self._records, "close", None)):
+            close()
+
+    def _read(self, mine: deque[tuple[str, int, Any]]) -> Iterator[tuple[str, int, Any]]:
+        while True:
+            while mine:
+                yield mine.popleft()
+            for record in self._records:
+                for waiting in self._waiting.get(record[0], ()):
+                    waiting.append(record)
+                if mine:
+                    break
+            else:
+                return
+
+
+class Feed:
+    """The samples of one output, with the next one in view. times on the clock of the log [ns]
+
+    gaps: (begin, length) of those above the limit [ns]; without one, above three times the usual interval
+    shift: taken from all times, so that the run's 0 is where it should be
+    """
+
+    def __init__(self, samples: Iterable[Timed], *, shift: int = 0, gap_limit: int | None = None) -> None:
+        self._samples = iter(samples)
+        self._shift, self._limit = shift, gap_limit
+        self._usual = 0
+        self.gaps: list[tuple[int, int]] = []
+        self.unordered_count = 0
+        self.last: Timed | None = None
+        self.next = self._pull(None)
+
+    def until(self, t: int) -> list[Timed]:
+        """The samples published up to t [ns] that were not given out yet."""
+        found = []
+        while self.next is not None and self.next[0] <= t:
+            self.last = self.next
+            found.append(self.last)
+            self.next = self._pull(self.last)
+        return found
+
+    def _pull(self, before: Timed | None) -> Timed | None:
+        for published, sample in self._samples:
+            at = published - self._shift
+            if before is not None and at < before[0]:
+                self.unordered_count += 1
+                continue
+            if before is not None:
+                self._watch(before[0], at - before[0])
+            return at, (replace(sample, t=sample.t - self._shift) if self._shift else sample)
+        return None
+
+    def _watch(self, begin: int, length: int) -> None:
+        limit = 3 * self._usual if self._limit is None else self._limit
+        if limit and length > limit:
+            self.gaps.append((begin, length))
+        elif length > 0:  # a running median: a step towards each interval
+            step = max(1, abs(length - self._usual) // 8)
+            self._usual = (
+                length if not self._usual else self._usual + (step if length > self._usual else -step)
+            )
+
+
+def own_outputs(log: Log, slot: str) -> dict[str, bool]:
+    """Outputs of a slot (`combine.lidar`) that our own recording holds, and whether sample by sample."""
+    prefix = f"/{slot.replace('.', '/')}/"
+    found: dict[str, bool] = {}
+    for topic, kind in log.topics().items():
+        if topic.startswith(prefix) and "/" not in (name := topic.removeprefix(prefix)):
+            if kind == MSGTYPE:
+                found[name.removesuffix(SUFFIX)] = True
+            else:
+                found.setdefault(name, False)
+    return found
+
+
+def exact_topic(slot: str, output: str) -> str:
+    """Where the samples of an output lie bit for bit."""
+    return f"/{slot.replace('.', '/')}/{output}{SUFFIX}"
+
+
+def exact_samples(blocks: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
+    """The samples in blocks; they come in the order in which they were published."""
+    for _, _, block in blocks:
+        yield from unpack(block)
+
+
+def exact_port(log: Log, slot: str, output: str) -> Port:
+    """The port of a recorded output. InputError where the type of its samples is not known here."""
+    topic = exact_topic(slot, output)
+    for _, _, block in log.messages((topic,)):
+        try:
+            return Port(output, signal_type(block.signal))
+        except KeyError:
+            expected = "expected a sample type of swath, or of a Python file that this scenario uses"
+            raise InputError("recording", block.signal, expected, file=log.path) from None
+    raise InputError("recording", topic, "expected samples, there are none", file=log.path)
+
+
+def between(a: Signal, b: Signal, t: int) -> Signal:
+    """The sample at t [ns] between two others, linear; flags, whole numbers and arrays are those of `a`."""
+    from swath.core.frames import wrap_angle
+    from swath.signals.flat import build, flat_fields, read
+
+    span = b.t - a.t
+    share = min(max((t - a.t) / span, 0.0), 1.0) if span > 0 else 0.0
+    values: dict[str, Any] = {}
+    for name, field in flat_fields(type(a)).items():
+        first = read(a, name)
+        if field.kind != "real":
+            values[name] = first
+            continue
+        step = read(b, name) - first
+        if field.unit == "rad":
+            step = float(wrap_angle(step))
+        values[name] = first + share * step
+    return build(type(a), t, values)
+
+
+def rebased(samples: Iterator[Timed], begin: int) -> Iterator[Timed]:
+    """MachineStates from the last one before the log time `begin` [ns] on, the distance counted from it."""
+    before: tuple[int, MachineState] | None = None
+    zero: float | None = None
+    for published, sample in samples:
+        assert isinstance(sample, MachineState)
+        if published <= begin:
+            before = (published, sample)
+            continue
+        if zero is None:
+            zero = sample.distance if before is None else before[1].distance
+            if before is not None:
+                yield before[0], replace(before[1], distance=0.0)
+        yield published, replace(sample, distance=sample.distance - zero)
+    if zero is None and before is not None:
+        yield before[0], replace(before[1], distance=0.0)

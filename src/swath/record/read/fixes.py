@@ -1,0 +1,102 @@
+"""Positions of a GNSS receiver as a track of a machine: local metres, heading from the course."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose, wrap_angle
+from swath.core.schedule import NS
+from swath.record.read.feed import Timed
+from swath.record.read.messages import stamp_of, steer_angle
+from swath.record.read.tangent_plane import TangentPlane, ToLocal
+from swath.signals import F64, MachineState
+
+COURSE_M = 1.0  # the heading is the course over at least this much way
+NO_FIX = -1  # sensor_msgs/NavSatStatus.STATUS_NO_FIX
+
+
+@dataclass(frozen=True)
+class Fixes:
+    """published, t: log time and time of measurement [ns], (n,); place: lon, lat [deg], height [m], (n, 3)"""
+
+    published: np.ndarray
+    t: np.ndarray
+    place: F64
+
+
+def read_fixes(messages: Iterable[tuple[str, int, Any]]) -> Fixes:
+    """NavSatFix messages; those without a fix, not finite, or not later than the one before are left out.
+
+    A height that is not known counts as 0. InputError when fewer than two are left.
+    """
+    rows: list[tuple[int, int, float, float, float]] = []
+    for _, t, message in messages:
+        at = stamp_of(message, t)
+        lon, lat, up = float(message.longitude), float(message.latitude), float(message.altitude)
+        if int(message.status.status) <= NO_FIX or not np.isfinite([lon, lat]).all():
+            continue
+        if rows and at <= rows[-1][1]:
+            continue
+        rows.append((t, at, lon, lat, up if np.isfinite(up) else 0.0))
+    if len(rows) < 2:
+        raise InputError("fixes", len(rows), "expected at least two positions at different times")
+    times = np.array([r[:2] for r in rows], dtype=np.int64)
+    return Fixes(times[:, 0], times[:, 1], np.array([r[2:] for r in rows]))
+
+
+def poses_of_fixes(
+    fixes: Fixes, to_local: ToLocal | None, antenna: tuple[float, float, float]
+) -> tuple[F64, F64]:
+    """Positions (n, 3) [m] and headings (n,) [rad] of a machine that drives forward.
+
+    The heading is the direction of a way of COURSE_M around each point, so it needs a machine that moves.
+    to_local: None = the plane at the first fix; antenna: where it sits on the machine [m]
+    """
+    local = (to_local or TangentPlane(*fixes.place[0]))(fixes.place)
+    step = np.hypot(*np.diff(local[:, :2], axis=0).T)
+    way = np.concatenate([[0.0], np.cumsum(step)])
+    if not way[-1] > 0.0:
+        raise InputError("fixes", None, "expected a machine that moves, its heading is its course")
+    reach = min(0.5 * COURSE_M, 0.5 * way[-1])
+    kept = np.concatenate([[True], step > 0.0])
+    ends = [
+        np.stack([np.interp(np.clip(way + s, 0.0, way[-1]), way[kept], local[kept, k]) for k in range(2)])
+        for s in (-reach, reach)
+    ]
+    ahead = ends[1] - ends[0]
+    yaw = np.unwrap(np.arctan2(ahead[1], ahead[0]))
+    x, y, z = antenna
+    turned = np.stack([np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y], axis=1)
+    position = local - np.column_stack([turned, np.full(len(yaw), z)])
+    return position, yaw
+
+
+def states_of_fixes(
+    fixes: Fixes, to_local: ToLocal | None, antenna: tuple[float, float, float], wheelbase: float
+) -> list[Timed]:
+    """MachineStates of a level machine; speed and turn rate by difference between neighbours."""
+    position, yaw = poses_of_fixes(fixes, to_local, antenna)
+    seconds = (fixes.t - fixes.t[0]) / NS
+    rate = np.gradient(position, seconds, axis=0)
+    turn = np.gradient(yaw, seconds)
+    speed = rate[:, 0] * np.cos(yaw) + rate[:, 1] * np.sin(yaw)
+    side = rate[:, 1] * np.cos(yaw) - rate[:, 0] * np.sin(yaw)
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(position[:, :2], axis=0).T))])
+    return [
+        (
+            int(fixes.published[i]),
+            MachineState(
+                int(fixes.t[i]),
+                Pose.from_euler(position[i], yaw=float(wrap_angle(yaw[i]))),
+                float(speed[i]),
+                float(side[i]),
+                float(turn[i]),
+                steer_angle(wheelbase, float(speed[i]), float(turn[i])),
+                float(driven[i]),
+            ),
+        )
+        for i in range(len(yaw))
+    ]

@@ -1,0 +1,126 @@
+"""The recorder: an observer of the graph that writes tracks.parquet and run.mcap."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+
+from swath import __version__
+from swath.core.schedule import NS
+from swath.record.mcap_file import McapFile
+from swath.record.messages import Messenger, RecordedMachine
+from swath.record.samples import Blocks, can_keep
+from swath.record.tracks import Column, Tracks, write_tracks
+from swath.signals import Image, MachineState, ScanTruth, Signal, SteerState
+
+THINNED = (MachineState, SteerState)  # fast, smooth signals: their messages come at the track rate
+ABOUT, SCENARIO = "recording.json", "scenario.yaml"  # attachments of run.mcap
+FORMAT = "swath recording 1"
+
+
+class Recorder:
+    """Writes a run into its folder while it goes; call it with (slot, t, outputs).
+
+    folder: exists already. machines: whose slots (`name.slot`) are recorded; slots of other names are not
+    extra: per machine name, further columns of tracks.parquet
+    rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
+    detail: `standard` messages only, `exact` samples beside them, `full`: of ScanTruth too
+    scenario: as resolved, for whoever has run.mcap alone
+
+    run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
+    Used as a context manager, it closes on an exception and on Ctrl-C too.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        machines: Sequence[RecordedMachine],
+        *,
+        extra: Mapping[str, Sequence[Column]] | None = None,
+        rate_hz: float = 50.0,
+        mcap: bool = True,
+        detail: str = "exact",
+        scenario: str = "",
+    ) -> None:
+        self.folder = folder
+        self._period = round(NS / rate_hz)
+        more = extra or {}
+        self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
+        self.file = McapFile(folder / "run.mcap") if mcap else None
+        self._messengers = {m.name: Messenger(m, self.file) for m in machines} if self.file else {}
+        self._due: dict[tuple[str, str], int] = {}
+        self._detail = detail
+        self._blocks: dict[tuple[str, str], Blocks | None] = {}
+        self._is_closed = False
+        if self.file is not None:
+            self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
+            if scenario:
+                self.file.attach(SCENARIO, "application/yaml", scenario.encode())
+
+    def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Record what `slot` published at t [ns]."""
+        name, _, part = slot.partition(".")
+        if name not in self.tracks:
+            return
+        for output, signal in outputs.items():
+            self.tracks[name].take(t, signal)
+            if name not in self._messengers:
+                continue
+            if self._is_due(slot, output, t, signal):
+                self._messengers[name].write(part, output, t, signal)
+            if self._detail != "standard":
+                self._keep(slot, output, t, signal)
+
+    def close(self) -> None:
+        """Complete both files. Calling it again does nothing."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
+        finally:
+            if self.file is not None:
+                try:
+                    for blocks in self._blocks.values():
+                        if blocks is not None:
+                            blocks.flush()
+                finally:
+                    self.file.close()
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _keep(self, slot: str, output: str, t: int, signal: Signal) -> None:
+        """The sample as it is, into its block."""
+        key = (slot, output)
+        if key not in self._blocks:
+            left_out = (Image,) if self._detail == "full" else (Image, ScanTruth)  # images are exact anyway
+            is_kept = can_keep(signal) and not isinstance(signal, left_out)
+            topic = f"/{slot.replace('.', '/')}/{output}"
+            self._blocks[key] = Blocks(self.file, topic) if is_kept else None
+        if (blocks := self._blocks[key]) is not None:
+            blocks.add(t, signal)
+
+    def _is_due(self, slot: str, output: str, t: int, signal: Signal) -> bool:
+        if not isinstance(signal, THINNED):
+            return True
+        if t < self._due.get((slot, output), 0):
+            return False
+        self._due[(slot, output)] = (t // self._period + 1) * self._period
+        return True
+
+
+def _about(machines: Sequence[RecordedMachine], detail: str) -> str:
+    """recording.json: what the messages do not say exactly, the mountings (pose_machine_sensor)."""
+    mounting = {
+        f"{m.name}.{slot}": {"position": pose.position.tolist(), "rotation": pose.rotation.tolist()}
+        for m in machines
+        for slot, pose in m.mounting.items()
+    }
+    about = {"format": FORMAT, "swath": __version__, "detail": detail, "mounting": mounting}
+    return json.dumps(about, indent=2)

@@ -1,0 +1,172 @@
+"""Samples bit for bit, in blocks beside the standard messages: what a recorded slot is played back from.
+
+Standard messages round (float32), rename (nan becomes inf), leave out and are thinned. A block
+(`swath_msgs/msg/Samples`, topic `<topic of the output>_exact`) holds up to half a second of one output, a
+column per field. A field that is the same array in all samples of a block is stored once.
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from operator import attrgetter
+from typing import Any, get_type_hints
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.schedule import NS
+from swath.signals import Signal
+
+MSGTYPE = "swath_msgs/msg/Samples"
+SUFFIX = "_exact"
+DEFINITION = (
+    "std_msgs/Header header\nstring signal\nint64[] published\nint64[] t\nstring[] names\n"
+    "string[] kinds\nbool[] held\nuint8[] data\n"
+)
+BLOCK_NS = NS // 2  # samples of this long share a block
+BLOCK_BYTES = 96 * 1024  # or of about this much
+PLAIN: dict[type, str] = {float: "float", int: "int", bool: "bool"}
+CODES = {"float": "<f8", "int": "<i8", "bool": "|b1"}
+
+
+class Blocks:
+    """The samples of one output on their way into a file, an `McapFile`."""
+
+    def __init__(self, file: Any, topic: str) -> None:
+        self.file, self.topic = file, topic + SUFFIX
+        self._rows: list[list[Any]] = []
+        self._times: list[tuple[int, int]] = []
+        self._signal: type[Signal] | None = None
+        self._kinds: list[str] = []
+        self._size = 0
+
+    def add(self, t: int, signal: Signal) -> None:
+        """Take in a sample published at t [ns]; a full block is written.
+
+        Raises TypeError for a field that cannot be kept.
+        """
+        if type(signal) is not self._signal:
+            self.flush()
+            self._signal = type(signal)
+            self._names = leaf_names(signal)
+            self._get = [attrgetter(name) for name in self._names]
+        row = [get(signal) for get in self._get]
+        kinds = [_kind(value) for value in row]
+        if self._rows and (
+            kinds != self._kinds or t - self._times[0][0] >= BLOCK_NS or self._size >= BLOCK_BYTES
+        ):
+            self.flush()
+        self._kinds = kinds
+        self._rows.append(row)
+        self._times.append((t, signal.t))
+        self._size += sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
+
+    def flush(self) -> None:
+        """Write what has been taken in."""
+        if not self._rows or self._signal is None:
+            return
+        rows, times, self._rows, self._times, self._size = self._rows, self._times, [], [], 0
+        columns = [_column(c, k) for c, k in zip(zip(*rows, strict=True), self._kinds, strict=True)]
+        at = np.array(times, dtype=np.int64)
+        message = self.file.make(
+            MSGTYPE,
+            header=self.file.header(times[-1][1], ""),
+            signal=self._signal.__name__,
+            published=np.ascontiguousarray(at[:, 0]),
+            t=np.ascontiguousarray(at[:, 1]),
+            names=list(self._names),
+            kinds=list(self._kinds),
+            held=np.array([held for held, _ in columns], dtype=bool),
+            data=np.frombuffer(b"".join(data for _, data in columns), dtype=np.uint8),
+        )
+        self.file.write(self.topic, times[-1][0], message)
+
+
+def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
+    """(time it was published [ns], sample) of a block. InputError where a block is not one of ours."""
+    try:
+        kind = signal_type(message.signal)
+        count, data, at = len(message.t), bytes(message.data), 0
+        columns: dict[str, Any] = {}
+        for name, text, held in zip(message.names, message.kinds, message.held, strict=True):
+            code, _, shape = text.partition(" ")
+            dims = tuple(int(n) for n in shape.split(",") if n)
+            length = 1 if held else count
+            dtype = np.dtype(CODES.get(code, code))
+            size = dtype.itemsize * length * int(np.prod(dims, dtype=int))
+            values = np.frombuffer(data[at : at + size], dtype=dtype).reshape(length, *dims).copy()
+            values.setflags(write=False)
+            at += size
+            column = values.tolist() if code in CODES else list(values)
+            columns[name] = column * count if held else column
+        stamps = zip(message.published.tolist(), message.t.tolist(), strict=True)
+        yield from [(out, _build(kind, t, columns, i)) for i, (out, t) in enumerate(stamps)]
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
+        raise InputError("recording", MSGTYPE, f"expected a block of samples ({error})") from error
+
+
+def leaf_names(signal: Signal) -> list[str]:
+    """Names of the fields of a sample but `t`; those of a field that is a dataclass with a dot."""
+    return [name for name in _leaves(signal) if name != "t"]
+
+
+def can_keep(signal: Signal) -> bool:
+    """True when every field is a number, a flag or an array of such."""
+    try:
+        for name in leaf_names(signal):
+            _kind(attrgetter(name)(signal))
+    except TypeError:
+        return False
+    return True
+
+
+def signal_type(name: str) -> type[Signal]:
+    """The sample type of a name; also of a user's own, once its file has been loaded. KeyError otherwise."""
+    found: dict[str, type[Signal]] = {}
+    rest: list[type[Signal]] = [Signal]
+    while rest:
+        kind = rest.pop()
+        rest += kind.__subclasses__()
+        found[kind.__name__] = kind
+    return found[name]
+
+
+def _leaves(value: Any, prefix: str = "") -> list[str]:
+    names = []
+    for field in fields(value):
+        inner = getattr(value, field.name)
+        if is_dataclass(inner):
+            names += _leaves(inner, f"{prefix}{field.name}.")
+        else:
+            names.append(prefix + field.name)
+    return names
+
+
+def _kind(value: Any) -> str:
+    if (plain := PLAIN.get(type(value))) is not None:
+        return plain
+    if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiub":
+        return f"{value.dtype.newbyteorder('<').str} {','.join(map(str, value.shape))}"
+    raise TypeError(f"a sample field of type {type(value).__name__} cannot be kept")
+
+
+def _column(values: tuple[Any, ...], kind: str) -> tuple[bool, bytes]:
+    """Whether the values are one and the same array, and their bytes."""
+    code = kind.partition(" ")[0]
+    first = values[0]
+    if isinstance(first, np.ndarray) and all(v is first for v in values):
+        return True, np.ascontiguousarray(first, dtype=code).tobytes()
+    return False, np.array(values, dtype=CODES.get(code, code)).tobytes()
+
+
+def _build(kind: Any, t: int, columns: dict[str, Any], index: int, prefix: str = "") -> Any:
+    """A dataclass from its columns; a field that has none gets its default."""
+    hints, values = get_type_hints(kind), {}
+    for field in fields(kind):
+        name = prefix + field.name
+        if name == "t":
+            values["t"] = t
+        elif name in columns:
+            values[field.name] = columns[name][index]
+        elif is_dataclass(hints[field.name]):
+            values[field.name] = _build(hints[field.name], t, columns, index, name + ".")
+    return kind(**values)

@@ -1,0 +1,321 @@
+"""Figures of a run, drawn with matplotlib's Agg: no display, no global state.
+
+Colours are those of Okabe and Ito (2008), told apart by colour-blind readers; crop and soil are light fills
+that also differ in grey.
+"""
+
+import base64
+from collections.abc import Sequence
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.judge.referee import Series
+from swath.report.scan_sampler import FieldMap, KeptScan
+from swath.signals import F64
+from swath.signals.setup import MachineGeometry
+
+BLUE, ORANGE, GREEN, SKY, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#CC79A7", "#6B6F76"
+CROP, SOIL, STUBBLE, STRAW, INK, FAINT = "#E9C46A", "#F4F1EA", "#DCD5C4", "#A8813B", "#22262B", "#D9DCE1"
+STYLE = {
+    "font.size": 9.5,
+    "axes.edgecolor": "#9AA0A8",
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E8EAED",
+    "grid.linewidth": 0.8,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "svg.hashsalt": "swath",
+}
+
+
+def figure(width: float, height: float) -> Any:
+    """An empty figure [inch] with the Agg canvas."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    made = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(made)
+    return made
+
+
+def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
+    """The figure as a data address for an <img>.
+
+    kind: `svg` for lines, `png` for areas, `webp` for pictures of many small parts
+    """
+    out = BytesIO()
+    more: dict[str, Any] = {
+        "svg": {"metadata": {"Date": None}},
+        "png": {"metadata": {"Software": None}},
+        "webp": {"pil_kwargs": {"quality": 88, "method": 4}},
+    }
+    fig.savefig(out, format=kind, dpi=dpi, **more[kind])
+    media = "image/svg+xml" if kind == "svg" else f"image/{kind}"
+    return f"data:{media};base64,{base64.b64encode(out.getvalue()).decode()}"
+
+
+def map_figure(
+    picture: FieldMap,
+    *,
+    header_ends: tuple[F64, F64],
+    axle: F64,
+    edge: F64,
+    obstacles: Sequence[tuple[float, float, float]] = (),
+    driven: F64 | None = None,
+    outline: F64 | None = None,
+    side: str = "left",
+) -> Any:
+    """Field map.
+
+    header_ends: left and right path, (n, 2) each; axle: (n, 2); edge: initial edge, (k, 2); obstacles:
+    x, y, radius; driven: a track driven in reality, (m, 2); outline: the machine at the end, (j, 2); all
+    world [m]
+    """
+    left, right, bottom, top = picture.extent
+    height = float(np.clip(11.0 * (top - bottom) / (right - left), 2.0, 9.0))
+    fig = figure(11.0, height + 0.75)
+    ax = fig.add_subplot()
+    ax.grid(False)
+    ax.set_facecolor(SOIL)
+    swath = np.concatenate([picture.place(header_ends[0]), picture.place(header_ends[1])[::-1]])
+    ax.fill(swath[:, 0], swath[:, 1], color=STUBBLE, lw=0, label="cut in this run")
+    ax.imshow(_layer(picture.standing, CROP, 0.92), extent=picture.extent, origin="lower", zorder=2)
+    if picture.straw is not None and (picture.straw > 0.01).any():
+        depth = np.clip(picture.straw / max(float(picture.straw.max()), 1e-6), 0, 1)
+        ax.imshow(_layer(depth, STRAW, 0.75), extent=picture.extent, origin="lower", zorder=3)
+    ax.set_autoscale_on(False)
+    follows = picture.place(header_ends[0 if side == "left" else 1])
+    line = {"lw": 1.4, "zorder": 5}
+    ax.plot(*picture.place(edge).T, color=INK, ls=(0, (5, 3)), label="initial edge", **line)
+    ax.plot(*follows.T, color=ORANGE, label=f"header end ({side})", **line)
+    ax.plot(*picture.place(axle).T, color=BLUE, label="machine (fixed axle)", **line)
+    if driven is not None:
+        ax.plot(*picture.place(driven).T, color=PURPLE, ls=":", lw=2.0, zorder=6, label="driven in reality")
+    if outline is not None:
+        ax.fill(*picture.place(outline).T, fc="white", ec=INK, lw=0.9, alpha=0.9, zorder=7)
+    for x, y, radius in obstacles:
+        u, v = picture.place([x, y])
+        ax.add_patch(_circle(u, v, max(radius, 0.35)))
+    ax.set(xlim=(left, right), ylim=(bottom, top), xlabel="along the run [m]", aspect="equal")
+    ax.set_ylabel("across [m]")
+    _north(ax, picture.turn)
+    _map_legend(ax, picture, has_obstacles=len(obstacles) > 0)
+    return fig
+
+
+def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.float64]:
+    from matplotlib.colors import to_rgb
+
+    rgba = np.zeros((*share.shape, 4))
+    rgba[..., :3] = to_rgb(colour)
+    rgba[..., 3] = alpha * share
+    return rgba
+
+
+def _circle(x: float, y: float, radius: float) -> Any:
+    from matplotlib.patches import Circle
+
+    return Circle((x, y), radius, fc=GREY, ec=INK, lw=0.8, zorder=8)
+
+
+def _north(ax: Any, turn: float) -> None:
+    """An arrow to the north in the upper right corner."""
+    up = np.array([np.sin(turn), np.cos(turn)])
+    ax.annotate(
+        "N",
+        xy=(0.975, 0.90),
+        xycoords="axes fraction",
+        xytext=tuple(-26 * up),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=9,
+        color=INK,
+        zorder=9,
+        arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 5, "shrinkB": 0},
+        bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
+    )
+
+
+def _map_legend(ax: Any, picture: FieldMap, *, has_obstacles: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles, _ = ax.get_legend_handles_labels()
+    handles.insert(0, Patch(fc=CROP, label="standing crop"))
+    if picture.straw is not None and (picture.straw > 0.01).any():
+        handles.insert(2, Patch(fc=STRAW, alpha=0.75, label="straw"))
+    if has_obstacles:
+        handles.append(Line2D([], [], marker="o", ls="", mfc=GREY, mec=INK, label="obstacle"))
+    ax.legend(handles=handles, ncol=len(handles), loc="lower left", bbox_to_anchor=(0.0, 1.0),
+              handlelength=1.6, columnspacing=1.3, borderaxespad=0.2)  # fmt: skip
+
+
+def errors_figure(series: Series, *, settling: float, bands: dict[str, float] | None = None) -> Any:
+    """Lateral and edge error over the travelled distance; times without a detection are shaded.
+
+    bands: limits to draw, in m, under `lateral` and `edge`
+    """
+    fig = figure(11.0, 4.6)
+    top, low = fig.subplots(2, 1, sharex=True)
+    _plot_lateral(top, series, settling, (bands or {}).get("lateral"))
+    _plot_edge(low, series, (bands or {}).get("edge"))
+    low.set_xlabel("travelled distance [m]")
+    end = max(float(series.distance[-1]) if len(series.distance) else 1.0, 1.0)
+    low.set_xlim(0.0, end)
+    return fig
+
+
+def _plot_lateral(ax: Any, series: Series, settling: float, band: float | None) -> None:
+    thin = slice(None, None, max(1, len(series.t) // 2500))
+    ax.plot(series.distance[thin], 100 * series.lateral[thin], color=BLUE, lw=1.3)
+    _limits(ax, 100 * series.lateral[series.distance >= settling], None if band is None else 100 * band)
+    ax.axvspan(0, settling, color="#F1F2F4", lw=0)
+    shown = min(settling, float(series.distance[-1])) if len(series.distance) else settling
+    ax.text(shown, 0.97, "settling ", transform=ax.get_xaxis_transform(), ha="right", va="top",
+            color=GREY, fontsize=8.5).set_in_layout(False)  # fmt: skip
+    ax.set_ylabel("header end\nlateral error [cm]")
+    ax.set_title("> 0: towards the standing crop", loc="right", fontsize=8.5, color=GREY)
+
+
+def _plot_edge(ax: Any, series: Series, band: float | None) -> None:
+    exists = np.isfinite(series.edge_true)
+    _shade(ax, series.edge_distance, exists & ~series.found, ORANGE, "true edge not detected", "////")
+    _shade(ax, series.edge_distance, ~exists, GREY, "no true edge", "")
+    ax.plot(series.edge_distance, 100 * series.edge_error, "o", color=GREEN, ms=2.0, mec="none")
+    _limits(ax, 100 * series.edge_error, None if band is None else 100 * band)
+    ax.set_ylabel("detected edge\nerror [cm]")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="upper right", ncol=2)
+
+
+def _limits(ax: Any, values: F64, band: float | None) -> None:
+    ax.axhline(0, color="#9AA0A8", lw=0.8)
+    values = values[np.isfinite(values)]
+    reach = float(np.percentile(np.abs(values), 99.5)) if len(values) else 0.0
+    if band is not None:
+        for sign in (-1, 1):
+            ax.axhline(sign * band, color=INK, lw=0.8, ls=(0, (4, 3)))
+    reach = 1.25 * max(reach, band or 0.0, 1.0)
+    ax.set_ylim(-reach, reach)
+
+
+def _shade(ax: Any, at: F64, where: NDArray[np.bool_], colour: str, label: str, hatch: str) -> None:
+    """Shade the stretches of `at` on which `where` holds."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
+    shown = False
+    for first, after in zip(change[::2], change[1::2], strict=True):
+        end = at[min(after, len(at) - 1)]
+        if end > at[first]:
+            ax.axvspan(at[first], end, fc=colour, alpha=0.22, lw=0, hatch=hatch, ec=colour,
+                       label=None if shown else label)  # fmt: skip
+            shown = True
+
+
+def drive_figure(tracks: dict[str, Any]) -> Any:
+    """Speed, steering and header use over the travelled distance, from the columns of the tracks."""
+    fig = figure(11.0, 3.6)
+    axes = fig.subplots(3, 1, sharex=True)
+    at = tracks["distance_m"]
+    axes[0].plot(at, 3.6 * tracks["speed_m_s"], color=BLUE, lw=1.3, label="true")
+    axes[0].plot(at, 3.6 * tracks["odometry_speed_m_s"], color=SKY, lw=0.8, label="measured")
+    axes[0].set_ylabel("speed\n[km/h]")
+    axes[0].set_ylim(bottom=0)
+    axes[0].legend(loc="lower right", ncol=2)
+    axes[1].plot(at, np.degrees(tracks["steer_rad"]), color=ORANGE, lw=1.2)
+    axes[1].set_ylabel("steered axle\n[deg], > 0 left")
+    axes[2].plot(at, 100 * _over_a_metre(at, tracks["header_fill"]), color=GREEN, lw=1.2)
+    axes[2].set_ylabel("header use\n[%]")
+    axes[2].set_ylim(0, 108)
+    axes[2].set_xlabel("travelled distance [m]")
+    axes[2].set_xlim(0, max(float(np.nanmax(at)) if len(at) else 1.0, 1.0))
+    fig.align_ylabels(axes)
+    return fig
+
+
+def works_figure(tracks: dict[str, Any]) -> Any:
+    """Feed, losses, engine load and speed over the travelled distance, from the columns of the tracks."""
+    fig = figure(11.0, 5.4)
+    axes = fig.subplots(4, 1, sharex=True)
+    at = tracks["distance_m"]
+    shown = (
+        (tracks["feeder_flow_kg_s"], GREEN, "into the feeder\n[kg/s]"),
+        (100 * tracks["loss_share"], ORANGE, "grain lost\n[%]"),
+        (100 * tracks["engine_load"], BLUE, "engine load\n[%]"),
+        (30 / np.pi * tracks["engine_speed_rad_s"], PURPLE, "engine speed\n[1/min]"),
+    )
+    for ax, (values, colour, label) in zip(axes, shown, strict=True):
+        ax.plot(at, values, color=colour, lw=1.2)
+        ax.set_ylabel(label)
+    for ax in axes[:3]:
+        ax.set_ylim(bottom=0)
+    axes[2].axhline(100, color=INK, lw=0.8, ls=(0, (4, 3)))
+    axes[3].set_xlabel("travelled distance [m]")
+    axes[3].set_xlim(0, max(float(np.nanmax(at)) if len(at) else 1.0, 1.0))
+    fig.align_ylabels(axes)
+    return fig
+
+
+def _over_a_metre(at: F64, values: F64) -> F64:
+    """Mean over the last metre: what the header takes in one step scatters with the cut cells."""
+    known = np.nan_to_num(values)
+    sums = np.concatenate([[0.0], np.cumsum(known)])
+    first = np.searchsorted(at, at - 1.0)
+    last = np.arange(1, len(at) + 1)
+    return np.asarray((sums[last] - sums[first]) / (last - first))
+
+
+def scans_figure(scans: Sequence[KeptScan], geometry: MachineGeometry, side: str) -> Any:
+    """Scans in the lateral/height plane of the machine, with the true and the detected edge."""
+    rows = (len(scans) + 1) // 2
+    fig = figure(11.0, 2.5 * rows + 0.3)
+    axes = fig.subplots(rows, 2, sharex=True, sharey=True, squeeze=False).ravel()
+    for ax, scan in zip(axes, scans, strict=False):
+        plot_scan(ax, scan, geometry, side)
+    for ax in axes[len(scans) :]:
+        ax.set_axis_off()
+    handles, labels = axes[0].get_legend_handles_labels()
+    if handles:
+        fig.legend(handles, labels, loc="outside upper left", ncol=4)
+    return fig
+
+
+def plot_scan(ax: Any, scan: KeptScan, geometry: MachineGeometry, side: str) -> None:
+    """One scan seen from behind the machine: echoes, true and detected edge, header end."""
+    centre = geometry.header_end(side)[1]
+    y, z = scan.points[:, 1], scan.points[:, 2]
+    near = np.abs(y - centre) < 6.0
+    ax.axhline(0, color="#9AA0A8", lw=0.8)
+    ax.plot(y[near], z[near], "o", color=BLUE, ms=2.4, mec="none", alpha=0.8, label="echoes")
+    if np.isfinite(scan.edge_true):
+        ax.axvline(scan.edge_true, color=INK, lw=1.2, ls=(0, (5, 3)), label="true edge")
+    if scan.edge.is_found:
+        ax.axvline(scan.edge.offset, color=ORANGE, lw=1.4, label="detected edge")
+    ax.axvline(centre, color=GREY, lw=1.0, ls=":", label="header end")
+    ax.set_title(f"{scan.distance:.1f} m, {_difference(scan)}", loc="left", fontsize=9.5, color=INK)
+    top = max(1.6, float(np.percentile(z[near], 98.0)) + 0.2) if near.any() else 1.6
+    if not ax.get_autoscaley_on():  # shared with a scan drawn before
+        top = max(top, ax.get_ylim()[1])
+    ax.set(xlim=(centre + 5.5, centre - 5.5), ylim=(-0.3, top))
+    if ax.get_subplotspec().is_first_col():
+        ax.set_ylabel("height [m]")
+    if ax.get_subplotspec().is_last_row():
+        ax.set_xlabel("left of the machine's axis [m]")
+
+
+def _difference(scan: KeptScan) -> str:
+    if not scan.edge.is_found:
+        return "no edge detected"
+    if not np.isfinite(scan.edge_true):
+        return "there is no true edge"
+    return f"detected {100 * abs(scan.edge.offset - scan.edge_true):.1f} cm from the true edge"

@@ -1,0 +1,1 @@
+"""The run: world, loop, job, changes on the way, pacing."""

@@ -1,0 +1,179 @@
+"""Changes to a run while it goes: another level, another parameter, an obstacle more or less.
+
+    changes = Interventions(world)
+    changes.set(t, "combine.speed.speed_kmh", 5)            # a parameter; the part keeps its state
+    changes.set(t, "combine.edge.level", "otsu")            # another level, which starts from the present
+    changes.set(t, "obstacles.pole", "{kind: post, x_m: 12, y_m: 3}")
+    changes.set(t, "obstacles.pole", None)
+
+Keys and values are those of `--set`. Each change takes effect before the tick at t; what was done is kept in
+`events` and does the same again through `Script`.
+"""
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.schedule import NS
+from swath.field.memory_layout import Solids
+from swath.field.solids import make_obstacles
+from swath.run.world import World, exchange, make_part
+from swath.scenario.resolved import SlotChoice
+from swath.scenario.scenario import Scenario, parse_scenario
+
+OBSTACLES = "obstacles"
+
+
+class Restart(Exception):  # not an error: whoever drives the run begins again
+    """A run is to begin anew; raised by a `before_tick`."""
+
+
+class Interventions:
+    """Changes a world, and keeps a list of what was changed.
+
+    events: per change the simulated time `t_s`, the key `set` and its new `value`, None where it was removed
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.events: list[dict[str, Any]] = []
+        self._now: Scenario = _freshly_read(world.scenario, [])
+        self._fixed = {str(i): o for i, o in enumerate(world.scenario.field.obstacles)}
+        self._added: dict[str, Any] = {}
+
+    def set(self, t: int, key: str, value: Any) -> None:
+        """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""
+        first, _, rest = key.partition(".")
+        if first == OBSTACLES and rest:
+            self._set_obstacle(rest, value)
+        else:
+            self._set_slot(key, value)
+        self.events.append({"t_s": t / NS, "set": key, "value": value})
+
+    def values(self) -> dict[str, Any]:
+        """What can be set, and how it stands: plain numbers, texts, truths and lists of one kind."""
+        found: dict[str, Any] = {}
+        for machine in self._now.machines.values():
+            for slot, choice in machine.slots.items():
+                common = {*type(choice.common).model_fields}
+                own = {k: v for k, v in choice.plain().items() if k not in common}
+                found |= _flat(f"{machine.name}.{slot}", own)
+        plain = self._now.field.plain().get("obstacles", [])
+        for name in self._fixed:
+            found[f"{OBSTACLES}.{name}"] = json.dumps(plain[int(name)])
+        return found | {f"{OBSTACLES}.{name}": text for name, text in self._added.items()}
+
+    def _set_slot(self, key: str, value: Any) -> None:
+        machine, slot, part = [*key.split(".", 2), "", ""][:3]
+        section = self._now.machines.get(machine)
+        if section is None or slot not in section.slots or not part:
+            expected = "expected machine.slot.level, machine.slot.parameter or obstacles.name"
+            raise InputError(key, value, expected)
+        before = section.slots[slot]
+        wanted = _freshly_read(self._now, [f"{key}={_text(value)}"])
+        after = wanted.machines[machine].slots[slot]
+        if part.split(".")[0] in type(before.common).model_fields or after.common != before.common:
+            raise InputError(key, value, "expected a level or a parameter of it, rhythm and wires stay")
+        self._exchange(f"{machine}.{slot}", before, after)
+        self._now = wanted
+
+    def _exchange(self, name: str, before: SlotChoice, after: SlotChoice) -> None:
+        """The same level goes on with its state, another one starts from the present."""
+        machine, _, slot = name.partition(".")
+        is_same = before.level == after.level
+        state = self.world.machines[machine].parts[slot].save() if is_same else None
+        component, wires = make_part(self.world, name, after)
+        try:
+            exchange(self.world, name, component, wires, state=state)
+        except BaseException as error:
+            if callable(close := getattr(component, "close", None)):
+                close()
+            if isinstance(error, (LookupError, TypeError, ValueError)):
+                text = f"cannot change on the way, the state of the part does not fit ({error})"
+                raise InputError(name, None, text) from error
+            raise
+
+    def _set_obstacle(self, name: str, value: Any) -> None:
+        bodies, key = self.world.bodies, f"{OBSTACLES}.{name}"
+        if value in (None, ""):
+            if name in self._added:
+                bodies.remove(key)
+                del self._added[name]
+            elif name in self._fixed:
+                del self._fixed[name]
+                self._keep_fixed()
+            else:
+                there = ", ".join([*self._fixed, *self._added]) or "none"
+                raise InputError(key, None, f"expected an obstacle that is there: {there}")
+            return
+        if name in self._fixed:
+            raise InputError(key, value, "expected another name: the scenario's own can only be removed")
+        text = _text(value)
+        read = _freshly_read(self._now, [f"field.{OBSTACLES}=[{text}]"]).field.obstacles
+        bodies.remove(key)
+        bodies.add(key, make_obstacles(read, self.world.field), Pose.identity())
+        self._added[name] = text
+
+    def _keep_fixed(self) -> None:
+        """The solids of the scenario that are left, in place: every sensor holds the same object."""
+        left = make_obstacles(tuple(self._fixed.values()), self.world.field)
+        for field in dataclasses.fields(Solids):
+            setattr(self.world.obstacles, field.name, getattr(left, field.name))
+
+
+class Script:
+    """Does recorded events again; put it into `Graph.before_tick`. events: as in summary.json."""
+
+    def __init__(self, changes: Interventions, events: Sequence[Mapping[str, Any]]) -> None:
+        self._changes = changes
+        self._left = sorted(events, key=lambda e: float(e["t_s"]))
+
+    def __call__(self, t: int) -> None:
+        """What is due before the tick at t [ns]."""
+        while self._left and round(self._left[0]["t_s"] * NS) <= t:
+            event = self._left.pop(0)
+            self._changes.set(t, str(event["set"]), event["value"])
+
+
+def read_events(source: Path) -> list[dict[str, Any]]:
+    """The events of a run folder, or of a JSON file that is a list of them. InputError."""
+    file = source / "summary.json" if source.is_dir() else source
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        expected = "expected a run folder, or a JSON file of events"
+        raise InputError("--events", str(source), expected) from error
+    found = data.get("events", []) if isinstance(data, dict) else data
+    is_list = isinstance(found, list) and all(isinstance(e, dict) for e in found)
+    if not is_list or any({"t_s", "set", "value"} - set(e) for e in found):
+        raise InputError("--events", str(source), "expected events with t_s, set and value")
+    return list(found)
+
+
+def _freshly_read(scenario: Scenario, sets: list[str]) -> Scenario:
+    base = scenario.file.parent if scenario.file is not None else None
+    return parse_scenario(scenario.resolved(), base=base, sets=sets)
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _flat(prefix: str, data: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, dict):
+            found |= _flat(f"{prefix}.{key}", value)
+        elif _is_plain(value):
+            found[f"{prefix}.{key}"] = value
+    return found
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, list):
+        return bool(value) and len({type(v) for v in value}) == 1 and not isinstance(value[0], (list, dict))
+    return isinstance(value, (bool, int, float, str))

@@ -1,0 +1,125 @@
+"""The field of a scenario: its parts made by their levels, or taken from a field folder, and put together."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.field.boundary import Region
+from swath.field.crop import load_crop
+from swath.field.edge import TrackEdge, make_boundary, make_edge
+from swath.field.field import Field, make_field
+from swath.field.field_setup import FieldSetup
+from swath.field.memory_layout import Solids
+from swath.field.projection import Origin
+from swath.field.raster import Raster
+from swath.field.solids import make_obstacles
+from swath.field.stand.maps import Maps
+from swath.field.stand.maps import Params as MapsParams
+from swath.field.terrain.dem import Dem
+from swath.field.terrain.dem import Params as DemParams
+from swath.field_io.folder import FieldFolder, read
+from swath.scenario.resolved import FieldSection
+from swath.signals import F64
+
+FAR_M = (
+    100_000.0  # no field is so far from the zero of its own metres: such a map counts from a zone's corner
+)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """field; obstacles on it; driven: the real pass that the edge follows, (n, 2) world [m], if it does.
+
+    origin: where on Earth the world's origin lies, of an imported field or of maps in a known system
+    """
+
+    field: Field
+    obstacles: Solids
+    driven: F64 | None
+    origin: Origin | None = None
+
+
+def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
+    """The field and what stands on it. base: folder that relative file names start from."""
+    folder = None if section.folder is None else read(section.folder)
+    mapped = _origin_of_maps(section, base) if folder is None else None
+    setup = _setup(folder, stream, base, mapped)
+    stand = section.stand.make(setup) if section.stand is not None else _stand_of(folder, setup)
+    region = make_boundary(section.boundary)
+    if region is None and folder is not None:
+        region = Region(folder.boundary, folder.holes)
+    field = make_field(
+        section.terrain.make(setup) if section.terrain is not None else _terrain_of(folder),
+        stand,
+        make_edge(section.edge, setup),
+        crop=load_crop(stand.crop),
+        stream=stream,
+        boundary=region,
+    )
+    driven = None
+    if isinstance(section.edge, TrackEdge) and section.edge.file is None:
+        driven = setup.tracks[section.edge.track]
+    origin = mapped if folder is None else folder.origin
+    if mapped is not None:
+        origin = replace(mapped, height=float(getattr(field.terrain, "datum", 0.0)))
+    return Ground(field, make_obstacles(section.obstacles, field), driven, origin)
+
+
+def _origin_of_maps(section: FieldSection, base: Path) -> Origin | None:
+    """The middle of the first map that a scenario without a field folder names, whole metres; None without
+    maps, and of a map near the zero of its own system, which then is the world's.
+
+    Raises InputError when the maps are in different systems.
+    """
+    names = [
+        (f"field.{part}.{key}", str(name))
+        for part, choice in (("terrain", section.terrain), ("stand", section.stand))
+        for key in ("file", "density_file", "height_file")
+        if choice is not None
+        and isinstance(choice.params, DemParams | MapsParams)
+        and (name := getattr(choice.params, key, None)) is not None
+    ]
+    maps = [(key, name, Raster.from_geotiff(base / name)) for key, name in names]
+    if not maps or max(abs(edge) for edge in maps[0][2].bounds) < FAR_M:
+        return None
+    first = maps[0][2]
+    for key, name, raster in maps[1:]:
+        if raster.epsg != first.epsg:
+            raise InputError(
+                key, f"EPSG:{raster.epsg}", f"expected EPSG:{first.epsg} as in {names[0][1]}", file=name
+            )
+    if first.epsg is None:
+        raise InputError(
+            names[0][0], names[0][1], "expected a map in a system with an EPSG code (gdalwarp -t_srs)"
+        )
+    west, south, east, north = first.bounds
+    return Origin(first.epsg, float(round(0.5 * (west + east))), float(round(0.5 * (south + north))))
+
+
+def _setup(folder: FieldFolder | None, stream: Stream, base: Path, mapped: Origin | None) -> FieldSetup:
+    if folder is None and mapped is not None:
+        corner = (mapped.easting, mapped.northing)
+        return FieldSetup(stream=stream, folder=base, origin=corner, to_local=mapped.to_local)
+    if folder is None:
+        return FieldSetup(stream=stream, folder=base)
+    return FieldSetup(
+        stream=stream,
+        folder=folder.path,
+        origin=(folder.origin.easting, folder.origin.northing),
+        to_local=folder.origin.to_local,
+        tracks=tuple(np.asarray(track.line) for track in folder.tracks),
+    )
+
+
+def _terrain_of(folder: FieldFolder | None) -> Dem:
+    assert folder is not None  # the reader asks for a terrain where there is no folder
+    return Dem.from_raster(folder.terrain)
+
+
+def _stand_of(folder: FieldFolder | None, setup: FieldSetup) -> Maps:
+    assert folder is not None
+    params = MapsParams(row_azimuth_deg=float(np.degrees(folder.row_azimuth)))
+    return Maps.from_rasters(params, setup, folder.stems, folder.height)

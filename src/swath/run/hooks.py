@@ -1,0 +1,43 @@
+"""Run hooks: whatever goes along with a run beside recorder and evaluators, such as a report or a ROS 2 bridge."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath.core.graph import Observer
+from swath.judge.referee import Referee
+from swath.record.recorder import Recorder
+from swath.run.changes import Interventions
+from swath.run.world import World
+
+
+@dataclass(frozen=True)
+class ActiveRun:
+    """A run as a hook sees it.
+
+    out: its folder; observers: called after every step in this order, a hook may append its own
+    changes: to make changes while it goes on; rest: to be told how long a pause was [ns]
+    """
+
+    world: World
+    out: Path
+    recorder: Recorder
+    referees: Mapping[str, Referee]
+    observers: list[Observer]
+    changes: Interventions
+    rest: Callable[[int], None]
+
+
+class RunHook:
+    """Goes along with a run. A hook overrides what it needs."""
+
+    def begin(self, run: ActiveRun) -> None:
+        """Before the first tick; again, with another world, where a run is restarted."""
+
+    def summarize(self, t: int) -> dict[str, Any]:
+        """Entries for summary.json of a run that ended at t [ns]."""
+        return {}
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """The run is over and summary.json is written."""

@@ -1,0 +1,195 @@
+"""Jobs: a scenario driven into a folder, from its assembly to the finished summary."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath import __version__
+from swath.core.errors import InputError
+from swath.core.graph import Observer
+from swath.core.schedule import NS
+from swath.judge.metrics import is_broken
+from swath.judge.referee import Referee
+from swath.judge.summary import make_summary, write_summary
+from swath.record.digest import Digest
+from swath.record.recorder import Recorder
+from swath.run.changes import Interventions, Restart, Script
+from swath.run.folder import clear_run_folder
+from swath.run.hooks import ActiveRun, RunHook
+from swath.run.loop import Progress, drive
+from swath.run.pacing import Pacer, make_pacer, paced
+from swath.run.world import World, assemble
+from swath.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """summary: as in summary.json; exit_code: 0 limits kept, 1 a limit broken; folder of the run."""
+
+    summary: dict[str, Any]
+    exit_code: int
+    folder: Path
+
+    def __repr__(self) -> str:
+        verdicts = [entry["verdict"] for entry in self.summary.get("expect", {}).values()]
+        limits = f"{verdicts.count('kept')} of {len(verdicts)} limits kept" if verdicts else "no limits"
+        name, seed = self.summary.get("name"), self.summary.get("seed")
+        return f"<run of {name}, seed {seed}: {limits}, in {self.folder}>"
+
+
+def run_job(
+    scenario: Scenario,
+    out: Path,
+    *,
+    progress: bool = False,
+    events: Sequence[Mapping[str, Any]] = (),
+    hooks: Sequence[RunHook] = (),
+    begun: Callable[[], None] | None = None,
+) -> JobResult:
+    """Run a scenario into a folder.
+
+    events: changes on the way, as an earlier run's summary.json has them; hooks: go along, in this order
+    begun: called once the world is assembled, before the first tick
+
+    The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C and
+    crashes leave a valid folder marked incomplete; the exception goes on.
+    """
+    while True:
+        try:
+            return _run_once(scenario, out, progress, events, hooks, begun)
+        except Restart:
+            begun = None
+
+
+def _run_once(
+    scenario: Scenario,
+    out: Path,
+    progress: bool,
+    events: Sequence[Mapping[str, Any]],
+    hooks: Sequence[RunHook],
+    begun: Callable[[], None] | None,
+) -> JobResult:
+    world = assemble(scenario)
+    _spare_what_is_read(world, out)
+    pacer = make_pacer(world)
+    out.mkdir(parents=True, exist_ok=True)
+    clear_run_folder(out)
+    (out / "scenario.yaml").write_text(scenario.resolved(), encoding="utf-8")
+    running = _Running(world, out, pacer, hooks)
+    if begun is not None:
+        begun()
+    started = time.perf_counter()
+    try:
+        with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, pacer):
+            running.begin(events)
+            drive(world, running.observers, progress=show)
+    except BaseException:
+        running.finish(time.perf_counter() - started, incomplete=True)
+        raise
+    finally:
+        world.close()
+    summary = running.finish(time.perf_counter() - started, incomplete=False)
+    return JobResult(summary, 1 if is_broken(summary["expect"]) else 0, out)
+
+
+def _spare_what_is_read(world: World, out: Path) -> None:
+    """A run must not be written over the recording that it plays."""
+    for machine in world.machines.values():
+        for part in machine.parts.values():
+            for file in getattr(part, "reads", ()):
+                if file.resolve().parent == out.resolve():
+                    raise InputError(
+                        "--out", str(out), f"expected another folder, {file.name} in it is played"
+                    )
+
+
+class _Running:
+    """Everything that looks on while a world runs: digest, evaluators, recorder, hooks."""
+
+    def __init__(self, world: World, out: Path, pacer: Pacer | None, hooks: Sequence[RunHook]) -> None:
+        self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
+        recorded = {name: machine.recorded() for name, machine in world.machines.items()}
+        self.digest = Digest()
+        self.referees = {
+            name: Referee(world.field, recorded[name], overlap=machine.overlap)
+            for name, machine in world.machines.items()
+        }
+        self.changes = Interventions(world)
+        self.recorder = Recorder(
+            out,
+            list(recorded.values()),
+            extra={name: r.columns() for name, r in self.referees.items()},
+            detail=world.scenario.run.record,
+            scenario=world.scenario.resolved(),
+        )
+        self.observers: list[Observer] = [self.digest, *self.referees.values(), self.recorder]
+
+    def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
+        """Let hooks and changes come."""
+        rest = self.pacer.rest if self.pacer is not None else lambda duration: None
+        run = ActiveRun(
+            self.world, self.out, self.recorder, self.referees, self.observers, self.changes, rest
+        )
+        for hook in self.hooks:
+            hook.begin(run)
+        if events or self.hooks:
+            self.world.graph.before_tick.append(Script(self.changes, events))
+
+    def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
+        """Judge, write summary.json, let the hooks finish; returns the summary."""
+        world, scenario = self.world, self.world.scenario
+        self.recorder.close()
+        summary = make_summary(
+            {
+                "name": scenario.name,
+                "summary": scenario.summary,
+                "seed": scenario.seed,
+                "swath": __version__,
+                "machine": world.leader.card.name,
+            },
+            {**self.referees[world.leader.name].metrics(), **world.leader.coverage()},
+            {k: v.model_dump(exclude_none=True) for k, v in scenario.expect.items()},
+            simulated_s=world.graph.t / NS,
+            wall_s=wall_s,
+            ray_count=sum(m.ray_count for m in world.machines.values()),
+            digest=self.digest.hex,
+            incomplete=incomplete,
+            cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
+        )
+        notes = [note for machine in world.machines.values() for note in machine.notes]
+        if world.graph.ended:
+            notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
+        if self.pacer is not None:
+            summary["realtime"] = self.pacer.report()
+            notes += self.pacer.notes
+        if notes:
+            summary["notes"] = notes
+        if self.changes.events:
+            summary["events"] = self.changes.events
+        for hook in self.hooks:
+            summary |= hook.summarize(world.graph.t)
+        write_summary(self.out, summary)
+        for hook in self.hooks:
+            hook.finish(summary)
+        return summary
+
+
+@contextmanager
+def _progress_bar(world: World, wanted: bool) -> Iterator[Progress | None]:
+    """A rich bar over the driven distance, on stderr; nothing where there is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    if not wanted or not console.is_terminal:
+        yield None
+        return
+    text, at = TextColumn("{task.description}"), TextColumn("{task.fields[at]}")
+    with Bar(text, BarColumn(), at, TimeRemainingColumn(), console=console, transient=True) as bar:
+        run = world.scenario.run
+        task = bar.add_task(world.scenario.name, total=run.distance_m, at="")
+        yield lambda driven, t: bar.update(task, completed=driven, at=f"{driven:.0f} m, {t:.0f} s simulated")

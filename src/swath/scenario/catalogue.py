@@ -1,0 +1,44 @@
+"""What a scenario may choose from: the levels of every slot, and the parts of a field."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from swath.core.registry import Registry
+from swath.scenario.slots import FIELD_LEVELS, REGISTRY, SLOTS, SlotKind
+
+
+@dataclass(frozen=True)
+class Kit:
+    """registry: levels by slot kind; slots: of a machine, in execution order
+
+    field_levels: the default level of `terrain` and `stand`
+    parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one
+    """
+
+    registry: Registry
+    slots: tuple[SlotKind, ...]
+    field_levels: Mapping[str, str]
+    parts: Mapping[str, str]
+
+    def part(self, name: str) -> Any:
+        """The type of an edge, an obstacle or a boundary."""
+        module, _, attribute = self.parts[name].partition(":")
+        return getattr(import_module(module), attribute)
+
+    def default_level(self, kind: str) -> str:
+        """The level that a slot, `terrain` or `stand` has when a scenario does not say."""
+        return self.field_levels.get(kind) or self.slot(kind).level
+
+    def slot(self, name: str) -> SlotKind:
+        """The slot of a name."""
+        return next(s for s in self.slots if s.name == name)
+
+
+PARTS = {
+    "edge": "swath.field.edge:Edge",
+    "obstacles": "swath.field.solids:Obstacle",
+    "boundary": "swath.field.edge:Boundary",
+}
+KIT = Kit(REGISTRY, SLOTS, FIELD_LEVELS, PARTS)

@@ -1,0 +1,82 @@
+"""`--set combine.lidar.level=empirical`: changes to a scenario before it is checked."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError, SwathError
+from swath.documents.validation import known_keys
+from swath.documents.yaml_document import Document, KeyPath, Place, key_path, parse_value
+from swath.scenario.catalogue import Kit
+
+
+def apply_overrides(document: Document, sets: Sequence[str], kit: Kit, flags: Mapping[str, str]) -> None:
+    """Change the document in place, in order. Errors about these values will name the flag.
+
+    flags: further changes, by the flag that stands for them: {"--seed 3": "seed=3"}.
+    Choosing another level drops the parameters that only the level before it knew.
+    """
+    for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]:
+        key, equals, value_text = text.partition("=")
+        path = key_path(key)
+        if not equals or "" in path:
+            raise InputError(flag, None, "expected --set key.key=value")
+        value = parse_value(value_text, flag)
+        if not isinstance(document.data, dict):
+            raise document.error((), document.data, "expected a mapping of keys")
+        _expand(document.data, path, kit)
+        if path[-1] == "level" and len(path) == 3:
+            _drop_foreign(document, path, value, kit)
+        _put(document.data, path, value, flag)
+        for place in [p for p in document.places if p[: len(path)] == path]:
+            del document.places[place]
+        for end in range(1, len(path) + 1):
+            document.places.setdefault(path[:end], Place(flag))
+
+
+def _expand(data: dict[str, Any], path: KeyPath, kit: Kit) -> None:
+    """`steer: preview` becomes `steer: {level: preview}` when a key inside it is set."""
+    kinds = set(kit.registry.packages)
+    if len(path) >= 3 and path[1] in kinds:
+        section = data.get(str(path[0]))
+        if isinstance(section, dict) and isinstance(section.get(path[1]), str):
+            section[str(path[1])] = {"level": section[path[1]]}
+
+
+def _drop_foreign(document: Document, path: KeyPath, level: Any, kit: Kit) -> None:
+    section = document.data.get(path[0])
+    entry = section.get(path[1]) if isinstance(section, dict) else None
+    if not isinstance(entry, dict) or path[1] not in kit.registry.packages:
+        return
+    kind = str(path[1])
+    base = document.file.resolve().parent if document.file else None
+    try:
+        before = known_keys(
+            kit.registry.get(kind, str(entry.get("level", kit.default_level(kind))), base=base).params
+        )
+        after = known_keys(kit.registry.get(kind, str(level), base=Path.cwd()).params)
+    except (SwathError, OSError, ValueError):
+        return  # reported when the scenario is read
+    for key in [k for k in entry if k in before and k not in after]:
+        del entry[key]
+
+
+def _put(data: Any, path: KeyPath, value: Any, flag: str) -> None:
+    for depth, part in enumerate(path):
+        is_last = depth == len(path) - 1
+        if isinstance(data, list):
+            if not isinstance(part, int) or part >= len(data):
+                raise InputError(flag, None, f"expected a number below {len(data)} instead of {part!r}")
+            if is_last:
+                data[part] = value
+            data = data[part]
+            continue
+        if not isinstance(data, dict):
+            where = ".".join(str(p) for p in path[:depth])
+            raise InputError(flag, None, f"{where} has no keys inside")
+        key = str(part)
+        if is_last:
+            data[key] = value
+        elif data.get(key) is None:
+            data[key] = {}
+        data = data[key]

@@ -1,0 +1,375 @@
+"""From plain data to the sections of a scenario, collecting every error on the way."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError, SwathError
+from swath.core.registry import Level
+from swath.documents.data_sheets import find_card
+from swath.documents.hints import near_miss, unknown_key
+from swath.documents.validation import known_keys, validate
+from swath.documents.yaml_document import Document, KeyPath
+from swath.scenario.catalogue import Kit
+from swath.scenario.metric_names import LIMITABLE_METRICS
+from swath.scenario.resolved import FieldSection, LevelChoice, MachineSection, RealTimeSection, SlotChoice
+from swath.scenario.sections import (
+    Head,
+    Limit,
+    MachineCommon,
+    RealTime,
+    Run,
+    SlotCommon,
+    StartAlongEdge,
+    StartPose,
+)
+from swath.scenario.slots import EXCHANGEABLE
+
+TOP_KEYS = ("name", "summary", "seed", "run", "realtime", "field", "expect")
+FIELD_KEYS = ("folder", "terrain", "stand", "edge", "obstacles", "boundary")
+MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side")
+CARDS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
+_MACHINE_NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")
+
+
+class ScenarioError(InputError):
+    """The first thing wrong in a scenario; `others` are the rest, in the order found."""
+
+    def __init__(self, errors: list[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.key, first.value, first.expected, file=first.file, line=first.line)
+        self.others = tuple(errors[1:])
+
+
+class Reader:
+    """Reads one document. `read` gives the arguments of a Scenario, or raises ScenarioError."""
+
+    def __init__(self, document: Document, kit: Kit) -> None:
+        self.document, self.kit = document, kit
+        self.folder = document.file.resolve().parent if document.file else Path.cwd()
+        self.errors: list[InputError] = []
+
+    def read(self) -> dict[str, Any]:
+        """Every section. ScenarioError when anything is wrong."""
+        data = self.document.data
+        if not isinstance(data, dict):
+            text = "expected keys such as name, run, field and combine"
+            raise ScenarioError([self.document.error((), data, text)])
+        file = self.document.file
+        head = {"name": file.stem if file else "scenario"} | {k: data[k] for k in TOP_KEYS[:3] if k in data}
+        checked = self.check(Head, head, ())
+        parts: dict[str, Any] = {} if checked is None else dict(checked)
+        machines = self._machine_names(data)
+        parts["run"] = self.check(Run, data.get("run", {}), ("run",))
+        parts["field"] = self._field(data.get("field", {}))
+        parts["machines"] = self._machines({name: data[name] for name in machines})
+        parts["realtime"] = self._realtime(data["realtime"]) if "realtime" in data else None
+        parts["expect"] = self._expect(data.get("expect", {}))
+        if self.errors:
+            raise ScenarioError(self.errors)
+        return parts
+
+    def check(self, kind: Any, data: Any, path: KeyPath) -> Any:
+        """The validated object; None when there were errors, which are noted."""
+        value, found = validate(kind, data, path, self.document)
+        self.errors += found
+        return value
+
+    def note(self, path: KeyPath, value: Any, expected: str) -> None:
+        """Note an error."""
+        self.errors.append(self.document.error(path, value, expected))
+
+    def mapping(self, data: Any, path: KeyPath) -> dict[str, Any]:
+        """The mapping at a path; an empty one, and an error noted, when it is something else."""
+        if isinstance(data, dict):
+            return data
+        self.note(path, "(nothing)" if data is None else data, "expected a mapping of keys")
+        return {}
+
+    def unknown(self, data: Mapping[str, Any], path: KeyPath, known: tuple[str, ...]) -> None:
+        """Note every key that is not known."""
+        for key in data:
+            if key not in known:
+                self.note((*path, key), None, unknown_key(key, known))
+
+    def base(self, path: KeyPath) -> Path:
+        """Where a relative path starts: the scenario's folder, or for a flag the working directory."""
+        place = self.document.place(path)
+        return Path.cwd() if place is not None and place.line is None else self.folder
+
+    # real time
+
+    def _realtime(self, data: Any) -> RealTimeSection | None:
+        path = ("realtime",)
+        data = self.mapping(data, path)
+        steps = data.get("degrade", [])
+        self.unknown(data, path, (*RealTime.model_fields, "degrade"))
+        own = {k: v for k, v in data.items() if k in RealTime.model_fields}
+        common = self.check(RealTime, own, path)
+        if not isinstance(steps, list):
+            self.note((*path, "degrade"), steps, "expected a list of {slot, level}")
+            return None
+        cheaper = [self._cheaper(entry, (*path, "degrade", i)) for i, entry in enumerate(steps)]
+        if common is None:
+            return None
+        if common.on_overrun == "degrade" and not steps:
+            self.note((*path, "on_overrun"), common.on_overrun, "expected a list of {slot, level} in degrade")
+        return RealTimeSection(common, tuple(c for c in cheaper if c is not None))
+
+    def _cheaper(self, entry: Any, path: KeyPath) -> tuple[str, SlotChoice] | None:
+        """A level to fall back to, with the keys of the slot's present one that it knows as well."""
+        entry = self.mapping(entry, path)
+        name = entry.get("slot")
+        machine, _, slot = str(name).partition(".")
+        present = self.document.data.get(machine)
+        if slot not in EXCHANGEABLE or not isinstance(present, dict) or _is_off(present.get(slot, {})):
+            able = ", ".join(EXCHANGEABLE)
+            self.note((*path, "slot"), name, f"expected machine.slot of a slot that is there, of {able}")
+            return None
+        if "level" not in entry:
+            self.note((*path, "level"), None, "expected a level to take instead, the key is missing")
+            return None
+        own = {k: v for k, v in entry.items() if k != "slot"}
+        chosen, found = self._level(slot, own, path, "")
+        if found is None:
+            return None
+        before = present.get(slot, {})
+        before = before if isinstance(before, dict) else {}
+        kept = {k: before[k] for k in known_keys(found.params) if k in before}
+        common = {k: before[k] for k in SlotCommon.model_fields if k in before}
+        choice = self._slot_at(machine, slot, {**kept, **chosen, **common}, path)
+        return None if choice is None else (f"{machine}.{slot}", choice)
+
+    # field
+
+    def _field(self, data: Any) -> FieldSection | None:
+        data = self.mapping(data, ("field",))
+        self.unknown(data, ("field",), FIELD_KEYS)
+        levels_of = ("terrain", "stand")
+        data = {k: v if k in levels_of else self._with_path(k, v, ("field", k)) for k, v in data.items()}
+        folder = data.get("folder")
+        if folder is not None and not isinstance(folder, str):
+            self.note(("field", "folder"), folder, "expected a path")
+            folder = None
+        levels = {name: self._ground(name, data, folder is not None) for name in levels_of}
+        edge = self.check(self.kit.part("edge"), data.get("edge", {}), ("field", "edge"))
+        obstacles = self._obstacles(data.get("obstacles", []))
+        boundary = data.get("boundary")
+        if boundary is not None:
+            boundary = self.check(self.kit.part("boundary"), boundary, ("field", "boundary"))
+        return FieldSection(
+            Path(folder) if folder else None,
+            levels["terrain"],
+            levels["stand"],
+            edge,
+            obstacles,
+            boundary,
+        )
+
+    def _ground(self, name: str, data: dict[str, Any], has_folder: bool) -> LevelChoice | None:
+        if name not in data and has_folder:
+            return None
+        path = ("field", name)
+        entry, found = self._level(name, data.get(name, {}), path, self.kit.field_levels[name])
+        if found is None:
+            return None
+        params = self._params(found, {k: v for k, v in entry.items() if k != "level"}, path)
+        return LevelChoice(entry["level"], found, params)
+
+    def _obstacles(self, data: Any) -> tuple[Any, ...]:
+        path = ("field", "obstacles")
+        if not isinstance(data, list):
+            self.note(path, "(nothing)" if data is None else data, "expected a list")
+            return ()
+        kind = self.kit.part("obstacles")
+        return tuple(self.check(kind, entry, (*path, i)) for i, entry in enumerate(data))
+
+    # machines
+
+    def _machine_names(self, data: dict[str, Any]) -> list[str]:
+        """The top-level keys that are machines; notes those that are neither machine nor section."""
+        named = [key for key in data if key not in TOP_KEYS]
+        if not named:
+            self.note((), None, "expected a machine, such as `combine:` with its slots")
+        return [name for name in named if self._is_machine(name, data)]
+
+    def _is_machine(self, name: str, data: dict[str, Any]) -> bool:
+        section = data[name]
+        known = (*MACHINE_KEYS, *(s.name for s in self.kit.slots))
+        if not isinstance(section, dict) or (section and not any(key in known for key in section)):
+            absent = [key for key in TOP_KEYS if key not in data]
+            hint = near_miss(name, absent) or f"; a machine has keys such as {', '.join(known[:4])}"
+            self.note((name,), None, "unknown key" + hint)
+            return False
+        if not _MACHINE_NAME.match(name):
+            self.note((name,), None, "expected a machine's name: letters, digits, - and _")
+            return False
+        return True
+
+    def _machines(self, data: dict[str, Any]) -> dict[str, MachineSection]:
+        read = [self._machine(name, section) for name, section in data.items()]
+        machines = {m.name: m for m in read if m is not None}
+        if not self.errors:
+            for machine in machines.values():
+                self._check_sources(machine, machines)
+        return machines
+
+    def _machine(self, name: str, data: dict[str, Any]) -> MachineSection | None:
+        slots = [s.name for s in self.kit.slots]
+        self.unknown(data, (name,), (*MACHINE_KEYS, *slots))
+        own = {k: self._with_path(k, data[k], (name, k)) for k in MachineCommon.model_fields if k in data}
+        common = self.check(MachineCommon, own, (name,))
+        start = self._start(data.get("start", {}), (name, "start"))
+        chosen: dict[str, SlotChoice] = {}
+        off = tuple(s.name for s in self.kit.slots if _is_off(data.get(s.name, {} if s.is_on else "off")))
+        for slot in slots:
+            if slot not in off:
+                choice = self._slot(name, slot, data.get(slot, {}))
+                if choice is not None:
+                    chosen[slot] = choice
+        if common is None:
+            return None
+        try:
+            card = find_card("machines", common.machine)
+        except (InputError, OSError, ValueError):
+            return None  # noted when its path was looked at
+        return MachineSection(name, common, card, start, chosen, off)
+
+    def _start(self, data: Any, path: KeyPath) -> StartAlongEdge | StartPose:
+        in_world = isinstance(data, dict) and any(k in data for k in StartPose.model_fields)
+        start: StartAlongEdge | StartPose = self.check(StartPose if in_world else StartAlongEdge, data, path)
+        return start
+
+    def _slot(self, machine: str, slot: str, data: Any) -> SlotChoice | None:
+        return self._slot_at(machine, slot, data, (machine, slot))
+
+    def _slot_at(self, machine: str, slot: str, data: Any, path: KeyPath) -> SlotChoice | None:
+        kind = self.kit.slot(slot)
+        entry, found = self._level(slot, data, path, kind.level)
+        if found is None:
+            return None
+        common_keys = tuple(SlotCommon.model_fields)
+        own = {k: v for k, v in entry.items() if k != "level" and k not in common_keys}
+        params = self._params(found, own, path, common_keys)
+        common = {"rate_hz": kind.rate_hz} | {k: entry[k] for k in common_keys if k in entry}
+        checked = self.check(SlotCommon, common, path)
+        if checked is None:
+            return None
+        wires = {port: (f"{machine}.{source}", output) for port, (source, output) in kind.wires.items()}
+        for port, text in checked.wires.items():
+            source, _, output = text.rpartition(".")
+            wires[port] = (source if "." in source else f"{machine}.{source}", output)
+        return SlotChoice(entry["level"], found, params, checked, wires, tuple(checked.wires))
+
+    def _check_sources(self, machine: MachineSection, machines: Mapping[str, MachineSection]) -> None:
+        """Every wire that the scenario wrote must come from a slot that is there."""
+        slots = [f"{m.name}.{s}" for m in machines.values() for s in m.slots]
+        for slot, choice in machine.slots.items():
+            for port in choice.wired:
+                source = choice.wires[port][0]
+                if source not in slots:
+                    text = f"expected slot.output of a slot that is there{near_miss(source, slots)}"
+                    self.note((machine.name, slot, "wires", port), choice.common.wires[port], text)
+
+    # levels
+
+    def _level(
+        self, kind: str, data: Any, path: KeyPath, default: str
+    ) -> tuple[dict[str, Any], Level | None]:
+        """The entry as a mapping with its level filled in, and the level, None when it cannot be had."""
+        if isinstance(data, str):
+            data, where = {"level": data}, path
+        else:
+            where = (*path, "level")
+        entry = {"level": default} | self.mapping(data, path)
+        level = entry["level"]
+        if not isinstance(level, str):
+            self.note(where, "(nothing)" if level is None else level, "expected a level's name")
+            return entry, None
+        try:
+            found = self.kit.registry.get(kind, level, base=self.base(where))
+        except InputError as error:
+            self.note(where, level, error.expected)
+        except (OSError, ValueError):
+            self.note(where, level, "expected a level's name, or file.py:Class")
+        except SwathError as error:
+            self.note(where, level, str(error))
+        else:
+            if callable(found.component):
+                entry["level"] = self._absolute_level(level, self.base(where))
+                return self._with_paths(entry, path), found
+            self.note(where, level, "expected a class")
+        return entry, None
+
+    def _absolute_level(self, level: str, base: Path) -> str:
+        file, colon, name = level.rpartition(":")
+        return f"{(base / file).resolve()}:{name}" if colon and ".py:" in level else level
+
+    def _params(self, found: Level, data: dict[str, Any], path: KeyPath, also: tuple[str, ...] = ()) -> Any:
+        """Validated parameters. Unknown keys are noted here: they may be meant for the slot itself."""
+        known = known_keys(found.params)
+        for key in data:
+            if key not in known:
+                self.note((*path, key), None, unknown_key(key, [*known, "level", *also]))
+        own = {k: v for k, v in data.items() if k in known}
+        return None if found.params is None else self.check(found.params, own, path)
+
+    def _with_paths(self, data: Any, path: KeyPath) -> Any:
+        """The data with the paths in it made absolute; notes what is not there."""
+        if isinstance(data, list):
+            return [self._with_paths(item, (*path, i)) for i, item in enumerate(data)]
+        if not isinstance(data, dict):
+            return data
+        return {key: self._with_path(key, value, (*path, key)) for key, value in data.items()}
+
+    def _with_path(self, key: str, value: Any, path: KeyPath) -> Any:
+        if not isinstance(value, str):
+            return self._with_paths(value, path)
+        if key in CARDS:
+            return self._card(CARDS[key], value, path)
+        if key in ("file", "folder") or key.endswith(("_file", "_folder")):
+            return self._existing(key, value, path)
+        return value
+
+    def _card(self, kind: str, value: str, path: KeyPath) -> str:
+        """A bundled card's name as it is, the user's own file as an absolute path."""
+        try:
+            file = find_card(kind, value, self.base(path))
+        except InputError as error:
+            self.note(path, value, error.expected)
+            return value
+        except (OSError, ValueError):
+            self.note(path, value, "expected a name, or a YAML file")
+            return value
+        return str(file.resolve()) if value.endswith((".yaml", ".yml")) else value
+
+    def _existing(self, key: str, value: str, path: KeyPath) -> str:
+        wants_folder = key.endswith("folder")
+        try:
+            target = (self.base(path) / value).resolve()
+            is_there = target.is_dir() if wants_folder else target.is_file()
+        except (OSError, ValueError, RuntimeError):
+            is_there = False
+        if is_there:
+            return str(target)
+        self.note(path, value, f"there is no such {'folder' if wants_folder else 'file'}")
+        return value
+
+    # limits
+
+    def _expect(self, data: Any) -> dict[str, Limit]:
+        data = self.mapping(data, ("expect",))
+        limits: dict[str, Limit] = {}
+        for name, entry in data.items():
+            if name not in LIMITABLE_METRICS:
+                self.note(("expect", name), None, unknown_key(name, LIMITABLE_METRICS, "unknown metric"))
+                continue
+            limit = self.check(Limit, entry, ("expect", name))
+            if limit is not None:
+                limits[name] = limit
+        return limits
+
+
+def _is_off(entry: Any) -> bool:
+    return entry is False or entry == "off"

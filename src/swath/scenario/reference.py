@@ -1,0 +1,234 @@
+"""The reference of all scenario keys as Markdown, made from the same classes that check them."""
+
+from typing import Any
+
+import yaml
+
+from swath.scenario.catalogue import KIT, Kit
+from swath.scenario.metric_names import LIMITABLE_METRICS
+from swath.scenario.schema import adopt
+from swath.scenario.sections import (
+    Head,
+    Limit,
+    MachineCommon,
+    RealTime,
+    Run,
+    SlotCommon,
+    StartAlongEdge,
+    StartPose,
+)
+
+Row = tuple[str, str, str, str]
+HEADER = """\
+# Scenario files
+Made by `swath schema --markdown --out docs/scenario.md` from the classes that check a scenario; edit those.
+
+A scenario is YAML (1.2: `1e3` is a number, `yes` is text). Keys carry their unit, values are plain numbers.
+Unknown keys, wrong types, numbers out of range or not finite are errors that name key, value, what was
+expected, file and line. Paths are relative to the scenario file, in `--set` to the working directory.
+
+`swath schema --out scenario.schema.json` writes the same as JSON Schema. Named in the first line of a file,
+it gives completion in editors with a YAML language server:
+`# yaml-language-server: $schema=scenario.schema.json`.
+
+```yaml
+{example}```
+
+Where a level is chosen, `steer: preview` stands for `steer: {{level: preview}}`. A level is a built-in name,
+an installed one (entry point group `swath.levels`, name `slot.level`), or your own `path/to/file.py:Class`.
+`--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
+only the old one knew.
+"""
+
+REALTIME = """\
+Only with this section, or `swath run --real-time`, a run waits for the clock: [realtime.md](realtime.md).
+`degrade` is a list of `{slot: machine.slot, level: name, ...}`, taken one after the other when `on_overrun`
+is `degrade`; keys of the present level that the cheaper one knows are kept.
+"""
+
+
+def reference(kit: Kit = KIT) -> str:
+    """The whole page."""
+    from swath.documents.data_sheets import find_card
+
+    example = find_card("scenarios", "straight").read_text(encoding="utf-8")
+    parts = [HEADER.format(example=example)]
+    parts.append(_section("## Top level", Head))
+    parts.append(
+        "Every other key than `name`, `summary`, `seed`, `run`, `realtime`, `field` and `expect`\n"
+        "is a machine.\n"
+    )
+    parts.append(_section("## run", Run))
+    parts.append(_section("## realtime", RealTime, REALTIME))
+    parts.append(_field(kit))
+    parts.append(_machine(kit))
+    names = ", ".join(f"`{m}`" for m in LIMITABLE_METRICS)
+    parts.append(
+        _section("## expect", Limit, f"For each metric a lower limit, an upper one, or both. {names}.\n")
+    )
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def parameter_rows(kind: Any) -> list[Row]:
+    """(key, value, default, meaning) of every key of a class; nested keys with dots."""
+    if kind is None:
+        return []
+    defs: dict[str, Any] = {}
+    return _rows(adopt(kind, "x", defs), defs, "")
+
+
+def _field(kit: Kit) -> str:
+    parts = [
+        "## field",
+        "`folder: path` takes terrain and stand from an imported field (docs/field-folder.md).\n",
+    ]
+    parts += [_levels(kit, kind, f"### field.{kind}") for kind in kit.field_levels]
+    for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):
+        parts.append(f"### field.{title}\n")
+        parts.append(_part(kit.part(name)))
+    return "\n".join(parts)
+
+
+def _part(kind: Any) -> str:
+    """Tables of a class, or of every choice of a union."""
+    defs: dict[str, Any] = {}
+    node = adopt(kind, "x", defs)
+    choices = node.get("oneOf") or node.get("anyOf") or [node]
+    made = []
+    for choice in choices:
+        target = defs[choice["$ref"].rpartition("/")[2]] if "$ref" in choice else choice
+        tag = next((p["const"] for p in target.get("properties", {}).values() if "const" in p), None)
+        made.append((f"`{tag}`\n\n" if tag and len(choices) > 1 else "") + _table(_rows(target, defs, "")))
+    return "\n".join(made)
+
+
+def _machine(kit: Kit) -> str:
+    parts = [_section("## A machine", MachineCommon, "The key is its name; there may be several.\n")]
+    parts.append(_section("### start, on the edge", StartAlongEdge))
+    parts.append(_section("### start, anywhere", StartPose))
+    slots = "".join(
+        f"| `{s.name}` | `{s.level}`{'' if s.is_on else ', off unless named'} "
+        f"| {s.rate_hz:g} | {_wires(s.wires)} |\n"
+        for s in kit.slots
+    )
+    parts.append(
+        "### Slots\nIn the order in which they run within a tick. `off` leaves one out.\n\n"
+        f"| slot | default level | rate [Hz] | inputs come from |\n|---|---|---|---|\n{slots}"
+    )
+    parts.append(_section("### Every slot", SlotCommon))
+    parts += [_levels(kit, slot.name, f"### {slot.name}") for slot in kit.slots]
+    if links := kit.registry.links():
+        parts.append("### Somebody else's part\nLevels that any slot of a machine may have.\n")
+        parts += [_level(kit, kit.slots[0].name, name, name) for name in links]
+    return "\n".join(parts)
+
+
+def _wires(wires: Any) -> str:
+    return ", ".join(f"{port} ← {source}.{output}" for port, (source, output) in wires.items())
+
+
+def _levels(kit: Kit, kind: str, title: str) -> str:
+    names = kit.registry.names(kind)
+    return "\n".join([title, *(_level(kit, kind, name, f"{kind}: {name}") for name in names)])
+
+
+def _level(kit: Kit, kind: str, name: str, title: str) -> str:
+    level = kit.registry.get(kind, name)
+    rows = parameter_rows(level.params)
+    return f"`{title}`: {level.summary}\n" + ("\n" + _table(rows) if rows else "")
+
+
+def _section(title: str, kind: Any, text: str = "") -> str:
+    return (
+        f"{title}\n{text}\n{_table(parameter_rows(kind))}"
+        if text
+        else f"{title}\n\n{_table(parameter_rows(kind))}"
+    )
+
+
+def _table(rows: list[Row]) -> str:
+    lines = ["| key | value | default | meaning |", "|---|---|---|---|"]
+    for key, value, default, meaning in rows:
+        cells = (f"`{key}`", value, f"`{default}`" if default else "", meaning)
+        lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _rows(node: dict[str, Any], defs: dict[str, Any], prefix: str) -> list[Row]:
+    rows: list[Row] = []
+    for key, entry in node.get("properties", {}).items():
+        target = _target(entry, defs)
+        if target.get("properties"):
+            rows += _rows(target, defs, f"{prefix}{key}.")
+            continue
+        default = "" if key in node.get("required", []) else _yaml(entry.get("default"))
+        inner = _inside(entry, defs)
+        value = _value(entry, defs) if inner is None else inner[1]
+        rows.append((prefix + key, value, default, entry.get("description", "")))
+        if inner is not None:
+            rows += _rows(inner[0], defs, f"{prefix}{key}{'[]' if inner[1].startswith('list') else ''}.")
+    return rows
+
+
+def _inside(entry: dict[str, Any], defs: dict[str, Any]) -> tuple[dict[str, Any], str] | None:
+    """Schema of the keys inside a list of mappings or a mapping that may be null, and what to call it."""
+    members = [m for m in entry.get("anyOf", []) if m.get("type") != "null"]
+    for node, words in ((entry.get("items"), "list of keys"), *((m, "keys or null") for m in members)):
+        if isinstance(node, dict) and _target(node, defs).get("properties"):
+            return _target(node, defs), words
+    return None
+
+
+def _target(entry: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
+    if "$ref" in entry:
+        found: dict[str, Any] = defs[entry["$ref"].rpartition("/")[2]]
+        return found
+    return entry
+
+
+def _yaml(value: Any) -> str:
+    text: str = yaml.safe_dump(value, default_flow_style=True, width=1000)
+    return text.removesuffix("\n").removesuffix("\n...").strip()
+
+
+def _value(entry: dict[str, Any], defs: dict[str, Any]) -> str:
+    """What may stand there, in words."""
+    entry = _target(entry, defs)
+    if "const" in entry:
+        return f"`{entry['const']}`"
+    if "enum" in entry:
+        return ", ".join(f"`{v}`" for v in entry["enum"])
+    if "anyOf" in entry or "oneOf" in entry:
+        return " or ".join(_value(member, defs) for member in entry.get("anyOf", entry.get("oneOf", [])))
+    kind = entry.get("type")
+    if kind == "array":
+        return _list(entry, defs)
+    if kind == "object":
+        inner = entry.get("additionalProperties")
+        if isinstance(inner, dict):
+            return f"keys with {_value(inner, defs)}"
+        return "{" + ", ".join(entry.get("properties", {})) + "}"
+    words = {
+        "number": "number",
+        "integer": "whole number",
+        "string": "text",
+        "boolean": "true, false",
+        "null": "null",
+    }
+    limits = [
+        f"{sign} {entry[name]:g}"
+        for name, sign in (
+            ("exclusiveMinimum", ">"),
+            ("minimum", ">="),
+            ("exclusiveMaximum", "<"),
+            ("maximum", "<="),
+        )
+        if name in entry
+    ]
+    return " ".join([words.get(str(kind), str(kind)), ", ".join(limits)]).strip()
+
+
+def _list(entry: dict[str, Any], defs: dict[str, Any]) -> str:
+    if "prefixItems" in entry:
+        return "[" + ", ".join(_value(item, defs) for item in entry["prefixItems"]) + "]"
+    return f"list of {_value(entry.get('items', {}), defs)}"

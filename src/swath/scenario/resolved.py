@@ -1,0 +1,110 @@
+"""What a scenario chose: levels with their parameters, machines, the field."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath.core.registry import Level
+from swath.documents.validation import adapter_of
+from swath.scenario.sections import MachineCommon, RealTime, SlotCommon, StartAlongEdge, StartPose
+
+
+@dataclass(frozen=True)
+class LevelChoice:
+    """A chosen level and its validated parameters; `level` is the name, or `/path/file.py:Class`."""
+
+    level: str
+    found: Level
+    params: Any
+
+    def make(self, setup: Any) -> Any:
+        """The component, or the field part, of this level."""
+        return self.found.component(self.params, setup)
+
+    def plain(self) -> dict[str, Any]:
+        """As it would be written in a file."""
+        return {"level": self.level, **_plain(self.params)}
+
+
+@dataclass(frozen=True)
+class SlotChoice(LevelChoice):
+    """A chosen level in a slot of a machine.
+
+    wires: input port -> (full slot name such as `combine.lidar`, output port): the slot's own list with the
+    scenario's on top; `wired` names the inputs that the scenario itself wrote
+    """
+
+    common: SlotCommon
+    wires: Mapping[str, tuple[str, str]]
+    wired: tuple[str, ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As it would be written in a file."""
+        common = self.common.model_dump(mode="json")
+        common["wires"] = {name: ".".join(self.wires[name]) for name in self.wired}
+        return {"level": self.level, **common, **_plain(self.params)}
+
+
+@dataclass(frozen=True)
+class MachineSection:
+    """One machine. slots: in execution order, without those that are off; card: its data sheet."""
+
+    name: str
+    common: MachineCommon
+    card: Path
+    start: StartAlongEdge | StartPose
+    slots: Mapping[str, SlotChoice]
+    off: tuple[str, ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As it would be written in a file."""
+        written: dict[str, Any] = {name: choice.plain() for name, choice in self.slots.items()}
+        start = self.start.model_dump(mode="json")
+        written |= dict.fromkeys(self.off, "off")
+        return {**self.common.model_dump(mode="json"), "start": start, **written}
+
+
+@dataclass(frozen=True)
+class RealTimeSection:
+    """Pacing. cheaper: (full slot name such as `combine.lidar`, level to take instead), in this order."""
+
+    common: RealTime
+    cheaper: tuple[tuple[str, SlotChoice], ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As it would be written in a file."""
+        steps = [{"slot": s, "level": c.level, **_plain(c.params)} for s, c in self.cheaper]
+        return {**self.common.model_dump(mode="json", exclude_none=True), "degrade": steps}
+
+
+@dataclass(frozen=True)
+class FieldSection:
+    """The field. folder: an imported field, from which terrain and stand come unless written here."""
+
+    folder: Path | None
+    terrain: LevelChoice | None
+    stand: LevelChoice | None
+    edge: Any
+    obstacles: tuple[Any, ...] = ()
+    boundary: Any = None
+
+    def plain(self) -> dict[str, Any]:
+        """As it would be written in a file."""
+        written = {
+            "folder": None if self.folder is None else str(self.folder),
+            "terrain": None if self.terrain is None else self.terrain.plain(),
+            "stand": None if self.stand is None else self.stand.plain(),
+            "edge": _plain(self.edge),
+            "obstacles": [_plain(o) for o in self.obstacles],
+            "boundary": None if self.boundary is None else _plain(self.boundary),
+        }
+        return {key: value for key, value in written.items() if value not in (None, [], {})}
+
+
+def _plain(params: Any) -> dict[str, Any]:
+    if params is None or not dataclasses.is_dataclass(params):
+        return {}
+    written: dict[str, Any] = adapter_of(params.__class__).dump_python((params,), mode="json")[0]
+    return written

@@ -1,0 +1,157 @@
+"""Scenario files: what runs where, at which level, and which limits it must keep.
+
+    scenario = load_scenario("laser-pilot", sets=["combine.lidar.rate_hz=50"])
+    scenario.machines["combine"].slots["lidar"].params
+
+Reading checks everything that can be known without building the field. Every error names the key, its value,
+what was expected, the file and the line.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.documents.data_sheets import card_names, find_card
+from swath.documents.hints import near_miss
+from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
+from swath.scenario.catalogue import KIT, Kit
+from swath.scenario.overrides import apply_overrides
+from swath.scenario.reader import Reader
+from swath.scenario.resolved import FieldSection, MachineSection, RealTimeSection
+from swath.scenario.sections import Limit, Run
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A validated scenario. Two are equal when they would be written the same."""
+
+    name: str
+    summary: str
+    seed: int
+    run: Run
+    field: FieldSection
+    machines: Mapping[str, MachineSection]
+    expect: Mapping[str, Limit]
+    realtime: RealTimeSection | None = None
+    document: Document = dataclasses.field(default_factory=lambda: Document(None), repr=False)
+
+    def __repr__(self) -> str:
+        machines = ", ".join(self.machines)
+        return f"<scenario {self.name}, seed {self.seed}: {machines}; .resolved() is all of it>"
+
+    @property
+    def file(self) -> Path | None:
+        """Where it was read from."""
+        return self.document.file
+
+    @property
+    def is_paced(self) -> bool:
+        """True when it is to run in step with the clock on the wall."""
+        return self.realtime is not None and self.realtime.common.pace == "real_time"
+
+    def plain(self) -> dict[str, Any]:
+        """Plain data with every default filled in and every path absolute."""
+        return {
+            "name": self.name,
+            "summary": self.summary,
+            "seed": self.seed,
+            "run": self.run.model_dump(mode="json"),
+            **({} if self.realtime is None else {"realtime": self.realtime.plain()}),
+            "field": self.field.plain(),
+            **{name: machine.plain() for name, machine in self.machines.items()},
+            "expect": {k: v.model_dump(mode="json", exclude_none=True) for k, v in self.expect.items()},
+        }
+
+    def resolved(self) -> str:
+        """YAML text of the whole scenario; reading it again gives an equal scenario."""
+        return dump(self.plain())
+
+    def locate(self, error: InputError) -> InputError:
+        """The same error with the file and line of its key, when the key can be found in the scenario.
+
+        A key may be full (`combine.lidar.mount.z_m`) or the end of one (`lidar.mount.z_m`).
+        """
+        if error.file is not None:
+            return error
+        parts = key_path(error.key)
+        places = self.document.places
+        for end in range(len(parts), 0, -1):
+            if parts[:end] in places:
+                return self.document.error(parts, error.value, error.expected)
+            tails = [p for p in places if len(p) > end and p[-end:] == parts[:end]]
+            if len(tails) == 1:
+                return self.document.error((*tails[0], *parts[end:]), error.value, error.expected)
+        return InputError(error.key, error.value, error.expected, file=self.file)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scenario) and self.plain() == other.plain()
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def load_scenario(
+    source: str | Path,
+    *,
+    sets: Sequence[str] = (),
+    flags: Mapping[str, str] | None = None,
+    kit: Kit = KIT,
+) -> Scenario:
+    """Read a bundled scenario by name, a file, or the scenario in a run folder.
+
+    sets: overrides such as `combine.lidar.rate_hz=50`; flags: overrides that errors call otherwise, such as
+    {"--seed 3": "seed=3"}. Raises InputError: the first thing that is wrong; its `others` are the rest.
+    """
+    return read_scenario(read_document(find_scenario(source)), sets=sets, flags=flags, kit=kit)
+
+
+def parse_scenario(
+    text: str, *, base: Path | None = None, sets: Sequence[str] = (), kit: Kit = KIT
+) -> Scenario:
+    """Read a scenario from text; paths in it are relative to the folder `base`."""
+    file = None if base is None else base / "scenario.yaml"
+    return read_scenario(parse(text, "text", file), sets=sets, kit=kit)
+
+
+def read_scenario(
+    document: Document,
+    *,
+    sets: Sequence[str] = (),
+    flags: Mapping[str, str] | None = None,
+    kit: Kit = KIT,
+) -> Scenario:
+    """Check a document and make the scenario."""
+    apply_overrides(document, sets, kit, flags or {})
+    reader = Reader(document, kit)
+    parts = reader.read()
+    return Scenario(document=document, **parts)
+
+
+def scenario_names() -> list[str]:
+    """Names of the bundled scenarios."""
+    return card_names("scenarios")
+
+
+def find_scenario(source: str | Path) -> Path:
+    """Path of a scenario: a bundled one's name, a file, or a run folder that holds one.
+
+    A bundled name is the bundled scenario, whatever lies in the working directory; `./straight` is a folder.
+    """
+    path = Path(source)
+    try:
+        if isinstance(source, str) and source in scenario_names():
+            return find_card("scenarios", source)
+        if path.is_dir() and (path / "scenario.yaml").is_file():
+            return path / "scenario.yaml"
+        if path.is_file():
+            return path
+        if isinstance(source, str) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
+            return find_card("scenarios", source)
+    except (InputError, OSError, ValueError):
+        names = scenario_names()
+        expected = f"expected a file or one of {', '.join(names)}{near_miss(source, names)}"
+        raise InputError("scenario", str(source), expected) from None
+    expected = "expected a run folder, it has no scenario.yaml" if path.is_dir() else "there is no such file"
+    raise InputError("scenario", str(source), expected)

@@ -1,0 +1,89 @@
+"""The antenna of a receiver on its machine: where it is and how fast, from the machine's true states."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.core.component import State
+from swath.core.frames import Pose
+from swath.core.schedule import NS
+from swath.field.site_setup import SiteSetup
+from swath.sensing.mount import poses_at
+from swath.signals import F64, FIX_QUALITIES, Fix, MachineState
+
+WINDOW = 20_000_000  # a velocity is the mean over this long before its time [ns]
+COURSE_ABOVE = 0.1  # below this speed there is no course [m/s]
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place of an antenna on its machine. x_m: ahead of the fixed axle; y_m: leftward; z_m: above ground."""
+
+    x_m: Annotated[float, Ge(-30), Le(30)] = 1.0
+    y_m: Annotated[float, Ge(-30), Le(30)] = 0.0
+    z_m: Annotated[float, Gt(0), Le(30)] = 3.9
+
+
+class Antenna:
+    """Path of an antenna. mounting: pose_machine_sensor; reach: how far back it is asked for [ns]."""
+
+    def __init__(self, place: Place, reach: int = 0) -> None:
+        self.mounting = Pose.from_euler((place.x_m, place.y_m, place.z_m))
+        self._reach = reach + WINDOW
+        self._states: list[MachineState] = []
+
+    def reset(self) -> None:
+        """Forget where it was."""
+        self._states = []
+
+    def take(self, states: Sequence[MachineState]) -> None:
+        """New states, oldest first; those out of reach are dropped."""
+        self._states += states
+        if not self._states:
+            return
+        last = self._states[-1].t - self._reach
+        while len(self._states) > 2 and self._states[1].t <= last:
+            del self._states[0]
+
+    def at(self, t: int) -> tuple[F64, F64]:
+        """World position [m] and mean velocity over the `WINDOW` before t [m/s], (3,) each.
+
+        Between states poses are linear; velocity by the difference of two positions. The first position known
+        holds for any time before it, its velocity is that of the first `WINDOW` after it.
+        """
+        end = max(t, self._states[0].t + WINDOW)
+        times = np.array([t, end - WINDOW, end], dtype=float)
+        position, rotation = poses_at(self._states, times)
+        place = position + rotation @ self.mounting.position
+        return place[0], (place[2] - place[1]) * (NS / WINDOW)
+
+    def save(self) -> State:
+        """The states that are still needed."""
+        return {"states": tuple(self._states)}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        self._states = list(state["states"])
+
+
+def fix_of(
+    t: int, setup: SiteSetup, position: F64, velocity: F64, sd: tuple[float, float, float], quality: int
+) -> Fix:
+    """A sample from a position [m] and velocity [m/s], (3,) each. sd: as in Fix, in its order."""
+    x, y, z = (float(v) for v in position)
+    speed = float(np.hypot(velocity[0], velocity[1]))
+    course = float(np.arctan2(velocity[1], velocity[0])) if speed >= COURSE_ABOVE else NAN
+    if setup.origin is None:
+        return Fix(t, x, y, z, speed, course, *sd, quality)
+    longitude, latitude = np.radians(setup.origin.to_lon_lat([[x, y]])[0])
+    place = float(longitude), float(latitude), float(setup.origin.height + z)
+    return Fix(t, x, y, z, speed, course, *sd, quality, *place)
+
+
+def no_fix(t: int) -> Fix:
+    """Nothing received."""
+    return Fix(t, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, FIX_QUALITIES.index("none"))

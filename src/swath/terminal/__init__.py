@@ -1,0 +1,1 @@
+"""What commands share: options of a scenario, tables on stdout."""

@@ -1,0 +1,31 @@
+"""Options that commands share: which scenario, what is changed in it, where to write."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add_scenario_options(parser: argparse.ArgumentParser) -> None:
+    """`--out`, `--set` and `--seed`."""
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="sets",
+        metavar="KEY=VALUE",
+        help="change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times",
+    )
+    parser.add_argument("--seed", metavar="N", help="another seed")
+
+
+def load(args: argparse.Namespace) -> Any:
+    """The scenario that the arguments ask for."""
+    from swath.scenario.scenario import load_scenario
+
+    flags = {f"--seed {args.seed}": f"seed={args.seed}"} if args.seed is not None else {}
+    if getattr(args, "real_time", False):
+        flags["--real-time"] = "realtime.pace=real_time"
+    return load_scenario(args.scenario, sets=args.sets, flags=flags)

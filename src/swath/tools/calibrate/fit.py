@@ -1,0 +1,232 @@
+"""Fitting the spread table of the LiDAR level `empirical`, and judging it on beams it was not fitted to."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.random import Stream
+from swath.core.units import DEG
+from swath.field.crop import Crop
+from swath.rays.spread import SHARE_MIN, SpreadTable, quantile_nodes
+from swath.tools.calibrate.stand_rays import LINE, Place, Reading, Returns, StandRays
+from swath.tools.distributions import Agreement, compare
+
+F64 = NDArray[np.float64]
+FINE, RELATIVE_MAX = 0.02, 1.6  # grid of the silhouette over relative height
+CLOSEST = 0.15  # beams closer than this share of the spot see the pattern of sub-rays, not the crop
+FARTHEST = 0.2  # gaps beyond this say nothing on the correlation of neighbours [m]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Design:
+    """The places that are looked at: every combination.
+
+    density, height: of the crop, relative to the card's; depression_deg; spot_mm: diameter. Nodes lie close
+    enough that straight lines between them miss a distribution by 2 mm on average (Wasserstein-1, wheat)
+    lines: scan lines of 24 beams per place; held_out: places drawn anywhere within the range
+    tile_count: independent pieces of 1 m2 of every stand
+    """
+
+    density: tuple[float, ...] = (0.12, 0.18, 0.27, 0.4, 0.58, 0.84, 1.26, 2.0)
+    height: tuple[float, ...] = (0.6, 1.0, 1.4)
+    depression_deg: tuple[float, ...] = (3, 5, 7.5, 10.5, 14, 19, 25, 33, 42, 51, 60, 68, 76, 82)
+    spot_mm: tuple[float, ...] = (10.0, 20.0, 40.0, 70.0, 120.0, 200.0)
+    lines: int = 80
+    held_out: int = 32
+    tile_count: int = 48
+
+    @property
+    def beam_count(self) -> int:
+        """Beams of the fit."""
+        cells = len(self.density) * len(self.height) * len(self.depression_deg) * len(self.spot_mm)
+        return cells * self.lines * LINE
+
+
+SMALL = Design((0.3, 1.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=12, held_out=6, tile_count=8)
+# for scanners with a narrow beam over a crop as it is usually sown: less than half the size of the full one
+NARROW = Design((0.3, 0.42, 0.6, 0.85, 1.2, 1.7), (0.7, 1.0, 1.3), spot_mm=(10.0, 22.0, 45.0, 90.0))
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A place that the table was not fitted to, and how the table agrees with what was seen there."""
+
+    place: Place
+    agreement: Agreement
+
+
+def fit_plants(
+    crop: Crop, design: Design, reading: Reading, seed: int, *, progress: Progress | None = None
+) -> tuple[SpreadTable, list[HeldOut]]:
+    """A table from the level `plants`, and its agreement with other stands of other plants, off the grid."""
+    stream = Stream(seed, "calibrate")
+    stands = StandRays(crop, stream.child("fit"), tile_count=design.tile_count)
+    axes = (
+        np.array(design.density) * crop.stand.density,
+        np.array(design.height) * crop.stand.height,
+        np.array(design.depression_deg) * DEG,
+        np.array(design.spot_mm) * 1e-3,
+    )
+    places = [Place(*(float(v) for v in values)) for values in product(*axes)]
+    total = len(places) + design.held_out
+    seen: list[Returns] = []
+    for k, place in enumerate(places):
+        seen.append(stands.look(place, design.lines, reading, stream.child(f"place{k}")))
+        if progress is not None:
+            progress(k + 1, total)
+    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
+    table = SpreadTable(
+        *axes,
+        **table_cells(places, seen, tuple(len(a) for a in axes), silhouette[0] / crop.stand.height),
+        silhouette=silhouette,
+        fine=FINE,
+        lean=stands.tips(stream.child("tips")),
+        cosine=_cosine(crop, seen),
+        correlation=fit_correlation(places, seen),
+    )
+    others = StandRays(crop, stream.child("held_out"), tile_count=max(design.tile_count // 2, 2))
+    judged = []
+    for k, place in enumerate(_elsewhere(axes, design.held_out, stream.child("places"))):
+        returns = others.look(place, 2 * design.lines, reading, stream.child(f"other{k}"))
+        judged.append(HeldOut(place, judge(table, place, returns, stream.child(f"judge{k}"))))
+        if progress is not None:
+            progress(len(places) + k + 1, total)
+    return table, judged
+
+
+def judge(table: SpreadTable, place: Place, returns: Returns, stream: Stream) -> Agreement:
+    """Heights drawn from the table against those seen."""
+    real = returns.height[~np.isnan(returns.height)]
+    share = stream.at().permutation((np.arange(4 * len(real)) + 0.5) / (4 * len(real)))
+    return compare(table.heights(share, place.density, place.height, place.depression, place.spot), real)
+
+
+def quality(judged: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
+    """Mean, 95th percentile and largest absolute of every number of agreement; of std_ratio its range."""
+    found: dict[str, dict[str, float]] = {}
+    for name in asdict(judged[0].agreement):
+        values = np.array([getattr(h.agreement, name) for h in judged])
+        if name in ("std_ratio", "intersection"):
+            parts = {"least": values.min(), "median": np.median(values), "most": values.max()}
+        else:
+            size = np.abs(values)
+            parts = {"mean": size.mean(), "p95": np.percentile(size, 95.0), "most": size.max()}
+        found[name] = {k: round(float(v), 4) for k, v in parts.items()}
+    return found
+
+
+def table_cells(
+    places: Sequence[Place], seen: Sequence[Returns], shape: tuple[int, ...], silhouette: float
+) -> dict[str, Any]:
+    """quantile, ground_share and ground_lift of a full grid.
+
+    silhouette: of a stem per metre of height [m]. Where no beam saw the ground, its share is that of a thin
+    ray, exp(-n A cot(depression)), or half a beam's if that is less: spots see less ground than thin rays.
+    """
+    nodes = quantile_nodes()
+    quantile, ground, lift = [], [], []
+    for place, returns in zip(places, seen, strict=True):
+        crop = returns.height[~returns.is_ground & ~np.isnan(returns.height)] / place.height
+        bare = returns.height[returns.is_ground]
+        count = max(len(crop) + len(bare), 1)
+        thin = np.exp(-place.density * silhouette * place.height / np.tan(place.depression))
+        share = len(bare) / count if len(bare) else min(0.5 / count, thin)
+        quantile.append(np.quantile(crop, 1.0 - nodes) if len(crop) else np.zeros(len(nodes)))
+        ground.append(np.clip(share, SHARE_MIN, 1.0 - 0.5 / count))
+        lift.append(float(bare.mean()) if len(bare) >= 5 else 0.0)
+    return {
+        "quantile": np.array(quantile).reshape(*shape, len(nodes)),
+        "ground_share": np.array(ground).reshape(shape),
+        "ground_lift": np.array(lift).reshape(shape),
+    }
+
+
+def _cosine(crop: Crop, seen: Sequence[Returns]) -> float:
+    """Mean |cos| of incidence on crop: what came back over the reflectance of stems."""
+    albedo = np.concatenate([r.albedo[~r.is_ground & ~np.isnan(r.albedo)] for r in seen])
+    return float(np.clip(albedo.mean() / crop.reflectance["stem"], 0.05, 1.0))
+
+
+def fit_correlation(places: Sequence[Place], seen: Sequence[Returns]) -> tuple[float, float]:
+    """(c0, c1) of exp(-gap / (c0 + c1 spot)): correlation of the normal scores of neighbouring beams.
+
+    Least squares over all gaps of all places, weighted by the number of pairs; c0 and c1 to a millimetre and
+    a hundredth.
+    """
+    gaps, spots, values, weights = [], [], [], []
+    for place, returns in zip(places, seen, strict=True):
+        score = normal_scores(returns.height)
+        for gap in np.unique(returns.gap[(returns.gap >= CLOSEST * place.spot) & (returns.gap <= FARTHEST)]):
+            pair = returns.gap[:, 1:] == gap
+            a, b = score[:, :-1][pair], score[:, 1:][pair]
+            ok = np.isfinite(a) & np.isfinite(b)
+            if ok.sum() >= 20:
+                gaps.append(gap)
+                spots.append(place.spot)
+                values.append(float(np.mean(a[ok] * b[ok])))
+                weights.append(float(ok.sum()))
+    if not gaps:
+        return 0.02, 0.5
+    gap, spot, value, weight = (np.array(v) for v in (gaps, spots, values, weights))
+    best = (np.inf, 0.02, 0.5)
+    for c0 in np.arange(1, 81) * 1e-3:
+        for c1 in np.arange(0, 201) * 0.01:
+            error = float(np.sum(weight * (np.exp(-gap / (c0 + c1 * spot)) - value) ** 2))
+            best = min(best, (error, float(c0), float(c1)))
+    return best[1], best[2]
+
+
+def normal_scores(values: F64) -> F64:
+    """Standard normal scores of the ranks of an array, ties share their mean; nan stays nan."""
+    flat = values.ravel()
+    ok = np.isfinite(flat)
+    scores = np.full(flat.shape, np.nan)
+    ranked, inverse, count = np.unique(flat[ok], return_inverse=True, return_counts=True)
+    middle = (np.cumsum(count) - 0.5 * count) / max(int(ok.sum()), 1)
+    scores[ok] = normal_quantile(middle)[inverse] if len(ranked) else 0.0
+    return scores.reshape(values.shape)
+
+
+def normal_quantile(share: F64) -> F64:
+    """Inverse of the standard normal distribution function, by a fine table (error < 1e-4 within 4 sd)."""
+    from math import erf
+
+    z = np.linspace(-5.0, 5.0, 4001)
+    phi = 0.5 * (1.0 + np.array([erf(v / np.sqrt(2.0)) for v in z]))
+    return np.interp(share, phi, z)
+
+
+def _elsewhere(axes: Sequence[F64], count: int, stream: Stream) -> list[Place]:
+    """Places within the range of the axes, even in the coordinates in which the table is linear."""
+    rng = stream.at()
+    places = []
+    for _ in range(count):
+        density, spot = (np.exp(rng.uniform(*np.log(axis[[0, -1]]))) for axis in (axes[0], axes[3]))
+        tangent = np.exp(rng.uniform(*np.log(np.tan(axes[2][[0, -1]]))))
+        height = rng.uniform(axes[1][0], axes[1][-1])
+        places.append(Place(float(density), float(height), float(np.arctan(tangent)), float(spot)))
+    return places
+
+
+def described(
+    table: SpreadTable, *, source: str, reading: Reading, crop: str, fit: dict[str, object]
+) -> SpreadTable:
+    """The table with what its YAML says."""
+    about: dict[str, object] = {
+        "crop": crop,
+        "source": source,
+        "reading": {
+            "echo": reading.echo,
+            "percentile": reading.percentile,
+            "sub_rays": reading.sub_rays,
+            "profile": reading.profile,
+            "sensor": reading.sensor,
+        },
+        "fit": fit,
+    }
+    return replace(table, about=about)

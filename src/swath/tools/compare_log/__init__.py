@@ -1,0 +1,1 @@
+"""`swath compare log`: a machine model against a recorded log."""

@@ -1,0 +1,231 @@
+"""A comparison with a recorded log as a picture, a page, JSON and series."""
+
+import json
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.judge.metrics import json_safe
+from swath.report.page import CSS
+from swath.report.plots import BLUE, FAINT, GREY, ORANGE, STYLE, as_image, figure
+from swath.tools.compare_log.compare import SHOWN, LogComparison
+
+Mask = NDArray[np.bool_]
+LABELS = {"engine_load": "engine load", "engine_speed": "engine speed", "fuel": "fuel"}
+WINDOW = 600  # records of the excerpt
+FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "series.parquet")
+
+
+def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> list[Path]:
+    """Write results.json, comparison.png, report.html, machine.yaml (the card as fitted), series.parquet.
+
+    out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
+    """
+    import yaml
+
+    out = Path(out)
+    if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
+        raise InputError(
+            "--out", str(out), "expected a new or empty folder, or that of an earlier comparison"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    fig = draw(made)
+    fig.savefig(out / "comparison.png", dpi=130, metadata={"Software": None})
+    results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
+    (out / "results.json").write_text(results + "\n", encoding="utf-8")
+    (out / "report.html").write_text(
+        page(made, as_image(fig, kind="png", dpi=130), command), encoding="utf-8"
+    )
+    text = yaml.safe_dump(made.card, sort_keys=False, allow_unicode=True, width=110)
+    (out / "machine.yaml").write_text(text, encoding="utf-8")
+    _write_series(made, out / "series.parquet")
+    return [out / name for name in FILES]
+
+
+def _write_series(made: LogComparison, path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    log = made.log
+    part = np.full(len(log), "", dtype=object)
+    for name, mask in made.parts.items():
+        part[mask] = name
+    columns: dict[str, Any] = {"machine": np.array(log.machine_names)[log.machine], "time_s": log.time}
+    columns |= {"speed_m_s": log.speed, "flow_kg_s": log.flow, "grade": log.grade, "part": part.tolist()}
+    for q, values in made.measured.items():
+        columns |= {f"{q}_measured": values, f"{q}_simulated": made.simulated[q]}
+    pq.write_table(pa.table(columns), path)
+
+
+def draw(made: LogComparison) -> Any:
+    """One row per quantity: an excerpt over time, simulated over measured, means over the crop flow."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        rows = list(made.measured)
+        has_curve = bool(made.by_load)
+        fig = figure(12.5, 2.9 * (len(rows) + has_curve))
+        grid = fig.add_gridspec(len(rows) + has_curve, 4)
+        name, mask = list(made.parts.items())[-1]
+        start = _excerpt(mask)
+        for i, quantity in enumerate(rows):
+            _series(fig.add_subplot(grid[i, :2]), made, quantity, slice(start, start + WINDOW), name, i == 0)
+            _scatter(fig.add_subplot(grid[i, 2]), made, quantity, mask)
+            _over_flow(fig.add_subplot(grid[i, 3]), made, quantity, mask)
+        if has_curve:
+            _speed_curve(fig.add_subplot(grid[-1, :2]), made, mask)
+            _residuals(fig.add_subplot(grid[-1, 2:]), made, mask)
+    return fig
+
+
+def _excerpt(mask: Mask) -> int:
+    """Start of the stretch of WINDOW records with most that are judged."""
+    count = np.convolve(mask.astype(float), np.ones(min(WINDOW, len(mask))), "valid")
+    return int(count.argmax())
+
+
+def _label(quantity: str) -> str:
+    return f"{LABELS[quantity]} [{SHOWN[quantity][0]}]"
+
+
+def _series(ax: Any, made: LogComparison, quantity: str, span: slice, part: str, has_title: bool) -> None:
+    time = made.log.time[span] - made.log.time[span][0]
+    ax.plot(time, made.measured[quantity][span], color=GREY, lw=1.0, label="measured")
+    ax.plot(time, made.simulated[quantity][span], color=ORANGE, lw=1.1, label="simulated")
+    ax.set(xlabel="time [s]", ylabel=_label(quantity), xlim=(0, time[-1]))
+    if has_title:
+        ax.set_title(f"excerpt, {part}", loc="left", fontsize=10)
+        ax.legend(ncol=2, loc="upper right", bbox_to_anchor=(1.0, 1.16))
+
+
+def _limits(*series: NDArray[np.float64]) -> tuple[float, float]:
+    low = min(float(np.percentile(s, 0.3)) for s in series)
+    high = max(float(np.percentile(s, 99.7)) for s in series)
+    pad = 0.04 * max(high - low, 1e-9)
+    return low - pad, high + pad
+
+
+def _scatter(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
+    real, model = made.measured[quantity][mask], made.simulated[quantity][mask]
+    low, high = _limits(real, model)
+    ax.hexbin(
+        real, model, gridsize=45, extent=(low, high, low, high), bins="log", mincnt=1, cmap="Blues", lw=0
+    )
+    ax.plot([low, high], [low, high], color=GREY, lw=0.9, ls=(0, (4, 3)))
+    ax.set(xlim=(low, high), ylim=(low, high), xlabel="measured", ylabel="simulated")
+    figures = list(made.figures[quantity].values())[-1]["model"]
+    text = f"R² {figures.r2:.2f}\nRMSE {figures.rmse:.3g} {SHOWN[quantity][0]}\nlag {figures.lag_s:+.1f} s"
+    ax.text(0.04, 0.96, text.replace("-", "−"), transform=ax.transAxes, va="top", fontsize=8.5)
+
+
+def _over_flow(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
+    flow = made.log.flow[mask]
+    edges = np.linspace(np.percentile(flow, 0.5), np.percentile(flow, 99.5), 16)
+    where = np.digitize(flow, edges)
+    for of, colour, label in ((made.measured, GREY, "measured"), (made.simulated, ORANGE, "simulated")):
+        values = of[quantity][mask]
+        found = [k for k in range(1, len(edges)) if (where == k).sum() >= 20]
+        x = [flow[where == k].mean() for k in found]
+        y = np.array([np.percentile(values[where == k], [10, 50, 90]) for k in found]).reshape(-1, 3)
+        ax.fill_between(x, y[:, 0], y[:, 2], color=colour, alpha=0.16, lw=0)
+        ax.plot(x, y[:, 1], color=colour, lw=1.5, label=label)
+    ax.set(xlabel="crop flow [kg/s]", ylabel="median, 10–90 %")
+
+
+def _speed_curve(ax: Any, made: LogComparison, mask: Mask) -> None:
+    """Engine speed over load: the governor and the full-load curve."""
+    for of, colour, label in ((made.measured, GREY, "measured"), (made.simulated, ORANGE, "simulated")):
+        load, speed = of["engine_load"][mask], of["engine_speed"][mask]
+        whole = np.round(load)
+        found = [k for k in range(20, 101) if (whole == k).sum() >= 20]
+        y = np.array([np.percentile(speed[whole == k], [10, 50, 90]) for k in found]).reshape(-1, 3)
+        ax.fill_between(found, y[:, 0], y[:, 2], color=colour, alpha=0.16, lw=0)
+        ax.plot(found, y[:, 1], color=colour, lw=1.6, label=label)
+    ax.set(xlabel="engine load [%]", ylabel="engine speed [1/min]")
+    ax.set_title("engine speed over load, median and 10–90 %", loc="left", fontsize=10)
+    ax.legend(loc="lower left")
+
+
+def _residuals(ax: Any, made: LogComparison, mask: Mask) -> None:
+    error = (made.simulated["engine_load"] - made.measured["engine_load"])[mask]
+    low, high = _limits(error)
+    ax.hist(error, np.linspace(low, high, 61), color=BLUE, alpha=0.75)
+    ax.axvline(0.0, color=FAINT, lw=1.2)
+    ax.set(xlabel="engine load, simulated less measured [%]", ylabel="records")
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    def cells(row: Sequence[str], tag: str) -> str:
+        return "".join(
+            f"<{tag}{'' if i < left else ' class=n'}>{escape(c)}</{tag}>" for i, c in enumerate(row)
+        )
+
+    body = "".join(f"<tr>{cells(r, 'td')}</tr>" for r in rows)
+    return f"<table><tr>{cells(head, 'th')}</tr>{body}</table>"
+
+
+def _n(value: float, digits: int = 2) -> str:
+    if not np.isfinite(value):
+        return "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+
+
+def figure_rows(made: LogComparison) -> list[list[str]]:
+    """Quantity, part, model, count, R2, RMSE, bias, r, lag as text."""
+    rows = []
+    for quantity, parts in made.figures.items():
+        for part, models in parts.items():
+            fitted = " (fitted)" if part == made.fitted_on else ""
+            for k, f in models.items():
+                numbers = [str(f.count), *(_n(v) for v in (f.r2, f.rmse, f.bias, f.r)), _n(f.lag_s, 1)]
+                rows.append([_label(quantity), part + fitted, k, *numbers])
+    return rows
+
+
+def page(made: LogComparison, image: str, command: str) -> str:
+    """The report as HTML."""
+    parts = [f"<h1>{escape(made.model)}</h1>", f'<p class="lead">against {escape(made.log_name)}</p>']
+    if made.fitted:
+        rows = [[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted]
+        head = ("key", "start", "fitted", "standard error", "unit")
+        parts.append(f"<h2>Fitted on {escape(made.fitted_on)}</h2>{_table(head, rows)}")
+    heads = ("quantity", "records", "model", "count", "R²", "RMSE", "bias", "r", "lag [s]")
+    parts.append(f"<h2>Simulated against measured</h2>{_table(heads, figure_rows(made), 3)}")
+    parts.append(
+        "<p class=lead>Regression: a + b flow + c speed, fitted on the first part, without and with the lag "
+        "that correlates best. Lag: by how much the measured series is later than the simulated one.</p>"
+    )
+    parts.append(f'<h2>Picture</h2><figure><img src="{image}" alt="measured and simulated"></figure>')
+    if made.by_load:
+        keys = (("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2), ("settled_rpm", 0),
+                ("settled_error_percent", 2))  # fmt: skip
+        rows = [
+            [f"{r['from_percent']:.0f}–{r['to_percent']:.0f} %", *(_n(r[k], d) for k, d in keys)]
+            for r in made.by_load
+        ]
+        bins = (
+            "load",
+            "measured [1/min]",
+            "simulated [1/min]",
+            "error [%]",
+            "engine alone [1/min]",
+            "error [%]",
+        )
+        parts.append(f"<h2>Engine speed by load</h2>{_table(bins, rows)}")
+    if made.fuel_line:
+        rows = [[k, _n(v["intercept"]), _n(v["slope"], 3)] for k, v in made.fuel_line.items()]
+        line = ("fuel over crop flow", "intercept [l/h]", "slope [l/h per kg/s]")
+        parts.append(f"<h2>Fuel line</h2>{_table(line, rows)}")
+    notes = "".join(f"<li>{escape(n)}</li>" for n in made.log.notes)
+    parts.append(f"<h2>Notes</h2><ul>{notes}</ul>" if notes else "")
+    parts.append(f"<h2>Command</h2><pre>{escape(command)}</pre>" if command else "")
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>'
+        f"{escape(made.model)} · swath compare log</title><style>{CSS}</style></head>\n<body><main>"
+        f"{''.join(parts)}</main></body></html>\n"
+    )

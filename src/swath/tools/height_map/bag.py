@@ -1,0 +1,189 @@
+"""Measured scans from a run folder, an MCAP file or a rosbag (1 and 2).
+
+Scans: sensor_msgs/LaserScan (the stamp is that of the first beam) or sensor_msgs/PointCloud2 (x, y, z,
+and if there `intensity` and `time`, seconds after the stamp). Poses: nav_msgs/Odometry,
+geometry_msgs/PoseStamped, PoseWithCovarianceStamped, or sensor_msgs/NavSatFix, which gives local metres and
+a course. Mounting: from /tf_static, between the pose's frame and the scan's.
+
+An MCAP file that ends in the middle is read up to there; so is whatever else breaks off while it is read.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.schedule import NS
+from swath.record.read.files import Log, open_log
+from swath.record.read.fixes import poses_of_fixes, read_fixes
+from swath.record.read.frames import BASES, chain
+from swath.record.read.mcap_log import BROKEN
+from swath.record.read.messages import cloud_table
+from swath.tools.height_map.poses import PoseTrack, euler_of, make_track, pose_of
+from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
+
+Array = NDArray[np.float64]
+FIX = "sensor_msgs/msg/NavSatFix"
+SCANS = ("sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2")
+POSES = (
+    "nav_msgs/msg/Odometry",
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    FIX,
+)
+FARTHEST = 200.0  # no scanner that matters here looks further [m]
+WORLD = ("map", "world", "odom")
+
+
+def open_bag(path: Path, wanted: Wanted) -> Source:
+    """A recording. InputError says which topics there are when it is not clear which to take."""
+    reader = open_log(path)
+    topics = reader.topics()
+    if not topics:
+        raise InputError("recording", path.name, "expected messages, there are none", file=path)
+    scans = _choose("--scans", wanted.scans, topics, SCANS, ("/lidar/scan_points", "/lidar/scan"), path)
+    poses = _choose("--poses", wanted.poses, topics, POSES, ("/motion/state",), path)
+    is_fix = topics[poses] == FIX
+    rows, body, mounts, scan_frame = _first_pass(reader, scans, poses, is_fix)
+    track = _track_of_fixes(reader, poses, wanted, path) if is_fix else _track(rows, poses, path)
+    is_world = scan_frame in WORLD and wanted.mount is None
+    mounting = wanted.mount or (
+        Pose.identity() if is_world else _mounting(mounts, BASES if is_fix else (body,), scan_frame, path)
+    )
+    source = Source(path.name, track, mounting, lambda: iter(()), reader.notes, frame_is_world=is_world)
+    source.sweeps = lambda: _sweeps(reader, scans, source, wanted)
+    return source
+
+
+def _choose(
+    option: str,
+    asked: str | None,
+    topics: dict[str, str],
+    types: Sequence[str],
+    usual: Sequence[str],
+    path: Path,
+) -> str:
+    found = [t for t, kind in topics.items() if kind in types]
+    listed = ", ".join(sorted(found)) or "none"
+    if asked is not None:
+        if asked not in found:
+            raise InputError(option, asked, f"expected one of {listed}", file=path)
+        return asked
+    for end in usual:
+        if len(match := [t for t in found if t.endswith(end)]) == 1:
+            return match[0]
+    found = [t for t in found if not t.endswith("/truth")] if len(found) > 1 else found
+    if len(found) != 1:
+        kinds = ", ".join(k.rpartition("/")[2] for k in types)
+        raise InputError(option, None, f"expected one topic of {kinds}; there are: {listed}", file=path)
+    return found[0]
+
+
+def _first_pass(
+    reader: Log, scans: str, poses: str, is_fix: bool
+) -> tuple[Array, str, dict[str, tuple[str, Pose]], str]:
+    """Poses, their frame, static transforms (child -> parent, pose_parent_child), the frame of the scans."""
+    rows: list[tuple[float, ...]] = []
+    body, frame = "", ""
+    mounts: dict[str, tuple[str, Pose]] = {}
+    for topic, _, message in reader.messages((poses, "/tf_static"), also_first=scans):
+        if topic == scans:
+            frame = frame or message.header.frame_id.lstrip("/")
+        elif topic == "/tf_static":
+            for link in message.transforms:
+                move, turn = link.transform.translation, link.transform.rotation
+                pose = pose_of((move.x, move.y, move.z), (turn.x, turn.y, turn.z, turn.w))
+                mounts[link.child_frame_id.lstrip("/")] = (link.header.frame_id.lstrip("/"), pose)
+        elif not is_fix:
+            pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+            p, q = pose.position, pose.orientation
+            rows.append((_seconds(message.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+            body = body or getattr(message, "child_frame_id", "").lstrip("/")
+    return np.array(rows, dtype=float).reshape(-1, 8), body, mounts, frame
+
+
+def _track(rows: Array, topic: str, path: Path) -> PoseTrack:
+    try:
+        return make_track(rows[:, 0], rows[:, 1:4], euler_of(rows[:, 4:8]))
+    except InputError as error:
+        raise InputError(topic, error.value, error.expected, file=path) from error
+
+
+def _track_of_fixes(reader: Log, topic: str, wanted: Wanted, path: Path) -> PoseTrack:
+    """Positions of a receiver as the track of a level machine that drives forward."""
+    try:
+        fixes = read_fixes(reader.messages((topic,)))
+        position, yaw = poses_of_fixes(fixes, wanted.to_local, wanted.antenna)
+        return make_track(fixes.t / NS, position, np.stack([0 * yaw, 0 * yaw, yaw], axis=1))
+    except InputError as error:
+        raise InputError(topic, error.value, error.expected, file=path) from error
+
+
+def _mounting(mounts: dict[str, tuple[str, Pose]], bodies: tuple[str, ...], frame: str, path: Path) -> Pose:
+    found = chain(mounts, frame, bodies)
+    if found is None:
+        body = " or ".join(repr(b) for b in bodies if b) or "'the pose'"
+        expected = f"expected --mount, /tf_static does not lead from {body} to {frame!r}"
+        raise InputError("--mount", None, expected, file=path)
+    return found
+
+
+def _sweeps(reader: Log, topic: str, source: Source, wanted: Wanted) -> Iterator[Echoes]:
+    reader.notes.clear()
+    for _, _, message in reader.messages((topic,)):
+        try:
+            is_plane = message.__msgtype__ == SCANS[0]
+            echoes = _of_scan(message) if is_plane else _of_cloud(message)
+        except (ValueError, IndexError, KeyError, TypeError):
+            source.note(BROKEN)
+            continue
+        far = np.linalg.norm(echoes.points, axis=1)
+        with np.errstate(invalid="ignore"):
+            good = np.isfinite(echoes.time) & np.isfinite(far)
+            if not source.frame_is_world:
+                good &= (far >= wanted.range_min) & (far <= wanted.range_max)
+        found = echoes.time[good], echoes.points[good], echoes.intensity[good]
+        count, free = int(np.count_nonzero(~good)), echoes.silent
+        if len(free):  # not known further than where echoes are not taken any more
+            length = np.linalg.norm(free, axis=1, keepdims=True)
+            free = free * np.minimum(wanted.range_max / np.maximum(length, 1e-9), 1.0)
+        yield Echoes(*found, count, 1, free, echoes.silent_time)
+
+
+def _of_scan(message: Any) -> Echoes:
+    ranges = np.asarray(message.ranges, dtype=np.float64)
+    beam = np.arange(len(ranges))
+    azimuth = np.asarray(message.angle_min + beam * float(message.angle_increment), dtype=np.float64)
+    gone = ranges > message.range_max  # inf: no echo
+    ranges[gone | (ranges < message.range_min)] = np.nan
+    intensity = np.asarray(message.intensities, dtype=np.float64)
+    if len(intensity) != len(ranges):
+        intensity = np.full(len(ranges), np.nan)
+    time: Array = np.asarray(
+        _seconds(message.header.stamp) + beam * float(message.time_increment), np.float64
+    )
+    reach = np.full(int(gone.sum()), min(float(message.range_max), FARTHEST))
+    free = polar_points(reach, azimuth[gone])
+    with np.errstate(invalid="ignore"):
+        return Echoes(time, polar_points(ranges, azimuth), intensity, silent=free, silent_time=time[gone])
+
+
+def _of_cloud(message: Any) -> Echoes:
+    table = cloud_table(message)
+    names = table.dtype.names or ()
+    count = len(table)
+    points = np.stack([table[n].astype(np.float64) for n in ("x", "y", "z")], axis=1)
+    time = np.full(count, _seconds(message.header.stamp))
+    if "time" in names and table.dtype["time"].kind == "f":
+        time += table["time"]
+    known = "intensity" in names
+    intensity = table["intensity"].astype(np.float64) if known else np.full(count, np.nan)
+    return Echoes(time, points, intensity)
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)

@@ -1,0 +1,120 @@
+"""The ground under measured crop: where the wheels stood, or the lowest echoes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.tools.height_map.gather import Samples
+from swath.tools.height_map.poses import PoseTrack, rotations
+
+Array = NDArray[np.float64]
+STEP_M = 0.25  # between poses that count
+SMOOTH_M = 2.0  # standard deviation of the weights along the way
+BLOCK = 16  # nodes along a block that is worked on at once
+LOW_SHARE = 0.05  # of the heights in a patch lie below what is taken for the ground
+FEWEST = 12  # echoes in a patch that has a say
+PLANT_M = 0.3  # patches whose low echoes are this much above the lowest nearby show no ground [m]
+NEAR = 3  # patches on each side that are nearby
+
+
+def ground_of_poses(track: PoseTrack, x: Array, y: Array) -> Array:
+    """Height [m] of the planes that the machine stood on at world points x, y, (ny, nx).
+
+    Weighted mean over the way: nearest poses count most, gaussian along the way; a pose's plane is its x-y
+    plane, so the roll of the machine carries the slope sideways.
+    """
+    place, normal = _planes(track)
+    height = np.zeros(x.shape)
+    for j in range(0, x.shape[0], BLOCK):
+        for i in range(0, x.shape[1], BLOCK):
+            part = np.s_[j : j + BLOCK, i : i + BLOCK]
+            px, py = x[part].ravel(), y[part].ravel()
+            far = np.hypot(place[:, 0] - px.mean(), place[:, 1] - py.mean())
+            size = np.hypot(np.ptp(px), np.ptp(py))
+            near = far <= far.min() + size + 3.0 * SMOOTH_M
+            height[part] = _blend(place[near], normal[near], px, py).reshape(x[part].shape)
+    return height
+
+
+def _planes(track: PoseTrack) -> tuple[Array, Array]:
+    """Points (n, 3) and slopes (n, 2) of the ground every STEP_M of way."""
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track.position[:, :2], axis=0).T))])
+    index = np.unique(np.searchsorted(way, np.arange(0.0, way[-1] + STEP_M, STEP_M)).clip(max=len(way) - 1))
+    up = rotations(*track.angle[index].T)[:, :, 2]
+    steep = np.abs(up[:, 2]) < 0.5
+    slope = np.where(steep[:, None], 0.0, -up[:, :2] / np.where(steep, 1.0, up[:, 2])[:, None])
+    return track.position[index], slope
+
+
+def _blend(place: Array, slope: Array, x: Array, y: Array) -> Array:
+    dx, dy = x[:, None] - place[:, 0], y[:, None] - place[:, 1]
+    square = dx**2 + dy**2
+    weight = np.exp(-0.5 * (square - square.min(axis=1, keepdims=True)) / SMOOTH_M**2)
+    level = place[:, 2] + slope[:, 0] * dx + slope[:, 1] * dy
+    return np.asarray((weight * level).sum(axis=1) / weight.sum(axis=1))
+
+
+def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int) -> Array:
+    """What the lowest echoes say of the ground at lattice nodes [m] against the one that heights count from.
+
+    Per patch of node_cells x node_cells cells the low share of the heights; patches where that is well above
+    the lowest around are crop without gaps and take the value of the nearest that show ground. shape: of the
+    lattice. All 0 where no patch shows any.
+    """
+    ny, nx = shape
+    r, c = np.divmod(samples.key, samples.width)
+    patch = (r // node_cells) * nx + c // node_cells
+    order = np.lexsort((samples.height, patch))
+    patch, height = patch[order], samples.height[order] * 1e-3
+    flat = np.full(ny * nx, np.nan)
+    if len(patch):
+        first = np.flatnonzero(np.diff(patch, prepend=-1))
+        count = np.diff(first, append=len(patch))
+        enough = count >= FEWEST
+        flat[patch[first[enough]]] = height[first[enough] + (LOW_SHARE * count[enough]).astype(int)]
+    low = flat.reshape(ny, nx)
+    with np.errstate(invalid="ignore"):
+        low[low > _spread(low, NEAR, np.fmin) + PLANT_M] = np.nan
+    if np.isnan(low).all():
+        return np.zeros(shape)
+    while np.isnan(low).any():  # grow outwards
+        low = np.where(np.isnan(low), around(low), low)
+    smooth = around(low)
+    nodes = np.pad(smooth, ((1, 0), (1, 0)), mode="edge")  # patch middles to nodes
+    return np.asarray(0.25 * (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]))
+
+
+def _spread(field: Array, reach: int, choose: np.ufunc) -> Array:
+    """Smallest value within `reach` on all sides, nan left out."""
+    for axis in (0, 1):
+        moved = field
+        for step in range(1, reach + 1):
+            for sign in (-step, step):
+                moved = choose(moved, _shifted(field, sign, axis))
+        field = moved
+    return field
+
+
+def around(field: Array) -> Array:
+    """Mean of the 3 x 3 nodes around each, nan left out."""
+    total, count = np.zeros(field.shape), np.zeros(field.shape)
+    for dj in (-1, 0, 1):
+        for di in (-1, 0, 1):
+            moved = _shifted(_shifted(field, dj, 0), di, 1)
+            known = np.isfinite(moved)
+            total[known] += moved[known]
+            count += known
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(total / count)
+
+
+def _shifted(field: Array, by: int, axis: int) -> Array:
+    """The field moved by some nodes, nan where nothing comes in."""
+    moved = np.full_like(field, np.nan)
+    size = field.shape[axis]
+    if abs(by) >= size:
+        return moved
+    into, out = [slice(None)] * 2, [slice(None)] * 2
+    into[axis] = slice(max(by, 0), size + min(by, 0))
+    out[axis] = slice(max(-by, 0), size + min(-by, 0))
+    moved[tuple(into)] = field[tuple(out)]
+    return moved

@@ -1,0 +1,209 @@
+"""Measured scans from tables: .npz with a matrix of ranges, .csv with a row per beam, poses in a .csv.
+
+npz keys: `ranges_m` (scans, beams); `angle_deg` (beams,), in the scan plane from the sensor's x axis to its
+y axis; `scan_time_s` (scans,); optional `elevation_deg` (beams,), `intensity` and `no_return` (scans, beams),
+`beam_time_s` (beams,) after the scan's time. Poses per scan: `x_m`, `y_m` and optional `z_m`, `roll_deg`,
+`pitch_deg`, `yaw_deg` (scans,); or `pos_along_m` (scans,), straight along x; or none, with a table of poses.
+csv columns: `t_s`, and `range_m`, `azimuth_deg`, optional `elevation_deg`; or `x_m`, `y_m`, `z_m` in the
+sensor frame; optional `intensity`.
+Columns of a table of poses: `t_s`, `x_m`, `y_m`, optional `z_m`, `roll_deg`, `pitch_deg`, `yaw_deg`.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.core.units import DEG
+from swath.tools.height_map.poses import PoseTrack, make_track
+from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
+
+Array = NDArray[np.float64]
+OPTIONAL_POSE = ("z_m", "roll_deg", "pitch_deg", "yaw_deg")
+KNOWN = ("t_s", "range_m", "azimuth_deg", "elevation_deg", "x_m", "y_m", "intensity", *OPTIONAL_POSE)
+SCANS_AT_ONCE = 64
+
+
+def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
+    """Scans as matrices. InputError names the key that is missing or has the wrong shape."""
+    data = _read_npz(path)
+    ranges = _matrix(data, "ranges_m", path)
+    scans, beams = ranges.shape
+    angle = _vector(data, "angle_deg", beams, path) * DEG
+    time = _vector(data, "scan_time_s", scans, path)
+    elevation = _vector(data, "elevation_deg", beams, path, 0.0) * DEG
+    late = _vector(data, "beam_time_s", beams, path, 0.0)
+    intensity = _matrix(data, "intensity", path, ranges.shape) if "intensity" in data else None
+    silent = _matrix(data, "no_return", path, ranges.shape) != 0 if "no_return" in data else None
+    track = read_poses(poses) if poses is not None else _own_poses(data, time, path)
+
+    def sweeps() -> Iterator[Echoes]:
+        for first in range(0, scans, SCANS_AT_ONCE):
+            part = slice(first, first + SCANS_AT_ONCE)
+            with np.errstate(invalid="ignore"):
+                good = (ranges[part] >= wanted.range_min) & (ranges[part] <= wanted.range_max)
+            if silent is not None:
+                good &= ~silent[part]
+            row, beam = np.nonzero(good)
+            points = polar_points(ranges[part][row, beam], angle[beam], elevation[beam])
+            bright = intensity[part][row, beam] if intensity is not None else np.full(len(row), np.nan)
+            with np.errstate(invalid="ignore"):
+                gone = ~good & (ranges[part] > wanted.range_max)
+            if silent is not None:
+                gone |= silent[part]
+            free, way = np.nonzero(gone)
+            yield Echoes(
+                time[part][row] + late[beam],
+                points,
+                bright,
+                good.size - len(row),
+                len(good),
+                polar_points(np.full(len(way), wanted.range_max), angle[way], elevation[way]),
+                time[part][free] + late[way],
+            )
+
+    return Source(path.name, track, wanted.mount or Pose.identity(), sweeps)
+
+
+def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
+    """A row per beam or point, read in blocks. InputError for missing columns or without a table of poses."""
+    if poses is None:
+        raise InputError("--poses", None, "expected a table of poses beside a .csv of echoes", file=path)
+    names = _csv_names(path)
+    polar = ("range_m", "azimuth_deg")
+    form = polar if all(n in names for n in polar) else ("x_m", "y_m", "z_m")
+    for name in ("t_s", *form):
+        if name not in names:
+            expected = "expected columns t_s and range_m, azimuth_deg, or x_m, y_m, z_m"
+            raise InputError("columns", ", ".join(names), expected, file=path)
+    source = Source(path.name, read_poses(poses), wanted.mount or Pose.identity(), lambda: iter(()))
+
+    def sweeps() -> Iterator[Echoes]:
+        for block in _csv_blocks(path):
+            time = block["t_s"]
+            if form == polar:
+                elevation = block["elevation_deg"] * DEG if "elevation_deg" in block else 0.0
+                points = polar_points(block["range_m"], block["azimuth_deg"] * DEG, elevation)
+            else:
+                points = np.stack([block[n] for n in form], axis=1)
+            far = np.linalg.norm(points, axis=1)
+            with np.errstate(invalid="ignore"):
+                good = np.isfinite(time) & (far >= wanted.range_min) & (far <= wanted.range_max)
+            bright = block.get("intensity", np.full(len(time), np.nan))
+            scans = len(np.unique(time[good]))
+            yield Echoes(time[good], points[good], bright[good], int(np.count_nonzero(~good)), scans)
+
+    source.sweeps = sweeps
+    return source
+
+
+def read_poses(path: Path) -> PoseTrack:
+    """A table of poses."""
+    names = _csv_names(path)
+    for name in ("t_s", "x_m", "y_m"):
+        if name not in names:
+            expected = "expected columns t_s, x_m, y_m and optional " + ", ".join(OPTIONAL_POSE)
+            raise InputError("columns", ", ".join(names), expected, file=path)
+    blocks = list(_csv_blocks(path))
+    kept = [n for n in names if n in KNOWN]
+    table = {n: np.concatenate([b[n] for b in blocks]) if blocks else np.zeros(0) for n in kept}
+    return _track(table, table["t_s"], path)
+
+
+def _own_poses(data: Mapping[str, Any], time: Array, path: Path) -> PoseTrack:
+    if "pos_along_m" in data:
+        along = _vector(data, "pos_along_m", len(time), path)
+        table = {"x_m": along, "y_m": np.zeros_like(along)}
+    elif "x_m" in data and "y_m" in data:
+        table = {n: _vector(data, n, len(time), path) for n in ("x_m", "y_m", *OPTIONAL_POSE) if n in data}
+    else:
+        raise InputError("x_m", None, "expected poses: x_m and y_m, or pos_along_m, or --poses", file=path)
+    return _track(table, time, path)
+
+
+def _track(table: Mapping[str, Array], time: Array, path: Path) -> PoseTrack:
+    zero = np.zeros(len(time))
+    position = np.stack([table["x_m"], table["y_m"], table.get("z_m", zero)], axis=1)
+    angle = np.stack([table.get(n, zero) for n in OPTIONAL_POSE[1:]], axis=1) * DEG
+    try:
+        return make_track(time, position, angle)
+    except InputError as error:
+        raise InputError(error.key, error.value, error.expected, file=path) from error
+
+
+def _read_npz(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+            return {name: data[name] for name in data.files}
+    except Exception as error:  # zip, deflate and array headers: each breaks in its own way
+        raise InputError("scans", path.name, f"expected a readable .npz ({error})", file=path) from error
+
+
+def _matrix(data: Mapping[str, Any], key: str, path: Path, shape: tuple[int, ...] | None = None) -> Array:
+    if key not in data:
+        raise InputError(key, None, "missing, expected an array (scans, beams)", file=path)
+    value = data[key]
+    if value.ndim != 2 or value.size == 0 or value.dtype.kind not in "biuf":
+        raise InputError(key, str(value.shape), "expected numbers of shape (scans, beams)", file=path)
+    if shape is not None and value.shape != shape:
+        raise InputError(key, str(value.shape), f"expected shape {shape}", file=path)
+    return np.asarray(value, dtype=np.float64)
+
+
+def _vector(data: Mapping[str, Any], key: str, count: int, path: Path, default: float | None = None) -> Array:
+    if key not in data and default is not None:
+        return np.full(count, default)
+    value = data.get(key)
+    if value is None:
+        raise InputError(key, None, f"missing, expected {count} numbers", file=path)
+    if value.shape != (count,) or value.dtype.kind not in "biuf":
+        raise InputError(key, str(value.shape), f"expected {count} numbers", file=path)
+    numbers = np.asarray(value, dtype=np.float64)
+    if key == "angle_deg" and not (np.abs(numbers) <= 720.0).all():
+        raise InputError(key, None, "expected angles within 720 degrees", file=path)
+    return numbers
+
+
+def _csv_names(path: Path) -> list[str]:
+    import pyarrow as pa
+
+    try:
+        with _open_csv(path) as reader:
+            return [str(n).strip() for n in reader.schema.names]
+    except (OSError, pa.ArrowInvalid, UnicodeDecodeError) as error:
+        expected = f"expected a table with a line of column names ({str(error).splitlines()[0]})"
+        raise InputError("table", path.name, expected, file=path) from error
+
+
+def _csv_blocks(path: Path) -> Iterator[dict[str, Array]]:
+    import pyarrow as pa
+
+    try:
+        with _open_csv(path) as reader:
+            for batch in reader:
+                yield {
+                    str(name).strip(): _numbers(batch.column(k), str(name), path)
+                    for k, name in enumerate(batch.schema.names)
+                    if str(name).strip() in KNOWN
+                }
+    except pa.ArrowInvalid as error:
+        raise InputError("table", path.name, f"expected numbers ({error})", file=path) from error
+
+
+def _numbers(column: Any, name: str, path: Path) -> Array:
+    import pyarrow as pa
+
+    try:
+        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+        raise InputError(name, None, "expected numbers only", file=path) from error
+
+
+def _open_csv(path: Path) -> Any:
+    from pyarrow import csv
+
+    return csv.open_csv(path, read_options=csv.ReadOptions(block_size=1 << 22))

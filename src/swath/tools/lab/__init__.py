@@ -1,0 +1,1 @@
+"""`swath lab`: what scanners measure over stands that are known."""

@@ -1,0 +1,138 @@
+"""`swath lab`: what scanners measure over stands that are known."""
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its verb."""
+    parser = parsers.add_parser("lab", help="what scanners measure over stands that are known")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    made = verbs.add_parser(
+        "stand", help="measured heights by density, scanner and view", description=_DESCRIPTION
+    )
+    made.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to write")
+    made.add_argument("--density", nargs="+", type=float, metavar="N", help="stems/m2 (default 200 600)")
+    made.add_argument("--sensor", nargs="+", metavar="NAME", help="scanners (default the LMS511 HR and SR)")
+    made.add_argument(
+        "--depression",
+        nargs="+",
+        type=float,
+        metavar="DEG",
+        help="how far beams look down (default 15 30 45 60)",
+    )
+    made.add_argument("--crop", default="wheat", metavar="NAME|FILE", help="crop (default wheat)")
+    made.add_argument("--height", type=float, metavar="M", help="of the crop (default: the crop's own)")
+    made.add_argument("--real", type=Path, metavar="FILE", help="measured heights, .csv or .npz: docs/lab.md")
+    made.add_argument("--levels", nargs="+", metavar="LEVEL", help="of the LiDAR (default: all there are)")
+    made.add_argument("--seeds", type=int, default=5, metavar="N", help="stands of each kind (default 5)")
+    made.add_argument("--seed", type=int, default=1, metavar="N", help="the first of them (default 1)")
+    made.add_argument(
+        "--distance", type=float, default=5.0, metavar="M", help="of the crop along the beam (default 5)"
+    )
+    made.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="sets",
+        metavar="KEY=VALUE",
+        help="a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times",
+    )
+    made.set_defaults(run=run_stand)
+
+
+def run_stand(args: argparse.Namespace) -> int:
+    """Scan, judge, write; print what came out."""
+    from swath.terminal.tables import table
+    from swath.tools.lab.agreement import judge_lab
+    from swath.tools.lab.lab import run_lab
+    from swath.tools.lab.measured_stands import read_real
+    from swath.tools.lab.page import PRINTED, rows_for_print, write_lab_report
+    from swath.tools.lab.table import write_tables
+
+    settings = _settings(args)
+    _check_out(args.out)
+    real = None if args.real is None else read_real(args.real)
+    with _bar() as progress:
+        lab = run_lab(settings, progress)
+    cases = judge_lab(lab, real)
+    name = None if real is None else real.name
+    args.out.mkdir(parents=True, exist_ok=True)
+    files = write_tables(args.out, lab, cases, name)
+    files.append(write_lab_report(args.out / "report.html", lab, cases, name))
+    rows = rows_for_print(cases)
+    if rows:
+        table("", PRINTED, rows)
+    if real is not None and not any(len(c.real) for c in cases):
+        print(f"warning: no row of {real.name} belongs to any of these cases")
+    for note in lab.notes:
+        print(f"note: {note}")
+    for file in files:
+        print(file)
+    return 0
+
+
+def _settings(args: argparse.Namespace) -> Any:
+    from swath.tools.lab.lab import Settings
+
+    lists = {
+        "densities": args.density,
+        "sensors": args.sensor,
+        "depressions_deg": args.depression,
+        "levels": args.levels,
+    }
+    given: dict[str, Any] = {k: tuple(v) for k, v in lists.items() if v is not None}
+    given |= {"crop": args.crop, "height_m": args.height, "distance_m": args.distance}
+    given |= {"seed": args.seed, "seeds": args.seeds, "sets": _sets(args.sets)}
+    return Settings(**given)
+
+
+def _sets(texts: list[str]) -> dict[str, Any]:
+    """`echo=nearest` -> {"echo": "nearest"}; `weather.rain_mm_h=2` nests."""
+    from swath.core.errors import InputError
+    from swath.documents.yaml_document import parse_value
+
+    found: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        path = key.split(".")
+        if not equals or "" in path:
+            raise InputError(f"--set {text}", None, "expected --set key=value")
+        into = found
+        for part in path[:-1]:
+            into = into.setdefault(part, {})
+            if not isinstance(into, dict):
+                raise InputError(f"--set {text}", None, f"expected a group of keys in {part}")
+        into[path[-1]] = parse_value(value, f"--set {text}")
+    return found
+
+
+def _check_out(out: Path) -> None:
+    from swath.core.errors import InputError
+
+    own = {"lab.json", "lab.csv", "report.html"}
+    if out.exists() and (not out.is_dir() or not own.issuperset(f.name for f in out.iterdir())):
+        raise InputError("--out", str(out), "expected a new or empty folder, or an earlier lab")
+
+
+@contextmanager
+def _bar() -> Iterator[Any]:
+    """A rich bar on stderr; nothing where there is no terminal."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("scanning", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+_DESCRIPTION = """Scan stands of known density with every level of the LiDAR and hold the distributions of
+measured height against each other, and against real ones where a file is given. Writes lab.json, lab.csv and
+report.html. docs/lab.md says how to read them."""

@@ -1,0 +1,102 @@
+"""Is a run the same as the recorded one, sample for sample?"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from swath.core.schedule import NS
+from swath.record.digest import Digest, encode, sample_bytes
+from swath.record.read.feed import Demux, exact_samples, exact_topic, own_outputs
+from swath.record.read.files import Log
+from swath.run.hooks import ActiveRun, RunHook
+from swath.signals import Signal
+
+
+@dataclass
+class Compared:
+    """One slot. sample_count: that were compared
+
+    differs_at: time of the first difference [ns], None without one; what: its output and fields
+    digest, recorded: chained over the samples that were compared, here and in the recording
+    """
+
+    slot: str
+    sample_count: int = 0
+    differs_at: int | None = None
+    what: str = ""
+    digest: Digest = field(default_factory=Digest)
+    recorded: Digest = field(default_factory=Digest)
+
+    @property
+    def is_identical(self) -> bool:
+        """Every sample was the same, to the last bit."""
+        return self.differs_at is None
+
+    def note(self, t: int, what: str) -> None:
+        """A difference; the first one counts."""
+        if self.differs_at is None:
+            self.differs_at, self.what = t, what
+
+
+class SameAsRecorded(RunHook):
+    """Observer of a graph that holds every sample of some slots against a recording.
+
+    slots: full names; only those that the recording holds sample by sample are compared
+    """
+
+    def __init__(self, log: Log, slots: Collection[str], *, played: Collection[str]) -> None:
+        self.log, self.played = log, tuple(played)
+        known = {slot: [o for o, exact in own_outputs(log, slot).items() if exact] for slot in slots}
+        self.slots = {slot: Compared(slot) for slot, outputs in known.items() if outputs}
+        topics = {(s, o): exact_topic(s, o) for s in self.slots for o in known[s]}
+        self._demux = Demux(log.messages(list(topics.values())))
+        self._streams = {key: exact_samples(self._demux.read(topic)) for key, topic in topics.items()}
+
+    def begin(self, run: ActiveRun) -> None:
+        """Look on."""
+        run.observers.append(self)
+
+    def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Take in what `slot` published at t [ns]."""
+        for output, signal in outputs.items():
+            if (key := (slot, output)) not in self._streams:
+                continue
+            recorded = next(self._streams[key], None)
+            if recorded is None:
+                continue  # beyond the end of the recording
+            compared = self.slots[slot]
+            compared.sample_count += 1
+            if recorded[0] != t:
+                compared.note(min(t, recorded[0]), f"{output} was published at another time")
+            elif names := _differences(signal, recorded[1]):
+                compared.note(t, f"{output}: {', '.join(names)}")
+            compared.digest.add(sample_bytes(slot, output, t, signal))
+            compared.recorded.add(sample_bytes(slot, output, *recorded))
+
+    def summarize(self, t: int) -> dict[str, Any]:
+        """What summary.json says, after the run has ended at t [ns]."""
+        for key, stream in self._streams.items():
+            if (left := next(stream, None)) is not None and left[0] <= t:
+                self.slots[key[0]].note(left[0], f"{key[1]} was not published")
+        self._demux.close()
+        return {
+            "replay": {
+                "recording": str(self.log.path),
+                "played": list(self.played),
+                "slots": {c.slot: _told(c) for c in self.slots.values()},
+            }
+        }
+
+
+def _told(c: Compared) -> dict[str, Any]:
+    told: dict[str, Any] = {"identical": c.is_identical, "samples": c.sample_count}
+    told |= {"digest": c.digest.hex, "recorded_digest": c.recorded.hex}
+    if c.differs_at is not None:
+        told |= {"differs_from_s": c.differs_at / NS, "differs_in": c.what}
+    return told
+
+
+def _differences(a: Signal, b: Signal) -> list[str]:
+    if type(a) is not type(b):
+        return [type(a).__name__]
+    return [f.name for f in fields(a) if encode(getattr(a, f.name)) != encode(getattr(b, f.name))]

@@ -1,0 +1,104 @@
+"""A recorded run made again, with recorded signals in the place of some of its slots."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.record.read.feed import own_outputs
+from swath.record.read.files import Log, open_log
+from swath.report.report import ReportWriter
+from swath.run.changes import read_events
+from swath.run.hooks import RunHook
+from swath.run.job import JobResult, run_job
+from swath.scenario.scenario import Scenario, load_scenario, parse_scenario
+from swath.scenario.slots import CONTROL, SLOTS
+from swath.tools.rerun.comparison import SameAsRecorded
+
+SENSING = "swath.sensing."
+
+
+@dataclass(frozen=True)
+class Again:
+    """scenario: that was recorded, changed so that `played` slots (full names) play the log."""
+
+    log: Log
+    scenario: Scenario
+    played: tuple[str, ...]
+
+    def run(self, out: Path, *, progress: bool = False, report: bool = True) -> JobResult:
+        """Make the run; summary.json says under `replay` which of the other slots came out the same."""
+        slots = [f"{m.name}.{s}" for m in self.scenario.machines.values() for s in m.slots]
+        comparison = SameAsRecorded(self.log, [s for s in slots if s not in self.played], played=self.played)
+        hooks: list[RunHook] = [comparison, *([ReportWriter()] if report else [])]
+        return run_job(self.scenario, out, progress=progress, events=self._events(), hooks=hooks)
+
+    def _events(self) -> list[dict[str, Any]]:
+        """What was changed while it was recorded, but for the slots that play the log."""
+        folder = self.log.path.parent
+        events = read_events(folder) if (folder / "summary.json").is_file() else []
+        return [e for e in events if ".".join(str(e["set"]).split(".")[:2]) not in self.played]
+
+
+def plan_again(
+    source: Path, *, slots: Sequence[str] | None = None, sets: Sequence[str] = (), seed: str | None = None
+) -> Again:
+    """What to run for a run folder or a run.mcap.
+
+    slots: `combine.lidar`, or `lidar` in every machine; None = the sensors and the motion that carried them
+    sets, seed: changes to the scenario, as of `swath run`. InputError where the source or a slot will not do
+    """
+    log = open_log(source)
+    recorded = _scenario(log, source, ())
+    has = {s: own_outputs(log, s) for s in _slots(recorded)}
+    exact = [s for s, outputs in has.items() if any(outputs.values())]
+    if not exact:
+        held = "expected a run.mcap of swath with every sample (run.record: exact), it has messages only"
+        raise InputError("recording", log.path.name, held, file=log.path)
+    played = _usual(exact) if slots is None else _named(slots, exact)
+    changes = [f"{slot}={_entry(recorded, slot, log.path)}" for slot in played]
+    flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
+    return Again(log, _scenario(log, source, [*changes, *sets], flags), tuple(played))
+
+
+def _scenario(log: Log, source: Path, sets: Sequence[str], flags: dict[str, str] | None = None) -> Scenario:
+    """The scenario beside the recording, or the one within it."""
+    for folder in (source, log.path.parent):
+        if (folder / "scenario.yaml").is_file():
+            return load_scenario(folder / "scenario.yaml", sets=sets, flags=flags)
+    text = log.attachment("scenario.yaml")
+    if text is None:
+        expected = "expected a recording of swath; for any other, make a scenario with level: log"
+        raise InputError("recording", log.path.name, expected, file=log.path)
+    more = [f"{change}" for change in (flags or {}).values()]
+    return parse_scenario(text.decode(), base=log.path.resolve().parent, sets=[*sets, *more])
+
+
+def _slots(scenario: Scenario) -> list[str]:
+    return [f"{m.name}.{s}" for m in scenario.machines.values() for s in m.slots]
+
+
+def _usual(exact: Sequence[str]) -> list[str]:
+    """Sensors, and the motion: with another path under it, what the sensors saw would be out of place."""
+    sensors = [
+        s.name for s in SLOTS if s.name not in CONTROL and all(p.startswith(SENSING) for p in s.packages)
+    ]
+    return [s for s in exact if s.rpartition(".")[2] in ("motion", *sensors)]
+
+
+def _named(slots: Sequence[str], exact: Sequence[str]) -> list[str]:
+    chosen = [s for s in exact if any(name in (s, s.rpartition(".")[2]) for name in slots)]
+    for name in slots:
+        if not any(name in (s, s.rpartition(".")[2]) for s in exact):
+            raise InputError("--slots", name, f"expected some of {', '.join(exact)}")
+    return chosen
+
+
+def _entry(recorded: Scenario, slot: str, file: Path) -> str:
+    """The section of a slot that plays the log in the rhythm in which it was recorded."""
+    machine, _, name = slot.partition(".")
+    common = recorded.machines[machine].slots[name].common
+    rhythm = {"rate_hz": common.rate_hz, "offset_ms": common.offset_ms, "latch": common.latch}
+    return json.dumps({"level": "log", "file": str(file.resolve()), **rhythm})

@@ -1,0 +1,1 @@
+"""`swath scan`: one scan of a scenario, as a picture and files."""

@@ -1,0 +1,83 @@
+"""`swath scan`: one scan of a scenario, as a picture and a file."""
+
+import argparse
+from typing import Any
+
+from swath.terminal.options import add_scenario_options, load
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser("scan", help="one scan of a scenario, as a picture and a file")
+    parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
+    add_scenario_options(parser)
+    parser.add_argument("--at", metavar="S", help="after S seconds of driving (default: where it starts)")
+    parser.add_argument(
+        "--format",
+        metavar="LIST",
+        help="what to write, of png,csv,npz,ply,las,laz (default: the first four)",
+    )
+    parser.add_argument(
+        "--camera",
+        action="store_true",
+        help="what the camera sees too; a scenario without one gets the default camera",
+    )
+    parser.add_argument(
+        "--converge",
+        action="store_true",
+        help="how the heights settle with the number of sub-rays, against another seed",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make the scan, print where its files are."""
+    from swath.core.errors import InputError
+    from swath.run.folder import choose_scan_folder
+
+    at = _seconds(args.at)
+    scenario = _with_camera(args) if args.camera else load(args)
+    out = choose_scan_folder(scenario.name, scenario.seed, args.out)
+    from swath.tools.scan import scan
+
+    formats = None if args.format is None else [name.strip() for name in args.format.split(",")]
+    try:
+        files = scan.scan_job(scenario, out, at_s=at, formats=formats, camera=args.camera)
+        for file in files:
+            print(file)
+        if args.converge:
+            _print_settling(*scan.converge_job(scenario, out, at_s=at))
+    except InputError as error:
+        raise scenario.locate(error) from error
+    return 0
+
+
+def _with_camera(args: argparse.Namespace) -> Any:
+    """The scenario, whose first machine gets a camera where it has none."""
+    scenario = load(args)
+    name, first = next(iter(scenario.machines.items()))
+    if "camera" not in first.slots:
+        args.sets = [*args.sets, f"{name}.camera=rays"]
+        scenario = load(args)
+    return scenario
+
+
+def _print_settling(rows: list[dict[str, Any]], sentence: str) -> None:
+    from swath.terminal.tables import number, table
+
+    columns = list(rows[0])
+    table("", columns, [[number(row[c]) for c in columns] for row in rows])
+    print(sentence)
+
+
+def _seconds(text: str | None) -> float:
+    """A time from the command line [s]."""
+    from swath.core.errors import InputError
+
+    try:
+        value = 0.0 if text is None else float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1e5:
+        raise InputError("--at", text, "expected seconds, 0 to 100000")
+    return value
