@@ -69,7 +69,9 @@ class Job:
 def job(monkeypatch, tmp_path):
     fake = Job()
     monkeypatch.setitem(sys.modules, "swath.run.job", fake)
-    monkeypatch.setattr(swath, "job", fake, raising=False)
+    monkeypatch.setitem(sys.modules, "swath.tools.scan.scan", fake)
+    monkeypatch.setattr("swath.run.job", fake, raising=False)
+    monkeypatch.setattr("swath.tools.scan.scan", fake, raising=False)
     import swath.scenario.scenario as module
 
     monkeypatch.setattr(module, "load_scenario", partial(module.load_scenario, kit=FAKE))
@@ -84,7 +86,10 @@ def test_nothing_heavy_is_loaded():
     loaded = set(run.stdout.splitlines()[-1].split())
     assert "swath.commands.main" in loaded
     assert not HEAVY & loaded
-    helps = "import sys, swath.commands.main\ntry: swath.commands.main.main(['run', '--help'])\nfinally: print(*sys.modules)"
+    helps = (
+        "import sys\nfrom swath.commands.main import main\n"
+        "try: main(['run', '--help'])\nfinally: print(*sys.modules)"
+    )
     run = subprocess.run([sys.executable, "-c", helps], capture_output=True, text=True, check=True)
     assert not HEAVY & set(run.stdout.splitlines()[-1].split())
 

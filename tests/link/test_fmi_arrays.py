@@ -6,6 +6,7 @@ from fmu_scenario import TEXT
 from made_fmus import engine_fmu, needs_cc, store_fmu
 
 from swath.core.errors import SwathError
+from swath.report.report import ReportWriter
 from swath.run.job import run_job
 from swath.run.loop import drive
 from swath.run.world import assemble
@@ -85,7 +86,7 @@ def test_a_scanner_that_is_an_fmu(tmp_path):
       scan.intensity: [1, 1, 1, 1]
 """
     made = parse_scenario(text(keys, "  edge: truth"), sets=["run.distance_m=0.5"])
-    run_job(made, tmp_path / "run")
+    run_job(made, tmp_path / "run", hooks=[ReportWriter()])
     world = assemble(made)
     drive(world, until_s=0.1)
     scan = world.graph.latest("combine.lidar", "scan")

@@ -111,15 +111,13 @@ def test_a_killed_run_can_be_played(tmp_path):
         "import os, signal, sys\n"
         "from pathlib import Path\n"
         "from small import small\n"
-        "from swath import job\n"
-        "whole = job.Watch.__init__\n"
-        "def watch(self, *args):\n"
-        "    whole(self, *args)\n"
-        "    def stop(slot, t, outputs):\n"
+        "from swath.run.hooks import RunHook\n"
+        "from swath.run.job import run_job\n"
+        "class Kill(RunHook):\n"
+        "    def begin(self, run): run.observers.append(self)\n"
+        "    def __call__(self, slot, t, outputs):\n"
         "        if t > 1.8 * 10**9: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "    self.observers.append(stop)\n"
-        "job.Watch.__init__ = watch\n"
-        "job.run_job(small('run.record=full'), Path(sys.argv[1]))\n"
+        "run_job(small('run.record=full'), Path(sys.argv[1]), hooks=[Kill()])\n"
     )
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     done = subprocess.run([sys.executable, "-c", code, str(out)], env=env, check=False)

@@ -35,7 +35,7 @@ CONTRACT = {
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "small"
-    return run_job(small(), out), out
+    return run_job(small(), out, hooks=[ReportWriter()]), out
 
 
 def test_folder_and_summary_keep_the_contract(finished):
@@ -84,7 +84,7 @@ def test_ctrl_c_leaves_a_valid_folder_marked_incomplete(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Referee, "_see_state", stop)
     with pytest.raises(KeyboardInterrupt):
-        run_job(small(), tmp_path / "cut")
+        run_job(small(), tmp_path / "cut", hooks=[ReportWriter()])
     summary = json.loads((tmp_path / "cut" / "summary.json").read_text())
     assert summary["incomplete"] is True
     from mcap.reader import make_reader

@@ -1,7 +1,7 @@
 """The cut as one serial loop: rows of cells inside a convex polygon, the stems on them, tiles that got lower.
 
-Rules and units are those of `field/cut_result.py` and `field/height_bounds.py`; numbers are float64 without fused
-multiply-adds, so that sums are the same to the bit as with numpy.
+Rules and units are those of `field/cut_result.py` and `field/height_bounds.py`; numbers are float64 without
+fused multiply-adds, so that sums are the same to the bit as with numpy.
 """
 
 import warp as wp

@@ -1,6 +1,7 @@
 """A look at the stand itself: the stems that rays really met, painted from far to near.
 
-Reads the field's pages and plant library (see field/memory_layout.py) and undoes the tile transform; no ray is cast.
+Reads the field's pages and plant library (see field/memory_layout.py) and undoes the tile transform; no ray
+is cast.
 A plant is drawn whole where it reaches over the side of its tile; rays see it continued by the next tile's.
 """
 

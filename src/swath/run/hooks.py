@@ -1,4 +1,4 @@
-"""Run hooks: whatever goes along with a run beside recorder and evaluators, such as a report or a ROS 2 bridge."""
+"""Run hooks: what goes along with a run beside recorder and evaluators, as report and ROS 2 bridge do."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -2,8 +2,8 @@
 
 The repeatability band of a level: its heights in one stand against those in another of the same kind, under
 another scanner of the same make, for every pair of seeds; the worst of every number. A difference within the
-band is none that could be seen. Beyond it the limits of tools/distributions.py say what is good, and wider ones
-what may pass (FAIR).
+band is none that could be seen. Beyond it the limits of tools/distributions.py say what is good, and wider
+ones what may pass (FAIR).
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""One scan of a scenario's first machine: after some driving, as files; how its heights settle with sub-rays."""
+"""One scan of a scenario's first machine after some driving, as files; how its heights settle."""
 
 import dataclasses
 import shutil
