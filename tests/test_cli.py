@@ -8,12 +8,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from fake_levels import FAKE, GOOD
 
 import swath
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.run.folder import choose_run_folder, choose_scan_folder, clear_run_folder
+from tests.fake_levels import FAKE, GOOD
 
 HEAVY = {
     "warp",

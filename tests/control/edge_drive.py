@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from closed_loop import Course, setup_of
-from synthetic_edge import Scanner, Stand, mounting
 
 from swath.control.edge.detector import EdgeParams
 from swath.control.edge.max_likelihood import MaxLikelihood
 from swath.core.random import Stream
 from swath.signals import Odometry
+from tests.control.closed_loop import Course, setup_of
+from tests.control.synthetic_edge import Scanner, Stand, mounting
 
 
 class EdgeSensor:

@@ -2,11 +2,10 @@
 
 from collections import deque
 
-from closed_loop import setup_of
-
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.signals import CropAhead, EngineState, FeedReading, Odometry
+from tests.control.closed_loop import setup_of
 
 H = 0.1
 STEP = round(H * NS)

@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop import Course, setup_of
-from edge_drive import EdgeSensor, drive, errors
-from synthetic_edge import Scanner, Stand, hazard_table, mounting
 
 from swath.control.edge.detector import EdgeParams
 from swath.control.edge.max_likelihood import MaxLikelihood
@@ -14,6 +11,9 @@ from swath.control.edge.otsu import Otsu
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.signals import Odometry
+from tests.control.closed_loop import Course, setup_of
+from tests.control.edge_drive import EdgeSensor, drive, errors
+from tests.control.synthetic_edge import Scanner, Stand, hazard_table, mounting
 
 LEVELS = [MaxLikelihood, Otsu]
 DEG = np.pi / 180

@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from closed_loop import setup_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_edge import Scanner, Stand, mounting
 
 from swath.control.edge.detector import EdgeParams
 from swath.control.edge.max_likelihood import MaxLikelihood
 from swath.control.edge.otsu import Otsu
 from swath.core.random import Stream
 from swath.signals import Odometry, Scan
+from tests.control.closed_loop import setup_of
+from tests.control.synthetic_edge import Scanner, Stand, mounting
 
 PERIOD = 40_000_000
 MOUNT = mounting()

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from closed_loop import setup_of
-from synthetic_edge import Scanner, Stand, mounting
 
 from swath.core.component import Component
 from swath.core.random import Stream
 from swath.core.registry import Registry
 from swath.signals import CropEdge, Odometry
+from tests.control.closed_loop import setup_of
+from tests.control.synthetic_edge import Scanner, Stand, mounting
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 REGISTRY = Registry({"edge": ["swath.control.edge"], "steer": ["swath.control.steer"]})

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from closed_loop import setup_of
-from feed_rig import STEP, Bench, H, engine_at
 
 from swath.control.ahead.penetration import Params as SightParams
 from swath.control.ahead.penetration import Penetration
@@ -13,6 +11,8 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.signals import CropEdge, FeedReading, Odometry, Scan
+from tests.control.closed_loop import setup_of
+from tests.control.feed_rig import STEP, Bench, H, engine_at
 
 KMH = 1 / 3.6
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from edge_drive import drive, errors
 
 from swath.control.edge.canopy_offset import LAYER, TALLEST, Overhang, height_at, stopped
 from swath.control.edge.height_step import Rays, Step
@@ -10,6 +9,7 @@ from swath.judge.referee import Referee
 from swath.run.loop import drive as run
 from swath.run.world import assemble
 from swath.scenario.scenario import load_scenario
+from tests.control.edge_drive import drive, errors
 
 NORMAL = np.array([np.linspace(-6, 6, 1201)] * 2)
 NORMAL[1] = np.cumsum(np.exp(-0.5 * NORMAL[0] ** 2))

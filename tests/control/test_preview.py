@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from closed_loop import MACHINE, Course, Loop, setup_of
-from edge_drive import EdgeSensor
 
 from swath.control.speed import constant
 from swath.control.steer.preview import Params, Preview
 from swath.core.random import Stream
 from swath.signals import CropEdge, Odometry
+from tests.control.closed_loop import MACHINE, Course, Loop, setup_of
+from tests.control.edge_drive import EdgeSensor
 
 KMH = 1 / 3.6
 DEG = np.pi / 180

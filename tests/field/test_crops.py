@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from made_field import STREAM, rectangle
 
 import swath.data
 from swath.core.errors import InputError
@@ -23,6 +22,7 @@ from swath.field.prototypes import make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import plane
 from swath.field.weeds import Weeds, weed_crop
+from tests.field.made_field import STREAM, rectangle
 
 COUNT = 1500
 CARDS = Path(swath.data.__file__).parent / "crops"

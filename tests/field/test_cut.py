@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from made_field import CROP, library, made_field, rectangle
 
 from swath.core.errors import InputError
 from swath.field.cut_result import Cut
@@ -10,6 +9,7 @@ from swath.field.edge import GapParams, StraightEdge, TeethParams
 from swath.field.height_bounds import update_tops
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y
 from swath.field.stand import maps, uniform
+from tests.field.made_field import CROP, library, made_field, rectangle
 
 ALL_CROP = StraightEdge(x_m=-1e4)
 NORTH = uniform.Params(row_azimuth_deg=90.0)  # rows run east: the stand frame is the world

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from made_field import SETUP, made_field, rectangle
 from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
@@ -24,6 +23,7 @@ from swath.field.edge import (
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import STANDING
 from swath.field.track import EdgeShape, curve, polyline, shifted_left, straight
+from tests.field.made_field import SETUP, made_field, rectangle
 
 WINDING = [[0.0, 0.0], [40.0, 5.0], [60.0, 40.0], [55.0, 70.0], [90.0, 90.0], [140.0, 85.0]]
 

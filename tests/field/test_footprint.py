@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from made_field import made_field
 
 from swath.core.errors import InputError
 from swath.field.stand import uniform
 from swath.field.terrain import formula
+from tests.field.made_field import made_field
 
 POINTS = np.array([[0.0, 1.6], [0.3, -1.6], [-3.8, 1.4], [-3.8, -1.4], [-2.0, 0.01]])
 

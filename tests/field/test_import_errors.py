@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from made_log import COLUMNS, MadeLog
+
+from tests.field.made_log import COLUMNS, MadeLog
 
 pytest.importorskip("rasterio")
 

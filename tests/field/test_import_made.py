@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from made_log import COLUMNS, EAST, EPSG, HEADER, LENGTH, NORTH, MadeLog, grain_at, ground_at
+
+from tests.field.made_log import COLUMNS, EAST, EPSG, HEADER, LENGTH, NORTH, MadeLog, grain_at, ground_at
 
 pytest.importorskip("rasterio")
 

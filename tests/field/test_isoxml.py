@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_taskdata import HEADER, TASKDATA, record, simple_records, write
 
 from swath.core.errors import InputError, SwathError
 from swath.field_io.isoxml import is_taskdata, read_taskdata
 from swath.field_io.table import read_table
+from tests.field.made_taskdata import HEADER, TASKDATA, record, simple_records, write
 
 DATA = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_field import STREAM, rectangle
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.random import Stream
@@ -20,6 +19,7 @@ from swath.field.plants import make_plants, silhouette_area
 from swath.field.prototypes import make_library, resolution
 from swath.field.stand import uniform
 from swath.field.terrain import plane
+from tests.field.made_field import STREAM, rectangle
 
 trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from made_field import CROP, SETUP, STREAM, library, made_field, rectangle
 from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
@@ -12,6 +11,7 @@ from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING
 from swath.field.raster import Raster
 from swath.field.stand import maps, uniform
 from swath.field.terrain import dem, formula, plane
+from tests.field.made_field import CROP, SETUP, STREAM, library, made_field, rectangle
 
 ROUGH = formula.Params(slope_percent=2.0, roughness_class="D")
 TOOTHED = StraightEdge(x_m=3.3, heading_deg=80.0, teeth=TeethParams(amplitude_m=1.0, wavelength_m=3.0))

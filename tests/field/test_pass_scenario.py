@@ -1,7 +1,8 @@
 """The scenario that an import writes runs as it is."""
 
 import pytest
-from made_log import COLUMNS, MadeLog
+
+from tests.field.made_log import COLUMNS, MadeLog
 
 pytest.importorskip("rasterio")
 

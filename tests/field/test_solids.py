@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from made_field import made_field, rectangle
 from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
@@ -24,6 +23,7 @@ from swath.field.solids import (
 )
 from swath.field.terrain import plane
 from swath.signals.setup import MachineGeometry
+from tests.field.made_field import made_field, rectangle
 
 MACHINE = MachineGeometry(
     wheelbase=3.6,

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from made_field import CROP, made_field, rectangle
 
 from swath.core.errors import InputError
 from swath.field.edge import StraightEdge
 from swath.field.stand import uniform
+from tests.field.made_field import CROP, made_field, rectangle
 
 NORTH = uniform.Params(row_azimuth_deg=90.0)  # the stand frame is the world
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_field import SETUP, made_field
 from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
@@ -14,6 +13,7 @@ from swath.field.field_setup import FieldSetup
 from swath.field.raster import Raster
 from swath.field.terrain import dem, formula, plane
 from swath.field.waves import N0, ROUGHNESS_CLASSES, make_random_field, make_roughness
+from tests.field.made_field import SETUP, made_field
 
 
 def profile_psd(height, direction, length=8_000.0, spacing=0.125):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from fake_run import ArcEdge, GridField, drive, machine
 
 from swath.judge.metrics import METRICS
 from swath.judge.referee import Referee
 from swath.signals import CropFlow, MachineLoad
+from tests.fake_run import ArcEdge, GridField, drive, machine
 
 
 def judged(side="left", radius=0.0, overlap=0.2, **run):

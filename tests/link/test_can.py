@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import j1939 as other_stack
 import pytest
-from can_rig import MS, NS, own_bus, setup, way
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,6 +21,7 @@ from swath.link.can.bus import CLAIM, Message, Node, Where, open_bus
 from swath.link.can.codec import Codec
 from swath.link.levels.can import BoxError, CanSteering, Params
 from swath.signals import CropEdge, Odometry
+from tests.link.can_rig import MS, NS, own_bus, setup, way
 
 CODEC = Codec()
 

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from fmu_scenario import TEXT
-from made_fmus import engine_fmu, needs_cc, store_fmu
 
 from swath.core.errors import SwathError
 from swath.report.report import ReportWriter
@@ -11,6 +9,8 @@ from swath.run.job import run_job
 from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
+from tests.link.fmu_scenario import TEXT
+from tests.link.made_fmus import engine_fmu, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -1,9 +1,9 @@
 """`swath fmu show` and `swath fmu check`, as printed."""
 
 import pytest
-from made_fmus import PROCESS, engine_fmu, needs_cc, store_fmu
 
 from swath.commands.main import main
+from tests.link.made_fmus import PROCESS, engine_fmu, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -4,13 +4,13 @@ import re
 import zipfile
 
 import pytest
-from fmu_scenario import process_part
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from made_fmus import engine_fmu, engine_xml, needs_cc, process_xml, store_fmu
 
 from swath.core.errors import InputError
 from swath.link.fmi.description import read_fmu
+from tests.link.fmu_scenario import process_part
+from tests.link.made_fmus import engine_fmu, engine_xml, needs_cc, process_xml, store_fmu
 
 pytest.importorskip("fmpy")
 WHOLE = process_xml()

@@ -3,12 +3,12 @@
 from math import exp
 
 import pytest
-from made_fmus import engine_fmu, needs_cc, python_fmu, store_fmu
 
 from swath.link.fmi.description import read_fmu
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.open_unit import make_instance
 from swath.link.fmi.own import OwnProcess
+from tests.link.made_fmus import engine_fmu, needs_cc, python_fmu, store_fmu
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -5,8 +5,15 @@ import sys
 import zipfile
 
 import pytest
-from fmu_scenario import NO_POWERS, process_part, scenario
-from made_fmus import (
+
+from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.judge.referee import Referee
+from swath.run.job import run_job
+from swath.run.loop import drive
+from swath.run.world import assemble
+from swath.scenario.scenario import load_scenario
+from tests.link.fmu_scenario import NO_POWERS, process_part, scenario
+from tests.link.made_fmus import (
     CAN,
     ENGINE_PY,
     FEED,
@@ -17,13 +24,6 @@ from made_fmus import (
     python_fmu,
     store_fmu,
 )
-
-from swath.core.errors import InputError, MissingExtra, SwathError
-from swath.judge.referee import Referee
-from swath.run.job import run_job
-from swath.run.loop import drive
-from swath.run.world import assemble
-from swath.scenario.scenario import load_scenario
 
 pytest.importorskip("fmpy")
 INSTANT = {"time_constant": 1e-15}
@@ -90,7 +90,7 @@ def test_masses_per_step_and_flows_feed_the_same(store, folder, as_built_in):
 
 
 def _process():
-    from made_fmus import PROCESS
+    from tests.link.made_fmus import PROCESS
 
     return PROCESS
 

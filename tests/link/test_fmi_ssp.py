@@ -5,10 +5,17 @@ from math import exp
 from types import SimpleNamespace
 
 import pytest
-from fmu_scenario import process_part, scenario
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from made_fmus import (
+
+from swath.core.errors import InputError
+from swath.judge.referee import Referee
+from swath.link.fmi.composite import Composite, describe_system
+from swath.link.fmi.ssp import read_system
+from swath.run.loop import drive
+from swath.run.world import assemble
+from tests.link.fmu_scenario import process_part, scenario
+from tests.link.made_fmus import (
     PROCESS,
     SSD,
     component,
@@ -20,13 +27,6 @@ from made_fmus import (
     store_fmu,
     system,
 )
-
-from swath.core.errors import InputError
-from swath.judge.referee import Referee
-from swath.link.fmi.composite import Composite, describe_system
-from swath.link.fmi.ssp import read_system
-from swath.run.loop import drive
-from swath.run.world import assemble
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -6,9 +6,9 @@ import shlex
 from pathlib import Path
 
 import pytest
-from made_fmus import CAN, PROCESS, needs_cc, store_fmu
 
 from swath.commands.main import main
+from tests.link.made_fmus import CAN, PROCESS, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cc

@@ -3,8 +3,6 @@
 import itertools
 
 import pytest
-from fmu_scenario import process_part, scenario
-from made_fmus import PROCESS, needs_cc, store_fmu
 
 from swath.core.errors import InputError
 from swath.link.fmi.feed import Feed
@@ -14,6 +12,8 @@ from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.signals import CropFlow
 from swath.signals.flat import flat_fields
+from tests.link.fmu_scenario import process_part, scenario
+from tests.link.made_fmus import PROCESS, needs_cc, store_fmu
 
 pytest.importorskip("fmpy")
 MS = 1_000_000

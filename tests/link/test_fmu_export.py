@@ -4,14 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
-from fmu_host import Host
-from fmu_scenario import TEXT
 
 from swath.core.schedule import NS
 from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.signals.flat import flat_fields, read
+from tests.link.fmu_host import Host
+from tests.link.fmu_scenario import TEXT
 
 pytest.importorskip("fmpy", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu3", reason="needs the extra fmi")

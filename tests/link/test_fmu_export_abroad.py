@@ -7,13 +7,13 @@ import zipfile
 
 import numpy as np
 import pytest
-from fmu_host import Host
-from fmu_scenario import TEXT
 
 from swath.core.errors import InputError
 from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
+from tests.link.fmu_host import Host
+from tests.link.fmu_scenario import TEXT
 
 pytest.importorskip("fmpy", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu3", reason="needs the extra fmi")

@@ -4,7 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import (
+
+from swath.core.errors import InputError, MissingExtra
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.link.levels.log import LogPlayer
+from swath.link.log_sources import GeoOrigin, Params
+from swath.record.read.files import open_log
+from swath.record.read.tangent_plane import TangentPlane
+from swath.scenario.slots import SLOTS
+from swath.sensing.mount import Mount
+from swath.signals import MachineState, Odometry, Scan, SpeedCommand, SteerCommand, SteerState
+from swath.signals.setup import ControlSetup, LinkSetup
+from tests.bags import (
     AZIMUTH,
     BEGIN,
     KINDS,
@@ -18,19 +30,7 @@ from bags import (
     ranges_at,
     write_bag,
 )
-from fake_run import GEOMETRY
-
-from swath.core.errors import InputError, MissingExtra
-from swath.core.frames import Pose
-from swath.core.random import Stream
-from swath.link.levels.log import LogPlayer
-from swath.link.log_sources import GeoOrigin, Params
-from swath.record.read.files import open_log
-from swath.record.read.tangent_plane import TangentPlane
-from swath.scenario.slots import SLOTS
-from swath.sensing.mount import Mount
-from swath.signals import MachineState, Odometry, Scan, SpeedCommand, SteerCommand, SteerState
-from swath.signals.setup import ControlSetup, LinkSetup
+from tests.fake_run import GEOMETRY
 
 
 @pytest.fixture(scope="module")
@@ -275,7 +275,7 @@ def test_a_first_message_that_comes_late_is_said(tmp_path):
 
 
 def test_a_scan_without_a_mounting(tmp_path):
-    from bags import Bag
+    from tests.bags import Bag
 
     bag = Bag(tmp_path / "bare", "mcap")
     for k in range(5):

@@ -1,11 +1,11 @@
 """Pacing by a clock that a test moves: deadlines, overruns and whom they belong to, the three policies."""
 
 import pytest
-from fake_clock import FakeClock
 
 from swath.run.clock import scheduling
 from swath.run.pacing import Exchange, OverrunError, Pacer
 from swath.scenario.sections import RealTime
+from tests.fake_clock import FakeClock
 
 MS, NS = 1_000_000, 1_000_000_000
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from pyarrow.parquet import read_table
-from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 from swath.run.changes import read_events
 from swath.run.job import run_job
 from swath.scenario.scenario import parse_scenario
+from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 pytestmark = needs_ros2
 

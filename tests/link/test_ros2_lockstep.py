@@ -9,12 +9,12 @@ import time
 import pytest
 from mcap.reader import make_reader
 from pyarrow.parquet import read_table
-from ros2_rig import CHEAP, EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
 
 from swath.core.errors import InputError, SwathError
 from swath.run.job import run_job
 from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
+from tests.link.ros2_rig import CHEAP, EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
 
 pytestmark = needs_ros2
 IN_PROCESS = f"level: {HERE / 'law_level.py'}:LawInProcess"

@@ -7,10 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_run import GEOMETRY, MOUNTING
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 from swath.core.component import Port
 from swath.core.errors import SwathError
@@ -20,6 +18,8 @@ from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.signals import CropEdge, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
+from tests.fake_run import GEOMETRY, MOUNTING
+from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 pytestmark = [*needs_ros2, pytest.mark.usefixtures("domain")]
 

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from ros2_rig import LEAKS, domain, needs_ros2  # noqa: F401
+from tests.link.ros2_rig import LEAKS, domain, needs_ros2  # noqa: F401
 
 pytestmark = needs_ros2
 ROOT = Path(__file__).parents[2]

@@ -1,11 +1,11 @@
 import pytest
 import yaml
-from machine_fakes import site
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import Card, card_names, find_card
 from swath.machine.machine_sheet import MachineCard, dynamics_of, load_machine
 from swath.signals.setup import MachineGeometry
+from tests.machine.machine_fakes import site
 
 
 @pytest.mark.parametrize("name", card_names("machines"))

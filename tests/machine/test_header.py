@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machine_fakes import STREAM, Ground, site
 
 from swath.core.frames import Pose
 from swath.machine.header.fixed_height import FixedHeightHeader, Params
 from swath.machine.sweep import signed_area, swept
 from swath.signals import MachineState
+from tests.machine.machine_fakes import STREAM, Ground, site
 
 
 def state(x, y, yaw, t=0):

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, Ground, site
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
@@ -15,6 +14,7 @@ from swath.machine.header import fixed_height
 from swath.machine.header.height_control import HeightControlHeader, Params
 from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
 from swath.signals import MachineState
+from tests.machine.machine_fakes import STREAM, Ground, site
 
 DT = 20_000_000
 # no lag anywhere, feelers at the knife: what is left is the control law

@@ -2,12 +2,12 @@ import math
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, Ground, drive, site, slope
 
 from swath.core.frames import Pose
 from swath.machine.loops import approach
 from swath.machine.motion.kinematic import Kinematic, Params
 from swath.signals import SpeedCommand, SteerState
+from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope
 
 
 def make(**kwargs):

@@ -1,11 +1,11 @@
 from dataclasses import is_dataclass
 
 import pytest
-from machine_fakes import STREAM, site
 
 from swath.core.component import Component
 from swath.core.errors import MissingExtra
 from swath.core.registry import Registry
+from tests.machine.machine_fakes import STREAM, site
 
 SLOTS = {
     kind: [f"swath.machine.{kind}"] for kind in ("motion", "header", "process", "powertrain", "steering")

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, Ground, drive, site, slope
 
 from swath.core.errors import InputError, MissingExtra
 from swath.machine.machine_sheet import load_machine, masses_of, with_grain
 from swath.machine.motion.multibody import Multibody, Params
 from swath.machine.multibody.model import parts_of
 from swath.signals import EngineState, HeaderState, MachineLoad, SpeedCommand, SteerState
+from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra `multibody`")
 CARD = load_machine("lexion-700")

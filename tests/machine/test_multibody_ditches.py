@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, Ground, drive, site
 
 from swath.machine.machine_sheet import load_machine, masses_of
 from swath.machine.motion.multibody import Multibody, Params
 from swath.signals import SpeedCommand, SteerState
+from tests.machine.machine_fakes import STREAM, Ground, drive, site
 
 pytest.importorskip("mujoco", reason="needs the extra `multibody`")
 CARD = load_machine("lexion-700")

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, drive, site, slope
 
 from swath.machine.machine_sheet import load_machine, with_grain
 from swath.machine.motion import kinematic, single_track
 from swath.machine.motion.multibody import Multibody, Params
 from swath.signals import SpeedCommand, SteerState
+from tests.machine.machine_fakes import STREAM, drive, site, slope
 
 pytest.importorskip("mujoco", reason="needs the extra `multibody`")
 CARD = load_machine("lexion-700")

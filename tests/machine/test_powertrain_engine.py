@@ -2,8 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, site
-from works_rig import state
 
 from swath.machine.drivetrain_sheet import works_of
 from swath.machine.machine_sheet import dynamics_of
@@ -21,6 +19,8 @@ from swath.machine.powertrain.power_balance import (
     pull,
 )
 from swath.signals import MachineLoad
+from tests.machine.machine_fakes import STREAM, site
+from tests.machine.works_rig import state
 
 SITE = site(period=0.05)
 WORKS, DYNAMICS = works_of(SITE.machine), dynamics_of(SITE.machine)

@@ -3,7 +3,8 @@
 from itertools import pairwise
 
 import pytest
-from works_rig import Rig
+
+from tests.machine.works_rig import Rig
 
 RECORD = 7.35 / 3.6
 

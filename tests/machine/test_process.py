@@ -2,13 +2,13 @@ import math
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, Ground, site
 
 from swath.core.frames import Pose
 from swath.machine.compensated_sum import Total
 from swath.machine.process.constant import ConstantProcess, Params
 from swath.machine.sweep import signed_area
 from swath.signals import CropFlow, MachineState
+from tests.machine.machine_fakes import STREAM, Ground, site
 
 
 def state(x, yaw=0.0):

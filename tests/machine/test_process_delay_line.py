@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machine_fakes import STREAM, Ground, site
-from works_rig import flow, state
 
 from swath.core.errors import InputError
 from swath.machine.process.delay_line import DelayLineProcess, Params
+from tests.machine.machine_fakes import STREAM, Ground, site
+from tests.machine.works_rig import flow, state
 
 STEP = 100_000_000
 

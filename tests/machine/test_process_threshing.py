@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machine_fakes import STREAM, site
-from works_rig import GRAIN, STRAW, WIDTH, Rig, flow, state
 
 from swath.core.errors import InputError
 from swath.machine.drivetrain_sheet import works_of
@@ -13,6 +11,8 @@ from swath.machine.process.rotor import coupled_one
 from swath.machine.process.threshing import Params, ThreshingProcess, shoe_load, shoe_loss
 from swath.signals import EngineState
 from swath.signals.setup import MachineGeometry
+from tests.machine.machine_fakes import STREAM, site
+from tests.machine.works_rig import GRAIN, STRAW, WIDTH, Rig, flow, state
 
 RECORD = 7.35 / 3.6
 WORKS = works_of(site().machine)

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, drive, site, slope
 
 from swath.machine import tyre
 from swath.machine.machine_sheet import load_machine, with_grain
 from swath.machine.motion import kinematic
 from swath.machine.motion.single_track import Params, SingleTrack
 from swath.signals import MachineLoad, SpeedCommand, SteerState
+from tests.machine.machine_fakes import STREAM, drive, site, slope
 
 CARD = load_machine("lexion-700")
 D = CARD.dynamics

@@ -2,12 +2,12 @@ import math
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, site
 
 from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.machine.steering import actuator, ideal
 from swath.signals import SteerCommand
+from tests.machine.machine_fakes import STREAM, site
 
 WHEELBASE = 3.9
 

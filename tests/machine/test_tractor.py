@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from machine_fakes import STREAM, Ground, drive, site, slope
 
 from swath.core.errors import InputError
 from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import load_machine
 from swath.machine.motion import kinematic, single_track
 from swath.signals import SpeedCommand, SteerState
+from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope
 
 CARD = load_machine("tractor-grain-cart")
 D, L, G = CARD.dynamics, CARD.wheelbase, 9.81

@@ -1,13 +1,12 @@
 """A process and a powertrain driven over even ground, without field and world."""
 
-from machine_fakes import STREAM, Ground, site
-
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.machine.powertrain.hydrostat import HydrostatPowertrain
 from swath.machine.powertrain.hydrostat import Params as DriveParams
 from swath.machine.process.threshing import Params, ThreshingProcess
 from swath.signals import CropFlow, MachineState
+from tests.machine.machine_fakes import STREAM, Ground, site
 
 WIDTH = 12.0  # of the header [m]
 GRAIN, STRAW = 0.97, 0.97 * 0.65  # of the record's wheat [kg/m2]

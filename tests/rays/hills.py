@@ -1,16 +1,11 @@
 """A field with everything that rays can meet at once."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "field"))
-from made_field import made_field, rectangle
 
 from swath.field.stand import maps
 from swath.field.terrain import formula
 from swath.field.weeds import Weeds
+from tests.field.made_field import made_field, rectangle
 
 
 def make_hills():

@@ -14,10 +14,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages, small_library, wheat
 
 from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
+from tests.rays.hand_field import HandField, make_pages, small_library, wheat
 
 STEM, EAR, EAR_LENGTH, HEIGHT, CV = 0.0035, 0.012, 0.09, 0.85, 0.08
 RAYS = 40_000

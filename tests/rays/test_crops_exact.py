@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages
-from reference import cast_slowly
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
@@ -11,6 +9,8 @@ from swath.field.memory_layout import Organ
 from swath.field.prototypes import make_library
 from swath.field.weeds import Weeds, weed_crop
 from swath.rays.engine import RayCaster
+from tests.rays.hand_field import HandField, make_pages
+from tests.rays.reference import cast_slowly
 
 COUNT = 60
 CROPS = {

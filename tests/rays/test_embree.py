@@ -6,8 +6,6 @@ A capsule becomes a 64-sided prism with rounded ends and the capsule's mean silh
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages, small_library
-from reference import cell_code
 
 from swath.field.memory_layout import STANDING, Organ
 from swath.rays.engine import RayCaster
@@ -17,6 +15,8 @@ from swath.rays.triangles import (
     ribbon_triangles,
     to_stand,
 )
+from tests.rays.hand_field import HandField, make_pages, small_library
+from tests.rays.reference import cell_code
 
 rtcore = pytest.importorskip("embreex.rtcore_scene", reason="embreex is not installed")
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages, set_bumps, small_library
-from reference import cast_slowly
 
 from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
+from tests.rays.hand_field import HandField, make_pages, set_bumps, small_library
+from tests.rays.reference import cast_slowly
 
 LIBRARY = small_library(300, tiles=2)
 COUNT = 120

@@ -1,16 +1,9 @@
 """Rays in groups against the plain kernel: any terrain, crop, sensor and bundle."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bundle_rays import bundles, check_same
-from hand_field import HandField, make_pages, set_bumps, small_library
-from hills import make_hills, over
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "field"))
-from made_field import made_field
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -21,6 +14,10 @@ from swath.field.stand import uniform
 from swath.field.wind import Wind
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Beam, spot_pattern, spots, sub_rays, turned_pattern
+from tests.field.made_field import made_field
+from tests.rays.bundle_rays import bundles, check_same
+from tests.rays.hand_field import HandField, make_pages, set_bumps, small_library
+from tests.rays.hills import make_hills, over
 
 LIBRARY = small_library(400, tiles=3)
 DEG = np.pi / 180.0

@@ -4,8 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages
-from reference import cast_slowly
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
@@ -14,6 +12,8 @@ from swath.field.mesh_file import read_mesh
 from swath.field.prototypes import make_library
 from swath.field.weeds import Weeds, weed_crop
 from swath.rays.engine import RayCaster
+from tests.rays.hand_field import HandField, make_pages
+from tests.rays.reference import cast_slowly
 
 pytest.importorskip("trimesh", reason="trimesh is not installed")
 

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages, small_library
 from pydantic import TypeAdapter
 
 from swath.core.errors import InputError
@@ -22,6 +21,7 @@ from swath.field.solids import (
     solid_count,
 )
 from swath.rays.engine import RayCaster
+from tests.rays.hand_field import HandField, make_pages, small_library
 
 pytest.importorskip("trimesh", reason="trimesh is not installed")
 

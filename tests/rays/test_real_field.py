@@ -1,19 +1,14 @@
 """Rays through a field as runs make it: rough terrain, lodged patches, a cut strip with straw."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from reference import cast_slowly
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "field"))
-from made_field import made_field, rectangle
 
 from swath.field.memory_layout import Organ
 from swath.field.stand import maps
 from swath.field.terrain import formula
 from swath.rays.engine import RayCaster
+from tests.field.made_field import made_field, rectangle
+from tests.rays.reference import cast_slowly
 
 COUNT = 100
 

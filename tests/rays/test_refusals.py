@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages, small_library
 
 from swath.core.errors import InputError
 from swath.rays.engine import RayCaster
 from swath.rays.refusals import check_origins
+from tests.rays.hand_field import HandField, make_pages, small_library
 
 LIBRARY = small_library(50, tiles=1)
 DOWN = np.array([0.0, 0.0, -1.0])

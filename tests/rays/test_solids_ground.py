@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages, small_library
 
 from swath.core.errors import SwathError
 from swath.field.memory_layout import Organ, Solids
 from swath.rays.device import start_warp, thread_count
 from swath.rays.engine import RayCaster
+from tests.rays.hand_field import HandField, make_pages, small_library
 
 LIBRARY = small_library(300, tiles=2)
 

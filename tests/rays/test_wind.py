@@ -1,21 +1,16 @@
 """Crop that sways: rays against every primitive, the closed form of the shift, time, tops of tiles."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from hand_field import HandField, make_pages, small_library
-from reference import cast_slowly
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "field"))
-from made_field import made_field, rectangle
 
 from swath.field.height_bounds import update_tops
 from swath.field.memory_layout import Organ
 from swath.field.stand import uniform
 from swath.field.wind import Sway, Wind, make_sway
 from swath.rays.engine import RayCaster
+from tests.field.made_field import made_field, rectangle
+from tests.rays.hand_field import HandField, make_pages, small_library
+from tests.rays.reference import cast_slowly
 
 S = 1_000_000_000  # ns
 WIND = Wind(azimuth_deg=50.0, sway_deg=7.0, steady_deg=4.0, wavelength_m=3.0, period_s=1.6)

@@ -4,7 +4,6 @@ from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 import pytest
-from fake_run import ArcEdge, GridField, drive, machine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from swath.record.read.mcap_log import McapLog
 from swath.record.recorder import Recorder
 from swath.record.samples import can_keep, signal_type, unpack
 from swath.signals import F64, Scan, ScanTruth, Signal
+from tests.fake_run import ArcEdge, GridField, drive, machine
 
 
 @dataclass(frozen=True)

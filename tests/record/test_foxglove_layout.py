@@ -4,13 +4,13 @@ import json
 import re
 
 import pytest
-from fake_run import ArcEdge, GridField, drive, machine
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.documents.data_sheets import viewer_layout
 from swath.record.recorder import Recorder
 from swath.signals import Scan
+from tests.fake_run import ArcEdge, GridField, drive, machine
 
 LAYOUT = json.loads(viewer_layout().read_text())
 PATHS = [p["value"] for c in LAYOUT["configById"].values() for p in c.get("paths", ())]

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_run import MOUNTING, ArcEdge, GridField, drive, machine
 
 from swath.record.mcap_file import definition
 from swath.record.messages import is_laser_scan
 from swath.record.recorder import Recorder
 from swath.record.tracks import Column, read_tracks
 from swath.signals import F64, MachineState, Scan, Signal
+from tests.fake_run import MOUNTING, ArcEdge, GridField, drive, machine
 
 
 @pytest.fixture(scope="module")
@@ -280,13 +280,13 @@ def test_a_killed_run_leaves_a_readable_file(tmp_path):
     code = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
-        "from fake_run import *\n"
+        "from tests.fake_run import *\n"
         "from swath.record.recorder import Recorder\n"
         "def stop(slot, t, outputs):\n"
         "    if t > 3 * 10**9: os.kill(os.getpid(), signal.SIGKILL)\n"
         "drive([Recorder(Path(sys.argv[1]), [machine()]), stop], GridField(ArcEdge()), seconds=9.0)\n"
     )
-    tests = str(Path(__file__).parents[1])
+    tests = str(Path(__file__).parents[2])
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([tests, *sys.path])}
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], env=env, check=False)
     assert done.returncode == -signal.SIGKILL

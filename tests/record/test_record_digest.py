@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from fake_run import ArcEdge, GridField, drive
 
 from swath.core.frames import Pose
 from swath.record.digest import Digest
 from swath.signals import CropEdge, MachineState, Scan, Signal
+from tests.fake_run import ArcEdge, GridField, drive
 
 EDGE = CropEdge(5, 1.0, 0.1, 0.0, 8.0, 0.5, 0.8, 0.1)
 STATE = MachineState(5, Pose.identity(), 2.0, 0.0, 0.0, 0.0, 1.0)

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake_run import ArcEdge, GridField, drive, machine
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.field.projection import Origin
 from swath.record.recorder import Recorder
 from swath.signals import MachineState
+from tests.fake_run import ArcEdge, GridField, drive, machine
 
 pyproj = pytest.importorskip("pyproj")
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake_run import ArcEdge, GridField, drive, machine
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -14,6 +13,7 @@ from swath.record.read.messages import Context, maker_for
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.signals import FIX_QUALITIES, Fix, Inertial
+from tests.fake_run import ArcEdge, GridField, drive, machine
 
 NS = 1_000_000_000
 NAN = float("nan")

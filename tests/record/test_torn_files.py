@@ -4,11 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
-from bags import BEGIN, Bag
-from fake_run import ArcEdge, GridField, drive, machine
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from test_exact_samples import same_bits
 
 from swath.commands.main import main
 from swath.core.errors import InputError
@@ -16,6 +13,9 @@ from swath.record.read.feed import exact_samples, exact_topic, own_outputs
 from swath.record.read.files import open_log
 from swath.record.read.mcap_log import BROKEN, CUT_OFF, DAMAGED, McapLog
 from swath.record.recorder import Recorder
+from tests.bags import BEGIN, Bag
+from tests.fake_run import ArcEdge, GridField, drive, machine
+from tests.record.test_exact_samples import same_bits
 
 MANY = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 SLOTS = ("combine.motion", "combine.lidar", "combine.edge", "combine.steering")

@@ -5,7 +5,6 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 
 from swath.judge.referee import Referee
 from swath.judge.summary import make_summary, write_summary
@@ -15,6 +14,7 @@ from swath.report.page import render
 from swath.report.plots import figure
 from swath.report.report import ReportData, write_report
 from swath.report.scan_sampler import ScanKeeper, circles_of, make_map
+from tests.fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 
 LIMITS = {"edge_rmse_m": {"max": 0.5}, "lateral_rms_m": {"max": 0.001}}
 

@@ -1,10 +1,10 @@
 """Which values of a run nobody wrote, and how they are said."""
 
 import pytest
-from fake_levels import FAKE, GOOD
 
 from swath.scenario.defaults import default_lines, defaults, paragraphs
 from swath.scenario.scenario import parse_scenario
+from tests.fake_levels import FAKE, GOOD
 
 SHORT = "{name: a, field: {edge: {shape: straight}}, combine: {lidar: plants}}"
 

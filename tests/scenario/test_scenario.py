@@ -1,10 +1,10 @@
 """Scenario files: what is read, what is refused and with which words."""
 
 import pytest
-from fake_levels import FAKE, GOOD
 
 from swath.core.errors import InputError, SwathError
 from swath.scenario.scenario import load_scenario, parse_scenario
+from tests.fake_levels import FAKE, GOOD
 
 
 def read(text=GOOD, **options):

@@ -4,7 +4,6 @@ import copy
 from functools import cache
 
 import jsonschema
-from fake_levels import FAKE, GOOD
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +11,7 @@ from swath.core.errors import SwathError
 from swath.documents.yaml_document import dump, parse
 from swath.scenario.scenario import Scenario, parse_scenario
 from swath.scenario.schema import scenario_schema
+from tests.fake_levels import FAKE, GOOD
 
 NASTY = [None, True, False, -1, 0, 1 << 40, -(1 << 62), 1e308, -1e308, 5e-324, "", "7 km/h", "nan", "x" * 500]
 NASTY += [".nan", "off", "a.py:B", "..", "/", "\0", "é\n\t", "../../etc", "__init__", "level", [], {}, [[]]]

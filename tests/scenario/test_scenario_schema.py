@@ -4,12 +4,12 @@ import json
 
 import jsonschema
 import pytest
-from fake_levels import FAKE, GOOD
 
 from swath.documents.yaml_document import parse
 from swath.scenario.reference import reference
 from swath.scenario.scenario import parse_scenario
 from swath.scenario.schema import meanings, scenario_schema
+from tests.fake_levels import FAKE, GOOD
 
 
 @pytest.fixture(scope="module")

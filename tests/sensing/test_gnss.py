@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven_states import circle, column, feed, rolling, setup_of, standing, state, straight
 
 from swath.core.random import Stream
 from swath.documents.validation import validate
@@ -16,6 +15,7 @@ from swath.sensing.gnss.ideal import IdealGnss
 from swath.sensing.gnss.ideal import Params as IdealParams
 from swath.sensing.gnss.receiver_errors import FIGURES
 from swath.signals import FIX_QUALITIES
+from tests.sensing.driven_states import circle, column, feed, rolling, setup_of, standing, state, straight
 
 TOP = Place(x_m=0.0, y_m=0.0, z_m=4.0)
 EXACT = {"noise_cm": 0.0, "wander_cm": 0.0, "velocity_noise_m_s": 0.0, "latency_ms": 0.0}

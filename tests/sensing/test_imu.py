@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from driven_states import circle, column, feed, setup_of, standing, state, straight
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -12,6 +11,7 @@ from swath.sensing.imu.ideal import IdealImu
 from swath.sensing.imu.ideal import Params as IdealParams
 from swath.sensing.imu.noise_grades import UNITS, Axis
 from swath.sensing.imu.strapdown import GRAVITY, Place, rotation_of, rotation_vector
+from tests.sensing.driven_states import circle, column, feed, setup_of, standing, state, straight
 
 STEP = 10_000_000
 PERIOD = 0.01

@@ -9,17 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from replay_rig import (
-    SHARES,
-    TEXT,
-    drive,
-    hand_grid,
-    heights_of,
-    set_where,
-    small_world,
-    source_of,
-    wasserstein,
-)
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -32,6 +21,17 @@ from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar.replay import Params, ReplayLidar, _mixed
 from swath.tools.height_map.build import build_replay
+from tests.sensing.replay_rig import (
+    SHARES,
+    TEXT,
+    drive,
+    hand_grid,
+    heights_of,
+    set_where,
+    small_world,
+    source_of,
+    wasserstein,
+)
 
 
 def ray(x, y, z, towards, down_deg):

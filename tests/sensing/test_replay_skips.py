@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from replay_rig import hand_grid, levels, set_where
 
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import DEEP, EVEN, NODE_CELLS, NODES, PER_THICKNESS, TILE
 from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster
+from tests.sensing.replay_rig import hand_grid, levels, set_where
 
 
 def patchy_grid(rng, yaw):

@@ -3,11 +3,11 @@
 import dataclasses
 
 import pytest
-from test_empirical import scan, site
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.sensing.lidar import empirical, plants
+from tests.sensing.test_empirical import scan, site
 
 DOWN = Pose.from_euler((25.0, 50.0, 3.0), 0.0, 0.35, 0.3)
 UP = Pose.from_euler((25.0, 50.0, 3.0), 0.0, -1.2, 0.3)

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_empirical import scan, site
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -12,6 +11,7 @@ from swath.sensing.lidar import empirical
 from swath.sensing.mount import poses_at
 from swath.sensing.sweep import ROOM, Sweep
 from swath.signals import MachineState
+from tests.sensing.test_empirical import scan, site
 
 POSE = Pose.from_euler((25.0, 50.0, 3.0), 0.0, 0.35, 0.3)
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from bags import KINDS, MOUNT, PLANE, START, write_bag
 
 from swath.commands.main import main
 from swath.core.errors import InputError
@@ -10,6 +9,7 @@ from swath.rays.height_grid import load_height_grid
 from swath.rays.heights import surface
 from swath.tools.height_map.build import Settings, build_replay, open_source
 from swath.tools.height_map.source import Wanted
+from tests.bags import KINDS, MOUNT, PLANE, START, write_bag
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_on_the_command_line(bags, tmp_path, capsys):
 
 
 def test_a_receiver_that_stands_or_has_no_fix(tmp_path):
-    from bags import Bag, ranges_at
+    from tests.bags import Bag, ranges_at
 
     for name, places, status, text in (
         ("stands", [(0.0, 0.0, 0.0)] * 9, 0, "expected a machine that moves"),

@@ -1,9 +1,9 @@
 """Bad input: one clear line, exit code 2, nothing left behind."""
 
 import pytest
-from small import TEXT
 
 from swath.commands.main import main
+from tests.whole.small import TEXT
 
 CASES = {
     "unknown key": ("combine.lidar.sub_ray=7", "did you mean 'sub_rays'"),

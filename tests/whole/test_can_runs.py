@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_clock import FakeClock
 from pyarrow.parquet import read_table
 
 from swath.core.errors import InputError
@@ -20,6 +19,7 @@ from swath.run.loop import drive
 from swath.run.pacing import make_pacer, paced
 from swath.run.world import assemble
 from swath.scenario.scenario import load_scenario
+from tests.fake_clock import FakeClock
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "can"

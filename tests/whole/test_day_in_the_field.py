@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from bags import SPEED, START, write_bag
 
 from swath.commands.main import main
 from swath.record.tracks import read_tracks
+from tests.bags import SPEED, START, write_bag
 
 BEGIN = START[0] + SPEED * 7.0  # east, where the run starts within the log [m]
 SCENARIO = """

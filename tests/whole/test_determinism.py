@@ -3,11 +3,11 @@
 import pickle
 
 import pytest
-from small import small
 
 from swath.record.digest import Digest
 from swath.run.loop import drive
 from swath.run.world import assemble
+from tests.whole.small import small
 
 
 def digest_of(*sets):

@@ -6,13 +6,13 @@ import numpy as np
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small import TEXT
 
 from swath.core.errors import SwathError
 from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.signals import MachineState
+from tests.whole.small import TEXT
 
 BASE = yaml.safe_load(TEXT)
 SHORT = ["run.max_duration_s=0.09", "combine.lidar.sub_rays=1", "combine.lidar.step_deg=4"]

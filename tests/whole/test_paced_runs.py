@@ -3,8 +3,6 @@
 import json
 
 import pytest
-from fake_clock import FakeClock
-from small import small
 
 from swath.commands.main import main
 from swath.core.errors import InputError
@@ -12,6 +10,8 @@ from swath.record.digest import Digest
 from swath.run.loop import drive
 from swath.run.pacing import make_pacer, paced
 from swath.run.world import assemble
+from tests.fake_clock import FakeClock
+from tests.whole.small import small
 
 MS = 1_000_000
 CHEAP = "realtime.degrade=[{slot: combine.lidar, level: empirical}, {slot: combine.edge, level: truth}]"

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from small import small
 
 from swath.commands.main import main
 from swath.core.errors import InputError
@@ -20,6 +19,7 @@ from swath.run.job import run_job
 from swath.scenario.slots import SLOTS
 from swath.tools.rerun.command import with_verb
 from swath.tools.rerun.rerun import plan_again
+from tests.whole.small import small
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def test_a_killed_run_can_be_played(tmp_path):
     code = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
-        "from small import small\n"
+        "from tests.whole.small import small\n"
         "from swath.run.hooks import RunHook\n"
         "from swath.run.job import run_job\n"
         "class Kill(RunHook):\n"
@@ -119,7 +119,7 @@ def test_a_killed_run_can_be_played(tmp_path):
         "        if t > 1.8 * 10**9: os.kill(os.getpid(), signal.SIGKILL)\n"
         "run_job(small('run.record=full'), Path(sys.argv[1]), hooks=[Kill()])\n"
     )
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])}
     done = subprocess.run([sys.executable, "-c", code, str(out)], env=env, check=False)
     assert done.returncode == -signal.SIGKILL
     assert not (out / "summary.json").exists()

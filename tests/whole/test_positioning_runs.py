@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from small import small
 
 from swath.core.schedule import NS
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.mcap_log import McapLog
 from swath.run.job import run_job
 from swath.tools.rerun.rerun import plan_again
+from tests.whole.small import small
 
 LAW = '''
 from swath.core.component import Port

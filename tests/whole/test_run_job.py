@@ -4,12 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from small import TEXT, small
 
 from swath.commands.main import main
+from swath.report.report import ReportWriter
 from swath.run.job import run_job
 from swath.scenario.scenario import load_scenario
 from swath.tools.scan.scan import converge_job, scan_job
+from tests.whole.small import TEXT, small
 
 CONTRACT = {
     "edge_rmse_m",

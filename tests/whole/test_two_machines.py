@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from small import TEXT
 
 from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
@@ -10,6 +9,7 @@ from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.signals import ScanTruth
+from tests.whole.small import TEXT
 
 SECOND = """
 other:
