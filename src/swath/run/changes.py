@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from swath.core.abilities import Closes
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
@@ -90,8 +91,8 @@ class Interventions:
         try:
             exchange(self.world, name, component, wires, state=state)
         except BaseException as error:
-            if callable(close := getattr(component, "close", None)):
-                close()
+            if isinstance(component, Closes):
+                component.close()
             if isinstance(error, (LookupError, TypeError, ValueError)):
                 text = f"cannot change on the way, the state of the part does not fit ({error})"
                 raise InputError(name, None, text) from error

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
+from swath.core.abilities import ReadsFiles
 from swath.core.errors import InputError
 from swath.core.graph import Observer
 from swath.core.schedule import NS
@@ -99,7 +100,7 @@ def _spare_what_is_read(world: World, out: Path) -> None:
     """A run must not be written over the recording that it plays."""
     for machine in world.machines.values():
         for part in machine.parts.values():
-            for file in getattr(part, "reads", ()):
+            for file in part.reads if isinstance(part, ReadsFiles) else ():
                 if file.resolve().parent == out.resolve():
                     raise InputError(
                         "--out", str(out), f"expected another folder, {file.name} in it is played"

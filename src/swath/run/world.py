@@ -6,6 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from swath.core.abilities import (
+    Closes,
+    CountsBeams,
+    CountsRays,
+    EndsRun,
+    HasMounting,
+    HasNotes,
+    HasOpticalFrame,
+    HasOverlap,
+    NeedsRealTime,
+)
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
@@ -55,18 +66,18 @@ class Machine:
     @property
     def ray_count(self) -> int:
         """Rays cast by all sensors so far."""
-        return sum(int(getattr(part, "ray_count", 0)) for part in self.all_parts)
+        return sum(part.ray_count for part in self.all_parts if isinstance(part, CountsRays))
 
     def coverage(self) -> dict[str, float]:
         """`unmeasured_beam_share` of a machine that replays measured scans, nothing of any other."""
-        told = [part for part in self.all_parts if hasattr(part, "unmeasured_count")]
+        told = [part for part in self.all_parts if isinstance(part, CountsBeams)]
         beams = sum(int(part.beam_count) for part in told)
         return {"unmeasured_beam_share": sum(int(p.unmeasured_count) for p in told) / beams} if beams else {}
 
     @property
     def notes(self) -> list[str]:
         """What the parts want the user to know about the run, each once."""
-        return [f"{self.name}: {n}" for part in self.all_parts for n in getattr(part, "notes", ())]
+        return [f"{self.name}: {n}" for p in self.all_parts if isinstance(p, HasNotes) for n in p.notes]
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
@@ -106,15 +117,15 @@ class World:
         """Let go of what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
         for machine in self.machines.values():
             for part in machine.all_parts:
-                if callable(close := getattr(part, "close", None)):
-                    close()
+                if isinstance(part, Closes):
+                    part.close()
 
     def end_with_parts(self, t: int) -> None:
-        """Before the tick at t [ns]: a part that has nothing to give any more ends the run."""
+        """Before the tick at t [ns]: a part that wants the run to end ends it."""
         for machine in self.machines.values():
             for slot, part in machine.parts.items():
-                if (end := getattr(part, "ends_at", None)) is not None and t >= end:
-                    raise EndOfRun(f"{machine.name}.{slot}: {part.ending}")
+                if isinstance(part, EndsRun) and (reason := part.end_reason(t)):
+                    raise EndOfRun(f"{machine.name}.{slot}: {reason}")
 
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
         """Observer of the graph: the bodies of the machines stand where the machines do."""
@@ -149,7 +160,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
         check_room(scenario, section, field, machine.card)
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, field, ground.obstacles, ground.driven, site.bodies, graph, machines)
-    if any(hasattr(part, "ends_at") for machine in machines.values() for part in machine.parts.values()):
+    if any(isinstance(part, EndsRun) for machine in machines.values() for part in machine.parts.values()):
         graph.before_tick.append(world.end_with_parts)
     return world
 
@@ -201,13 +212,13 @@ def _build_machine(section: MachineSection, site: Site) -> tuple[Machine, list[N
         parts[slot] = _make(section.name, slot, choice, setup)
         if slot == "process" and choice.found.is_link:
             parts[slot] = LaidStraw(parts[slot], site.field, card)
-        if isinstance(getattr(parts[slot], "mounting", None), Pose):
-            mountings[slot] = parts[slot].mounting
-        if isinstance(getattr(parts[slot], "optical", None), Pose):
-            mountings[slot + OPTICAL_FRAME] = parts[slot].optical
+        if isinstance(part := parts[slot], HasMounting) and isinstance(part.mounting, Pose):
+            mountings[slot] = part.mounting
+        if isinstance(part, HasOpticalFrame):
+            mountings[slot + OPTICAL_FRAME] = part.optical
     nodes = [_node(section, slot, choice, parts[slot], parts) for slot, choice in section.slots.items()]
-    steer = section.slots.get("steer")
-    overlap = float(getattr(steer.params, "overlap_m", 0.0)) if steer is not None else 0.0
+    steer = parts.get("steer")
+    overlap = float(steer.overlap) if isinstance(steer, HasOverlap) else 0.0
     side = section.common.edge_side
     machine = Machine(section.name, card, side, parts, mountings, overlap, origin=site.origin)
     return machine, nodes
@@ -251,8 +262,8 @@ def exchange(
     before, machine.parts[slot] = machine.parts[slot], component
     if state is None:
         machine.retired.append(before)
-    elif callable(close := getattr(before, "close", None)):
-        close()
+    elif isinstance(before, Closes):
+        before.close()
 
 
 def _setup(
@@ -358,5 +369,6 @@ def _node(
 def _check_pace(scenario: Scenario, machine: Machine) -> None:
     """Parts that answer by the clock on the wall need a run that goes by it."""
     for slot, part in machine.parts.items():
-        if (why := getattr(part, "needs_real_time", "")) and not scenario.is_paced:
-            raise InputError(f"{machine.name}.{slot}", None, f"{why}: expected a run with --real-time")
+        if isinstance(part, NeedsRealTime) and part.needs_real_time and not scenario.is_paced:
+            expected = f"{part.needs_real_time}: expected a run with --real-time"
+            raise InputError(f"{machine.name}.{slot}", None, expected)

@@ -76,6 +76,7 @@ class Preview:
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         machine = setup.machine
         self._p = params
+        self.overlap = params.overlap_m
         self._end = machine.header_end(setup.edge_side)
         self._outward = params.overlap_m if setup.edge_side == "left" else -params.overlap_m
         self._wheelbase = machine.wheelbase

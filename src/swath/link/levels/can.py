@@ -94,6 +94,7 @@ class CanSteering:
         if setup.slot != "steer":
             raise InputError("level", "can", "expected in the slot steer, it has no other messages")
         check_bus(params.where)
+        self.overlap = params.overlap_m
         self._p, self._name, self._control = params, setup.name, setup.control
         if params.period % round(setup.control.period * NS):
             expected = f"expected a multiple of the slot's {setup.control.period * 1e3:g} ms"

@@ -150,6 +150,10 @@ class LogPlayer:
             if port not in outputs or number not in flat_fields(outputs[port]) or "." in number:
                 raise InputError("scale", name, f"expected output.number; outputs: {', '.join(outputs)}")
 
+    def end_reason(self, t: int) -> str:
+        """Why the run ends at t [ns]: the log has nothing more to play."""
+        return self.ending if self.ends_at is not None and t >= self.ends_at else ""
+
     def _rewind(self) -> None:
         self.close()
         self._t = self._skipped = 0

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from swath.core.abilities import Closes, HasNotes
 from swath.core.component import Component, Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.machine.machine_sheet import MachineCard
@@ -27,8 +28,7 @@ class LaidStraw:
     @property
     def notes(self) -> Sequence[str]:
         """Those of the process."""
-        found: Sequence[str] = getattr(self.part, "notes", ())
-        return found
+        return self.part.notes if isinstance(self.part, HasNotes) else ()
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing laid."""
@@ -61,8 +61,8 @@ class LaidStraw:
 
     def close(self) -> None:
         """Let go of the process."""
-        if callable(close := getattr(self.part, "close", None)):
-            close()
+        if isinstance(self.part, Closes):
+            self.part.close()
 
 
 def _dropped(outputs: dict[str, Any]) -> float:

@@ -1,0 +1,94 @@
+"""What a component may be able to do beyond its six verbs: one small protocol for each ability.
+
+Whoever uses an ability asks `isinstance(part, EndsRun)`; a component has it by having the member.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from swath.core.frames import Pose
+
+
+@runtime_checkable
+class HasMounting(Protocol):
+    """A sensor with a fixed place on its machine. mounting: pose_machine_sensor."""
+
+    @property
+    def mounting(self) -> Pose: ...
+
+
+@runtime_checkable
+class HasOpticalFrame(Protocol):
+    """A camera. optical: pose of its optical frame (x right, y down, z forward) on the machine."""
+
+    @property
+    def optical(self) -> Pose: ...
+
+
+@runtime_checkable
+class CountsRays(Protocol):
+    """A sensor that casts rays. ray_count: so far."""
+
+    @property
+    def ray_count(self) -> int: ...
+
+
+@runtime_checkable
+class CountsBeams(Protocol):
+    """A sensor that plays measurements. beam_count: so far; unmeasured_count: those without an answer."""
+
+    @property
+    def beam_count(self) -> int: ...
+    @property
+    def unmeasured_count(self) -> int: ...
+
+
+@runtime_checkable
+class HasNotes(Protocol):
+    """A part with something to tell the user. notes: whole sentences, for summary.json and the report."""
+
+    @property
+    def notes(self) -> Sequence[str]: ...
+
+
+@runtime_checkable
+class Closes(Protocol):
+    """A part that holds something outside: a process, a node, a bus. close: let go; twice does nothing."""
+
+    def close(self) -> None: ...
+
+
+@runtime_checkable
+class EndsRun(Protocol):
+    """A part, or an evaluator, that may end the run.
+
+    end_reason: asked before every tick, with its time [ns]; a text ends the run before that tick and says
+    why in the summary, an empty one lets it go on
+    """
+
+    def end_reason(self, t: int) -> str: ...
+
+
+@runtime_checkable
+class NeedsRealTime(Protocol):
+    """A part that answers by the clock on the wall. needs_real_time: why; empty when it does not."""
+
+    @property
+    def needs_real_time(self) -> str: ...
+
+
+@runtime_checkable
+class ReadsFiles(Protocol):
+    """A part that reads files while the run goes on. reads: which; no run may be written over them."""
+
+    @property
+    def reads(self) -> Sequence[Path]: ...
+
+
+@runtime_checkable
+class HasOverlap(Protocol):
+    """A steering law with a wanted overlap. overlap: of the header end over the cut ground [m]."""
+
+    @property
+    def overlap(self) -> float: ...
