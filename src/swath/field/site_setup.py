@@ -13,6 +13,7 @@ from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
 from swath.field.solids import merge, moved
+from swath.field.track import EdgeShape
 from swath.signals.setup import MachineGeometry
 
 
@@ -66,6 +67,7 @@ class SiteSetup:
     period [s] of the component; name: of the machine; obstacles: in the world; bodies: of all machines
     base: folder that relative file names start from
     origin: where on Earth the world's origin lies, if that is known
+    edge: line of the initial edge that the machine follows, such as `field.edges["west"].shape`
     """
 
     field: Field
@@ -78,6 +80,7 @@ class SiteSetup:
     bodies: Bodies = dataclasses.field(default_factory=Bodies)
     base: Path = dataclasses.field(default_factory=Path)
     origin: Origin | None = None
+    edge: EdgeShape | None = None
 
     def solids(self) -> Solids:
         """Everything hard that this machine's sensors can see: obstacles and the other machines."""
