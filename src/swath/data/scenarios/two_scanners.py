@@ -4,13 +4,13 @@
     lidar_right: {level: plants, mount: {at: right_end, z_m: 3.0, pitch_deg: 14, yaw_deg: -30}}
     edge: {level: two_scanners.py:TwoScanners, wires: {left: lidar_left.scan, right: lidar_right.scan}}
 
-Each scan goes through a built-in detector of its own, which is told where its scanner sits. Where both report an
-edge, the offsets are averaged by confidence over squared distance, as beams spread with distance; where they
-contradict each other, the one with more weight counts, at half its confidence.
+Each scan goes through a built-in detector of its own, which is told where its scanner sits. Where both report
+an edge, the offsets are averaged by confidence over squared distance, as beams spread with distance; where
+they contradict each other, the one with more weight counts, at half its confidence.
 """
 
 from dataclasses import dataclass, replace
-from math import isfinite, tan
+from math import hypot, isfinite, tan
 from typing import Annotated
 
 from annotated_types import Gt, Le
@@ -53,15 +53,18 @@ class TwoScanners:
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The joined edge, valid at t + dt."""
-        edges = []
+        edges = {}
         for side in SIDES:
             own = {"scan": inputs[side], "odometry": inputs["odometry"]}
-            edges.append(self.detectors[side].step(t, dt, own)["edge"])
-        return {"edge": self._joined(*edges)}
+            edge = self.detectors[side].step(t, dt, own)["edge"]
+            assert isinstance(edge, CropEdge)
+            edges[side] = edge
+        return {"edge": self._joined(edges["left"], edges["right"])}
 
     def _weight(self, side: str, edge: CropEdge) -> float:
         x, y, z = self.places[side]
-        return edge.confidence / ((edge.reference_x - x) ** 2 + (edge.offset - y) ** 2 + z**2)
+        distance = hypot(edge.reference_x - float(x), edge.offset - float(y), float(z))
+        return edge.confidence / distance**2
 
     def save(self) -> State:
         """What both detectors remember."""
