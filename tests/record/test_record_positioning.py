@@ -32,7 +32,9 @@ def decoded(folder, *topics):
 
 def record(folder, slot, samples, output, **about):
     """A drive with the samples of one more slot; each comes out 50 ms after it was valid."""
-    sensor = replace(machine(), mounting={slot: ANTENNA}, slots=("motion", slot), **about)
+    sensor = replace(
+        machine(), mounting={slot: ANTENNA}, outputs={f"{slot}.{output}": type(samples[0])}, **about
+    )
     with Recorder(folder, [sensor]) as recorder:
         drive([recorder], GridField(ArcEdge(40.0)), seconds=0.5)
         for sample in samples:

@@ -81,9 +81,8 @@ class Machine:
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
-        return RecordedMachine(
-            self.name, self.card, self.edge_side, self.mountings, self.origin, tuple(self.parts)
-        )
+        outputs = {f"{slot}.{p.name}": p.signal for slot, part in self.parts.items() for p in part.outputs}
+        return RecordedMachine(self.name, self.card, self.edge_side, self.mountings, self.origin, outputs)
 
 
 @dataclass(frozen=True)
