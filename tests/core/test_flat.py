@@ -28,11 +28,14 @@ def test_every_sample_can_be_taken_apart_and_put_together(signal):
 
 def test_arrays_get_the_shape_that_their_dimensions_say():
     lines = {"beam_t": [-0.1, 0.0], "azimuth": [0.0, 0.1], "elevation": [0.0, 0.0]}
-    scan = build(Scan, 0, {**lines, "ranges": [1.0, 2.0, 3.0, 4.0], "intensity": [0.1, 0.2]})
+    scan = build(Scan, 0, {**lines, "ranges": [1.0, 2.0, 3.0, 4.0], "intensity": [0.1] * 4})
     assert scan.ranges.tolist() == [[1.0, 2.0], [3.0, 4.0]]
-    assert scan.intensity.shape == (2, 1)
-    with pytest.raises(InputError, match=r"ranges = 3: expected numbers for .*beam_count, echo_count"):
-        build(Scan, 0, {**lines, "ranges": [1.0, 2.0, 3.0], "intensity": [0.1, 0.2]})
+    assert scan.intensity.shape == (2, 2)
+    empty = build(Scan, 0, dict.fromkeys(flat_fields(Scan), []))
+    assert empty.ranges.shape == (0, 0)
+    for ranges in ([1.0, 2.0, 3.0], [1.0, 2.0]):
+        with pytest.raises(InputError, match=r"expected numbers for \(beam_count, echo_count\)"):
+            build(Scan, 0, {**lines, "ranges": ranges, "intensity": [0.1] * 4})
 
 
 def test_a_pose_is_six_numbers():

@@ -9,7 +9,8 @@ from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.frames import Pose
 from swath.field.projection import Origin
-from swath.record.read.messages import Context, maker_for
+from swath.record.read.fields import Context
+from swath.record.read.messages import maker_for
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.signals import FIX_QUALITIES, Fix, Inertial

@@ -24,7 +24,7 @@ FIELD_TYPES = {
     U8: "uint8[]",
     Pose: "geometry_msgs/Pose",
 }
-# Public definitions of ROS packages that rosbags' Jazzy set lacks, and those of swath that no sample type gives.
+# Public definitions that rosbags' Jazzy set lacks, and that of swath which no sample type gives.
 OWN_TYPES = {
     MSGTYPE: DEFINITION,
     "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\nfloat32 steering_angle_velocity\n"

@@ -7,7 +7,7 @@ from types import TracebackType
 
 from swath import __version__
 from swath.core.schedule import NS
-from swath.record.formats import RECORDING
+from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
 from swath.record.messages import RecordedMachine
 from swath.record.messenger import Messenger
@@ -15,7 +15,7 @@ from swath.record.samples import Blocks, is_recordable
 from swath.record.tracks import Column, Tracks, write_tracks
 from swath.signals import Signal
 
-ABOUT, SCENARIO = "recording.json", "scenario.yaml"  # attachments of run.mcap
+SCENARIO = "scenario.yaml"  # attachment of run.mcap
 
 
 class Recorder:

@@ -6,6 +6,7 @@ ranges, beam_t ...            whole arrays
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
+from math import prod
 from typing import Any, get_type_hints
 
 import numpy as np
@@ -108,35 +109,29 @@ def build(signal: type[Signal], t: int, values: Mapping[str, Value]) -> Signal:
 
 
 def _lengths(known: Mapping[str, FlatField], values: Mapping[str, Value]) -> dict[str | int, int]:
-    """Length of each named dimension, as far as arrays of one dimension and numbers of its name tell."""
-    found: dict[str | int, int] = {}
-    for name, value in values.items():
+    """Length of each dimension by name: a whole number of that name, else what the sizes of arrays leave."""
+    found: dict[str | int, int] = {n: round(v) for n, v in values.items() if known[n].kind == "int"}
+    for name in sorted(values, key=lambda n: len(known[n].quantity.shape)):
         shape = known[name].quantity.shape
-        if len(shape) == 1 and np.ndim(value) == 1:
-            found[shape[0]] = len(value)
-        elif known[name].kind == "int":
-            found[name] = round(value)
+        unknown = [d for d in shape if isinstance(d, str) and d not in found]
+        if len(unknown) == 1:
+            rest = prod(d if isinstance(d, int) else found[d] for d in shape if d != unknown[0])
+            found[unknown[0]] = np.size(values[name]) // rest if rest else 0
     return found
 
 
 def _typed(value: Value, field: FlatField, hint: Any, lengths: Mapping[str | int, int]) -> Value:
-    if field.kind == "array":
-        array, shape = np.asarray(value, dtype=ARRAYS[hint]), field.quantity.shape
-        if array.ndim == 1 and len(shape) > 1:  # row by row
-            sizes = [d if isinstance(d, int) else lengths.get(d, -1) for d in shape]
-            if sizes.count(-1) < 2 and 0 not in sizes:
-                return _reshaped(array, sizes, field)
-        return array
     if field.kind == "bool":
         return bool(value)
-    return round(value) if field.kind == "int" else float(value)
-
-
-def _reshaped(array: Any, sizes: list[int], field: FlatField) -> Any:
-    try:
-        return array.reshape(sizes)
+    if field.kind != "array":
+        return round(value) if field.kind == "int" else float(value)
+    array, shape = np.asarray(value, dtype=ARRAYS[hint]), field.quantity.shape
+    if array.ndim != 1 or len(shape) < 2:
+        return array
+    try:  # given row by row
+        return array.reshape([d if isinstance(d, int) else lengths.get(d, -1) for d in shape])
     except ValueError:
-        dimensions = ", ".join(map(str, field.quantity.shape))
+        dimensions = ", ".join(map(str, shape))
         raise InputError(field.name, array.size, f"expected numbers for ({dimensions})") from None
 
 
