@@ -31,7 +31,7 @@ def test_arrays_get_the_shape_that_their_dimensions_say():
     scan = build(Scan, 0, {**lines, "ranges": [1.0, 2.0, 3.0, 4.0], "intensity": [0.1] * 4})
     assert scan.ranges.tolist() == [[1.0, 2.0], [3.0, 4.0]]
     assert scan.intensity.shape == (2, 2)
-    empty = build(Scan, 0, dict.fromkeys(flat_fields(Scan), []))
+    empty = build(Scan, 0, {name: [] for name in flat_fields(Scan)})
     assert empty.ranges.shape == (0, 0)
     for ranges in ([1.0, 2.0, 3.0], [1.0, 2.0]):
         with pytest.raises(InputError, match=r"expected numbers for \(beam_count, echo_count\)"):
