@@ -11,7 +11,6 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.component import Port
-from swath.core.frames import Pose
 from swath.core.frozen import frozen
 from swath.core.random import Stream
 from swath.core.signal import About, Quantity, Signal
@@ -60,7 +59,7 @@ def folder(tmp_path_factory):
 
 
 def setup_of(base, inputs=(), outputs=(PORT,)):
-    control = ControlSetup(GEOMETRY, Pose.identity(), "left", 0.1)
+    control = ControlSetup(GEOMETRY, {}, "left", 0.1)
     return LinkSetup("combine", "probe", inputs, outputs, control, base)
 
 

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 from swath.core.frames import Pose
 from swath.field.projection import Origin
+from swath.field.track import EdgeShape
 from swath.record.message_factory import MessageFactory
 from swath.signals import Signal
 from swath.signals.setup import MachineGeometry
@@ -25,6 +26,7 @@ class RecordedMachine:
     mounting: sensor slot (without the machine's name) -> pose_machine_sensor
     origin: where on Earth the world's origin lies, if that is known
     outputs: `slot.output` -> type of its samples, in the order of the slots
+    edge: the initial edge that it follows
     """
 
     name: str
@@ -33,6 +35,7 @@ class RecordedMachine:
     mounting: Mapping[str, Pose] = field(default_factory=dict)
     origin: Origin | None = None
     outputs: Mapping[str, type[Signal]] = field(default_factory=dict)
+    edge: EdgeShape | None = None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from swath.core.component import Outputs, State
 from swath.core.errors import InputError
 from swath.core.graph import Graph
 from swath.core.schedule import NS, Slot
-from swath.run.world import World
+from swath.runtime.world import World
 from swath.signals import MachineState, Signal
 from swath.signals.flat import amounts, build, read
 

@@ -15,7 +15,8 @@ import numpy as np
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.graph import Node
-from swath.run.world import World, assemble, outside_of
+from swath.runtime.assembly import assemble, outside_of
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals.flat import amounts, flat_fields, read
 
