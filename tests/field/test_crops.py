@@ -11,7 +11,7 @@ import swath.data
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.documents.data_sheets import card_names
+from swath.documents.data_sheets import sheet_names
 from swath.field.crop import load_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
@@ -55,7 +55,7 @@ def inclination(plants, organ):
     return np.arccos(along[:, 2] / np.linalg.norm(along, axis=1))
 
 
-@pytest.mark.parametrize("name", card_names("crops"))
+@pytest.mark.parametrize("name", sheet_names("crops"))
 def test_heights_are_the_card_s_and_reach_the_tip(name):
     crop, plants = grown(name)
     assert plants.height.mean() == pytest.approx(crop.stand.height, rel=0.015)
@@ -163,7 +163,7 @@ def test_maize_has_one_cob_at_its_height_and_rows_of_75_cm():
         assert gap.max() < 2.0 * gap.mean()
 
 
-@pytest.mark.parametrize("name", [n for n in card_names("crops") if n != "wheat"])
+@pytest.mark.parametrize("name", [n for n in sheet_names("crops") if n != "wheat"])
 def test_points_on_primitives_are_listed_and_copies_complete(name):
     library = small(name, density=min(load_crop(name).stand.density, 120.0))
     size = library.tile_size
@@ -197,7 +197,7 @@ def test_points_on_primitives_are_listed_and_copies_complete(name):
         assert set(piece[overlaps]) <= set(piece[(shift == move).all(axis=1)])
 
 
-@pytest.mark.parametrize("name", card_names("crops"))
+@pytest.mark.parametrize("name", sheet_names("crops"))
 def test_the_library_of_sixteen_tiles_stays_below_25_mb(name):
     library = small(name)
     size = sum(v.nbytes for v in vars(library).values() if isinstance(v, np.ndarray))

@@ -2,15 +2,15 @@ import pytest
 import yaml
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import Card, card_names, find_card
-from swath.machine.machine_sheet import MachineCard, dynamics_of, load_machine
+from swath.documents.data_sheets import Card, sheet_names, find_sheet
+from swath.machine.machine_sheet import MachineSheet, dynamics_of, load_machine
 from swath.signals.setup import MachineGeometry
 from tests.machine.machine_fakes import site
 
 
-@pytest.mark.parametrize("name", card_names("machines"))
+@pytest.mark.parametrize("name", sheet_names("machines"))
 def test_every_number_of_a_card_is_cited(name):
-    card = Card(find_card("machines", name))
+    card = Card(find_sheet("machines", name))
     for section, entries in card.data.items():
         if isinstance(entries, dict):
             for key, entry in entries.items():
@@ -18,7 +18,7 @@ def test_every_number_of_a_card_is_cited(name):
                 card.number(f"{section}.{key}")
 
 
-@pytest.mark.parametrize("name", card_names("machines"))
+@pytest.mark.parametrize("name", sheet_names("machines"))
 def test_the_steered_axle_carries_at_least_a_fifth(name):
     machine = load_machine(name)
     assert 0.20 <= machine.dynamics.cg_behind / machine.wheelbase <= 0.4
@@ -32,7 +32,7 @@ def test_short_name_and_other_header():
 
 
 def changed(tmp_path, section, key, value):
-    data = yaml.safe_load(find_card("machines", "combine-5m").read_text())
+    data = yaml.safe_load(find_sheet("machines", "combine-5m").read_text())
     if value is None:
         del data[section][key]
     else:
@@ -65,7 +65,7 @@ def test_unknown_machine_names_the_nearest():
 
 def test_bare_geometry_is_refused_where_masses_are_needed():
     machine = site().machine
-    assert isinstance(machine, MachineCard)
+    assert isinstance(machine, MachineSheet)
     bare = MachineGeometry(**{k: getattr(machine, k) for k in MachineGeometry.__dataclass_fields__})
     with pytest.raises(InputError, match="machine card"):
         dynamics_of(bare)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.powertrain.hydrostat import HydrostatPowertrain, Params
 from swath.machine.powertrain.ideal import IdealPowertrain
@@ -23,7 +23,7 @@ from tests.machine.machine_fakes import STREAM, site
 from tests.machine.works_rig import state
 
 SITE = site(period=0.05)
-WORKS, DYNAMICS = works_of(SITE.machine), dynamics_of(SITE.machine)
+WORKS, DYNAMICS = drivetrain_of(SITE.machine), dynamics_of(SITE.machine)
 E = WORKS.engine
 STEP = 50_000_000
 

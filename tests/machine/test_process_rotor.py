@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import load_machine
 from swath.machine.process.rotor import Rotor, coupled, coupled_one
 
@@ -94,7 +94,7 @@ def test_grain_and_straw_are_kept_through_stops(steps):
 
 def drum_and_rotor(share):
     """Loss of drum and rotors at a share of the nominal straw flow, from the card's numbers alone."""
-    d = works_of(load_machine("lexion-700")).threshing
+    d = drivetrain_of(load_machine("lexion-700")).threshing
     drum, rotor = share**-d.drum_exponent, share**-d.rotor_exponent
     u, f = coupled_one(1.0, 0.0, d.drum_threshing * drum, d.drum_separation * drum)
     return sum(coupled_one(u, f, d.rotor_threshing * rotor, d.rotor_separation * rotor))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.process.rotor import coupled_one
 from swath.machine.process.threshing import Params, ThreshingProcess, shoe_load, shoe_loss
 from swath.signals import EngineState
@@ -15,7 +15,7 @@ from tests.machine.machine_fakes import STREAM, site
 from tests.machine.works_rig import GRAIN, STRAW, WIDTH, Rig, flow, state
 
 RECORD = 7.35 / 3.6
-WORKS = works_of(site().machine)
+WORKS = drivetrain_of(site().machine)
 
 
 def turning(ratio, t=0):

@@ -45,9 +45,9 @@ def test_a_wrong_axle_is_named(tmp_path):
 
 
 def open_card():
-    from swath.documents.data_sheets import find_card
+    from swath.documents.data_sheets import find_sheet
 
-    return find_card("machines", "tractor-grain-cart").read_text()
+    return find_sheet("machines", "tractor-grain-cart").read_text()
 
 
 def test_kinematic_circle():

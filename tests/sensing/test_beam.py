@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import card_names, find_card
+from swath.documents.data_sheets import sheet_names, find_sheet
 from swath.sensing.beam import (
     FWHM_TO_E2,
     Beam,
@@ -162,7 +162,7 @@ def test_ouster_spot_is_converted_from_its_half_width():
 
 
 def test_every_bundled_scanner_loads_with_a_source_for_each_number():
-    names = card_names("sensors")
+    names = sheet_names("sensors")
     assert len(names) >= 10
     for name in names:
         card = load_lidar(name)
@@ -172,7 +172,7 @@ def test_every_bundled_scanner_loads_with_a_source_for_each_number():
 
 
 def test_faulty_card_names_key_and_file(tmp_path):
-    text = find_card("sensors", "sick-lms111").read_text()
+    text = find_sheet("sensors", "sick-lms111").read_text()
     bad = tmp_path / "mine.yaml"
     bad.write_text(text.replace("[15.0, 15.0]", "[15.0]"))
     with pytest.raises(InputError, match=r"beam.divergence_mrad = \[15.0\].*mine.yaml"):
@@ -206,7 +206,7 @@ def test_faulty_card_names_key_and_file(tmp_path):
     ],
 )
 def test_a_slip_in_an_own_card_is_named_with_its_line(tmp_path, old, new, message):
-    text = find_card("sensors", "sick-lms111").read_text()
+    text = find_sheet("sensors", "sick-lms111").read_text()
     assert old in text
     path = tmp_path / "mine.yaml"
     path.write_text(text.replace(old, new))

@@ -8,6 +8,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import InputError
 from swath.field.crop import Crop, load_crop
+from swath.field.plants.parts import LeafFacts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +27,8 @@ def weed_crop(weeds: Weeds, folder: Path | None = None) -> Crop:
     so that mass goes with the square (length times width squared).
     """
     crop = load_crop(weeds.crop, folder)
-    if crop.mesh is not None:
-        raise InputError("weeds.crop", weeds.crop, "expected a card of another habit than mesh")
+    if not crop.habit.has_stem:
+        raise InputError("weeds.crop", weeds.crop, "expected a crop whose plants have a stem")
     ratio = weeds.height_m / crop.stand.height
     wide = ratio**0.5
     stem = replace(
@@ -35,13 +36,13 @@ def weed_crop(weeds: Weeds, folder: Path | None = None) -> Crop:
         diameter_base=crop.stem.diameter_base * wide,
         diameter_top=crop.stem.diameter_top * wide,
     )
-    leaf = crop.leaf
+    organs, leaf = crop.organs, crop.organs.of(LeafFacts)
     if leaf is not None:
-        leaf = replace(leaf, length=leaf.length * wide, width=leaf.width * wide)
+        organs = organs.replaced(replace(leaf, length=leaf.length * wide, width=leaf.width * wide))
     return replace(
         crop,
         stand=replace(crop.stand, density=weeds.plants_per_m2, height=weeds.height_m),
         stem=stem,
-        leaf=leaf,
+        organs=organs,
         yields=replace(crop.yields, bare_mass=crop.yields.bare_mass * ratio**2),
     )

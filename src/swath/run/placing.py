@@ -5,7 +5,7 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.field import Field
-from swath.machine.machine_sheet import MachineCard
+from swath.machine.machine_sheet import MachineSheet
 from swath.scenario.resolved import MachineSection
 from swath.scenario.scenario import Scenario
 from swath.scenario.sections import StartPose
@@ -13,7 +13,7 @@ from swath.scenario.sections import StartPose
 LOOK_AHEAD_M = 5.0  # the edge must go on this far beyond where the header ends up
 
 
-def start_pose(section: MachineSection, field: Field, card: MachineCard) -> Pose:
+def start_pose(section: MachineSection, field: Field, card: MachineSheet) -> Pose:
     """pose_world_machine at t = 0, level; motion puts it on the ground."""
     start = section.start
     if isinstance(start, StartPose):
@@ -38,7 +38,7 @@ def check_side(section: MachineSection, field: Field) -> None:
         raise InputError(f"{section.name}.edge_side", edge_side, expected)
 
 
-def check_room(scenario: Scenario, section: MachineSection, field: Field, card: MachineCard) -> None:
+def check_room(scenario: Scenario, section: MachineSection, field: Field, card: MachineSheet) -> None:
     """The edge, and the field around it, must go on for as long as the run does."""
     if isinstance(section.start, StartPose):
         return

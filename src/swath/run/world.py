@@ -28,7 +28,7 @@ from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
 from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solids import machine_body
-from swath.machine.machine_sheet import MachineCard, load_machine
+from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.process.straw_laying import LaidStraw
 from swath.record.messages import OPTICAL_FRAME, RecordedMachine
 from swath.run.field_setup import build_field
@@ -50,7 +50,7 @@ class Machine:
     """
 
     name: str
-    card: MachineCard
+    card: MachineSheet
     edge_side: str
     parts: dict[str, Any]
     mountings: Mapping[str, Pose]
@@ -270,7 +270,7 @@ def _setup(
     section: MachineSection,
     slot: str,
     choice: SlotChoice,
-    card: MachineCard,
+    card: MachineSheet,
     start: Pose,
     mountings: Mapping[str, Pose],
     site: Site,
@@ -300,7 +300,7 @@ def _link_setup(
     section: MachineSection,
     slot: str,
     choice: SlotChoice,
-    card: MachineCard,
+    card: MachineSheet,
     mountings: Mapping[str, Pose],
     base: Path,
 ) -> LinkSetup:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.random import Stream
-from swath.sensing.lidar_sheet import LidarCard
+from swath.sensing.lidar_sheet import LidarSheet
 from swath.signals import F64
 
 
@@ -16,7 +16,7 @@ class Noise:
     drop_out: chance that a beam is lost
     """
 
-    def __init__(self, card: LidarCard, *, is_on: bool, angle: float | None, drop_out: float) -> None:
+    def __init__(self, card: LidarSheet, *, is_on: bool, angle: float | None, drop_out: float) -> None:
         self.card, self.is_on, self.drop_out = card, is_on, drop_out
         self.angle = angle if angle is not None else card.angle_noise if is_on else 0.0
         self.bias = 0.0

@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 
 from swath.core.frames import Array
-from swath.machine.machine_sheet import MachineCard
+from swath.machine.machine_sheet import MachineSheet
 from swath.signals.setup import MachineGeometry
 
 PIVOT = (0.0, 1.5)  # feeder pivot of a card without masses: x [m ahead of the fixed axle], z [m]
@@ -20,7 +20,7 @@ class Hang:
     """
 
     def __init__(self, machine: MachineGeometry, height: float) -> None:
-        masses = machine.masses if isinstance(machine, MachineCard) else None
+        masses = machine.masses if isinstance(machine, MachineSheet) else None
         self._pivot = PIVOT if masses is None else (masses.feeder_x, masses.feeder_z)
         self._tilt_z = TILT_Z if masses is None else masses.header_z
         self.knife_x, self._y, self._height = machine.knife_x, machine.header_y, height

@@ -19,7 +19,7 @@ from swath.field.site_setup import SiteSetup
 from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
-from swath.machine.machine_sheet import Dynamics, MachineCard, dynamics_of, loaded
+from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
 from swath.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
 
 GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
@@ -142,7 +142,7 @@ class SingleTrack:
     def _fill(self, grain: float) -> None:
         """Grain [kg] in the tank, for a card that has one."""
         machine = self._machine
-        if grain != self._grain and isinstance(machine, MachineCard) and machine.masses is not None:
+        if grain != self._grain and isinstance(machine, MachineSheet) and machine.masses is not None:
             d = dynamics_of(machine)
             self._weigh(loaded(d, machine.masses.tank, grain) if grain > 0.0 else d)
         self._grain = grain

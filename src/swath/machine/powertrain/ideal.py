@@ -8,7 +8,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.powertrain.power_balance import (
     Powers,
@@ -33,7 +33,7 @@ class IdealPowertrain:
     outputs = (Port("engine", EngineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._works, self._dynamics = works_of(setup.machine), dynamics_of(setup.machine)
+        self._works, self._dynamics = drivetrain_of(setup.machine), dynamics_of(setup.machine)
         self._width = setup.machine.header_width
 
     def reset(self, stream: Stream) -> Outputs:

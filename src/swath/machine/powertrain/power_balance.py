@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from swath.machine.drivetrain_sheet import Engine, Works
+from swath.machine.drivetrain_sheet import Engine, Drivetrain
 from swath.machine.machine_sheet import Dynamics
 from swath.machine.tyre import GRAVITY
 from swath.signals import EngineState, MachineLoad, MachineState
@@ -35,7 +35,7 @@ class Powers:
         return self.belts + self.propulsion
 
 
-def powers(load: MachineLoad, propulsion: float, width: float, works: Works) -> Powers:
+def powers(load: MachineLoad, propulsion: float, width: float, works: Drivetrain) -> Powers:
     """Power at rated speed from the flows of the crop; header width [m], propulsion [W] at the engine."""
     c = works.consumers
     chopper = c.chopper + c.chopper_work * load.chopper_flow if load.chopper_flow > 0.0 else 0.0
@@ -94,7 +94,7 @@ def fuel_rate(power: float, speed: float, e: Engine) -> float:
 
 
 def engine_state(
-    t: int, p: Powers, speed: float, power: float, load: float, used: float, limit: float, works: Works
+    t: int, p: Powers, speed: float, power: float, load: float, used: float, limit: float, works: Drivetrain
 ) -> EngineState:
     """The sample: belts scaled to the engine's speed."""
     e = works.engine

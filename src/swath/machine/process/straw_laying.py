@@ -6,7 +6,7 @@ from typing import Any
 from swath.core.abilities import Closes, HasNotes
 from swath.core.component import Component, Inputs, Outputs, Port, State
 from swath.core.random import Stream
-from swath.machine.machine_sheet import MachineCard
+from swath.machine.machine_sheet import MachineSheet
 from swath.machine.process.straw_outlet import StrawGround, StrawOutlet
 from swath.signals import MachineLoad, MachineState
 
@@ -16,7 +16,7 @@ WIDTH, STEP = 1.4, 0.25  # of the swath [m], as the built-in levels have it
 class LaidStraw:
     """A process, and what its `load.dropped_straw` grows by, laid as a swath behind the machine."""
 
-    def __init__(self, part: Component, ground: StrawGround, card: MachineCard) -> None:
+    def __init__(self, part: Component, ground: StrawGround, card: MachineSheet) -> None:
         self.part = part
         self.outputs = part.outputs
         self._passes_state = any(p.name == "state" for p in part.inputs)

@@ -17,7 +17,7 @@ from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
-from swath.machine.drivetrain_sheet import Cleaning, works_of
+from swath.machine.drivetrain_sheet import Cleaning, drivetrain_of
 from swath.machine.process.rotor import Rotor, coupled_one
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.machine.process.transport import Conveyor, Masses, Mixer, flow_delay
@@ -76,7 +76,7 @@ class ThreshingProcess:
     outputs = (Port("load", MachineLoad),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        p, w = params, works_of(setup.machine)
+        p, w = params, drivetrain_of(setup.machine)
         self._p, self._works = p, w
         rear, is_swath = setup.machine.body[0], p.straw == "swath"
         width, step = p.swath_width_m, p.swath_step_m

@@ -24,7 +24,7 @@ from swath.field.terrain import plane
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Beam, Profile, spot_pattern, sub_rays
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
-from swath.sensing.lidar_sheet import LidarCard, load_lidar
+from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 
 F64 = NDArray[np.float64]
 LINE = 24  # beams of a scan line
@@ -74,7 +74,7 @@ class Reading:
     sensor: str = "sick-lms111"
 
     @cached_property
-    def card(self) -> LidarCard:
+    def card(self) -> LidarSheet:
         """The scanner."""
         return load_lidar(self.sensor)
 
