@@ -40,7 +40,7 @@ def test_a_wrong_axle_is_named(tmp_path):
         line for line in open_card().splitlines(keepends=True) if not line.startswith("steers")
     )
     (tmp_path / "own.yaml").write_text(text)
-    with pytest.raises(InputError, match=r"steers.*front or rear"):
+    with pytest.raises(InputError, match=r"steers = middle: expected one of front, rear"):
         load_machine("own.yaml", base=tmp_path)
 
 

@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.terminal.tables import table
 
     rows = []
-    for kind, name in ((kind, name) for kind in KINDS for name in sheet_names(kind)):
+    for kind, name in [(folder, name) for folder in KINDS for name in sheet_names(folder)]:
         sheet = read_sheet(kind, name)
         tags = [str(entry["tag"]) for entry in sheet.numbers().values()]
         counts = ", ".join(f"{sum(tag.startswith(t) for tag in tags)} {t}" for t in TAGS)

@@ -1,4 +1,4 @@
-"""The units of everything that comes from outside. The key carries the unit, inside everything is SI, radians.
+"""The units of all that comes from outside: the key carries the unit, inside everything is SI and radians.
 
 speed = params.speed_kmh * KMH
 """

@@ -86,7 +86,8 @@ class Sheet:
 
     def error(self, key: str, expected: str) -> InputError:
         """The error about a dotted key, with its value, file and line."""
-        return self.document.error(key_path(key), self.value(key), expected)
+        value = self.value(key)
+        return self.document.error(key_path(key), None if isinstance(value, dict) else value, expected)
 
     def read(self, kind: type[T]) -> T:
         """The object, in SI, of the class whose fields say how they stand in the sheet (`sheet_fields.py`).
@@ -104,7 +105,11 @@ class Sheet:
 
     def build(self, kind: type[T], prefix: str = "") -> T:
         """The object of a class whose keys were checked; `prefix` stands before each."""
-        return build(kind, prefix, self.value)
+        try:
+            made: T = build(kind, prefix, self.value)
+        except InputError as error:  # raised by a __post_init__
+            raise self.error(error.key, error.expected) from error
+        return made
 
     def changed(self, values: Mapping[str, float]) -> "Sheet":
         """A copy with other numbers, by dotted key. Raises InputError for a key that it has not."""

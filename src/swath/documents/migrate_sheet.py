@@ -1,7 +1,8 @@
 """A data sheet of version 0.1 in the form of version 2, its comments and its order kept.
 
-What changes: a format line; units move from `unit:` into the keys, what else stood there into `note:`; numbers
-without a seen source get the tag U; a machine says its type, and a tractor loses its stand-in for a header.
+What changes: a format line; units move from `unit:` into the keys, what else stood there into `note:`;
+numbers without a seen source get the tag U; a machine says its type, and a tractor loses its stand-in for a
+header.
 """
 
 import io
@@ -15,8 +16,19 @@ from swath.core.errors import InputError
 from swath.core.units import UNITS
 
 IN_CM = {"row_spacing", "stubble_height", "straw_below_height", "stand.height", "cob.height", "cob.height_sd"}
-COUNTS = re.compile(r"stems_per_plant|count_m(in|ax)|per_ear|per_plant|drawn|\w+_per_(ear|cob|pod)|straw_to_grain")
-CROP_UNITS = {"1/m2": "per_m2", "kg/m3": "kg_m3", "deg": "deg", "g": "g", "m": "m", "cm": "cm", "mm": "mm", "%": "percent"}
+COUNTS = re.compile(
+    r"stems_per_plant|count_m(in|ax)|per_ear|per_plant|drawn|\w+_per_(ear|cob|pod)|straw_to_grain"
+)
+CROP_UNITS = {
+    "1/m2": "per_m2",
+    "kg/m3": "kg_m3",
+    "deg": "deg",
+    "g": "g",
+    "m": "m",
+    "cm": "cm",
+    "mm": "mm",
+    "%": "percent",
+}
 TAGS = {"M": "U", "M+": "U", "M-": "U", "M/E": "U"}
 MEMORY = re.compile(r" *\(memory\)|^from memory$")
 SYMBOLS = sorted({u.symbol for u in UNITS.values()} | {"kg m2", "1/min", "percent"}, key=len, reverse=True)
@@ -39,9 +51,9 @@ def migrate_sheet(text: str) -> str:
     if kind == "machine":
         _machine(data)
     for section, entries in list(data.items()):
-        if isinstance(entries, dict) and "value" in entries:
+        if isinstance(entries, CommentedMap) and "value" in entries:
             _entry(data, section, "", kind)
-        elif isinstance(entries, dict):
+        elif isinstance(entries, CommentedMap):
             for key in list(entries):
                 _entry(entries, key, section, kind)
     out = io.StringIO()
@@ -72,7 +84,7 @@ def _machine(data: CommentedMap) -> None:
 
 def _entry(above: CommentedMap, key: str, section: str, kind: str) -> None:
     entry = above[key]
-    if not isinstance(entry, dict):
+    if not isinstance(entry, CommentedMap):
         return
     if "value" not in entry:
         for inner in list(entry):  # a part of a mesh: {organ, reflectance: {value ...}}
@@ -107,7 +119,11 @@ def _crop_unit(section: str, key: str, entry: CommentedMap, unit: str) -> str:
     else:
         wanted = known
     if key == "per_plant_cv":  # version 0.1 rounded it to a whole share
-        entry.insert(list(entry).index("value") + 1, "note", f"{entry['value']} {unit} stood here, and was read as this")
+        entry.insert(
+            list(entry).index("value") + 1,
+            "note",
+            f"{entry['value']} {unit} stood here, and was read as this",
+        )
         entry["value"] = round(entry["value"] * UNITS[known].factor) * 100
     if wanted != known:
         entry["value"] = float(f"{entry['value'] * UNITS[known].factor / UNITS[wanted].factor:.12g}")
@@ -117,7 +133,9 @@ def _crop_unit(section: str, key: str, entry: CommentedMap, unit: str) -> str:
 def _note(unit: str) -> str:
     """What a unit's text says beside the unit."""
     text = unit.replace("m, mm one sigma", "m, range in m and one sigma in mm")
-    text = text.replace("signal to noise ratio, mm one sigma", "mm, signal to noise ratio and one sigma in mm")
+    text = text.replace(
+        "signal to noise ratio, mm one sigma", "mm, signal to noise ratio and one sigma in mm"
+    )
     for symbol in SYMBOLS:
         match = re.fullmatch(rf"{re.escape(symbol)}(?:[, ]+(.*))?", text)
         if match:

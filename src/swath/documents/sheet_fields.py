@@ -102,8 +102,8 @@ def annotated(base: Any, quantity: Quantity | Key) -> Any:
     return tuple[tuple(Annotated[float, limits] if a is float else a for a in get_args(base))]  # type: ignore[misc]
 
 
-def build(kind: type[T], prefix: str, value: Callable[[str], Any]) -> T:
-    """The object of a class from the checked values of a sheet, in SI. value: by dotted key, None = missing"""
+def build(kind: Any, prefix: str, value: Callable[[str], Any]) -> Any:
+    """The object of a class from checked values of a sheet, in SI. value: by dotted key, None = missing"""
     made = {}
     for name, annotation, default in _fields(kind):
         base, section, quantity = _declared(annotation)
@@ -159,7 +159,9 @@ def _model(name: str, tree: dict[str, Any]) -> type[BaseModel]:
 def _fields(kind: Any) -> tuple[tuple[str, Any, Any], ...]:
     """Name, annotation and default of the fields of a dataclass that say how they stand in a sheet."""
     hints = get_type_hints(kind, include_extras=True)
-    defaults = {f.name: f.default_factory if f.default is REQUIRED else f.default for f in dataclasses.fields(kind)}
+    defaults = {
+        f.name: f.default_factory if f.default is REQUIRED else f.default for f in dataclasses.fields(kind)
+    }
     return tuple((f.name, hints[f.name], defaults[f.name]) for f in dataclasses.fields(kind) if f.init)
 
 

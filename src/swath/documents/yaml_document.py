@@ -271,8 +271,10 @@ def dump(data: Any, *, flow: bool = False, width: int = 100) -> str:
     flow: on one line, `{a: 1, b: [2, 3]}`
     """
     writer = YAML(typ="safe", pure=True)
-    writer.Representer, writer.sort_base_mapping_type_on_output = _Representer, False
-    writer.default_flow_style, writer.allow_unicode, writer.width = flow, True, width
+    writer.Representer = _Representer
+    writer.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    writer.default_flow_style = flow
+    writer.allow_unicode, writer.width = True, width
     out = io.StringIO()
     writer.dump(data, out)
     return out.getvalue()

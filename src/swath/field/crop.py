@@ -47,7 +47,7 @@ class StemFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class YieldSection:
-    """What every crop's sheet says of its yield. straw_below_share: of the straw below straw_below_height [m];
+    """What every sheet says of the yield. straw_below_share: of the straw, below straw_below_height [m];
     grain_density, swath_density: bulk [kg/m3]; grain_moisture: fraction.
     """
 
@@ -64,7 +64,7 @@ class YieldSection:
 
 @dataclass(frozen=True, kw_only=True)
 class GrainYield(YieldSection):
-    """Of plants that bear grain. thousand_grain_mass [kg]; straw_to_grain: straw above ground per grain mass."""
+    """With grain. thousand_grain_mass [kg]; straw_to_grain: straw above ground per grain mass."""
 
     thousand_grain_mass: Annotated[float, Quantity("g", 0.1, 1000)]
     straw_to_grain: Annotated[float, Quantity("", 0.05, 10)]
@@ -172,7 +172,7 @@ class Crop:
     yields: YieldFacts
     reflectance: dict[str, float]
     habit: Habit
-    organs: Organs = Organs()
+    organs: Organs = field(default_factory=Organs)
 
     def straw_below(self, relative_height: float) -> float:
         """Share of a stem's straw mass below a height given as a fraction of the plant's height."""
@@ -251,7 +251,9 @@ def _with_yields(crop: Crop, sheet: Sheet) -> Crop:
     below = y.straw_below_height / crop.stand.height
     if not 0.0 < below <= 0.9 * (1.0 + 1e-12):
         highest = 90.0 * crop.stand.height
-        raise sheet.error("yield.straw_below_height_cm", f"expected at most {highest:g}, 0.9 of the crop's height")
+        raise sheet.error(
+            "yield.straw_below_height_cm", f"expected at most {highest:g}, 0.9 of the crop's height"
+        )
     grain, straw_to_grain, bare = y.masses(crop.organs)
     exponent = math.log(1.0 - y.straw_below_share) / math.log(1.0 - below)
     facts = YieldFacts(

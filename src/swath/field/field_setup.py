@@ -9,7 +9,7 @@ directions are counter-clockwise from east.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from swath.field.crop import load_crop
 from swath.field.weeds import Weeds
 
 Array = NDArray[np.float64]
-Detail = Literal["full", "reduced"]  # of the plants that rays meet
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ def habit_names() -> list[str]:
 
 
 def find_habit(sheet: Sheet) -> Habit:
-    """The habit that a crop's sheet names: a built-in one, or `file.py` beside the sheet, which defines `HABIT`.
+    """The habit that a crop's sheet names: a built-in one, or a `file.py` beside the sheet with `HABIT`.
 
     Raises InputError when there is none of this name.
     """

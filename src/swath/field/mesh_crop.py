@@ -39,7 +39,7 @@ class MeshSection:
     it is.
     """
 
-    files: Annotated[str | Annotated[list[str], Field(min_length=1)], Key("mesh.files")]
+    files: Annotated[Annotated[list[str], Field(min_length=1)] | str, Key("mesh.files")]
     unit: Annotated[Literal["m", "cm", "mm", "inch"] | None, Key("mesh.unit")] = None
     up: Annotated[Literal["x", "y", "z"] | None, Key("mesh.up")] = None
     foot: Annotated[Literal["base", "origin"], Key("mesh.foot")] = "base"
@@ -91,13 +91,15 @@ def triangle_area(corners: Array) -> Array:
 
 
 def mesh_facts(sheet: Sheet, section: MeshSection) -> MeshFacts:
-    """The meshes of a data sheet. Raises InputError that names key and file for whatever cannot be a plant."""
+    """The meshes of a sheet. Raises InputError that names key and file for what cannot be a plant."""
     names = [section.files] if isinstance(section.files, str) else section.files
     files = [sheet.path.parent / name for name in names]
     parts = {name: MeshPartFacts.model_validate(part) for name, part in sheet.value("parts").items()}
     for name, part in parts.items():
         if part.organ != "none" and part.reflectance is None:
-            raise sheet.document.error(("parts", name, "reflectance"), None, "expected a value, the key is missing")
+            raise sheet.document.error(
+                ("parts", name, "reflectance"), None, "expected a value, the key is missing"
+            )
     used: set[str] = set()
     raw = [
         _placed(sheet, section, path, read_mesh(path, key="mesh.files", file=sheet.path), parts, used)
@@ -149,7 +151,9 @@ def _scale(sheet: Sheet, section: MeshSection, raw: list[MeshPlant]) -> float:
     """Metres per unit of the files: by `mesh.unit`, or so that the mean height is `stand.height_cm`."""
     height = sheet.value("stand.height_cm")
     if (height is None) == (section.unit is None):
-        expected = f"expected either this ({', '.join(UNITS)}) or stand.height_cm, which scales the meshes to it"
+        expected = (
+            f"expected either this ({', '.join(UNITS)}) or stand.height_cm, which scales the meshes to it"
+        )
         raise sheet.error("mesh.unit", expected)
     if section.unit is not None:
         return UNITS[section.unit]

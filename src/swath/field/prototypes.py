@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.field_setup import Detail
 from swath.field.memory_layout import Organ, PlantLibrary, Shape, primitive_rows
 from swath.field.plants import Drawing, Plants, leaf_parts_of, make_plants
+from swath.field.plants.drawing import Detail
 from swath.field.plants.parts import joined
 
 Array = NDArray[np.float64]

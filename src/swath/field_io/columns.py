@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from swath.core import units
 from swath.core.errors import InputError
-from swath.core.units import UNITS as core_units
 from swath.core.units import ACRE, DEG, POUND, SUFFIXES, factors, split_unit
 from swath.documents.yaml_document import Document, read_document
 
@@ -130,7 +130,9 @@ _LOG_SUFFIXES = {
 }  # fmt: skip
 """Further ends of names in logs; `ms` and `kn` are not what they are in keys."""
 _SYMBOLS = {symbol for kind in UNITS.values() for symbol in kind}
-_ENDS = sorted({s for s in SUFFIXES if core_units[s].symbol in _SYMBOLS} | {*_LOG_SUFFIXES}, key=len, reverse=True)
+_ENDS = sorted(
+    {s for s in SUFFIXES if units.UNITS[s].symbol in _SYMBOLS} | {*_LOG_SUFFIXES}, key=len, reverse=True
+)
 
 _NAME_IT = "; say which with --columns MAP.yaml, in it lines like {}: {{column: Name, unit: {}}}"
 

@@ -73,7 +73,7 @@ class Chassis:
 
 @dataclass(frozen=True, kw_only=True)
 class Header:
-    """knife_x: ahead of the fixed axle; offset: of its middle, leftward; body: above and behind the knife [m]."""
+    """knife_x: ahead of the fixed axle; offset: leftward; body: above and behind the knife; all [m]."""
 
     width: Annotated[float, Quantity("m", 0.5, 30)]
     knife_x: Annotated[float, Quantity("m", 0.1, 15)]
@@ -165,7 +165,10 @@ def read_machine(sheet: Sheet) -> MachineSheet:
         raise sheet.error("mass.cg_behind_axle_m", "expected less than the wheelbase")
     if chassis.bottom >= chassis.top:
         raise sheet.error("chassis.top_m", f"expected more than bottom_m = {chassis.bottom:g}")
-    for key, there, types in (("header", header, HARVESTERS), ("trailer", s.trailer, ("tractor_with_trailer",))):
+    for key, there, types in (
+        ("header", header, HARVESTERS),
+        ("trailer", s.trailer, ("tractor_with_trailer",)),
+    ):
         if (there is not None) != (s.type in types):
             expected = f"expected {'a' if s.type in types else 'no'} section `{key}` for type {s.type}"
             raise sheet.error(key, expected)

@@ -14,7 +14,6 @@ from swath.documents.sheet_fields import Key, Quantity, Section
 from swath.sensing.beam import Beam, Contour, Convention, Profile, full_angle
 from swath.signals import F64
 
-
 Pairs = list[tuple[float, Annotated[float, Field(ge=0)]]]
 
 
@@ -84,12 +83,12 @@ class LidarSheet:
     @cached_property
     def noise(self) -> F64:
         """Rows (range [m], one-sigma [m])."""
-        return np.array(self.noise_mm).reshape(-1, 2) * np.array([1.0, MM])
+        return _in_metres(self.noise_mm)
 
     @cached_property
     def signal_noise(self) -> F64:
         """Rows (signal to noise ratio, one-sigma [m])."""
-        return np.array(self.noise_by_signal_mm).reshape(-1, 2) * np.array([1.0, MM])
+        return _in_metres(self.noise_by_signal_mm)
 
     def noise_sigma(self, distance: F64, signal: F64 | None = None) -> F64:
         """One-sigma range noise [m] at distances [m]: linear between the data sheet's points.
@@ -110,6 +109,13 @@ class LidarSheet:
         count = int(np.floor((last - first) / step + 1e-6)) + 1
         span = (count - 1) * step
         return np.asarray(0.5 * (first + last) - 0.5 * span + step * np.arange(count), dtype=np.float64)
+
+
+def _in_metres(pairs: Pairs) -> F64:
+    """Rows whose second number is in mm, in metres."""
+    return np.asarray(
+        np.array(pairs, dtype=np.float64).reshape(-1, 2) * np.array([1.0, MM]), dtype=np.float64
+    )
 
 
 def load_lidar(name: str, base: Path | None = None) -> LidarSheet:

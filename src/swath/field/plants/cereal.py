@@ -7,7 +7,6 @@ from typing import Annotated
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.units import MM
 from swath.documents.sheet_fields import Quantity
 from swath.field.crop import CV, Crop, GrainYield, Habit, Organs
 from swath.field.memory_layout import Organ, Shape
@@ -55,7 +54,7 @@ class EarFacts:
 
     def __post_init__(self) -> None:
         if self.length <= self.diameter:
-            raise InputError("ear.length_mm", self.length / MM, "expected longer than wide")
+            raise InputError("ear.length_mm", None, "expected longer than wide")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,9 @@
 """What is wanted of plants that are drawn."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+Detail = Literal["full", "reduced"]  # of the plants that rays meet
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,7 @@
 import numpy as np
 
 from swath.field.crop import Crop
-from swath.field.field_setup import Detail
-from swath.field.plants.drawing import Drawing
+from swath.field.plants.drawing import Detail, Drawing
 from swath.field.plants.parts import Plants
 
 

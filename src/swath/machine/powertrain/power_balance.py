@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from swath.machine.drivetrain_sheet import Engine, Drivetrain
+from swath.machine.drivetrain_sheet import Drivetrain, Engine
 from swath.machine.machine_sheet import Dynamics
 from swath.machine.tyre import GRAVITY
 from swath.signals import EngineState, MachineLoad, MachineState

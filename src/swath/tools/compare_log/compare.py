@@ -4,7 +4,7 @@ What is fitted are keys of the machine's data sheet, by least squares on the mea
 stands the plain regression load = a + b flow + c speed, without and with a lag.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ RANGE = (0.02, 20.0)  # of a fitted value over its start
 
 @dataclass(frozen=True)
 class Fitted:
-    """A key of the data sheet. error: standard error of the value, from the curvature, independent errors taken."""
+    """A key of the sheet. error: standard error of the value from the curvature, independent errors taken."""
 
     key: str
     start: float
@@ -115,7 +115,7 @@ def compare_log(
     """Run a machine along a log and judge it.
 
     model: name or path of a machine's data sheet; log: a file, or one that is read already
-    fit: keys of the data sheet to fit, to the quantities `on`; on the records of `machine` (a name of the log), or
+    fit: keys of the sheet to fit, to the quantities `on`; on the records of `machine` (a name of the log), or
     of every other stretch between pauses (`alternate`), or on the first `share` of all records
     columns: map file of the log. Raises InputError.
     """
@@ -201,7 +201,13 @@ class _Runner:
 
 
 def _fit(
-    sheet: Sheet, log: MachineLog, span: Mask, mask: Mask, drive: Drive, keys: Sequence[str], on: Sequence[str]
+    sheet: Sheet,
+    log: MachineLog,
+    span: Mask,
+    mask: Mask,
+    drive: Drive,
+    keys: Sequence[str],
+    on: Sequence[str],
 ) -> tuple[Sheet, tuple[Fitted, ...]]:
     """Least squares over the sheet's keys; each quantity over its own spread.
 

@@ -23,7 +23,7 @@ FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "serie
 
 
 def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> list[Path]:
-    """Write results.json, comparison.png, report.html, machine.yaml (the data sheet as fitted), series.parquet.
+    """Write results.json, comparison.png, report.html, machine.yaml (as fitted), series.parquet.
 
     out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
     """

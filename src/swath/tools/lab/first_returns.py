@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from swath.core.random import Stream
 from swath.field.crop import Crop, load_crop
-from swath.field.plants.cereal import EarFacts
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ
+from swath.field.plants.cereal import EarFacts
 from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.terrain import plane
