@@ -27,8 +27,24 @@ def test_reads_levels_parameters_and_defaults():
     assert lidar.params.mount.z_m == 2.5
     assert list(scenario.machines["combine"].slots) == ["lidar", "steer", "speed"]
     assert scenario.field.terrain.level == "plane"
-    assert scenario.field.edge.gaps == ((10.0, 12.0),)
+    assert scenario.field.edges["edge"].gaps == ((10.0, 12.0),)
     assert scenario.expect["lateral_rms_m"].max == 0.05
+
+
+def test_a_field_may_have_several_edges_by_name():
+    edge = GOOD[GOOD.index("  edge:") : GOOD.index("  obstacles:")]
+    several = "  edges: {west: {shape: straight}, east: {shape: straight, gaps: [[1, 2]]}}\n"
+    scenario = read(GOOD.replace(edge, several))
+    assert {name: e.gaps for name, e in scenario.field.edges.items()} == {"west": (), "east": ((1.0, 2.0),)}
+    assert read(scenario.resolved()) == scenario
+    assert "  edge:" in read().resolved()
+    for wrong, message in (
+        (edge + several, "field.edges: expected either `edge` or `edges`"),
+        ("  edges: {}\n", "field.edges = {}: expected at least one edge by name"),
+        ("  edges: {'a.b': {}}\n", "field.edges.a.b: expected an edge's name"),
+        ("  edges: {west: {shape: strait}}\n", "field.edges.west.shape = strait: expected one of"),
+    ):
+        assert message in refusal(edge, wrong)
 
 
 def test_wires_are_the_slots_own_with_the_scenarios_on_top():

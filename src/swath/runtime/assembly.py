@@ -214,6 +214,7 @@ def _site_setup(place: _Place, period: float) -> SiteSetup:
         bodies=site.bodies,
         base=site.base,
         origin=site.origin,
+        edge=place.edge,
     )
 
 

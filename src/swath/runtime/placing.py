@@ -17,7 +17,13 @@ LOOK_AHEAD_M = 5.0  # the edge must go on this far beyond where the header ends 
 
 def edge_of(section: MachineSection, field: Field) -> EdgeShape:
     """The initial edge that a machine follows: the one it names, else the first of the field."""
-    return field.nominal_edge
+    name = section.common.field_edge
+    if name is None:
+        return field.first_edge
+    if name not in field.edges:
+        expected = f"expected one of field.edges: {', '.join(field.edges)}"
+        raise InputError(f"{section.name}.field_edge", name, expected)
+    return field.edges[name].shape
 
 
 def start_pose(section: MachineSection, field: Field, edge: EdgeShape, machine: MachineGeometry) -> Pose:

@@ -83,7 +83,7 @@ class Machine:
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
         return RecordedMachine(
-            self.name, self.card, self.edge_side, self.mountings, self.origin, tuple(self.parts)
+            self.name, self.card, self.edge_side, self.mountings, self.origin, tuple(self.parts), self.edge
         )
 
 
@@ -106,9 +106,8 @@ class World:
 
     def reset(self) -> None:
         """Everything as at the start: the field uncut, the machines where they begin."""
-        self.field.load({"keys": [], "codes": [], "straw": []})
-        for machine in self.machines.values():
-            self.bodies.place(machine.name, machine.start)
+        self.field.reset()
+        self.bodies.reset()
         self.graph.reset()
 
     def save(self) -> dict[str, Any]:

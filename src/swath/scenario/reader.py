@@ -29,10 +29,10 @@ from swath.scenario.sections import (
 from swath.scenario.slots import SlotKind
 from swath.scenario.versions import SECTIONS
 
-FIELD_KEYS = ("folder", "terrain", "stand", "edge", "obstacles", "boundary")
+FIELD_KEYS = ("folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary")
 MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side", "field_edge")
 CARDS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
-_MACHINE_NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")
+_NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")
 
 
 class ScenarioError(InputError):
@@ -157,7 +157,7 @@ class Reader:
             self.note(("field", "folder"), folder, "expected a path")
             folder = None
         levels = {name: self._ground(name, data, folder is not None) for name in levels_of}
-        edge = self.check(self.catalogue.part("edge"), data.get("edge", {}), ("field", "edge"))
+        edges = self._edges(data)
         obstacles = self._obstacles(data.get("obstacles", []))
         boundary = data.get("boundary")
         if boundary is not None:
@@ -166,10 +166,27 @@ class Reader:
             Path(folder) if folder else None,
             levels["terrain"],
             levels["stand"],
-            edge,
+            edges,
             obstacles,
             boundary,
         )
+
+    def _edges(self, data: dict[str, Any]) -> dict[str, Any]:
+        """The initial edges by name: the one of `edge`, or those of `edges`."""
+        kind = self.catalogue.part("edge")
+        if "edges" not in data:
+            return {"edge": self.check(kind, data.get("edge", {}), ("field", "edge"))}
+        path = ("field", "edges")
+        if "edge" in data:
+            self.note(path, None, "expected either `edge` or `edges`")
+        edges = data["edges"]
+        if not isinstance(edges, dict) or not edges:
+            self.note(path, edges, "expected at least one edge by name, such as `west: {x_m: 0}`")
+            return {}
+        for name in edges:
+            if not _NAME.match(name):
+                self.note((*path, name), None, "expected an edge's name: letters, digits, - and _")
+        return {name: self.check(kind, entry, (*path, name)) for name, entry in edges.items()}
 
     def _ground(self, name: str, data: dict[str, Any], has_folder: bool) -> LevelChoice | None:
         if name not in data and has_folder:
@@ -209,7 +226,7 @@ class Reader:
             hint = near_miss(name, absent) or f"; a machine has keys such as {', '.join(known[:4])}"
             self.note((name,), None, "unknown key" + hint)
             return False
-        if not _MACHINE_NAME.match(name):
+        if not _NAME.match(name):
             self.note((name,), None, "expected a machine's name: letters, digits, - and _")
             return False
         return True

@@ -45,6 +45,13 @@ Only with this section, or `swath run --real-time`, a run waits for the clock: [
 is `degrade`; keys of the present level that the cheaper one knows are kept.
 """
 
+EDGES = """\
+### field.edges
+Several edges by name, instead of `edge`: `edges: {west: {x_m: 0}, east: {x_m: 60, crop_side: left}}`. Each
+takes the keys above. Crop stands where it stands on the crop side of every edge. Ground outside several edges
+has the stubble of the nearest of them.
+"""
+
 
 def reference(catalogue: Catalogue = CATALOGUE) -> str:
     """The whole page."""
@@ -85,6 +92,8 @@ def _field(catalogue: Catalogue) -> str:
     for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):
         parts.append(f"### field.{title}\n")
         parts.append(_part(catalogue.part(name)))
+        if name == "edge":
+            parts.append(EDGES)
     return "\n".join(parts)
 
 

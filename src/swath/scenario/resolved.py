@@ -94,12 +94,14 @@ class RealTimeSection:
 
 @dataclass(frozen=True)
 class FieldSection:
-    """The field. folder: an imported field, from which terrain and stand come unless written here."""
+    """The field. folder: an imported field, from which terrain and stand come unless written here;
+    edges: the initial edges of the crop by name, `edge` where there is the one of `field.edge`.
+    """
 
     folder: Path | None
     terrain: LevelChoice | None
     stand: LevelChoice | None
-    edge: Any
+    edges: Mapping[str, Any]
     obstacles: tuple[Any, ...] = ()
     boundary: Any = None
 
@@ -109,11 +111,15 @@ class FieldSection:
             "folder": None if self.folder is None else str(self.folder),
             "terrain": None if self.terrain is None else self.terrain.plain(),
             "stand": None if self.stand is None else self.stand.plain(),
-            "edge": _plain(self.edge),
+            **self._plain_edges(),
             "obstacles": [_plain(o) for o in self.obstacles],
             "boundary": None if self.boundary is None else _plain(self.boundary),
         }
         return {key: value for key, value in written.items() if value not in (None, [], {})}
+
+    def _plain_edges(self) -> dict[str, Any]:
+        plain = {name: _plain(edge) for name, edge in self.edges.items()}
+        return plain if list(plain) == ["edge"] else {"edges": plain}
 
 
 def _plain(params: Any) -> dict[str, Any]:

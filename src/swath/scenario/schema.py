@@ -222,6 +222,12 @@ def _field(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
             "folder": {"type": "string", "description": "an imported field: terrain and stand come from it"},
             **ground,
             "edge": edge,
+            "edges": {
+                "type": "object",
+                "description": "several edges by name, instead of `edge`",
+                "additionalProperties": edge,
+                "minProperties": 1,
+            },
             "obstacles": {"type": "array", "items": obstacle},
             "boundary": boundary,
         },

@@ -158,5 +158,5 @@ def _drive_to_scan(scenario: Scenario, at_s: float, *more: str) -> tuple[World, 
 
 def _edge_line(world: World) -> F64:
     """The initial edge as points (500, 2) in the world [m]."""
-    edge = world.field.nominal_edge
+    edge = world.field.first_edge
     return np.asarray(edge.point_at(np.linspace(0.0, edge.length, 500)))
