@@ -1,4 +1,4 @@
-"""Every crop against its card and against what is published of it: sizes, places, masses, areas, memory."""
+"""Every crop against its sheet and against what is published of it: sizes, places, masses, areas, memory."""
 
 from functools import cache
 
@@ -54,7 +54,7 @@ def inclination(plants, organ):
 
 
 @pytest.mark.parametrize("name", sheet_names("crops"))
-def test_heights_are_the_card_s_and_reach_the_tip(name):
+def test_heights_are_the_sheet_s_and_reach_the_tip(name):
     crop, plants = grown(name)
     assert plants.height.mean() == pytest.approx(crop.stand.height, rel=0.015)
     assert plants.height.std() / plants.height.mean() == pytest.approx(crop.stand.height_cv, rel=0.08)
@@ -209,7 +209,7 @@ def grow(stand, setup=None):
 
 
 @pytest.mark.parametrize("kind", [uniform, maps])
-def test_density_and_rows_come_from_the_card_unless_given(kind):
+def test_density_and_rows_come_from_the_sheet_unless_given(kind):
     make = uniform.Uniform if kind is uniform else maps.Maps
     own = make(kind.Params(crop="maize"), FieldSetup())
     assert (float(own.density(0.0, 0.0)), own.row_spacing) == (8.5, 0.75)

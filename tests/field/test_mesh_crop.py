@@ -25,16 +25,16 @@ from tests.field.made_field import STREAM, rectangle
 trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
 
 MESHES = Path(__file__).parents[2] / "examples" / "meshes"
-CARD = (MESHES / "sunflower.yaml").read_text(encoding="utf-8")
+SHEET = (MESHES / "sunflower.yaml").read_text(encoding="utf-8")
 SUNFLOWER = load_crop(str(MESHES / "sunflower.yaml"))
 MESH = SUNFLOWER.organs[MeshFacts]
 COUNT = 400
 PLANTS = make_plants(SUNFLOWER, COUNT, np.random.default_rng(1))
 
 
-def card(folder, *pairs, **files):
-    """A changed copy of the example's card in a folder, with the meshes and further files beside it."""
-    text = CARD
+def sheet(folder, *pairs, **files):
+    """A changed copy of the example's sheet in a folder, with the meshes and further files beside it."""
+    text = SHEET
     for old, new in pairs:
         assert old in text
         text = text.replace(old, new)
@@ -84,7 +84,7 @@ def test_plants_are_the_meshes_scaled_and_turned():
     assert sum(area.values()) / COUNT == pytest.approx(0.25 * whole, rel=0.03)
 
 
-def test_masses_are_the_card_s_and_go_with_size():
+def test_masses_are_the_sheet_s_and_go_with_size():
     assert PLANTS.grain_kg.mean() == pytest.approx(0.060, rel=1e-12)
     assert PLANTS.straw_kg.mean() == pytest.approx(0.110, rel=1e-12)
     assert np.corrcoef(PLANTS.height, PLANTS.grain_kg)[0, 1] > 0.7
@@ -111,7 +111,7 @@ def test_cut_twice_and_recounted_the_masses_add_up():
 def test_the_same_plant_from_every_format_unit_and_axis(tmp_path):
     """OBJ in cm with z up, PLY in mm with y up and x up, GLB in m with y up: the same triangles."""
     parts = read_mesh(MESHES / "sunflower-a.obj", key="test")
-    wanted = load_crop(card(tmp_path, one_mesh("sunflower-a.obj"))).organs[MeshFacts].variants[0]
+    wanted = load_crop(sheet(tmp_path, one_mesh("sunflower-a.obj"))).organs[MeshFacts].variants[0]
     turned = {"y": [0, 2, 1], "x": [2, 0, 1]}
     sign = {"y": [1, 1, -1], "x": [1, 1, 1]}
     for up, unit, kind in (("y", 10.0, "ply"), ("x", 10.0, "ply"), ("y", 0.01, "glb")):
@@ -131,16 +131,16 @@ def test_the_same_plant_from_every_format_unit_and_axis(tmp_path):
             else [("unit: cm\n  up: z", "unit: m")]
         )
         if kind == "ply":  # it has no names: everything is one organ
-            start, end = CARD.index("  stalk:"), CARD.index("\nstand:")
+            start, end = SHEET.index("  stalk:"), SHEET.index("\nstand:")
             pairs.append(
                 (
-                    CARD[start:end],
+                    SHEET[start:end],
                     '  "*": {organ: leaf, reflectance: {value: 0.4, tag: E, source: x}}\n',
                 )
             )
         else:
             pairs += [(f"  {p.names[0]}: {{organ", f"  {p.names[0]}.001: {{organ") for p in parts]
-        found = load_crop(card(tmp_path, *pairs, **{f"m_{kind}": data})).organs[MeshFacts].variants[0]
+        found = load_crop(sheet(tmp_path, *pairs, **{f"m_{kind}": data})).organs[MeshFacts].variants[0]
         assert found.height == pytest.approx(wanted.height, rel=1e-6)
         np.testing.assert_allclose(
             np.sort(found.corners.reshape(-1, 3), axis=0),
@@ -153,7 +153,7 @@ def test_the_same_plant_from_every_format_unit_and_axis(tmp_path):
 
 def test_objects_name_parts_where_there_are_no_materials(tmp_path):
     text = (MESHES / "sunflower-a.obj").read_text(encoding="utf-8").replace("usemtl", "o")
-    crop = load_crop(card(tmp_path, one_mesh("m.obj"), m_obj="mtllib gone.mtl\n" + text))
+    crop = load_crop(sheet(tmp_path, one_mesh("m.obj"), m_obj="mtllib gone.mtl\n" + text))
     assert {Organ(o) for o in crop.organs[MeshFacts].variants[0].organ} == {Organ.STEM, Organ.LEAF, Organ.EAR}
 
 
@@ -162,11 +162,11 @@ def test_parts_can_be_left_out_and_height_can_be_given(tmp_path):
         'stalk: {organ: stem, reflectance: {value: 0.40, tag: E, source: "dry stalk, as straw"}}',
         "stalk: {organ: none}",
     )
-    bare = load_crop(card(tmp_path, left))
+    bare = load_crop(sheet(tmp_path, left))
     assert 0.35 < bare.reflectance["stem"] < 0.40
     assert all(Organ.STEM not in v.organ for v in bare.organs[MeshFacts].variants)
     tall = ("  height_cv", '  height_cm: {value: 200, tag: E, source: "test"}\n  height_cv')
-    crop = load_crop(card(tmp_path, ("  unit: cm\n", ""), tall))
+    crop = load_crop(sheet(tmp_path, ("  unit: cm\n", ""), tall))
     assert crop.stand.height == pytest.approx(2.0)
 
 
@@ -181,7 +181,7 @@ def test_heavy_meshes_make_fewer_prototypes_and_too_heavy_ones_are_refused():
 
 
 TETRA = "v 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 90\nusemtl stalk\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
-STALK_ONLY = (CARD[CARD.index("  dry_leaf:") : CARD.index("\nstand:")], "")
+STALK_ONLY = (SHEET[SHEET.index("  dry_leaf:") : SHEET.index("\nstand:")], "")
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ STALK_ONLY = (CARD[CARD.index("  dry_leaf:") : CARD.index("\nstand:")], "")
     ],
 )
 def test_what_cannot_be_a_plant_is_refused_by_name(tmp_path, pairs, files, message):
-    path = card(tmp_path, *pairs, **files)
+    path = sheet(tmp_path, *pairs, **files)
     if message is None:
         assert load_crop(path).reflectance["stem"] == 0.4
         return
@@ -249,7 +249,7 @@ def test_what_cannot_be_a_plant_is_refused_by_name(tmp_path, pairs, files, messa
 
 
 def test_without_trimesh_the_extra_is_named(tmp_path, monkeypatch):
-    path = card(tmp_path, one_mesh("new.obj"), new_obj=TETRA)
+    path = sheet(tmp_path, one_mesh("new.obj"), new_obj=TETRA)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(
         MissingExtra, match=r"reading a mesh needs an optional part: pip install 'swath\[mesh\]'"

@@ -151,8 +151,8 @@ def test_any_count_of_sub_rays_works(count, profile):
     ],
 )
 def test_bundled_scanners_have_their_published_spots(name, spot_mm_at_8_m):
-    card = load_lidar(name)
-    assert np.allclose(card.beam.diameter(8.0) * 1e3, spot_mm_at_8_m, atol=1.0)
+    sheet = load_lidar(name)
+    assert np.allclose(sheet.beam.diameter(8.0) * 1e3, spot_mm_at_8_m, atol=1.0)
 
 
 def test_ouster_spot_is_converted_from_its_half_width():
@@ -165,10 +165,10 @@ def test_every_bundled_scanner_loads_with_a_source_for_each_number():
     names = sheet_names("sensors")
     assert len(names) >= 10
     for name in names:
-        card = load_lidar(name)
-        assert card.noise[:, 1].max() < 0.11
-        assert card.echo_count >= 1
-        assert 1e-9 < card.pulse < 20e-9
+        sheet = load_lidar(name)
+        assert sheet.noise[:, 1].max() < 0.11
+        assert sheet.echo_count >= 1
+        assert 1e-9 < sheet.pulse < 20e-9
 
 
 def test_faulty_sheet_names_key_and_file(tmp_path):

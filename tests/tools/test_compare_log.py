@@ -50,7 +50,7 @@ def write_log(path, machines=2, count=900, pause=None):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A log whose engine columns come from a card with other numbers, and those numbers."""
+    """A log whose engine columns come from a sheet with other numbers, and those numbers."""
     true = {"power.auxiliary_kw": 55.0, "power.drum_kj_per_kg": 6.5, "transport.feeder_s": 2.4}
     log = read_machine_log(write_log(tmp_path_factory.mktemp("log") / "log.csv"))
     machine = read_machine(open_machine("lexion-700").changed(true))

@@ -11,6 +11,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.error import YAMLError
 
 from swath.core.errors import InputError
 from swath.core.units import UNITS
@@ -41,7 +42,10 @@ def migrate_sheet(text: str) -> str:
     """
     yaml = YAML(typ="rt")
     yaml.preserve_quotes, yaml.width = True, 10_000
-    data = yaml.load(text)
+    try:
+        data = yaml.load(text)
+    except YAMLError as error:
+        raise InputError("data sheet", None, f"expected YAML, {str(error).splitlines()[0]}") from error
     kind = _kind(data)
     if "format" in data:
         return text

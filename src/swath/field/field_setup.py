@@ -45,7 +45,7 @@ def from_azimuth(azimuth_deg: float) -> float:
 def drilled(
     crop: str, stems_per_m2: float | None, row_spacing_m: float | None, folder: Path
 ) -> tuple[float, float]:
-    """Density [stems/m2] and row spacing [m] of a stand; what is None is that of the crop's card."""
+    """Density [stems/m2] and row spacing [m] of a stand; what is None is that of the crop's sheet."""
     if stems_per_m2 is not None and row_spacing_m is not None:
         return stems_per_m2, row_spacing_m
     stand = load_crop(crop, folder).stand

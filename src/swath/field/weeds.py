@@ -1,4 +1,4 @@
-"""Weeds under a crop: how many, how tall, and the plants for it from a weed's card."""
+"""Weeds under a crop: how many, how tall, and the plants for it from a weed's sheet."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from swath.field.plants.parts import LeafFacts
 @dataclass(frozen=True, kw_only=True)
 class Weeds:
     """Weeds wherever the crop was sown, its stubble included. plants_per_m2; height_m: mean, ground to the
-    highest leaf; crop: name of the weed's card.
+    highest leaf; crop: name of the weed's sheet.
     """
 
     plants_per_m2: Annotated[float, Ge(0.0), Le(1000.0)] = 20.0
@@ -23,7 +23,7 @@ class Weeds:
 
 
 def weed_crop(weeds: Weeds, folder: Path | None = None) -> Crop:
-    """The weed's card, its plants grown to the wanted height: widths and leaves with the square root of it,
+    """The weed's sheet, its plants grown to the wanted height: widths and leaves with the square root of it,
     so that mass goes with the square (length times width squared).
     """
     crop = load_crop(weeds.crop, folder)

@@ -392,7 +392,7 @@ class Reader:
         return value
 
     def _card(self, kind: str, value: str, path: KeyPath) -> str:
-        """A bundled card's name as it is, the user's own file as an absolute path."""
+        """A bundled data sheet's name as it is, the user's own file as an absolute path."""
         try:
             file = find_sheet(kind, value, self.base(path))
         except InputError as error:

@@ -8,14 +8,14 @@ from swath.core.frames import Array
 from swath.machine.machine_sheet import MachineSheet
 from swath.signals.setup import MachineGeometry
 
-PIVOT = (0.0, 1.5)  # feeder pivot of a card without masses: x [m ahead of the fixed axle], z [m]
-TILT_Z = 0.8  # height of the header's tilt pivot of such a card [m]
+PIVOT = (0.0, 1.5)  # feeder pivot of a sheet without masses: x [m ahead of the fixed axle], z [m]
+TILT_Z = 0.8  # height of the header's tilt pivot of such a sheet [m]
 
 
 class Hang:
     """Feeder turning about a cross axis, header turning about a long axis in front of it.
 
-    With both angles 0 the knife lies level in the machine frame at its place on the card and at `height` [m].
+    With both angles 0 the knife lies level in the machine frame at the sheet's place and at `height` [m].
     arm: from the feeder pivot to the knife, along x [m]; knife_x: ahead of the fixed axle [m]
     """
 

@@ -37,7 +37,7 @@ SETTLE_STEP = 0.0025  # [s]
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's card.
+    """What is left out comes from the machine's sheet.
 
     stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
     rolling_resistance: over load, on firm soil

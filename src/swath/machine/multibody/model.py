@@ -1,7 +1,7 @@
-"""The machine as bodies and joints: an MJCF text made from the machine card.
+"""The machine as bodies and joints: an MJCF text made from the machine sheet.
 
 Frame of the chassis: the machine frame (middle of the fixed axle, on the ground when the empty machine
-stands). Total mass, centre of gravity and the three inertias are those of the card: the chassis is what the
+stands). Total mass, centre of gravity and the three inertias are those of the sheet: the chassis is what the
 other parts leave over. Joints that are driven (kingpins, feeder, header tilt) carry a huge armature: their
 angle is set, what presses on them does not move them and goes into the next body.
 """

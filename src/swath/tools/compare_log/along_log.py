@@ -83,8 +83,8 @@ def run_engine(
 ) -> dict[str, Array]:
     """The engine along the log, from what the process does."""
     level = REGISTRY.get("powertrain", drive.engine)
-    works = drivetrain_of(machine)
-    grain = TANK * works.tank
+    drivetrain = drivetrain_of(machine)
+    grain = TANK * drivetrain.tank
     rows = np.empty((len(log), 4))
     widths = [_width(log, k, machine.header_width) for k in range(len(log.machine_names))]
     engine: Any = None
@@ -98,13 +98,13 @@ def run_engine(
         rows[i] = e.load, e.speed, e.power, e.fuel
     share, turning, power, fuel = rows.T
     if drive.load_over == "largest":
-        share = power / turning / _largest_torque(works)
+        share = power / turning / _largest_torque(drivetrain)
     share = drive.friction + (1.0 - drive.friction) * share
     return {"engine_load": share, "engine_speed": turning, "fuel": fuel / (1e3 * DIESEL)}
 
 
-def _largest_torque(works: Drivetrain) -> float:
-    e = works.engine
+def _largest_torque(drivetrain: Drivetrain) -> float:
+    e = drivetrain.engine
     return (1.0 + e.torque_rise) * e.rated_power / e.rated_speed
 
 

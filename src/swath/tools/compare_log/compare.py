@@ -191,8 +191,8 @@ class _Runner:
 
     def run(self, machine: MachineSheet) -> dict[str, Array]:
         """The simulated series, SI."""
-        works = drivetrain_of(machine)
-        key = (works.transport, works.threshing, works.cleaning)
+        drivetrain = drivetrain_of(machine)
+        key = (drivetrain.transport, drivetrain.threshing, drivetrain.cleaning)
         loads = next((made for known, made in self._loads if known == key), None)
         if loads is None:
             loads = run_process(machine, self._log, self._drive)
