@@ -188,13 +188,15 @@ def _mesh_obstacle(o: MeshObstacle, ground: Array, key: str) -> Solids:
 
 
 def machine_body(machine: MachineGeometry, reflectance: float = PAINT) -> Solids:
-    """Chassis and header of a machine as two boxes in the machine frame."""
+    """Chassis of a machine, and its header if it has one, as boxes in the machine frame."""
     rear, front, half_width, bottom, top = machine.body
     chassis = box_on_ground(
         [0.5 * (rear + front), 0.0, bottom],
         [front - rear, 2.0 * half_width, top - bottom],
         reflectance=reflectance,
     )
+    if not machine.has_header:
+        return chassis
     header = box_on_ground(
         [machine.knife_x - 0.5 * machine.header_depth, machine.header_y, KNIFE_CLEARANCE],
         [machine.header_depth, machine.header_width, machine.header_height],

@@ -27,7 +27,7 @@ from swath.field.projection import Origin
 from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solids import machine_body
 from swath.field.track import EdgeShape
-from swath.machine.machine_sheet import MachineCard, load_machine
+from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.field_setup import build_field
 from swath.runtime.placing import check_room, check_side, edge_of, start_pose
@@ -120,7 +120,7 @@ class _Place:
     """A machine that is being built: where it stands, on which edge, and what its sensors told so far."""
 
     section: MachineSection
-    card: MachineCard
+    card: MachineSheet
     edge: EdgeShape
     start: Pose
     mountings: Mapping[str, Pose]

@@ -15,8 +15,9 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
 from swath.field.crop import load_crop
-from swath.field.field_setup import Detail, FieldSetup, drilled, from_azimuth
+from swath.field.field_setup import FieldSetup, drilled, from_azimuth
 from swath.field.hashing import hash_uniform
+from swath.field.plants.drawing import Detail
 from swath.field.raster import Raster
 from swath.field.waves import Waves, make_random_field
 from swath.field.weeds import Weeds
