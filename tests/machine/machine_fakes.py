@@ -8,6 +8,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
+from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineCard, load_machine
 from swath.machine.sweep import signed_area
 
@@ -21,6 +22,7 @@ class Ground:
     height: object = lambda x, y: np.zeros(np.broadcast(x, y).shape)
     cuts: list = field(default_factory=list)
     straw: list = field(default_factory=list)
+    grain: list = field(default_factory=list)
 
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))
@@ -29,6 +31,9 @@ class Ground:
         area = signed_area(polygon)
         self.cuts.append(polygon)
         return SimpleNamespace(grain=0.8 * area, straw=0.6 * area, stem_count=int(500 * area), area=area)
+
+    def deposit_grain(self, x, y, mass_kg):
+        self.grain.append((x, y, mass_kg))
 
     def deposit_straw(self, polygon, mass_kg, *, heading=None):
         self.straw.append((polygon, mass_kg))
@@ -41,10 +46,11 @@ def slope(along=0.0, left=0.0):
 
 def site(ground=None, machine: MachineCard | None = None, start=None, period=0.01):
     """What a machine's slot is told."""
-    return SimpleNamespace(
+    return SiteSetup(
         field=ground or Ground(),
         machine=machine or load_machine("lexion-700"),
         start=start or Pose.identity(),
+        edge_side="left",
         period=period,
     )
 

@@ -15,6 +15,7 @@ from swath.field.cut_result import Cut, StemIndex, check_polygon
 from swath.field.edge_defects import BrokenEdge
 from swath.field.field_setup import Stand, Terrain
 from swath.field.footprint import Block, Footprint
+from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
 from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
@@ -35,7 +36,7 @@ class Field:
 
     library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world
     turned by `stand_yaw` [rad] about z; edges: of the crop at the start, by name
-    wind: what sways the stand; the library and the pages know nothing of it
+    grain: on the ground; wind: what sways the stand; the library and the pages know nothing of it
     Pages come into memory by `ensure`, and by themselves where any verb touches the field.
     """
 
@@ -66,6 +67,7 @@ class Field:
         self.store = PageStore(self.maker.make, self._finish, tile_size=library.tile_size, limit=page_limit)
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
         self._spreader = Spreader()
+        self.grain = GrainPiles()
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
 
     @property
@@ -199,6 +201,16 @@ class Field:
         corners = np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.node
         self._spreader.spread(self.store, corners, mass_kg, heading, self._depth_per_kg)
 
+    def deposit_grain(self, x: float, y: float, mass_kg: float) -> None:
+        """Lay grain [kg] on the ground at a world point [m]. It is counted; rays do not meet it."""
+        _check_near(np.asarray(x), np.asarray(y))
+        self.grain.add(x, y, mass_kg)
+
+    @property
+    def ground_grain_kg(self) -> float:
+        """Mass of all grain laid on the ground [kg]: without what the header shed."""
+        return self.grain.total
+
     @property
     def straw_kg(self) -> float:
         """Mass of all straw laid on the field [kg]."""
@@ -209,12 +221,13 @@ class Field:
         return recount_pages(self.store, self.maker, self.stems)
 
     def save(self) -> dict[str, Any]:
-        """What was changed: packed codes and straw of changed pages."""
+        """What was changed: packed codes and straw of changed pages, grain on the ground."""
         changes = self.store.changes()
         return {
             "keys": np.array(list(changes), dtype=np.int64).reshape(-1, 2),
             "codes": [c.codes for c in changes.values()],
             "straw": [c.straw for c in changes.values()],
+            "grain": self.grain.save(),
         }
 
     def load(self, state: dict[str, Any]) -> None:
@@ -222,6 +235,12 @@ class Field:
         keys: list[Key] = [(int(i), int(j)) for i, j in state["keys"]]
         changes = zip(keys, state["codes"], state["straw"], strict=True)
         self.store.restore({key: Change(codes, straw) for key, codes, straw in changes})
+        self.grain.load(state["grain"])
+
+    def reset(self) -> None:
+        """Back to the start: nothing cut, no straw, no grain. Pages that nothing changed stay in memory."""
+        self.store.reset()
+        self.grain = GrainPiles()
 
     @property
     def _depth_per_kg(self) -> float:
