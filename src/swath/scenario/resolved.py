@@ -9,6 +9,7 @@ from typing import Any
 from swath.core.registry import Level
 from swath.documents.validation import adapter_of
 from swath.scenario.sections import MachineCommon, RealTime, SlotCommon, StartAlongEdge, StartPose
+from swath.scenario.slots import SlotKind
 
 
 @dataclass(frozen=True)
@@ -32,24 +33,27 @@ class LevelChoice:
 class SlotChoice(LevelChoice):
     """A chosen level in a slot of a machine.
 
-    wires: input port -> (full slot name such as `combine.lidar`, output port): the slot's own list with the
-    scenario's on top; `wired` names the inputs that the scenario itself wrote
+    kind: of the slot; wires: input port -> (full slot name such as `combine.lidar`, output port), the list of
+    the kind with the scenario's own (`common.wires`) on top
     """
 
     common: SlotCommon
-    wires: Mapping[str, tuple[str, str]]
-    wired: tuple[str, ...] = ()
+    kind: SlotKind
+    wires: Mapping[str, tuple[str, str]] = dataclasses.field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:
         """As it would be written in a file."""
         common = self.common.model_dump(mode="json")
-        common["wires"] = {name: ".".join(self.wires[name]) for name in self.wired}
+        common["wires"] = {name: ".".join(self.wires[name]) for name in self.common.wires}
         return {"level": self.level, **common, **_plain(self.params)}
 
 
 @dataclass(frozen=True)
 class MachineSection:
-    """One machine. slots: in execution order, without those that are off; card: its data sheet."""
+    """One machine. slots: in execution order; off: those of its type that it lacks; card: its data sheet
+
+    present: names of all its slots, also where only some of them are built
+    """
 
     name: str
     common: MachineCommon
@@ -57,6 +61,15 @@ class MachineSection:
     start: StartAlongEdge | StartPose
     slots: Mapping[str, SlotChoice]
     off: tuple[str, ...] = ()
+    present: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.present:
+            object.__setattr__(self, "present", tuple(self.slots))
+
+    def has(self, kind: str) -> bool:
+        """True where it has a slot of a kind."""
+        return any(choice.kind.name == kind for choice in self.slots.values())
 
     def plain(self) -> dict[str, Any]:
         """As it would be written in a file."""

@@ -62,7 +62,7 @@ def read_run(folder: Path) -> tuple[Samples, str]:
 
     Ground and stand are those of the run's scenario; the scanner's spot follows from its card and the range.
     """
-    from swath.run.field_setup import build_field
+    from swath.runtime.field_setup import build_field
     from swath.scenario.scenario import load_scenario
     from swath.sensing.lidar_sheet import load_lidar
     from swath.tools.height_map.bag import open_bag

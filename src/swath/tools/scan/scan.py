@@ -13,8 +13,9 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.judge.referee import Referee
 from swath.report.scan_sampler import ScanKeeper
-from swath.run.loop import drive
-from swath.run.world import World, assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals import F64, Image, MachineState, Scan, ScanTruth
 from swath.tools.scan.converge import Settling
