@@ -56,7 +56,7 @@ def ray_ratio(field: Field) -> float:
     _, down = make_beams(37, 40_000)
 
     def cast(x: float) -> None:
-        caster.cast_bundles(np.broadcast_to([x, -WIDTH, 4.0], down.shape), down, range_max=60.0)
+        caster.cast_bundles((np.broadcast_to([x, -WIDTH, 4.0], down.shape), down), range_max=60.0)
 
     for x in (10.0, 120.0):
         field.ensure(x, -WIDTH, 60.0)

@@ -12,8 +12,8 @@ from swath.core.random import Stream
 from swath.field.crop import load_crop
 from swath.field.memory_layout import PlantLibrary
 from swath.field.prototypes import make_library
-from swath.rays.packets.index import GroupIndex, make_index
-from swath.rays.packets.packing import bundle_lanes
+from swath.rays.packets.index import PacketIndex, make_index
+from swath.rays.packets.packing import pack_bundles
 
 INK, GRID, PIECE, RAY = "#33373d", "#d9dbde", "#b9b4a6", "#c0223b"
 SLICES = ("#c0223b", "#2f6f9f", "#7d9352")
@@ -35,7 +35,7 @@ def spot(beam: float, count: int = 37) -> np.ndarray:
     return np.c_[np.tan(beam) + radius * np.cos(angle), radius * np.sin(angle)]
 
 
-def pieces(library: PlantLibrary, index: GroupIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pieces(library: PlantLibrary, index: PacketIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ends (m, 2, 3) [m], half widths, columns (ix, iy) of the pieces of tile 0."""
     last = index.start[index.columns * index.columns * index.bins]
     coarse = index.coarse[:last].astype(float)
@@ -44,7 +44,7 @@ def pieces(library: PlantLibrary, index: GroupIndex) -> tuple[np.ndarray, np.nda
     return ends, coarse[:, 6] * index.step, np.c_[cell % index.columns, cell // index.columns]
 
 
-def from_above(ax: Any, index: GroupIndex, ends: np.ndarray, column: np.ndarray) -> None:
+def from_above(ax: Any, index: PacketIndex, ends: np.ndarray, column: np.ndarray) -> None:
     """Columns, slabs and the beams' ways through the upper half of the crop."""
     side, n = index.side, index.columns
     slab = (column[:, 0] == 3) & (np.abs((column[:, 1] + 0.5) * side - 0.5) < 0.30)
@@ -88,7 +88,7 @@ def in_slopes(ax: Any, ends: np.ndarray, width: np.ndarray, column: np.ndarray) 
     for beam in BEAMS:
         places = spot(beam)
         ax.add_patch(Circle((np.tan(beam), 0), 0.5 * SPOT, fill=False, ec=RAY, lw=0.8))
-        lanes = bundle_lanes(1, np.c_[np.ones(37), places]).table.reshape(-1, 16)
+        lanes = pack_bundles(1, np.c_[np.ones(37), places]).table.reshape(-1, 16)
         for lane, colour in zip(lanes, SLICES, strict=True):
             ax.plot(*places[lane[lane >= 0]].T, ".", ms=2.2, color=colour)
     ax.set(

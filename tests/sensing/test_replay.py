@@ -213,7 +213,7 @@ def test_one_launch_gives_what_three_give(world, recorded, noise):
             "share": -1.0,
             "grain": 0.05,
         }
-        parts.caster.cast_beams(parts.rays.desk, **wanted)
+        parts.caster.cast_beams(parts.rays.beams, **wanted)
         three = parts.rays.report(k * 40_000_000, poses[0])
         for name in ("ranges", "intensity"):
             assert getattr(one["scan"], name).tobytes() == getattr(three["scan"], name).tobytes()

@@ -149,7 +149,7 @@ def _radius_of_energy(share: F64, profile: Profile) -> F64:
 
 
 def spots(origins: F64, axes: F64, beam: Beam, pattern: F64) -> Spots:
-    """Sub-rays of every beam, for `RayCaster.cast_spots`.
+    """Sub-rays of every beam, for `RayCaster.cast_bundles`.
 
     origins: (beam_count, 3) [m]; axes: (beam_count, 3, 3), columns = beam direction, across, along;
     pattern: (beam_count or 1, sub_count, 2) on the unit disc. A sub-ray leaves at its place in the

@@ -149,7 +149,7 @@ def world_cosine(ray: Ray, tile: Tile, r: Local, n: wp.vec3) -> float:
 
 
 @wp.func
-def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hit:
+def cross_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hit:
     """Nearest plant hit in the tile. span: t of entry and exit of the tile, then of the part to search."""
     size = float(scene.tile_size)
     r = to_prototype(ray, tile, size, span[0], span[2])

@@ -1,10 +1,12 @@
-// Beams against bodies: the body of one native function (kernel.py), after lanes.cpp. One pack of 16 beams.
+// Beams against bodies: the body of one native function (kernel.py), after vectors.cpp. One packet of 16 beams.
 //
-// In: p, the pack; scene, canopy, origins, directions, score (standard normal numbers, low = high up), reach [m], count.
-// In and out, per beam: distance, kind (organ), cosine, reflectance: with has_solids the nearest solid's, else only out. Out: fault,
+// In: p, the packet; scene, canopy, range_max [m]; of the beams origins, directions, score (standard normal numbers, low = high up).
+// In and out, per beam: distance, kind (organ), cosine, reflectance: with has_solids the nearest solid's, else only out. Out: flags,
 // 2 where a beam starts over no known page or under the ground, 256 << k where one left axis k of the table.
 //
 // Frames as in kernel/scene.py: each beam in the stand frame, from the corner of the tile it starts over.
+
+const int count = beams.count;
 
 constexpr int STANDING = 255, GROUND = 1, STRAW = 2, STEM = 3, EAR = 4, STUBBLE = 6;
 constexpr float EAR_ZONE = 0.85f;      // crop above this share of its height counts as ears
@@ -30,8 +32,8 @@ struct Visited { I enters, ends, through; };
 const double per_tile = 1.0 / scene.tile_size;
 struct alignas(64) { float ox[N], oy[N], oz[N], dx[N], dy[N], dz[N], z0[N]; int tx[N], ty[N]; } raw = {};
 for (int l = 0; l < N && start + l < count; ++l) {
-  const auto& o = origins.data[start + l];
-  const auto& v = directions.data[start + l];
+  const auto& o = beams.origins.data[start + l];
+  const auto& v = beams.directions.data[start + l];
   const double c = scene.turn[0], s = scene.turn[1], x = c * o[0] + s * o[1], y = c * o[1] - s * o[0];
   const double tx = __builtin_floor(x * per_tile), ty = __builtin_floor(y * per_tile), z0 = __builtin_floor(o[2]);
   raw.tx[l] = (int)tx, raw.ty[l] = (int)ty, raw.z0[l] = (float)z0;
@@ -47,13 +49,13 @@ const F inv_x = slope_of(dx), inv_y = slope_of(dy), off_x = offset_of(ox, dx), o
 const int upper_organ = scene.reflectance.data[EAR] > 0.0f ? EAR : STEM;  // crops without ears reflect as stems do
 
 // ---- What a beam carries
-F hit_t = put(reach), hit_cosine = {}, hit_albedo = {};
+F hit_t = put(range_max), hit_cosine = {}, hit_albedo = {};
 I hit_organ = {}, out_of = {};
 if (has_solids) {
-  hit_t = load(distance.data + start), hit_cosine = load(cosine.data + start), hit_albedo = load(reflectance.data + start);
-  hit_organ = loadi(kind.data + start);
+  hit_t = load(beams.distance.data + start), hit_cosine = load(beams.cosine.data + start), hit_albedo = load(beams.reflectance.data + start);
+  hit_organ = loadi(beams.kind.data + start);
 }
-const F share = normal_share(load(score.data + start));
+const F share = normal_share(load(beams.score.data + start));
 F left = put(-1.0f), spent = {}, full = put(1.0f), lift = {};  // optical depth until the echo (-1 = no crop met yet), passed, of a full canopy
 
 auto silhouette_above = [&](F relative) -> F {  // per stem above a relative height [m2]
@@ -126,8 +128,8 @@ auto page_of = [&](I px, I py) -> I {  // slot of a page, -1 where nothing is kn
   return picki(in, gatheri(scene.table.data, j * nx + i, in), puti(-1));
 };
 
-// The ground of the tile between t0 and t1: patch by patch of the lattice, as walk_ground in kernel/cast.py
-auto walk_ground = [&](I who, F t0, F t1) {
+// The ground of the tile between t0 and t1: patch by patch of the lattice, as cross_ground in kernel/cast.py
+auto cross_ground = [&](I who, F t0, F t1) {
   const I low_x = (jx + tile_x - page_x * 8) * 8, low_y = (jy + tile_y - page_y * 8) * 8;
   const F x = (ox - real(page_x * 8 - tile_x) * size) * per_gap, y = (oy - real(page_y * 8 - tile_y) * size) * per_gap, xd = dx * per_gap, yd = dy * per_gap;
   const F gx = slope_of(xd), gy = slope_of(yd), px = offset_of(x, xd), py = offset_of(y, yd);
@@ -283,9 +285,9 @@ auto visit = [&](I who) -> Visited {
   auto from = [&](F high) -> F { return pick(b < 0.0f, most(t, (high - a) * per_b), t); };              // where the beam
   auto to = [&](F high, F far) -> F { return pick(b > 0.0f, least(far, (high - a) * per_b), far); };  // is lower than that
   const F bump = gather(scene.tile_bump.data, tile, who) + SLACK, top = gather(scene.tile_top.data, tile, who), scales = gather((const float*)scene.tile_stand.data, 4 * tile, who);
-  const F crown = least(top + TOP_ROOM * top, scales * canopy.crest);
+  const F crown = least(top + TOP_ROOM * top, scales * canopy.top_bound);
   const I is_low = who & (I)(lowest <= bump), is_in_crop = who & (I)(top > MARGIN) & (I)(lowest <= crown);
-  if (any(is_low)) walk_ground(is_low, from(bump), to(bump, end));
+  if (any(is_low)) cross_ground(is_low, from(bump), to(bump, end));
   const F ta = from(crown), tb = to(crown, least(end, hit_t));
   const I enters = is_in_crop & (I)(ta < tb);
   if (any(enters)) enter(enters, ta, tb, tile, scales, a, b);
@@ -351,9 +353,9 @@ const F raised = lift * least(put(1.0f), spent / most(full, put(1.0e-9f))) / mos
 hit_t = pick(is_ground & (I)(spent > 0.0f), hit_t - raised, hit_t);
 const I is_field = (hit_organ > 0) & (hit_organ < 7);
 hit_albedo = pick(is_field, gather(scene.reflectance.data, hit_organ, is_field), hit_albedo);
-store(distance.data + start, hit_t);
-storei(kind.data + start, hit_organ);
-store(cosine.data + start, hit_cosine);
-store(reflectance.data + start, hit_albedo);
+store(beams.distance.data + start, hit_t);
+storei(beams.kind.data + start, hit_organ);
+store(beams.cosine.data + start, hit_cosine);
+store(beams.reflectance.data + start, hit_albedo);
 for (int axis = 0; axis < 4; ++axis) wrong |= any((out_of & (1 << axis)) != 0) ? 256 << axis : 0;
-fault.data[0] |= wrong;
+beams.flags.data[0] |= wrong;

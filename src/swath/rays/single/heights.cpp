@@ -1,13 +1,15 @@
-// Rays through a grid of measured heights: the body of one native function (kernel.py), after lanes.cpp. One pack of 16 rays.
+// Rays through a grid of measured heights: the body of one native function (kernel.py), after vectors.cpp. One packet of 16 rays.
 //
 // In a cell F(z) is the share of the heights measured there that lie below z, and -log F(z) the thickness of what stands above
 // z. A ray that sinks from a to b in it goes on with probability F(b) / F(a): it is above a already; one that rises from b to a
-// likewise. It is stopped where the product along its way falls below its own number u in [0, 1). In an even stand the product
+// likewise. It is stopped where the product along its path falls below its own number u in [0, 1). In an even stand the product
 // is F(z): it meets measured heights as often as they were measured.
 //
-// In: p, the pack; g (see `Heights` in kernel.py), seed, share, grain of the draw, origins, directions, reach [m], count.
+// In: p, the packet; g (see `Heights` in kernel.py), seed, share, grain of the draw, range_max [m]; of the beams origins, directions.
 // In and out, per ray: distance, kind, cosine, reflectance: with has_solids the nearest solid's, else only out; kind as in
-// rays/heights.py, of solids SOLID. Out: cell, -1 = none; fault, 2 where a ray starts under the ground.
+// rays/heights.py, of solids SOLID. Out: cell, -1 = none; flags, 2 where a ray starts under the ground.
+
+const int count = beams.count;
 
 typedef short S32 __attribute__((vector_size(64)));
 typedef bool B32 __attribute__((ext_vector_type(32)));
@@ -24,8 +26,8 @@ const I live = count_up + start < count;
 // ---- The rays in the grid's frame
 struct alignas(64) { float ox[N], oy[N], oz[N], dx[N], dy[N], dz[N]; } raw = {};
 for (int l = 0; l < N && start + l < count; ++l) {
-  const auto& o = origins.data[start + l];
-  const auto& v = directions.data[start + l];
+  const auto& o = beams.origins.data[start + l];
+  const auto& v = beams.directions.data[start + l];
   const double c = g.turn[0], s = g.turn[1], x = o[0] - g.origin[0], y = o[1] - g.origin[1];
   raw.ox[l] = (float)(c * x + s * y), raw.oy[l] = (float)(c * y - s * x), raw.oz[l] = (float)(o[2] - g.origin[2]);
   raw.dx[l] = (float)(c * v[0] + s * v[1]), raw.dy[l] = (float)(c * v[1] - s * v[0]), raw.dz[l] = (float)v[2];
@@ -62,10 +64,10 @@ auto exit_y = [&](I j, float width) -> F { return pick(stays_y, put(FAR), (real(
 
 // ---- What is drawn for a ray: the share u, of all rays or by the cell of ground that it is aimed at
 const F under = ground_at(ox, oy);
-if (any(live & (I)(under - oz > BELOW))) fault.data[0] |= 2;
+if (any(live & (I)(under - oz > BELOW))) beams.flags.data[0] |= 2;
 F drawn = put(share);
 if (share < 0.0f) {
-  const F aim = pick(dz < -1.0e-6f, within((under - oz) / pick(dz < -1.0e-6f, dz, put(-1.0f)), 0.0f, reach), put(reach));
+  const F aim = pick(dz < -1.0e-6f, within((under - oz) / pick(dz < -1.0e-6f, dz, put(-1.0f)), 0.0f, range_max), put(range_max));
   auto mix = [](I h) -> I {  // lowbias32, C. Wellons, hash-prospector (public domain)
     typedef unsigned U __attribute__((vector_size(64)));
     U v = (U)h;
@@ -148,10 +150,10 @@ auto height_under = [&](int at, bool told, float thickness, float part) -> float
 };
 
 // ---- Into the box of the grid
-F hit_t = has_solids ? load(distance.data + start) : put(reach), hit_cosine = has_solids ? load(cosine.data + start) : F{};
-F hit_albedo = has_solids ? load(reflectance.data + start) : F{};
+F hit_t = has_solids ? load(beams.distance.data + start) : put(range_max), hit_cosine = has_solids ? load(beams.cosine.data + start) : F{};
+F hit_albedo = has_solids ? load(beams.reflectance.data + start) : F{};
 I hit_kind = {}, hit_cell = puti(-1);
-const I solid = has_solids ? loadi(kind.data + start) != 0 : I{};
+const I solid = has_solids ? loadi(beams.kind.data + start) != 0 : I{};
 auto slab_in = [&](F o, F per, I stays, float high) -> F {
   const F a = -o * per, b = (high - o) * per;
   return pick(stays, pick((o < 0.0f) | (o >= high), put(FAR), put(-FAR)), least(a, b));
@@ -175,7 +177,7 @@ stop(early, t, UNMEASURED);
 const F end = least(t_out, limit);
 const I sinks = dz < -1.0e-6f;
 const F per_z = 1.0f / pick(sinks, dz, put(-1.0f));
-t = pick(sinks, most(t, least((g.crest - oz) * per_z, end)), pick(oz + dz * t > g.crest, most(t, end), t));  // nothing stands above the crest
+t = pick(sinks, most(t, least((g.top_bound - oz) * per_z, end)), pick(oz + dz * t > g.top_bound, most(t, end), t));  // nothing stands above the top_bound
 
 // ---- Blocks and their cells in the order of the rays
 I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
@@ -370,8 +372,8 @@ hit_cosine = pick(measured, put(1.0f), hit_cosine);
 hit_albedo = pick(measured, gather(g.intensity.data, hit_cell, measured), hit_albedo);
 hit_kind = picki(solid & (hit_kind == 0), puti(SOLID), hit_kind);
 hit_t = pick(hit_kind == 0, put(__builtin_nanf("")), hit_t);
-store(distance.data + start, hit_t);
-storei(kind.data + start, hit_kind);
-storei(cell.data + start, hit_cell);
-store(cosine.data + start, hit_cosine);
-store(reflectance.data + start, hit_albedo);
+store(beams.distance.data + start, hit_t);
+storei(beams.kind.data + start, hit_kind);
+storei(beams.cell.data + start, hit_cell);
+store(beams.cosine.data + start, hit_cosine);
+store(beams.reflectance.data + start, hit_albedo);
