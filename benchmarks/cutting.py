@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from _harness import interleave, machine, median, write_json
 from ray_scenes import make_beams

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from _harness import interleave, machine, median, resident_bytes, write_json
 from ray_scenes import make_beams, make_embree, make_picture, make_scene, make_spots, organs

@@ -19,7 +19,7 @@ from swath.record.digest import Digest
 from swath.run.loop import drive as run
 from swath.run.world import assemble
 from swath.scenario.scenario import parse_scenario
-from swath.sensing.lidar.replay import Params, ReplayLidar, _mixed
+from swath.sensing.lidar.replay import Params, ReplayLidar, scan_seed
 from swath.tools.height_map.build import build_replay
 from tests.sensing.replay_rig import (
     SHARES,
@@ -209,7 +209,7 @@ def test_one_launch_gives_what_three_give(world, recorded, noise):
         parts.rays.aim(k * 40_000_000, *poses)
         wanted = {
             "range_max": 40.0,
-            "seed": _mixed(parts._seed, k * 40_000_000),
+            "seed": scan_seed(parts._seed, k * 40_000_000),
             "share": -1.0,
             "grain": 0.05,
         }

@@ -6,7 +6,7 @@ over its contact patch, so a wave of length l along the path is damped by sinc(p
 """
 
 from math import atan, atan2, copysign, cos, isfinite, sin
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -28,6 +28,15 @@ class Ground(Protocol):
         ...
 
 
+@runtime_checkable
+class PagedGround(Ground, Protocol):
+    """Ground that is quicker to read under the same points again and again, as `Field`."""
+
+    def footprint(self, points: Any, /, *, groups: int = 1) -> Footprint:
+        """Reader of the heights under points (n, 2) [m] of a body."""
+        ...
+
+
 class Stance(NamedTuple):
     """How the machine stands. z of the fixed axle's middle on the ground [m]; roll, pitch [rad].
 
@@ -46,8 +55,9 @@ class TerrainFollower:
 
     def __init__(self, ground: Ground, machine: MachineGeometry) -> None:
         self._ground, self._points = ground, _tyre_points(machine)
-        quick = getattr(ground, "footprint", None)
-        self._footprint: Footprint | None = None if quick is None else quick(self._points, groups=4)
+        self._footprint: Footprint | None = None
+        if isinstance(ground, PagedGround):
+            self._footprint = ground.footprint(self._points, groups=4)
         self._wheelbase = -machine.steered_x  # < 0 where the steered axle is ahead
         self._front_track, self._rear_track = machine.front_track, machine.rear_track
         self.stance, self._place = Stance(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)

@@ -15,7 +15,7 @@ from swath.rays.spread import SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
-EMPTY = 2e-6  # less silhouette than this above a height stops no beam [m2]
+EMPTY = 2e-6  # less projected area than this above a height stops no beam [m2]
 STRIDE = 7  # between the drawn stems that neighbouring beams look for
 
 

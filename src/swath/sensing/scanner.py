@@ -21,8 +21,6 @@ from swath.sensing.noise import Noise
 from swath.sensing.sweep import Sweep
 from swath.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
 
-WHITE_SHARE = 0.1  # diffuse reflectance that the data sheet's reach refers to
-
 
 @dataclass(frozen=True)
 class ScannerParams:
@@ -121,12 +119,6 @@ class Scanner:
         """Sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world, each beam at its own
         time of the sweep that ends at `end` [ns]."""
         return self._sweep(states, end)
-
-    def is_seen(self, true_range: F64, intensity: F64) -> np.ndarray:
-        """Does enough light come back? Reach goes with the root of the intensity."""
-        with np.errstate(invalid="ignore"):
-            seen = intensity / WHITE_SHARE * (self.card.range_10 / true_range) ** 2 >= 1.0
-        return np.asarray(seen)
 
     def measure(self, true_range: F64, rng: np.random.Generator, signal: F64 | None = None) -> F64:
         """True ranges [m] as reported: constant bias, noise, resolution; any shape, nan stays nan.

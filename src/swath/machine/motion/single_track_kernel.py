@@ -96,11 +96,11 @@ def held(car: Car, d: Drive) -> Moment:
     """
     weight = car.mass * GRAVITY
     normal = weight * wp.cos(d.pitch) * wp.cos(d.roll)
-    lead = car.rolling * soft_sign(d.start)
+    shift = car.rolling * soft_sign(d.start)
     tilt = car.cg_height * (car.mass * ((d.end - d.start) / d.h) - weight * wp.sin(d.pitch))
     wheelbase = car.ahead + car.behind
-    rear = normal * (car.ahead + lead * car.front_radius) + tilt
-    rear = rear / (wheelbase + lead * car.front_radius - lead * car.rear_radius)
+    rear = normal * (car.ahead + shift * car.front_radius) + tilt
+    rear = rear / (wheelbase + shift * car.front_radius - shift * car.rear_radius)
     pull = -normal * wp.cos(d.pitch) / wheelbase
     m = Moment()
     m.steer_cos = wp.cos(d.steer)

@@ -1,4 +1,4 @@
-"""Process level `threshing`: the way of grain and straw through the machine, and what each part loses.
+"""Process level `threshing`: the path of grain and straw through the machine, and what each part loses.
 
 Header -> feeder house -> drum -> rotors -> straw outlet; what falls through -> shoe -> elevator -> tank, or
 back to the drum. Equations, sources and validation: docs/process.md.
@@ -31,7 +31,7 @@ RETURNS_MAX = 0.3  # of the shoe's grain
 @dataclass(frozen=True)
 class Params:
     """straw: in a swath, or chopped and spread over the header's width; swath_width_m: of the swath
-    swath_step_m, spread_step_m: way after which the straw dropped on it is laid down, in a swath or spread
+    swath_step_m, spread_step_m: travel after which the straw dropped on it is laid down, in a swath or spread
     ease: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (loss x2-4)
     tank_start_percent: grain in the tank at the start; unload_at_percent: level at which the tank is emptied
     while driving, none = never

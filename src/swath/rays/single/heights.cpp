@@ -15,7 +15,7 @@ typedef short S32 __attribute__((vector_size(64)));
 typedef bool B32 __attribute__((ext_vector_type(32)));
 constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, DEEP = 12, NONE = -32768, UNTOUCHED = 255;
 constexpr int TILE = 32, BLOCK = 8, PER_TILE = TILE / BLOCK;  // cells along a tile and along a patch of the ground
-constexpr int REST = 16;  // numbers of a cell beside its quantiles: DEEP levels, thickness, passed
+constexpr int REST = 16;  // numbers of a cell outside its quantiles: DEEP levels, thickness, passed
 constexpr float PER_THICKNESS = 50.0f, THICK = 4.1588831f;  // as in rays/height_grid.py; LEVELS are its EVEN
 constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in tools/height_map/passing.py; rays/refusals.py
 
@@ -110,7 +110,7 @@ auto below = [&](int at, float z) -> Below {
     const float passed = __builtin_fabsf(number(rest_of(at) + DEEP + 2));  // beams went below all that was measured here: no less than their share
     if (found.share < passed) found.share = passed;
   } else if (const float lowest = rest_of(at)[0]; mm > lowest) {
-    const float way = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (way > 1.0f ? way : 1.0f);
+    const float span = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (span > 1.0f ? span : 1.0f);
     const int k = (int)f > DEEP - 1 ? DEEP - 1 : (int)f;
     const float a = thickness_at(at, k), b = thickness_at(at, k + 1), thick = a + (b - a) * (f - (float)k);
     found.thickness = thick < whole_of(at) ? thick : whole_of(at);
@@ -127,10 +127,10 @@ auto below = [&](int at, float z) -> Below {
   return found;
 };
 auto thickness_of = [&](Below b) -> float { return b.thickness < 0.0f ? -log_one(b.share) : b.thickness; };
-auto height_under = [&](int at, bool told, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
+auto height_under = [&](int at, bool has_passed, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
   const short* q = row_of(at);
   float z = 0.0f;  // the ground stops what nothing measured did
-  if ((!told && thickness <= THICK) || thickness <= whole_of(at) || thickness_in(at) < 0.0f) {  // not told: no less than THICK
+  if ((!has_passed && thickness <= THICK) || thickness <= whole_of(at) || thickness_in(at) < 0.0f) {  // not has_passed: no less than THICK
     if (thickness <= THICK) {
       float f = part * LEVELS - 0.5f;
       f = f < 0.0f ? 0.0f : f > LEVELS - 1 ? (float)(LEVELS - 1) : f;
@@ -144,7 +144,7 @@ auto height_under = [&](int at, bool told, float thickness, float part) -> float
       z = 0.001f * (lowest + ((float)q[0] - lowest) * ((float)k + (f > 1.0f ? 1.0f : f)) / DEEP);
     }
   }
-  const int stubble = told ? g.cut.data[at] : UNTOUCHED;
+  const int stubble = has_passed ? g.cut.data[at] : UNTOUCHED;
   const float left = 0.01f * (float)stubble * part;
   return stubble < UNTOUCHED && left < z ? left : z;
 };
@@ -164,9 +164,9 @@ auto slab_out = [&](F o, F per, I stays, float high) -> F {
 };
 F t = most(most(slab_in(ox, per_x, stays_x, side * columns), slab_in(oy, per_y, stays_y, side * rows)), F{});
 F t_out = least(slab_out(ox, per_x, stays_x, side * columns), slab_out(oy, per_y, stays_y, side * rows));
-const I beside = t >= t_out;
-t = pick(beside, F{}, t);
-t_out = pick(beside, F{}, t_out);
+const I outside = t >= t_out;
+t = pick(outside, F{}, t);
+t_out = pick(outside, F{}, t_out);
 auto stop = [&](I who, F at, int what) {
   hit_t = pick(who, at, hit_t);
   hit_kind = picki(who, puti(what), hit_kind);
@@ -213,7 +213,7 @@ for (I far = blocks; any(far);) {
   far &= ~gone;
 }
 F met_share = put(1.0f), met_thick = {}, met_low = {}, met_high = {}, met_survived = {}, met_t = {}, met_after = {};
-I met_told = {}, met_at = {}, met_rises = {};
+I met_has_passed = {}, met_at = {}, met_rises = {};
 while (true) {
   if (any(blocks)) {
     const F ex = exit_x(i, side), ey = exit_y(j, side);
@@ -316,7 +316,7 @@ while (true) {
     done = within_top & ~(I)(left > drawn);
     met_at = picki(done, at, met_at), met_rises = picki(done, rises, met_rises);
     met_low = pick(done, low, met_low), met_high = pick(done, high, met_high), met_survived = pick(done, survived, met_survived);
-    met_share = pick(done, upper, met_share), met_thick = pick(done, thick, met_thick), met_told = picki(done, lid & 1, met_told);
+    met_share = pick(done, upper, met_share), met_thick = pick(done, thick, met_thick), met_has_passed = picki(done, lid & 1, met_has_passed);
     met_t = pick(done, t, met_t), met_after = pick(done, after, met_after);
     stopped |= done;
     survived = pick(within_top & ~done, left, survived);
@@ -343,7 +343,7 @@ while (true) {
 // ---- Where in its last cell a ray was stopped
 if (any(stopped)) {
   storei(in.at, met_at);
-  storei(in.lid, met_told);
+  storei(in.lid, met_has_passed);
   const F above = pick(met_thick < 0.0f, -log_of(met_share), met_thick);
   const F deeper = above - log_of(drawn / met_survived), part = pick(deeper > 80.0f, F{}, exp_of(-deeper));
   float depth[N], parts[N], at_height[N];

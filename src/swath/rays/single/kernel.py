@@ -26,7 +26,7 @@ class Canopy:
     axes: log density, height [m], log tan depression, log spot, one after the other; size: of each
     quantile: relative heights, node_count per cell; ground: log(-log(ground share)) per cell
     lift: mean measured height of ground returns per cell [m]
-    depth: silhouette per stem above equal steps `fine` of the relative height [m2]
+    depth: projected area per stem above equal steps `fine` of the relative height [m2]
     lean: sideways place of tips per plant height of k drawn stems, x then y for a packet of beams: (k, 2, 16)
     pitch: step along the ray [m]; height: of the crop at scale 1; top_bound: it stops no beam above [m]
     density_max [1/m2]

@@ -99,7 +99,7 @@ class EmpiricalLidar(ScanningLidar):
         self._ensured = (math.inf, math.inf)
 
     def _ensure(self, middle: F64) -> None:
-        """Pages around the sensor, asked for anew after some way."""
+        """Pages around the sensor, asked for anew after some travel."""
         x, y = float(middle[0]), float(middle[1])
         if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY:
             self.setup.field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)

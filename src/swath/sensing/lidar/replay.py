@@ -88,7 +88,7 @@ class ReplayLidar(ScanningLidar):
         solids = self.setup.solids()
         self.caster.set_scan(
             range_max=self.scanner.reach,
-            seed=_mixed(self._seed, t),
+            seed=scan_seed(self._seed, t),
             share=self._share,
             grain=self.params.grain_m,
         )
@@ -127,7 +127,7 @@ class ReplayLidar(ScanningLidar):
         self.watch.forget()
 
 
-def _mixed(seed: int, t: int) -> int:
+def scan_seed(seed: int, t: int) -> int:
     """32 bits of both numbers: the finish of splitmix64 (Steele et al. 2014, doi:10.1145/2660193.2660195)."""
     z = (seed * 0x9E3779B97F4A7C15 + t) & 0xFFFFFFFFFFFFFFFF
     z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & 0xFFFFFFFFFFFFFFFF
@@ -156,5 +156,5 @@ LEVEL = Level(
     Params,
     "measured scans as heights in a grid, seen again from another path",
     cost="about 0.3 us per beam, 1/35 to 1/50 of plants with 37 sub-rays",
-    tolerance="height histogram of a run beside the recorded one within 2 cm of plants (Wasserstein-1)",
+    tolerance="height histogram of a run next to the recorded one within 2 cm of plants (Wasserstein-1)",
 )

@@ -48,7 +48,7 @@ struct Rays : Vectors {
   int packets, gx, gy, A;        // its packets; the tile it is seen from; tiles go by in rows along this axis of the stand
   double gz, corner[2];        // the height it is seen from; the tile again
   double lowest[3], highest[3];  // origins
-  float apex[3], lead[3], e[3][3], offset_max;  // offset_max: how far a ray is from its place in slopes where depth is 1, at most
+  float apex[3], lead_direction[3], e[3][3], offset_max;  // offset_max: how far a ray is from its place in slopes where depth is 1, at most
   bool is_invalid;
   D spot_of[VECTORS][10];         // spots of the lanes of the first packet
   Block r[VECTORS];
@@ -125,7 +125,7 @@ struct Rays : Vectors {
     gz = from[2];
     for (int i = 0; i < 3; ++i) {
       apex[i] = (float)(o[i][0] - from[i] * unit[i]);
-      lead[i] = (float)d[i][0];
+      lead_direction[i] = (float)d[i][0];
       lowest[i] = highest[i] = o[i][0];
     }
   }
@@ -156,7 +156,7 @@ struct Rays : Vectors {
   I together(const Block& b) const {  // lanes that look about the same direction as the first ray, from about there
     F x = b.ox + b.tx * size - apex[0], y = b.oy + b.ty * size - apex[1];
     F z = b.oz + b.z0 - apex[2];
-    F turned = b.dx * lead[0] + b.dy * lead[1] + b.dz * lead[2];
+    F turned = b.dx * lead_direction[0] + b.dy * lead_direction[1] + b.dz * lead_direction[2];
     return (x * x + y * y + z * z <= SPREAD * SPREAD) & (turned >= 1.0f - NARROW);
   }
   bool goes_along(int j) const { return bits(together(r[j / N])) >> (j % N) & 1; }
