@@ -13,7 +13,7 @@ from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.wind import Wind
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import Beam, spot_pattern, spots, sub_rays, turned_pattern
+from swath.sensing.beam import Beam, spot_pattern, spots, turned_pattern
 from tests.field.made_field import made_field
 from tests.rays.bundle_rays import bundles, check_same
 from tests.rays.hand_field import HandField, make_pages, set_bumps, small_library
@@ -195,7 +195,7 @@ def test_spots_hit_what_their_rays_hit(hills, spot):
         origins = over(hills, 2.0, 4.0, 2.5) + np.linspace(0, 0.3, n)[:, None] * [0.8, 0.6, 0.0]
         beam = Beam((0.014, 0.01), (angle, 0.5 * angle), "uniform")
         beams = spots(origins, axes, beam, pattern)
-        rays, caster = sub_rays(origins, axes, beam, pattern), RayCaster(hills, threads=1)
+        rays, caster = spots(origins, axes, beam, pattern).rays(), RayCaster(hills, threads=1)
         expected = caster.cast_bundles(rays, range_max=20.0)
         assert expected.is_hit.mean() > 0.3
         for name, found in vars(caster.cast_bundles(beams, range_max=20.0)).items():

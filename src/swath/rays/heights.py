@@ -1,6 +1,5 @@
 """Rays against a grid of measured heights."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,27 +8,11 @@ from numpy.typing import NDArray
 from swath.field.memory_layout import Solids
 from swath.rays.device import start_warp
 from swath.rays.height_cells import Cells, block_tops, first_cells, patches
-from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, HeightGrid, lattice_height
+from swath.rays.height_grid import NODES, HeightGrid
 from swath.rays.refusals import check_range, refuse_below
 from swath.rays.single.buffers import MISPLACED, BeamBuffer, share
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
-
-
-@dataclass(frozen=True)
-class HeightHits:
-    """Nearest hits of n rays, all (n,).
-
-    distance [m], nan = nothing; of UNMEASURED where the ground was reached; what: one of the four above
-    cell: index into the flattened pools of the grid, -1 = none; cosine, reflectance: of a solid; of what was
-    measured 1 and the intensity
-    """
-
-    distance: NDArray[np.float32]
-    what: NDArray[np.int32]
-    cell: NDArray[np.int32]
-    cosine: NDArray[np.float32]
-    reflectance: NDArray[np.float32]
 
 
 class HeightCaster:
@@ -52,56 +35,25 @@ class HeightCaster:
         self._launch: Any = None
         self._scene: Any = None
 
-    def cast(
-        self,
-        origins: Any,
-        directions: Any,
-        *,
-        range_max: float,
-        seed: int = 0,
-        share: float = -1.0,
-        grain: float = 0.05,
-        solids: Solids | None = None,
-    ) -> HeightHits:
-        """Nearest hit of each ray. origins [m], directions (unit): (n, 3), world; rest as `cast_beams`."""
-        n = len(origins)
-        beams = self._beams if self._beams.count == n else BeamBuffer(n)
-        beams.origins[:n], beams.directions[:n] = origins, directions
-        if not (np.isfinite(beams.origins).all() and np.isfinite(beams.directions).all()):
-            raise ValueError("expected finite origins and directions")
-        self.cast_beams(beams, range_max=range_max, seed=seed, share=share, grain=grain, solids=solids)
-        what, cell = beams.kind[:n].copy(), beams.cell[:n].copy()
-        distance, cosine, albedo = (a[:n].copy() for a in (beams.distance, beams.cosine, beams.reflectance))
-        return HeightHits(distance, what, cell, cosine, albedo)
-
-    def cast_beams(
-        self,
-        beams: BeamBuffer,
-        *,
-        range_max: float,
-        seed: int = 0,
-        share: float = -1.0,
-        grain: float = 0.05,
-        solids: Solids | None = None,
-    ) -> None:
-        """Fill distance, kind, cell, cosine and reflectance of a buffer, as in `HeightHits`.
-
-        share: stop every ray where this share of the measured heights is still below it, or < 0: drawn by a
-        hash of the seed and the cell of side `grain` [m] in which the ray would end on the ground. Raises
-        ValueError on rays that are not finite, InputError on a range that is not > 0 and on rays that start
-        under the measured ground.
-        """
-        self.set_scan(range_max=range_max, seed=seed, share=share, grain=grain)
-        self.march(beams, solids)
-
     def set_scan(self, *, range_max: float, seed: int, share: float, grain: float) -> None:
-        """What a scan wants of the next launches, as in `cast_beams`."""
+        """What the next launches do.
+
+        range_max: rays end there [m]; share: stop every ray where this share of the measured heights is still
+        below it, or < 0: drawn by a hash of the seed and the cell of side `grain` [m] in which the ray would
+        end on the ground. InputError on a range that is not > 0.
+        """
         check_range(range_max)
         self._seed[0] = seed & 0xFFFFFFFF
         self._real[:] = share, grain, range_max
 
     def march(self, beams: BeamBuffer, solids: Solids | None = None) -> None:
-        """`cast_beams` as `set_scan` said."""
+        """Cast the beams of a buffer as `set_scan` said.
+
+        Fills distance [m], nan = nothing, of UNMEASURED where the ground was reached; kind: NOTHING,
+        MEASURED, UNMEASURED or SOLID; cell: index into the flattened pools of the grid, -1 = none; cosine and
+        reflectance: of a solid, of what was measured 1 and the intensity. Raises ValueError on rays that are
+        not finite, InputError on rays that start under the measured ground.
+        """
         if beams is not self._beams or self._launch is None:
             self._beams, self._launch = beams, self._prepare(beams)
         self._whole[1] = beams.meet(solids, float(self._real[2]))
@@ -110,7 +62,7 @@ class HeightCaster:
         self.check(beams)
 
     def check(self, beams: BeamBuffer) -> None:
-        """Raises on rays of a buffer that could not be cast, see `cast_beams`."""
+        """Raises on rays of a buffer that could not be cast, see `march`."""
         if beams.take_flags() & MISPLACED:
             o = beams.origins[: beams.count]
             refuse_below(o, self.grid.ground_height(o[:, 0], o[:, 1]))
@@ -150,15 +102,3 @@ class HeightCaster:
         scene.rest, scene.cut = kept(cells.rest.view(np.int16)), kept(cells.cut)
         scene.intensity = kept(g.intensity.reshape(-1))
         return scene
-
-
-def surface(grid: HeightGrid, x: Any, y: Any, share: float) -> NDArray[np.float64]:
-    """Height of the surface that a share of the heights lie below, in the world [m], nan where nothing was
-    measured."""
-    u, v = grid.to_local(x, y)
-    cell = grid.cells_at(x, y)
-    q = grid.quantiles.reshape(-1, LEVELS)[cell]
-    height = np.where(
-        (cell >= 0) & (q[..., 0] != NONE), q[..., DEEP + int(np.searchsorted(SHARES, share))] * 1e-3, np.nan
-    )
-    return np.asarray(grid.origin[2] + lattice_height(grid.ground, grid.node, u, v) + height)
