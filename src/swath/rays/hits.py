@@ -1,4 +1,4 @@
-"""What rays hit, and what every cast may be told."""
+"""What rays hit, and the options of every cast."""
 
 from dataclasses import dataclass
 from typing import Any, Required, TypedDict

@@ -25,7 +25,8 @@ FREE = 1  # kind of a puff in free air: anything that is not nothing
 class SingleRays:
     """The beams of a scanner in a buffer.
 
-    judged: only echoes from this kind of surface must bring enough light back; blind: a kind without echo
+    judged: kind of surface whose echoes must be strong enough to be detected, ANY = all; blind: kind that
+    gives no echo, NOTHING = none
     by_signal: noise grows as the signal falls, where the data sheet says so
     scored: the caster wants the random numbers of the beams, noise or not
     """

@@ -109,7 +109,7 @@ class ReplayLidar(ScanningLidar):
 
     @property
     def notes(self) -> list[str]:
-        """As of every scanner, and how many beams the measurement had no answer for."""
+        """As of every scanner, and the share of beams that ended where nothing was measured."""
         found = self.scanner.notes
         if self.unmeasured_count:
             share = 100.0 * self.unmeasured_count / self.beam_count
