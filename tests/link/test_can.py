@@ -382,7 +382,7 @@ def test_a_box_lets_go_when_asked_and_starts_anew_with_a_new_machine():
     ("keys", "slot", "said"),
     [
         ({"interface": "sockcan"}, "steer", r"interface = sockcan: expected one of .*socketcan"),
-        ({}, "speed", r"level = can: expected in the slot steer"),
+        ({}, "speed", r"level = can: expected in a slot steer"),
         ({"cycle_ms": 50.0}, "steer", r"cycle_ms = 50.0: expected a multiple of the slot's 20 ms"),
         ({"box": "inside", "law": "preveiw"}, "steer", r"^law = preveiw: .*did you mean 'preview'"),
         ({"box": "inside", "law": "can"}, "steer", r"law = can: expected a steering law that needs only"),

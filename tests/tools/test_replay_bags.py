@@ -1,4 +1,4 @@
-"""`swath replay build` from real bags of ROS 1 and 2, with poses and with positions of a receiver."""
+"""`swath height-map build` from real bags of ROS 1 and 2, with poses and with positions of a receiver."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.rays.height_grid import load_height_grid
 from swath.rays.heights import surface
-from swath.tools.height_map.build import Settings, build_replay, open_source
+from swath.tools.height_map.build import Settings, build_height_map, open_source
 from swath.tools.height_map.source import Wanted
 from tests.bags import KINDS, MOUNT, PLANE, START, write_bag
 
@@ -31,7 +31,7 @@ def check(grid):
 def test_heights_from_a_bag(bags, kind, topic):
     source = open_source(bags[kind], Wanted(scans=topic, poses="/odom"))
     np.testing.assert_allclose(source.mounting.position, MOUNT.position)
-    grid = build_replay(source, Settings(reach_m=6.0))
+    grid = build_height_map(source, Settings(reach_m=6.0))
     assert grid.about["scans"] == 251
     assert grid.about["notes"] == {}
     check(grid)
@@ -43,7 +43,7 @@ def test_heights_along_positions(bags, kind):
     source = open_source(bags[kind], wanted)
     np.testing.assert_allclose(source.track.position[0], [*START, 0.0], atol=1e-4)
     assert source.track.length == pytest.approx(20.0, abs=0.01)
-    check(build_replay(source, Settings(reach_m=6.0)))
+    check(build_height_map(source, Settings(reach_m=6.0)))
 
 
 def test_on_the_command_line(bags, tmp_path, capsys):

@@ -25,6 +25,7 @@ from swath.core.schedule import NS
 from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, check_bus
+from swath.scenario.slot_instances import kind_of
 from swath.signals import CropEdge, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 
@@ -91,8 +92,8 @@ class CanSteering:
     """The machine on a bus; somebody else steers it."""
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
-        if setup.slot != "steer":
-            raise InputError("level", "can", "expected in the slot steer, it has no other messages")
+        if kind_of(setup.slot) != "steer":
+            raise InputError("level", "can", "expected in a slot steer, it has no other messages")
         check_bus(params.where)
         self.overlap = params.overlap_m
         self._p, self._name, self._control = params, setup.name, setup.control

@@ -100,12 +100,13 @@ def _from_plants(args: argparse.Namespace, crop: str, reading: Any) -> Any:
     from dataclasses import replace
 
     from swath.field.crop import load_crop
+    from swath.terminal.progress import progress_bar
     from swath.tools.calibrate.fit import NARROW, SMALL, Design, fit_plants
 
     design = SMALL if args.quick else NARROW if args.narrow else Design()
     if args.lines is not None:
         design = replace(design, lines=max(args.lines, 1))
-    with _bar(f"{crop}, {reading.echo}") as progress:
+    with progress_bar(f"{crop}, {reading.echo}") as progress:
         table, judged = fit_plants(load_crop(crop), design, reading, args.seed, progress=progress)
     source = f"level plants, {design.beam_count} beams of {reading.sub_rays} sub-rays, seed {args.seed}"
     return table, judged, source
@@ -131,26 +132,6 @@ def _report(table: Any, judged: Any) -> None:
     worst = max(judged, key=lambda h: h.agreement.wasserstein_m)
     place = ", ".join(f"{k} {number(v)}" for k, v in asdict(worst.place).items())
     print(f"worst place: {place}")
-
-
-def _bar(name: str) -> Any:
-    """A rich bar on stderr, nothing where there is no terminal."""
-    from contextlib import contextmanager
-
-    @contextmanager
-    def shown() -> Any:
-        from rich.console import Console
-        from rich.progress import Progress
-
-        console = Console(stderr=True)
-        if not console.is_terminal:
-            yield None
-            return
-        with Progress(console=console, transient=True) as bar:
-            task = bar.add_task(name, total=None)
-            yield lambda done, total: bar.update(task, completed=done, total=total)
-
-    return shown()
 
 
 _DESCRIPTION = """Fit the spread table of the LiDAR level empirical: from the level plants over a design of

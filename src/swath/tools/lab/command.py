@@ -1,8 +1,6 @@
 """`swath lab`: what scanners measure over stands that are known."""
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +44,7 @@ def add(parsers: Any) -> None:
 
 def run_stand(args: argparse.Namespace) -> int:
     """Scan, judge, write; print what came out."""
+    from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
     from swath.tools.lab.agreement import judge_lab
     from swath.tools.lab.lab import run_lab
@@ -56,7 +55,7 @@ def run_stand(args: argparse.Namespace) -> int:
     settings = _settings(args)
     _check_out(args.out)
     real = None if args.real is None else read_real(args.real)
-    with _bar() as progress:
+    with progress_bar("scanning") as progress:
         lab = run_lab(settings, progress)
     cases = judge_lab(lab, real)
     name = None if real is None else real.name
@@ -116,21 +115,6 @@ def _check_out(out: Path) -> None:
     own = {"lab.json", "lab.csv", "report.html"}
     if out.exists() and (not out.is_dir() or not own.issuperset(f.name for f in out.iterdir())):
         raise InputError("--out", str(out), "expected a new or empty folder, or an earlier lab")
-
-
-@contextmanager
-def _bar() -> Iterator[Any]:
-    """A rich bar on stderr; nothing where there is no terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("scanning", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 _DESCRIPTION = """Scan stands of known density with every level of the LiDAR and hold the distributions of
