@@ -50,7 +50,7 @@ def test_on_the_command_line(bags, tmp_path, capsys):
     origin = f"--origin={PLANE.lat},{PLANE.lon},{PLANE.height}"
     args = ["--scans", "/scan", "--poses", "/gps/fix", origin, "--antenna=-1.2,0,3.9", "--reach-m", "6"]
     out = tmp_path / "h.npz"
-    assert main(["replay", "build", str(bags["rosbag1"]), "--out", str(out), *args]) == 0
+    assert main(["height-map", "build", str(bags["rosbag1"]), "--out", str(out), *args]) == 0
     check(load_height_grid(out))
     capsys.readouterr()
     for more, text in (
@@ -60,7 +60,7 @@ def test_on_the_command_line(bags, tmp_path, capsys):
         (["--field", str(tmp_path)], "field.yaml"),
     ):
         args = ["--scans", "/scan", "--poses", "/gps/fix", *more]
-        assert main(["replay", "build", str(bags["mcap"]), "--out", str(out), *args]) == 2
+        assert main(["height-map", "build", str(bags["mcap"]), "--out", str(out), *args]) == 2
         assert text in capsys.readouterr().err
 
 

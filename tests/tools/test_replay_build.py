@@ -425,7 +425,7 @@ def test_settings_out_of_range_are_named():
 
 def test_the_command_makes_file_and_picture_and_says_what_is_wrong(tmp_path, capsys):
     source, out = write_npz(tmp_path / "s.npz"), tmp_path / "made" / "grid.npz"
-    args = ["replay", "build", str(source), "--out", str(out), "--mount", MOUNT_TEXT, "--reach-m", "8"]
+    args = ["height-map", "build", str(source), "--out", str(out), "--mount", MOUNT_TEXT, "--reach-m", "8"]
     assert main(args) == 0
     said = capsys.readouterr().out
     assert "level: replay" in said
@@ -436,7 +436,7 @@ def test_the_command_makes_file_and_picture_and_says_what_is_wrong(tmp_path, cap
     assert out.read_bytes() == first
     assert main([*args, "--mount", "1,2"]) == 2
     assert "--mount = 1,2: expected six numbers" in capsys.readouterr().err
-    assert main(["replay", "build", str(source), "--out", str(tmp_path / "x.txt")]) == 2
+    assert main(["height-map", "build", str(source), "--out", str(tmp_path / "x.txt")]) == 2
 
 
 @pytest.mark.skipif(not VINEYARD.is_file(), reason="no real scans (set SWATH_DATA)")

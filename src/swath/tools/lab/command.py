@@ -43,25 +43,25 @@ def add(parsers: Any) -> None:
 
 
 def run_stand(args: argparse.Namespace) -> int:
-    """Scan, judge, write; print what came out."""
+    """Scan, compare, write; print the comparisons."""
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
-    from swath.tools.lab.agreement import judge_lab
+    from swath.tools.lab.comparison import compare_levels
     from swath.tools.lab.lab import run_lab
-    from swath.tools.lab.measured_stands import read_real
+    from swath.tools.lab.measured_heights import read_measured
     from swath.tools.lab.page import PRINTED, rows_for_print, write_lab_report
-    from swath.tools.lab.table import write_tables
+    from swath.tools.lab.table import write_table
 
     settings = _settings(args)
     _check_out(args.out)
-    real = None if args.real is None else read_real(args.real)
+    real = None if args.real is None else read_measured(args.real)
     with progress_bar("scanning") as progress:
         lab = run_lab(settings, progress)
-    cases = judge_lab(lab, real)
+    cases = compare_levels(lab, real)
     name = None if real is None else real.name
     args.out.mkdir(parents=True, exist_ok=True)
-    files = write_tables(args.out, lab, cases, name)
-    files.append(write_lab_report(args.out / "report.html", lab, cases, name))
+    table_file = write_table(args.out / "lab.csv", cases)
+    report = write_lab_report(args.out / "report.html", lab, cases, name)
     rows = rows_for_print(cases)
     if rows:
         table("", PRINTED, rows)
@@ -69,8 +69,8 @@ def run_stand(args: argparse.Namespace) -> int:
         print(f"warning: no row of {real.name} belongs to any of these cases")
     for note in lab.notes:
         print(f"note: {note}")
-    for file in files:
-        print(file)
+    print(table_file)
+    print(report)
     return 0
 
 
@@ -112,11 +112,10 @@ def _sets(texts: list[str]) -> dict[str, Any]:
 def _check_out(out: Path) -> None:
     from swath.core.errors import InputError
 
-    own = {"lab.json", "lab.csv", "report.html"}
+    own = {"lab.csv", "report.html"}
     if out.exists() and (not out.is_dir() or not own.issuperset(f.name for f in out.iterdir())):
         raise InputError("--out", str(out), "expected a new or empty folder, or an earlier lab")
 
 
 _DESCRIPTION = """Scan stands of known density with every level of the LiDAR and hold the distributions of
-measured height against each other, and against real ones where a file is given. Writes lab.json, lab.csv and
-report.html. docs/lab.md says how to read them."""
+measured height against each other, and against real ones where a file is given. Writes lab.csv and report.html. docs/lab.md says how to read them."""

@@ -22,7 +22,7 @@ NEAR_DEG = 0.5  # a depression this near is that of the case [deg]
 
 
 @dataclass(frozen=True)
-class RealHeights:
+class MeasuredHeights:
     """name: of the file; height [m], nan = no return; columns: of KEYS, those that the file has, (n,) each"""
 
     name: str
@@ -41,7 +41,7 @@ class RealHeights:
         return np.asarray(self.height[mine])
 
 
-def read_real(path: Path) -> RealHeights:
+def read_measured(path: Path) -> MeasuredHeights:
     """Read the file. InputError names file, line and what is wrong."""
     if path.suffix not in (".csv", ".npz"):
         raise InputError("--real", str(path), "expected a .csv or .npz file")
@@ -54,7 +54,7 @@ def read_real(path: Path) -> RealHeights:
     if np.nanmax(np.abs(height)) > 20.0:
         far = float(height[np.nanargmax(np.abs(height))])
         raise InputError(HEIGHT, far, "expected metres above the ground, -20 to 20", file=path)
-    return RealHeights(path.name, height, table)
+    return MeasuredHeights(path.name, height, table)
 
 
 def _read_csv(path: Path) -> dict[str, NDArray[Any]]:
