@@ -117,5 +117,6 @@ def _check_out(out: Path) -> None:
         raise InputError("--out", str(out), "expected a new or empty folder, or an earlier lab")
 
 
-_DESCRIPTION = """Scan stands of known density with every level of the LiDAR and hold the distributions of
-measured height against each other, and against real ones where a file is given. Writes lab.csv and report.html. docs/lab.md says how to read them."""
+_DESCRIPTION = """Scan stands of known density with every level of the LiDAR and compare the
+distributions of measured height with each other, and with real ones where a file is given. Writes lab.csv
+and report.html; docs/lab.md says how to read them."""
