@@ -133,7 +133,7 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     results = json.loads((out / "results.json").read_text())
     assert set(results["statistics"]) == {"engine_load", "fuel"}
     assert (out / "comparison.png").read_bytes()[:4] == b"\x89PNG"
-    assert "<h2>Simulated against measured</h2>" in (out / "report.html").read_text()
+    assert "<h2>Simulated and measured</h2>" in (out / "report.html").read_text()
     assert load_machine(str(out / "machine.yaml")).name == "Combine, 700 class, 12 m header"
     (out / "mine.txt").write_text("x")
     assert main(["compare", "log", "lexion-700", str(log), "--out", str(out)]) == 2
