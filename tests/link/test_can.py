@@ -215,7 +215,7 @@ def test_a_node_leaves_out_its_own_frames_and_those_for_others_and_tells_who_it_
         assert twin.receive().source == 240
         assert twin.receive() is None  # the rest came from its own address
         assert other.receive().source == 240
-        node.ask_who_is_there()
+        node.request_claims()
         assert other.receive() is None
         claim = node.receive(1.0)
         assert (claim.name, claim.source, claim.values["device_class"]) == (CLAIM, 28, 0.0)

@@ -1,4 +1,4 @@
-"""A recorded run as topics: run.mcap is published again at its pace, with `/clock`."""
+"""Publishes run.mcap as ROS 2 topics at its pace, with `/clock`."""
 
 import time
 from collections.abc import Iterator

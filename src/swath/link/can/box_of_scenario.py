@@ -1,4 +1,4 @@
-"""The box that goes with a scenario: which law, for which machine, on which bus."""
+"""The controller box of a scenario: law, machine and bus."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -30,7 +30,7 @@ def plan_box(scenario: Scenario) -> BoxPlan:
     """The box of a scenario's first machine.
 
     Its slot `steer` is either of level `can`, which says bus and law, or a law itself, which then runs every
-    100 ms on the default bus. The box knows the machine's data sheet; where a sensor sits it is not told.
+    100 ms on the default bus. The box knows the machine's data sheet, not the mounting of the sensor.
     InputError where there is no such law.
     """
     section = next(iter(scenario.machines.values()))

@@ -1,4 +1,4 @@
-"""An FMU in a process of its own: a crash or hang there is an error here, by name."""
+"""An FMU in a child process: its crash or hang becomes an error that names it."""
 
 import os
 import pickle
@@ -23,7 +23,7 @@ START_TIMEOUT_S = 60.0  # of loading Python and the FMU, on a busy machine
 CLOSE_TIMEOUT_S = 2.0
 
 
-class OwnProcess:
+class ChildProcess:
     """A unit whose FMU runs in a child process. timeout_s: for every answer; the start has a minute more."""
 
     def __init__(
@@ -70,7 +70,7 @@ class OwnProcess:
         child, self._child = self._child, None
         pipe, self._pipe = self._pipe, None
         if pipe is not None:
-            pipe.close()  # the child ends when nobody is there
+            pipe.close()  # the child ends when the pipe closes
         if child is not None:
             try:
                 child.wait(CLOSE_TIMEOUT_S)
