@@ -110,7 +110,7 @@ def test_failures_say_what_the_fmu_says(part, mode, message):
 def test_a_crash_is_an_error_that_names_the_signal(store):
     part = opened(store, ("grain_in",), SEEN, own=True)
     part.start({"mode": MODES["crash"], "fail_at": 0.0})
-    folder = part._unpacked.peek()[2][0]
+    folder = part.folder
     assert folder.is_dir()
     with pytest.raises(FmuError, match=r"its process crashed \(SIGSEGV\)"):
         part.step(0.0, 0.1, [0.0])
@@ -132,7 +132,7 @@ def test_a_hang_is_an_error_after_the_time_out(store):
 def test_own_process_ends_with_its_unit(store):
     part = opened(store, ("grain_in",), SEEN, own=True)
     part.start({})
-    child = part._child
+    child = part.child
     part.close()
     assert child.returncode == 0
 

@@ -155,10 +155,10 @@ def test_real_heights_by_case(tmp_path):
     rows += ["0.9,200,sick-lms511-sr,45,d", "0.6,200,sick-lms511-hr,30,e"]
     file.write_text("\n".join(rows) + "\n")
     np.testing.assert_array_equal(read_measured(file).of(CASE), [0.7, np.nan])
-    everywhere = tmp_path / "real.npz"
-    np.savez(everywhere, height_m=np.array([0.5, 0.6]), stems_per_m2=np.array(200.0))
+    everywhere = tmp_path / "everywhere.csv"
+    everywhere.write_text("height_m\n0.5\n0.6\n")
     np.testing.assert_array_equal(read_measured(everywhere).of(CASE), [0.5, 0.6])
-    assert len(read_measured(everywhere).of(Case(600.0, "x", 45.0, 0.04))) == 0
+    assert len(read_measured(everywhere).of(Case(600.0, "x", 45.0, 0.04))) == 2
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_bad_real_heights(tmp_path, text, said):
     file.write_text(text)
     with pytest.raises(InputError, match=said):
         read_measured(file)
-    with pytest.raises(InputError, match="expected a file"):
+    with pytest.raises(InputError, match="expected a CSV file"):
         read_measured(tmp_path / "none.csv")
 
 

@@ -280,11 +280,10 @@ def test_the_kept_sample_does_not_depend_on_the_parts_and_is_bounded():
     rng = np.random.default_rng(0)
     c, r = rng.integers(0, 5, 4000), rng.integers(0, 4, 4000)
     h, bright = rng.normal(500, 90, 4000), np.full(4000, np.nan)
-    one, many = Gatherer(64, 8, 1), Gatherer(64, 8, 1)
+    one, many = Gatherer(64, 8, 1), Gatherer(64, 8, 1, buffer=100)
     one.add(c, r, h, bright)
     for part in np.array_split(np.arange(4000), 13):
         many.add(c[part], r[part], h[part], bright[part])
-        many._merge()
     a, b = one.finish(), many.finish()
     assert np.array_equal(a.key, b.key)
     assert np.array_equal(a.height, b.height)

@@ -12,6 +12,7 @@ from swath.link.can.bus import Where
 from swath.link.levels.can import Params
 from swath.machine.machine_sheet import load_machine
 from swath.scenario.scenario import Scenario
+from swath.scenario.slot_instances import first_of_kind
 from swath.signals.setup import ControlSetup
 
 
@@ -27,16 +28,17 @@ class BoxPlan:
 
 
 def plan_box(scenario: Scenario) -> BoxPlan:
-    """The box of a scenario's first machine.
+    """The box of the first machine of a scenario that has a steering slot.
 
-    Its slot `steer` is either of level `can`, which says bus and law, or a law itself, which then runs every
+    The slot is either of level `can`, which says bus and law, or a law itself, which then runs every
     100 ms on the default bus. The box knows the machine's data sheet, not the mounting of the sensor.
     InputError where there is no such law.
     """
-    section = next(iter(scenario.machines.values()))
-    steer = section.slots.get("steer")
-    if steer is None:
-        raise InputError(f"{section.name}.steer", "off", "expected a steering law for the box to run")
+    found = ((m, first_of_kind("steer", m.slots)) for m in scenario.machines.values())
+    section, slot = next(((m, name) for m, name in found if name is not None), (None, ""))
+    if section is None or slot is None:
+        raise InputError("steer", "off", "expected a steering law for the box to run")
+    steer = section.slots[slot]
     card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
     knife = Pose.from_euler((card.knife_x, 0.0, 2.0))
     params = steer.params if isinstance(steer.params, Params) else Params()

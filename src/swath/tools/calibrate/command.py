@@ -20,7 +20,7 @@ def add(parsers: Any) -> None:
         dest="source",
         default="plants",
         metavar="SOURCE",
-        help="plants (default), or a CSV or npz of measured beams over known stands",
+        help="plants (default), or a CSV of measured beams over known stands",
     )
     lidar.add_argument("--crop", default="wheat", help="crop (default wheat)")
     lidar.add_argument("--echo", choices=("percentile", "nearest"), default="percentile", help="echo rule")
@@ -113,6 +113,6 @@ def _report(table: Any, held_out: Any) -> None:
 
 
 _DESCRIPTION = """Fit the spread table of the LiDAR level empirical: from the level plants over a design of
-stands, or from measured beams over known stands (CSV or npz with the columns
+stands, or from measured beams over known stands (CSV with the columns
 stems_per_m2, crop_height_m, depression_deg, spot_mm, height_m). Prints how the table agrees with what was
 held out."""

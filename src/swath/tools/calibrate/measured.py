@@ -1,4 +1,4 @@
-"""The spread table fitted to measured heights over known stands: a table of beams, CSV or npz."""
+"""The spread table fitted to measured heights over known stands: a table of beams (CSV)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,16 +34,10 @@ class Samples:
 
 
 def read_samples(path: Path) -> Samples:
-    """A CSV with a header row, or an npz, with the columns COLUMNS. InputError says what is missing."""
+    """A CSV with a header row and the columns COLUMNS. InputError says what is missing."""
     try:
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as data:
-                columns = {
-                    k: np.asarray(data[k], dtype=np.float64).ravel() for k in data.files if k in COLUMNS
-                }
-        else:
-            table: Any = np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64, encoding="utf-8")
-            columns = {k: np.atleast_1d(table[k]) for k in table.dtype.names or () if k in COLUMNS}
+        table: Any = np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64, encoding="utf-8")
+        columns = {k: np.atleast_1d(table[k]) for k in table.dtype.names or () if k in COLUMNS}
     except (OSError, ValueError, IndexError) as error:
         raise InputError("source", str(path), f"expected a readable table: {error}", file=path) from error
     missing = [k for k in COLUMNS if k not in columns]

@@ -24,7 +24,7 @@ def add(parsers: Any) -> None:
     )
     made.add_argument("--crop", default="wheat", metavar="NAME|FILE", help="crop (default wheat)")
     made.add_argument("--height", type=float, metavar="M", help="of the crop (default: the crop's own)")
-    made.add_argument("--real", type=Path, metavar="FILE", help="measured heights, .csv or .npz: docs/lab.md")
+    made.add_argument("--real", type=Path, metavar="FILE", help="heights measured in the field (CSV)")
     made.add_argument("--levels", nargs="+", metavar="LEVEL", help="of the LiDAR (default: all there are)")
     made.add_argument("--seeds", type=int, default=5, metavar="N", help="stands of each kind (default 5)")
     made.add_argument("--seed", type=int, default=1, metavar="N", help="the first of them (default 1)")
