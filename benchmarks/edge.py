@@ -10,8 +10,8 @@ import argparse
 from concurrent.futures import ProcessPoolExecutor
 
 from swath.judge.referee import Referee
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
 BARLEY = ("field.stand.crop=barley", "field.edge.stubble_height_m=0.15")

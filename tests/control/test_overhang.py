@@ -6,8 +6,8 @@ import pytest
 from swath.control.edge.canopy_offset import LAYER, TALLEST, Overhang, height_at, stopped
 from swath.control.edge.height_step import Rays, Step
 from swath.judge.referee import Referee
-from swath.run.loop import drive as run
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive as run
 from swath.scenario.scenario import load_scenario
 from tests.control.edge_drive import drive, errors
 

@@ -8,9 +8,9 @@ import pytest
 
 from swath.core.errors import InputError, MissingExtra, SwathError
 from swath.judge.referee import Referee
-from swath.run.job import run_job
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_job
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 from tests.link.fmu_scenario import NO_POWERS, process_part, scenario
 from tests.link.made_fmus import (

@@ -12,8 +12,8 @@ from swath.core.errors import InputError
 from swath.judge.referee import Referee
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.ssp import read_system
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from tests.link.fmu_scenario import process_part, scenario
 from tests.link.made_fmus import (
     PROCESS,

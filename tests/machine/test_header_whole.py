@@ -15,8 +15,8 @@ from swath.field.site_setup import SiteSetup
 from swath.judge.referee import Referee
 from swath.rays.engine import RayCaster
 from swath.record.digest import Digest
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.sensing.lidar.plants import Params as LidarParams
 from swath.sensing.lidar.plants import PlantsLidar
@@ -29,6 +29,7 @@ DATA = (
 MOTIONS = ("kinematic", "single_track", "multibody")
 NO_EYES = ("combine.lidar='off'", "combine.edge=truth", "combine.odometry=ideal")
 TEXT = """
+format: swath scenario 2
 name: height
 seed: 4
 run: {distance_m: 40, max_duration_s: 60}
@@ -36,13 +37,14 @@ field:
   terrain: {level: formula, slope_percent: 2.0, roughness_class: C}
   stand: {level: uniform, stems_per_m2: 100}
   edge: {shape: straight}
-combine:
-  motion: {level: single_track, start_speed_kmh: 7}
-  header: height_control
-  lidar: 'off'
-  odometry: ideal
-  edge: truth
-  speed: {speed_kmh: 7}
+machines:
+  combine:
+    motion: {level: single_track, start_speed_kmh: 7}
+    header: height_control
+    lidar: 'off'
+    odometry: ideal
+    edge: truth
+    speed: {speed_kmh: 7}
 """
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from swath.judge.referee import Referee
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
 

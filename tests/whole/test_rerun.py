@@ -15,8 +15,8 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.registry import Level
 from swath.record.read.mcap_log import McapLog
-from swath.run.job import run_job
-from swath.scenario.slots import SLOTS
+from swath.runtime.job import run_job
+from swath.scenario.machine_types import MACHINE_TYPES
 from swath.tools.rerun.rerun import plan_rerun
 from tests.whole.small import small
 
@@ -73,7 +73,7 @@ def test_any_slot_may_be_the_log(recorded, tmp_path, slots):
 
 
 def test_that_was_every_slot():
-    assert {s for slots in TOGETHER for s in slots} == {s.name for s in SLOTS if s.is_on}
+    assert {s for slots in TOGETHER for s in slots} == set(MACHINE_TYPES["combine"])
 
 
 def test_another_detector_changes_what_hangs_on_it_and_nothing_else(recorded, tmp_path):
@@ -110,8 +110,8 @@ def test_a_killed_run_can_be_played(tmp_path):
         "import os, signal, sys\n"
         "from pathlib import Path\n"
         "from tests.whole.small import small\n"
-        "from swath.run.hooks import RunHook\n"
-        "from swath.run.job import run_job\n"
+        "from swath.runtime.hooks import RunHook\n"
+        "from swath.runtime.job import run_job\n"
         "class Kill(RunHook):\n"
         "    def begin(self, run): run.observers.append(self)\n"
         "    def __call__(self, slot, t, outputs):\n"
@@ -138,8 +138,8 @@ def test_on_the_command_line(recorded, tmp_path, capsys):
     assert text.count("identical") == 8
     assert {p.name for p in (tmp_path / "a").iterdir()} >= {"summary.json", "run.mcap", "report.html"}
     written = yaml.safe_load((tmp_path / "a" / "scenario.yaml").read_text())
-    assert written["combine"]["lidar"]["level"] == "log"
-    assert written["combine"]["lidar"]["rate_hz"] == 25
+    assert written["machines"]["combine"]["lidar"]["level"] == "log"
+    assert written["machines"]["combine"]["lidar"]["rate_hz"] == 25
 
 
 @pytest.mark.parametrize(
@@ -183,8 +183,8 @@ def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
 
 def test_save_and_load_in_the_middle_of_a_log(recorded):
     from swath.record.digest import Digest
-    from swath.run.loop import drive
-    from swath.run.world import assemble
+    from swath.runtime.assembly import assemble
+    from swath.runtime.loop import drive
 
     plan = plan_rerun(recorded)
     whole, first = Digest(), Digest()
@@ -198,10 +198,10 @@ def test_save_and_load_in_the_middle_of_a_log(recorded):
 
 
 def test_a_link_level_is_listed():
-    from swath.scenario.catalogue import KIT
+    from swath.scenario.catalogue import CATALOGUE
 
-    assert "log" in KIT.registry.links()
-    level = KIT.registry.get("steer", "log")
+    assert "log" in CATALOGUE.registry.links()
+    level = CATALOGUE.registry.get("steer", "log")
     assert isinstance(level, Level)
     assert level.is_link
     assert replace(level.params(), start_s=1.0).start_s == 1.0

@@ -10,7 +10,7 @@ from swath.field.memory_layout import Solids
 from swath.rays.device import start_warp
 from swath.rays.field_arrays import Castable, LiveScene
 from swath.rays.refusals import check_origins, check_range
-from swath.rays.single.buffers import ASTRAY, CLAMPED, PACK, RequestQueue
+from swath.rays.single.buffers import ASTRAY, CLAMPED, PACK, Desk
 from swath.rays.spread import SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
@@ -32,7 +32,7 @@ class BodyCaster:
         self,
         field: Castable,
         table: SpreadTable,
-        desk: RequestQueue,
+        desk: Desk,
         apart: Any,
         *,
         line_count: int,

@@ -11,7 +11,7 @@ from swath.rays.device import start_warp
 from swath.rays.height_cells import Cells, block_tops, first_cells, patches
 from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, SHARES, HeightGrid, lattice_height
 from swath.rays.refusals import check_range, refuse_below
-from swath.rays.single.buffers import ASTRAY, RequestQueue
+from swath.rays.single.buffers import ASTRAY, Desk
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
 
@@ -47,7 +47,7 @@ class HeightCaster:
         self.cells = Cells(grid)
         self._whole, self._real = np.zeros(2, np.int32), np.zeros(3, np.float32)
         self._seed = self._whole.view(np.uint32)
-        self._desk = RequestQueue(0)
+        self._desk = Desk(0)
         self._kept: list[NDArray[Any]] = []  # arrays whose memory the launch reads
         self._launch: Any = None
         self._scene: Any = None
@@ -65,7 +65,7 @@ class HeightCaster:
     ) -> HeightHits:
         """Nearest hit of each ray. origins [m], directions (unit): (n, 3), world; rest as `cast_beams`."""
         n = len(origins)
-        desk = self._desk if self._desk.count == n else RequestQueue(n)
+        desk = self._desk if self._desk.count == n else Desk(n)
         desk.origins[:n], desk.directions[:n] = origins, directions
         if not (np.isfinite(desk.origins).all() and np.isfinite(desk.directions).all()):
             raise ValueError("expected finite origins and directions")
@@ -76,7 +76,7 @@ class HeightCaster:
 
     def cast_beams(
         self,
-        desk: RequestQueue,
+        desk: Desk,
         *,
         range_max: float,
         seed: int = 0,
@@ -100,7 +100,7 @@ class HeightCaster:
         self._seed[0] = seed & 0xFFFFFFFF
         self._real[:] = share, grain, range_max
 
-    def march(self, desk: RequestQueue, solids: Solids | None = None) -> None:
+    def march(self, desk: Desk, solids: Solids | None = None) -> None:
         """`cast_beams` with what `tell` was told."""
         if desk is not self._desk or self._launch is None:
             self._desk, self._launch = desk, self._prepare(desk)
@@ -109,7 +109,7 @@ class HeightCaster:
             self._launch.launch()
         self.check(desk)
 
-    def check(self, desk: RequestQueue) -> None:
+    def check(self, desk: Desk) -> None:
         """Raises on rays of a desk that could not be cast, see `cast_beams`."""
         if desk.take_fault() & ASTRAY:
             o = desk.origins[: desk.count]
@@ -123,7 +123,7 @@ class HeightCaster:
         whole = wp.array(self._whole, dtype=wp.int32, device="cpu", copy=False)
         return [self._scene, whole, wp.array(self._real, dtype=wp.float32, device="cpu", copy=False)]
 
-    def _prepare(self, desk: RequestQueue) -> Any:
+    def _prepare(self, desk: Desk) -> Any:
         wp = start_warp()
         from swath.rays.single.kernel import cast_heights
 

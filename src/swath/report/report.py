@@ -14,7 +14,7 @@ from swath.record.messages import RecordedMachine
 from swath.report import page, plots
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanKeeper, circles_of, make_map
 from swath.report.stand3d import Stand, stand_figure
-from swath.run.hooks import ActiveRun, RunHook
+from swath.runtime.hooks import ActiveRun, RunHook
 from swath.scenario.defaults import default_lines
 from swath.signals import F64
 

@@ -12,7 +12,7 @@ from swath.core.component import Outputs
 from swath.core.random import Stream
 from swath.rays.device import start_warp
 from swath.rays.heights import HeightCaster
-from swath.rays.single.buffers import RequestQueue
+from swath.rays.single.buffers import Desk
 from swath.sensing.echo import least_energy
 from swath.sensing.scanner import Scanner
 from swath.sensing.weather import Weather, disturb
@@ -41,7 +41,7 @@ class SingleRays:
         scored: bool = True,
     ) -> None:
         self.scanner = scanner
-        self.desk = RequestQueue(len(scanner.azimuth))
+        self.desk = Desk(len(scanner.azimuth))
         self._judged, self._blind = judged, blind
         self._is_drawn = int(scored or scanner.noise.is_on)
         card = scanner.card

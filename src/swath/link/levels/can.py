@@ -25,7 +25,7 @@ from swath.core.schedule import NS
 from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, check_bus
-from swath.scenario.slot_instances import kind_of
+from swath.scenario.slots import kind_of
 from swath.signals import CropEdge, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 
@@ -92,7 +92,8 @@ class CanSteering:
     """The machine's node on a bus, steered by a controller box."""
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
-        if kind_of(setup.slot) != "steer":
+        kind = kind_of(setup.slot)
+        if kind is None or kind.name != "steer":
             raise InputError("level", "can", "expected in a slot steer, it has no other messages")
         check_bus(params.where)
         self.overlap = params.overlap_m

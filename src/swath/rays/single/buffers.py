@@ -16,7 +16,7 @@ NOT_FINITE, ASTRAY = 1, 2  # bits of `fault`
 CLAMPED = 8  # its bits from here on: axes of a table that were left
 
 
-class RequestQueue:
+class Desk:
     """A fixed number of beams; what is in the arrays is overwritten by the next scan.
 
     origins [m], directions (unit): (count, 3), world; normal: (2, room) standard normal numbers of each beam

@@ -23,7 +23,7 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`; 0 too where slots differ from the recording."""
-    from swath.run.folder import choose_run_folder
+    from swath.runtime.folder import choose_run_folder
     from swath.terminal.outcome import print_outcome
     from swath.tools.rerun.rerun import plan_rerun
 

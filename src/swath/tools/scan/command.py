@@ -28,7 +28,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Make the scan, print where its files are."""
     from swath.core.errors import InputError
-    from swath.run.folder import choose_scan_folder
+    from swath.runtime.folder import choose_scan_folder
 
     at = _seconds(args.at)
     scenario = _with_camera(args) if args.camera else load(args)
@@ -47,8 +47,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _with_camera(args: argparse.Namespace) -> Any:
     """The scenario; its scanning machine gets a camera where it has none."""
-    from swath.scenario.slot_instances import first_of_kind
-    from swath.tools.scan.scan import scanning_machine
+    from swath.tools.scan.scan import first_of_kind, scanning_machine
 
     scenario = load(args)
     name, _ = scanning_machine(scenario)

@@ -2,7 +2,7 @@
 
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,10 +11,11 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.judge.referee import Referee
 from swath.report.scan_sampler import ScanKeeper
-from swath.run.loop import drive
-from swath.run.world import Machine, World, assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
+from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
-from swath.scenario.slot_instances import first_of_kind
+from swath.scenario.slots import kind_of
 from swath.signals import F64, Image, Scan, ScanTruth, Signal
 
 
@@ -118,7 +119,13 @@ def scanning_machine(scenario: Scenario) -> tuple[str, str]:
     raise InputError("lidar", "off", "expected a scenario with a machine that has a lidar")
 
 
+def first_of_kind(name: str, instances: Iterable[str]) -> str | None:
+    """The first slot of a kind, in the order given; None without one."""
+    kinds = ((slot, kind_of(slot)) for slot in instances)
+    return next((slot for slot, kind in kinds if kind is not None and kind.name == name), None)
+
+
 def _edge_line(world: World) -> F64:
     """The initial edge as points (500, 2) in the world [m]."""
-    edge = world.field.nominal_edge
+    edge = world.field.first_edge
     return np.asarray(edge.point_at(np.linspace(0.0, edge.length, 500)))
