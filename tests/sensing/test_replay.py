@@ -20,7 +20,7 @@ from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive as run
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar.replay import Params, ReplayLidar, scan_seed
-from swath.tools.height_map.build import build_replay
+from swath.tools.height_map.build import build_height_map
 from tests.rays.height_rays import cast_beams, cast_heights
 from tests.sensing.replay_rig import (
     SHARES,
@@ -155,7 +155,7 @@ def recorded(world, tmp_path_factory):
     plants = world.leader.parts["lidar"]
     outs, states = drive(plants, world)
     path = tmp_path_factory.mktemp("replay") / "drive.npz"
-    build_replay(source_of(plants, outs, states)).save(path)
+    build_height_map(source_of(plants, outs, states)).save(path)
     return path
 
 
@@ -286,7 +286,7 @@ def test_a_file_that_is_none_is_named(world, tmp_path):
         with pytest.raises(InputError, match=r"replay file = .*bad.npz: expected"):
             replay_of(world, path)
     np.savez(tmp_path / "other.npz", a=1)
-    with pytest.raises(InputError, match="swath replay build"):
+    with pytest.raises(InputError, match="swath height-map build"):
         replay_of(world, tmp_path / "other.npz")
 
 

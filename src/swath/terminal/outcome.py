@@ -24,6 +24,6 @@ def print_outcome(summary: dict[str, Any], out: Path) -> None:
     for note in summary.get("notes", []):
         print(f"note    {note}")
     if events := summary.get("events"):
-        print(f"events  {len(events)}, listed in summary.json; do them again: --events {out}")
+        print(f"events  {len(events)}, listed in summary.json; repeat them with --events {out}")
     print(f"digest  {summary.get('digest', '-')}")
     print(f"report  {out / 'report.html'}")
