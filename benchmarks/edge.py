@@ -10,6 +10,7 @@ import argparse
 from concurrent.futures import ProcessPoolExecutor
 
 from swath.judge.referee import Referee
+
 from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import load_scenario

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from swath.judge.referee import Referee
 
 from swath.control.edge.canopy_offset import LAYER, TALLEST, Overhang, height_at, stopped
 from swath.control.edge.height_step import Rays, Step
-from swath.judge.referee import Referee
 from swath.run.loop import drive as run
 from swath.run.world import assemble
 from swath.scenario.scenario import load_scenario

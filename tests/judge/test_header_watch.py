@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-
 from swath.judge.header import HeaderWatch
 from swath.judge.metrics import METRICS, SETTLING_M
+
 from swath.signals import CropFlow, HeaderState
 
 

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-
 from swath.judge.metrics import (
     METRICS,
     balance_error,

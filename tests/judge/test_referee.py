@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-
 from swath.judge.metrics import METRICS
 from swath.judge.referee import Referee
+
 from swath.signals import CropFlow, MachineLoad
 from tests.fake_run import ArcEdge, GridField, drive, machine
 

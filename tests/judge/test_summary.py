@@ -3,8 +3,8 @@
 import json
 
 import numpy as np
-
 from swath.judge.metrics import METRICS, is_broken
+
 from swath.judge.summary import make_summary, versions, write_summary
 
 

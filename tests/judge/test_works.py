@@ -1,7 +1,7 @@
 import pytest
-
 from swath.judge.drivetrain import WorksWatch
 from swath.judge.metrics import METRICS, SETTLING_M
+
 from swath.signals import EngineState, MachineLoad
 
 

@@ -5,9 +5,9 @@ import sys
 import zipfile
 
 import pytest
+from swath.judge.referee import Referee
 
 from swath.core.errors import InputError, MissingExtra, SwathError
-from swath.judge.referee import Referee
 from swath.run.job import run_job
 from swath.run.loop import drive
 from swath.run.world import assemble

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from swath.judge.referee import Referee
 
 from swath.core.errors import InputError
-from swath.judge.referee import Referee
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.ssp import read_system
 from swath.run.loop import drive

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from swath.judge.referee import Referee
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING, Organ
 from swath.field.site_setup import SiteSetup
-from swath.judge.referee import Referee
 from swath.rays.engine import RayCaster
 from swath.record.digest import Digest
 from swath.run.loop import drive

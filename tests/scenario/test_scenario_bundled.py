@@ -4,12 +4,12 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from swath.judge.metrics import METRICS
+from swath.scenario.metric_names import LIMITABLE_METRICS
 
 from swath.core.errors import InputError
 from swath.documents.yaml_document import parse, read_document
-from swath.judge.metrics import METRICS
 from swath.scenario.catalogue import KIT
-from swath.scenario.metric_names import LIMITABLE_METRICS
 from swath.scenario.reference import reference
 from swath.scenario.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
 from swath.scenario.schema import scenario_schema

@@ -1,8 +1,8 @@
 """The circle closed on real stems: the bundled scenarios, shortened, keep the limits they are made for."""
 
 import pytest
-
 from swath.judge.referee import Referee
+
 from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import load_scenario

@@ -1,8 +1,8 @@
 """Speed by throughput on real stems: the bundled scenarios, shortened to the jump of the stand."""
 
 import pytest
-
 from swath.judge.referee import Referee
+
 from swath.run.loop import drive
 from swath.run.world import assemble
 from swath.scenario.scenario import load_scenario

@@ -6,8 +6,9 @@ An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/e
 and `core.abilities.EndsRun`.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 from swath.field.edge_defects import Gap
@@ -24,10 +25,10 @@ SETTLING_M = 10.0  # driven before a run is judged: the machine starts beside it
 class Metric:
     """A number that a run comes to.
 
-    name: with its unit at the end, as in `summary.json`; unit: as it is written, "" for none; meaning: one line
-    group: heading in lists and reports; better: which direction is better, "" where neither is
-    label: in reports, by default made from the name; shown_unit, factor: a report shows value * factor in
-    this unit; decimals: there, -1 = two digits with an exponent
+    name: in `summary.json`, its unit at the end; unit: "1" for a share of one, "" for a count or ratio
+    meaning: one line; group: heading in lists and reports; better: the better direction, "" where neither is
+    label: in reports, by default the name in words; shown: unit in reports, by default `unit`
+    decimals: in reports, -1 for two digits with an exponent
     is_windowed: it can also be computed of a part of the run
     """
 
@@ -37,8 +38,7 @@ class Metric:
     group: str
     better: Literal["lower", "higher", ""] = ""
     label: str = ""
-    shown_unit: str | None = None
-    factor: float = 1.0
+    shown: str = ""
     decimals: int = 2
     is_windowed: bool = True
 
@@ -99,8 +99,8 @@ class EvaluatorSetup:
     settling_m: float = SETTLING_M
     overlap: float = 0.0
     gaps: Sequence[Gap] = ()
-    obstacles: Solids = field(default_factory=Solids)
-    bodies: Bodies = field(default_factory=Bodies)
+    obstacles: Solids = dataclasses.field(default_factory=Solids)
+    bodies: Bodies = dataclasses.field(default_factory=Bodies)
 
     @property
     def machine(self) -> RecordedMachine:
@@ -128,8 +128,7 @@ class Evaluator(Protocol):
         """A slot, such as `combine.motion`, published samples at t [ns]; they must not be changed."""
 
     def metrics(self) -> dict[str, float]:
-        """Metrics of all that was seen so far; nan where there was nothing to judge, left out where the
-        machine has no such part."""
+        """Of all that was seen: nan where nothing could be judged, left out where a part is missing."""
         ...
 
 
@@ -156,7 +155,9 @@ class HasEvents(Protocol):
 
 @runtime_checkable
 class HasLimits(Protocol):
-    """An evaluator with limits of its own. LIMITS: metric -> min, max; a scenario that sets a limit on the
-    metric itself replaces them."""
+    """An evaluator with limits of its own, which hold unless the scenario sets a limit on the metric itself.
+
+    LIMITS: metric -> min, max
+    """
 
     LIMITS: ClassVar[Mapping[str, Mapping[str, float]]]

@@ -200,3 +200,9 @@ def read_tracks(path: Path) -> dict[str, np.ndarray]:
 
     table = pq.read_table(path)
     return {name: table.column(name).to_numpy() for name in table.column_names}
+
+
+def column_names() -> list[str]:
+    """Names of all columns that tracks may have beside those of evaluators."""
+    sensors = [c.name for columns in SENSOR_COLUMNS.values() for c in columns]
+    return [*(c.name for c in COLUMNS), "header_end_x_m", "header_end_y_m", *sensors]

@@ -5,7 +5,6 @@ from typing import Any
 import yaml
 
 from swath.scenario.catalogue import KIT, Kit
-from swath.scenario.metric_names import LIMITABLE_METRICS
 from swath.scenario.schema import adopt
 from swath.scenario.sections import (
     Head,
@@ -46,6 +45,15 @@ Only with this section, or `swath run --real-time`, a run waits for the clock: [
 is `degrade`; keys of the present level that the cheaper one knows are kept.
 """
 
+EVALUATORS = """\
+## evaluators
+A list of your own evaluators, `file.py:Class`, beside those that are built in: [metrics.md](metrics.md).
+"""
+EXPECT = """\
+For each metric a limit or a list of limits. Metrics and columns: [metrics.md](metrics.md), `swath metrics`;
+events: {events}. With several machines the limits stand under a machine's name, or under `field`.
+"""
+
 
 def reference(kit: Kit = KIT) -> str:
     """The whole page."""
@@ -55,17 +63,15 @@ def reference(kit: Kit = KIT) -> str:
     parts = [HEADER.format(example=example)]
     parts.append(_section("## Top level", Head))
     parts.append(
-        "Every other key than `name`, `summary`, `seed`, `run`, `realtime`, `field` and `expect`\n"
-        "is a machine.\n"
+        "Every other key than `name`, `summary`, `seed`, `run`, `realtime`, `field`, `evaluators` and\n"
+        "`expect` is a machine.\n"
     )
     parts.append(_section("## run", Run))
     parts.append(_section("## realtime", RealTime, REALTIME))
     parts.append(_field(kit))
     parts.append(_machine(kit))
-    names = ", ".join(f"`{m}`" for m in LIMITABLE_METRICS)
-    parts.append(
-        _section("## expect", Limit, f"For each metric a lower limit, an upper one, or both. {names}.\n")
-    )
+    parts.append(EVALUATORS)
+    parts.append(_section("## expect", Limit, EXPECT.format(events=", ".join(kit.judged().events))))
     return "\n".join(parts).rstrip() + "\n"
 
 

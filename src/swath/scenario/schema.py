@@ -13,7 +13,6 @@ from typing import Any
 from swath.documents.hints import split_unit
 from swath.documents.validation import schema_of
 from swath.scenario.catalogue import KIT, Kit
-from swath.scenario.metric_names import LIMITABLE_METRICS
 from swath.scenario.sections import (
     Head,
     Limit,
@@ -45,12 +44,8 @@ def scenario_schema(kit: Kit = KIT) -> Node:
             "run": adopt(Run, "run", defs),
             "realtime": _realtime(defs),
             "field": _field(kit, defs),
-            "expect": {
-                "type": "object",
-                "description": "limits on metrics; a broken one makes the exit code 1",
-                "properties": {name: adopt(Limit, "limit", defs) for name in LIMITABLE_METRICS},
-                "additionalProperties": False,
-            },
+            "evaluators": {"type": "array", "items": FOREIGN, "description": "your own evaluators"},
+            "expect": _expect(kit, defs),
         },
         "additionalProperties": machine,
         "$defs": defs,
@@ -163,6 +158,27 @@ def _realtime(defs: dict[str, Node]) -> Node:
     }
     degrade = {"type": "array", "items": step, "description": "cheaper levels, taken one after the other"}
     return {**node, "properties": {**node["properties"], "degrade": degrade}}
+
+
+def _expect(kit: Kit, defs: dict[str, Node]) -> Node:
+    """Limits by metric or column; or by machine and `field`, then by metric or column.
+
+    Names that are not built in are a machine's, or a metric of the user's own.
+    """
+    judged = kit.judged()
+    defs["limit"] = adopt(Limit, "limit", defs)
+    one: Node = {"$ref": "#/$defs/limit"}
+    limits: Node = {"anyOf": [one, {"type": "array", "items": one}]}
+    said = {name: f"{metric.meaning} [{metric.unit or '-'}]" for name, metric in judged.metrics.items()}
+    said = dict.fromkeys(judged.columns, "column of the tracks") | said
+    names = {name: {**limits, "description": text} for name, text in said.items()}
+    defs["limits"] = {"type": "object", "properties": names, "additionalProperties": limits}
+    return {
+        "type": "object",
+        "description": "limits; one that fails makes the exit code 1",
+        "properties": {name: {"$ref": f"#/$defs/limits/properties/{name}"} for name in names},
+        "additionalProperties": {"anyOf": [*limits["anyOf"], {"$ref": "#/$defs/limits"}]},
+    }
 
 
 def _slot(kit: Kit, kind: str, defs: dict[str, Node]) -> Node:

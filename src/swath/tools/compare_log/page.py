@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.judge.metrics import json_safe
+from swath.judge.summary import json_safe
 from swath.report.page import CSS
 from swath.report.plots import BLUE, FAINT, GREY, ORANGE, STYLE, as_image, figure
 from swath.tools.compare_log.compare import SHOWN, LogComparison

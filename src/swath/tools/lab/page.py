@@ -95,11 +95,11 @@ def _header(lab: Lab, cases: Sequence[JudgedCase], real: str | None) -> str:
     judged = [j for c in cases for j in c.judged]
     count = sum(j.overall in ("repeatable", "good") for j in judged)
     if not judged:
-        box = '<div class="verdict none">Nothing to judge<small>one level, no real heights</small></div>'
+        box = '<div class="outcome none">Nothing to judge<small>one level, no real heights</small></div>'
     else:
-        kind = "kept" if count == len(judged) else "broken"
+        kind = "pass" if count == len(judged) else "fail"
         box = (
-            f'<div class="verdict {kind}">{count} of {len(judged)} comparisons good'
+            f'<div class="outcome {kind}">{count} of {len(judged)} comparisons good'
             "<small>in all six numbers, or repeatable</small></div>"
         )
     beside = f"{escape(real)} beside the levels " if real else "The levels "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath import __version__
-from swath.judge.metrics import json_safe
+from swath.judge.summary import json_safe
 from swath.signals import F64
 from swath.tools.distributions import BIN
 from swath.tools.lab.agreement import (

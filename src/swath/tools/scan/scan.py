@@ -11,8 +11,9 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.judge.referee import Referee
-from swath.report.scan_sampler import ScanKeeper
+from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.report.scan_sampler import ScanSampler
+from swath.run.evaluation import make_evaluation
 from swath.run.loop import drive
 from swath.run.world import World, assemble
 from swath.scenario.scenario import Scenario
@@ -38,7 +39,7 @@ def scan_job(
 
     formats = USUAL_FORMATS if formats is None else formats
     check_formats(formats)
-    world, keeper = _drive_to_scan(scenario, at_s, *(("camera",) if camera else ()))
+    world, sampler = _drive_to_scan(scenario, at_s, *(("camera",) if camera else ()))
     leader = world.leader
     scan = world.graph.latest(f"{leader.name}.lidar", "scan")
     truth = world.graph.latest(f"{leader.name}.lidar", "truth")
@@ -51,7 +52,7 @@ def scan_job(
             parts,
             scan,
             truth,
-            keeper.pick(1)[-1],
+            sampler.pick("lidar", 1)[-1],
             mounting=leader.mountings["lidar"],
             machine=leader.recorded(),
             stand=world.field,
@@ -134,7 +135,7 @@ def _settling(scenario: Scenario, at_s: float) -> Settling:
     return settle(look, world.field, pose, seed=scenario.seed, beams=len(lidar.azimuth), detail=detail)
 
 
-def _drive_to_scan(scenario: Scenario, at_s: float, *more: str) -> tuple[World, ScanKeeper]:
+def _drive_to_scan(scenario: Scenario, at_s: float, *more: str) -> tuple[World, ScanSampler]:
     """The world of a scenario once its first machine has driven `at_s` and scanned.
 
     more: further slots that it must have, and that have taken a step then
@@ -145,14 +146,16 @@ def _drive_to_scan(scenario: Scenario, at_s: float, *more: str) -> tuple[World, 
             raise InputError(name, "off", f"expected a scenario whose first machine has a {name}")
     world = assemble(scenario)
     leader = world.leader
-    referee = Referee(world.field, leader.recorded(), overlap=leader.overlap)
-    keeper = ScanKeeper(leader.recorded(), referee)
+    evaluation = make_evaluation(world)
+    detection = evaluation.find(leader.name, EdgeDetection)
+    assert detection is not None
+    sampler = ScanSampler(leader.recorded(), lambda: detection.true_offset)
     waits = [2.0 / slots["lidar"].common.rate_hz, *(1.0 / slots[name].common.rate_hz for name in more)]
     try:
-        drive(world, [referee, keeper], until_s=max(at_s, *waits))
+        drive(world, [evaluation, sampler], until_s=max(at_s, *waits))
     finally:
         world.close()
-    return world, keeper
+    return world, sampler
 
 
 def _edge_line(world: World) -> F64:
