@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from _harness import machine, write_json
 
 FIELD = """
+format: swath scenario 2
 name: memory
 seed: 1
 run: {{distance_m: 40, max_duration_s: 60}}
@@ -20,9 +21,10 @@ field:
   stand: {{level: uniform, stems_per_m2: 500}}
   edge: {{shape: straight, x_m: 20, y_m: 5, heading_deg: 90, length_m: {length}}}
   boundary: {{points_m: [[0, 0], [{side}, 0], [{side}, {side}], [0, {side}]]}}
-combine:
-  edge_side: left
-  lidar: {{sub_rays: 19}}
+machines:
+  combine:
+    edge_side: left
+    lidar: {{sub_rays: 19}}
 """
 
 

@@ -25,7 +25,7 @@ def part_of(file: Path, **more: Any) -> Any:
     """The process slot of a machine, filled with the FMU."""
     from fmu_scenario import scenario
 
-    from swath.run.world import assemble
+    from swath.runtime.assembly import assemble
 
     made = scenario(process={"level": "fmu", "file": str(file), **KEYS, **more})
     return assemble(made).leader.parts["process"].part

@@ -56,7 +56,7 @@ def _case(name: str, slots: str, sets: tuple[str, ...], h: float) -> dict[str, A
 
 def _inside(scenario: Scenario, session: Session, h: float) -> Any:
     """The slots alone: one sample for every input, put in before each step."""
-    from swath.run.world import assemble
+    from swath.runtime.assembly import assemble
 
     world = assemble(scenario, only=session.slots)
     graph, ns = world.graph, round(h * 1e9)

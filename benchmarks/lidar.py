@@ -23,7 +23,7 @@ CASES = (  # name of the case, sector, step [deg]
 def make(level: str, sector: Any, step: float, density: float | None = None) -> Any:
     """The scanner of the scenario at a level, and the work of SCANS scans with it."""
     from swath.core.random import Stream
-    from swath.run.world import assemble
+    from swath.runtime.assembly import assemble
     from swath.scenario.scenario import load_scenario
 
     keys = {"sector_deg": sector, "step_deg": step} | ({"sub_rays": 37} if level == "plants" else {})

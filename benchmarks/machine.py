@@ -23,6 +23,7 @@ from swath.signals import CropFlow, SpeedCommand, SteerState
 
 SECONDS = 10.0
 FIELD = """
+format: swath scenario 2
 name: machine
 seed: 1
 run: {distance_m: 40, max_duration_s: 60}
@@ -30,7 +31,8 @@ field:
   terrain: {level: formula, slope_percent: 3.0, roughness_class: C}
   stand: {level: uniform, stems_per_m2: 100}
   edge: {shape: straight, x_m: 20, y_m: 5, heading_deg: 90, length_m: 150}
-combine: {edge_side: left}
+machines:
+  combine: {edge_side: left}
 """
 LEVELS: dict[str, tuple[Any, Any]] = {
     "kinematic": (kinematic.Kinematic, kinematic.Params),
@@ -48,7 +50,7 @@ def rough_site() -> Any:
     import tempfile
 
     from swath.field.site_setup import SiteSetup
-    from swath.run.world import assemble
+    from swath.runtime.assembly import assemble
     from swath.scenario.scenario import load_scenario
 
     with tempfile.TemporaryDirectory() as folder:

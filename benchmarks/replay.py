@@ -23,7 +23,7 @@ CASES = (("120 deg at 0.5 deg", "[-60, 60]", 0.5), ("190 deg at 0.167 deg", "nul
 def make(level: str, sector: str, step: float) -> Any:
     """The scanner of the scenario at a level."""
     from swath.core.random import Stream
-    from swath.run.world import assemble
+    from swath.runtime.assembly import assemble
     from swath.scenario.scenario import load_scenario
 
     sets = [

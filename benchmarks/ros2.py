@@ -16,8 +16,8 @@ from pathlib import Path
 from _harness import machine
 
 from swath.core.errors import SwathError
-from swath.run.job import run_job
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.signals import CropEdge, Odometry
 

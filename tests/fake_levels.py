@@ -10,7 +10,7 @@ from pydantic import Field
 
 from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
-from swath.scenario.catalogue import Kit
+from swath.scenario.catalogue import Catalogue
 from swath.scenario.slots import SlotKind
 
 
@@ -176,11 +176,11 @@ _module(
     Boundary=Boundary,
 )
 SLOTS = (
-    SlotKind("lidar", (), "plants", 25.0, ()),
+    SlotKind("lidar", (), "plants", 25.0, (), is_plural=True),
     SlotKind("steer", (), "preview", 50.0, (), {"scan": ("lidar", "scan")}),
     SlotKind("speed", (), "constant", 10.0, ()),
 )
-FAKE = Kit(
+FAKE = Catalogue(
     FakeRegistry(dict.fromkeys(FakeRegistry.table, ())),
     SLOTS,
     {"terrain": "formula", "stand": "uniform"},
@@ -189,9 +189,11 @@ FAKE = Kit(
         "obstacles": "fake_field_parts:Obstacle",
         "boundary": "fake_field_parts:Boundary",
     },
+    {"combine": {"lidar": "plants", "steer": "preview", "speed": "constant"}, "tractor_with_trailer": {}},
 )
 
 GOOD = """\
+format: swath scenario 2
 name: small
 summary: a small one
 seed: 3
@@ -204,16 +206,17 @@ field:
   edge: {shape: straight, length_m: 80, gaps: [[10, 12]]}
   obstacles:
     - {kind: post, x_m: 3, y_m: -2}
-combine:
-  machine: lexion-700-class
-  start: {along_edge_m: 2}
-  lidar:
-    level: plants
-    rate_hz: 25
-    mount: {z_m: 2.5}
-    wires: {scan: lidar.scan}
-  steer: preview
-  speed: {speed_kmh: 7}
+machines:
+  combine:
+    machine: lexion-700-class
+    start: {along_edge_m: 2}
+    lidar:
+      level: plants
+      rate_hz: 25
+      mount: {z_m: 2.5}
+      wires: {scan: lidar.scan}
+    steer: preview
+    speed: {speed_kmh: 7}
 expect:
   lateral_rms_m: {max: 0.05}
 """

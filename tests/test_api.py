@@ -33,7 +33,7 @@ def test_a_run_from_python(result):
     assert (result.folder / "summary.json").is_file()
     assert not (result.folder / "report.html").exists()
     resolved = yaml.safe_load((result.folder / "scenario.yaml").read_text())
-    assert resolved["combine"]["lidar"]["sub_rays"] == 1
+    assert resolved["machines"]["combine"]["lidar"]["sub_rays"] == 1
     assert repr(result).startswith("<run of straight, seed 5: ")
     assert repr(result).endswith(f"limits kept, in {result.folder}>")
 

@@ -12,7 +12,7 @@ import pytest
 import swath
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.run.folder import choose_run_folder, choose_scan_folder, clear_run_folder
+from swath.runtime.folder import choose_run_folder, choose_scan_folder, clear_run_folder
 from tests.fake_levels import FAKE, GOOD
 
 HEAVY = {
@@ -31,7 +31,7 @@ HEAVY = {
 
 
 class Job:
-    """Stands for `swath.run.job`; keeps what it was asked for."""
+    """Stands for `swath.runtime.job`; keeps what it was asked for."""
 
     def __init__(self):
         self.calls = []
@@ -68,13 +68,13 @@ class Job:
 @pytest.fixture
 def job(monkeypatch, tmp_path):
     fake = Job()
-    monkeypatch.setitem(sys.modules, "swath.run.job", fake)
+    monkeypatch.setitem(sys.modules, "swath.runtime.job", fake)
     monkeypatch.setitem(sys.modules, "swath.tools.scan.scan", fake)
-    monkeypatch.setattr("swath.run.job", fake, raising=False)
+    monkeypatch.setattr("swath.runtime.job", fake, raising=False)
     monkeypatch.setattr("swath.tools.scan.scan", fake, raising=False)
     import swath.scenario.scenario as module
 
-    monkeypatch.setattr(module, "load_scenario", partial(module.load_scenario, kit=FAKE))
+    monkeypatch.setattr(module, "load_scenario", partial(module.load_scenario, catalogue=FAKE))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.yaml").write_text(GOOD)
     return fake
@@ -180,7 +180,7 @@ def test_runs_do_not_overwrite_each_other(job, capsys):
 def test_an_error_while_assembling_gets_its_line(job, capsys):
     job.error = InputError("combine.lidar.mount.z_m", -1, "expected a sensor above the ground")
     assert main(["run", "small.yaml"]) == 2
-    expected = "swath: combine.lidar.mount.z_m = -1: expected a sensor above the ground (small.yaml:19)\n"
+    expected = "swath: combine.lidar.mount.z_m = -1: expected a sensor above the ground (small.yaml:21)\n"
     said = capsys.readouterr()
     assert said.err == expected
     assert said.out == ""  # no wall of defaults before it

@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 
 from swath.control.edge.profile import Reach, make_profile
 from swath.core.component import Outputs
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.loop import drive
+from swath.runtime.world import assemble
 from swath.scenario.scenario import load_scenario
 
 HERE = Path(__file__).parent

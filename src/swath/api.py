@@ -13,8 +13,8 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.report.report import ReportWriter
-from swath.run.folder import choose_run_folder
-from swath.run.job import JobResult, run_job
+from swath.runtime.folder import choose_run_folder
+from swath.runtime.job import JobResult, run_job
 from swath.scenario.scenario import Scenario
 from swath.scenario.scenario import load_scenario as _load
 

@@ -25,7 +25,7 @@ MACHINE = MachineGeometry(
 
 
 def setup_of(side="left", period=0.04, mounting=None):
-    return ControlSetup(MACHINE, mounting or Pose.identity(), side, period)
+    return ControlSetup(MACHINE, {"scan": mounting or Pose.identity()}, side, period)
 
 
 class Course:

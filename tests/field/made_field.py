@@ -26,7 +26,10 @@ def library(density=500.0, row_spacing=0.125):
 
 
 def made_field(*, terrain=None, stand=None, edge=None, boundary=None, seed=7, page_limit=1024) -> Field:
-    """A field from parameters; plane, uniform and straight to the north through the origin by default."""
+    """A field from parameters; plane, uniform and straight to the north through the origin by default.
+
+    edge: parameters of one, or several made ones by name
+    """
     setup = FieldSetup(Stream(seed, "field"))
     terrain = terrain or plane.Params()
     stand = stand or uniform.Params()
@@ -36,7 +39,7 @@ def made_field(*, terrain=None, stand=None, edge=None, boundary=None, seed=7, pa
     return make_field(
         ground(terrain, setup),
         grown,
-        make_edge(edge or StraightEdge(), setup),
+        edge if isinstance(edge, dict) else make_edge(edge or StraightEdge(), setup),
         crop=CROP,
         library=library(grown.density_max, grown.row_spacing),
         stream=setup.stream,

@@ -9,7 +9,7 @@ pytest.importorskip("rasterio")
 from swath.core.errors import InputError
 from swath.field_io.importer import Settings, import_log
 from swath.field_io.pass_scenario import write_pass_scenario
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
 
 

@@ -23,7 +23,7 @@ def own_bus():
 
 
 def setup(slot="steer", period=0.02):
-    control = ControlSetup(GEOMETRY, Pose.from_euler((4.0, 0.0, 2.0)), "left", period)
+    control = ControlSetup(GEOMETRY, {"scan": Pose.from_euler((4.0, 0.0, 2.0))}, "left", period)
     outputs = (Port("command", SteerCommand),)
     return LinkSetup("combine", slot, PORTS, outputs, control, Path.cwd())
 

@@ -12,6 +12,7 @@ from swath.signals import CropFlow, EngineState, MachineLoad, MachineState
 from swath.signals.setup import ControlSetup, LinkSetup
 
 TEXT = """
+format: swath scenario 2
 name: fmu
 seed: 3
 run: {distance_m: 3, max_duration_s: 6}
@@ -19,10 +20,11 @@ field:
   terrain: {level: plane}
   stand: {level: uniform, stems_per_m2: 400}
   edge: {shape: straight}
-combine:
-  motion: {level: kinematic, start_speed_kmh: 7}
-  lidar: off
-  edge: truth
+machines:
+  combine:
+    motion: {level: kinematic, start_speed_kmh: 7}
+    lidar: off
+    edge: truth
 """
 POWERS = ("header", "threshing", "separation", "cleaning", "chopper", "unloading", "propulsion", "auxiliary")
 NO_POWERS = {f"engine.{name}_power": 0 for name in POWERS}
@@ -42,7 +44,7 @@ def process_setup():
     """What a part in the process slot is told, without a world around it."""
     signals = {"state": MachineState, "flow": CropFlow, "engine": EngineState}
     ports = tuple(Port(name, signal, optional=True) for name, signal in signals.items())
-    control = ControlSetup(load_machine("lexion-700-class"), Pose.identity(), "left", 0.1)
+    control = ControlSetup(load_machine("lexion-700-class"), {"scan": Pose.identity()}, "left", 0.1)
     return LinkSetup("combine", "process", ports, (Port("load", MachineLoad),), control, Path())
 
 

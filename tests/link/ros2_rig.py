@@ -24,17 +24,19 @@ needs_ros2 = [
 ]
 
 CHEAP = """
+format: swath scenario 2
 name: cheap
 run: {{distance_m: 500, max_duration_s: {seconds}}}
 field:
   terrain: {{level: formula, slope_percent: 2.0}}
   edge: {{shape: curve, run_in_m: 45, radius_m: 60, angle_deg: 40, run_out_m: 600}}
-combine:
-  motion: {{level: single_track, start_speed_kmh: 7}}
-  lidar: off
-  edge: truth
-  speed: {{speed_kmh: 7}}
-  steer: {{{steer}}}
+machines:
+  combine:
+    motion: {{level: single_track, start_speed_kmh: 7}}
+    lidar: off
+    edge: truth
+    speed: {{speed_kmh: 7}}
+    steer: {{{steer}}}
 """
 
 _count = itertools.count()

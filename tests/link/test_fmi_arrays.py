@@ -5,9 +5,9 @@ import pytest
 
 from swath.core.errors import SwathError
 from swath.report.report import ReportWriter
-from swath.run.job import run_job
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_job
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from tests.link.fmu_scenario import TEXT
 from tests.link.made_fmus import engine_fmu, needs_cc, store_fmu

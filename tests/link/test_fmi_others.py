@@ -11,8 +11,8 @@ from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import read_fmu
 from swath.link.fmi.open_unit import make_instance
 from swath.link.fmi.ssp import read_system
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from tests.link.fmu_scenario import scenario
 from tests.link.made_fmus import component, connection, connector, needs_cc, package, store_fmu, system
 

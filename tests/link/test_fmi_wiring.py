@@ -8,8 +8,8 @@ from swath.core.errors import InputError
 from swath.link.fmi.feed import Feed
 from swath.link.fmi.units import Scale
 from swath.link.fmi.wiring import Into
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.signals import CropFlow
 from swath.signals.flat import flat_fields
 from tests.link.fmu_scenario import process_part, scenario

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swath.core.schedule import NS
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.signals.flat import flat_fields, read
 from tests.link.fmu_host import Host

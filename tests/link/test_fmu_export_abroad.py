@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from tests.link.fmu_host import Host
 from tests.link.fmu_scenario import TEXT

@@ -41,7 +41,7 @@ def bags(tmp_path_factory):
 
 def player(path, slot, topics, *, rate_hz=50.0, **keys):
     kind = next(s for s in SLOTS if s.name == slot)
-    control = ControlSetup(GEOMETRY, Pose.identity(), "left", 1.0 / rate_hz)
+    control = ControlSetup(GEOMETRY, {"scan": Pose.identity()}, "left", 1.0 / rate_hz)
     setup = LinkSetup("combine", slot, (), kind.outputs, control, Path("/"))
     where = {"folder": str(path)} if path.is_dir() else {"file": str(path)}
     return LogPlayer(Params(**where, topics=topics, **keys), setup)
@@ -296,7 +296,7 @@ def test_a_scan_without_a_mounting(tmp_path):
 
 def test_one_of_file_and_folder(bags):
     kind = next(s for s in SLOTS if s.name == "motion")
-    control = ControlSetup(GEOMETRY, Pose.identity(), "left", 0.02)
+    control = ControlSetup(GEOMETRY, {"scan": Pose.identity()}, "left", 0.02)
     setup = LinkSetup("combine", "motion", (), kind.outputs, control, Path("/"))
     for keys in ({}, {"file": "a", "folder": "b"}):
         with pytest.raises(InputError, match="expected either file or folder"):

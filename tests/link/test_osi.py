@@ -8,7 +8,7 @@ from swath.core.errors import InputError
 from swath.core.frames import rotation_matrix
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import open_log
-from swath.run.job import run_job
+from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
 
 pytest.importorskip("osi3", reason="needs the extra osi")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from swath.run.clock import scheduling
-from swath.run.pacing import Exchange, OverrunError, Pacer
+from swath.runtime.clock import scheduling
+from swath.runtime.pacing import Exchange, OverrunError, Pacer
 from swath.scenario.sections import RealTime
 from tests.fake_clock import FakeClock
 

@@ -9,14 +9,15 @@ import pytest
 from mcap.reader import make_reader
 from pyarrow.parquet import read_table
 
-from swath.run.changes import read_events
-from swath.run.job import run_job
+from swath.runtime.changes import read_events
+from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
 from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 pytestmark = needs_ros2
 
 TEXT = """
+format: swath scenario 2
 name: bridged
 seed: 3
 run: {distance_m: 100, max_duration_s: 2}
@@ -24,11 +25,12 @@ field:
   stand: {level: uniform, stems_per_m2: 300}
   edge: {shape: straight}
   obstacles: [{kind: post, x_m: -1.5, y_m: 12}]
-combine:
-  motion: {level: single_track, start_speed_kmh: 7}
-  gnss: {level: ideal, rate_hz: 50}
-  imu: {level: error, rate_hz: 50}
-  lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 2.0, rate_hz: 50, echo: all, within: nearest}
+machines:
+  combine:
+    motion: {level: single_track, start_speed_kmh: 7}
+    gnss: {level: ideal, rate_hz: 50}
+    imu: {level: error, rate_hz: 50}
+    lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 2.0, rate_hz: 50, echo: all, within: nearest}
 """
 LISTENED = {
     "/combine/lidar/scan": "sensor_msgs/LaserScan",

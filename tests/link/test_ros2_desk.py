@@ -8,7 +8,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import SwathError
 from swath.link.ros2.desk import Desk
-from swath.run.pacing import Pacer
+from swath.runtime.pacing import Pacer
 from swath.scenario.sections import RealTime
 
 

@@ -11,8 +11,8 @@ from mcap.reader import make_reader
 from pyarrow.parquet import read_table
 
 from swath.core.errors import InputError, SwathError
-from swath.run.job import run_job
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
 from tests.link.ros2_rig import CHEAP, EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
 
@@ -36,13 +36,15 @@ def test_a_node_in_lock_step_gives_the_bytes_of_the_law_in_process(tmp_path):
 
 
 SCANNED = """
+format: swath scenario 2
 name: scanned
 run: {{distance_m: 100, max_duration_s: 4}}
 field: {{stand: {{level: uniform, stems_per_m2: 300}}, edge: {{shape: straight}}}}
-combine:
-  motion: {{level: single_track, start_speed_kmh: 7}}
-  lidar: {{sub_rays: 1, sector_deg: [-60, 60], step_deg: 2.0}}
-  edge: {{{edge}}}
+machines:
+  combine:
+    motion: {{level: single_track, start_speed_kmh: 7}}
+    lidar: {{sub_rays: 1, sector_deg: [-60, 60], step_deg: 2.0}}
+    edge: {{{edge}}}
 """
 
 

@@ -13,8 +13,8 @@ from mcap_ros2.decoder import DecoderFactory
 from swath.core.component import Port
 from swath.core.errors import SwathError
 from swath.core.random import Stream
-from swath.run.job import run_job
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
 from swath.signals import CropEdge, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
@@ -24,14 +24,16 @@ from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 pytestmark = [*needs_ros2, pytest.mark.usefixtures("domain")]
 
 TEXT = """
+format: swath scenario 2
 name: slots
 run: {{distance_m: 100, max_duration_s: {seconds}}}
 field: {{edge: {{shape: straight}}}}
-combine:
-  motion: {{level: kinematic, start_speed_kmh: 7}}
-  lidar: off
-  edge: truth
-  {part}
+machines:
+  combine:
+    motion: {{level: kinematic, start_speed_kmh: 7}}
+    lidar: off
+    edge: truth
+    {part}
 """
 MASSES = ("tank_grain", "lost_grain", "dropped_straw", "held_grain", "held_straw", "grain_flow", "straw_flow")
 LOAD = {f"load.{name}": 0.25 * i for i, name in enumerate(MASSES)}
@@ -94,7 +96,7 @@ def steer():
     from swath.link.levels.ros2 import Params, Ros2Slot
 
     inputs = (Port("edge", CropEdge, optional=True),)
-    control = ControlSetup(GEOMETRY, MOUNTING, "left", 0.02)
+    control = ControlSetup(GEOMETRY, {"scan": MOUNTING}, "left", 0.02)
     outputs = (Port("command", SteerCommand),)
     made = Ros2Slot(Params(), LinkSetup("combine", "steer", inputs, outputs, control, Path()))
     yield made

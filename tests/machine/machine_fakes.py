@@ -21,6 +21,7 @@ class Ground:
     height: object = lambda x, y: np.zeros(np.broadcast(x, y).shape)
     cuts: list = field(default_factory=list)
     straw: list = field(default_factory=list)
+    grain: list = field(default_factory=list)
 
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))
@@ -29,6 +30,9 @@ class Ground:
         area = signed_area(polygon)
         self.cuts.append(polygon)
         return SimpleNamespace(grain=0.8 * area, straw=0.6 * area, stem_count=int(500 * area), area=area)
+
+    def deposit_grain(self, x, y, mass_kg):
+        self.grain.append((x, y, mass_kg))
 
     def deposit_straw(self, polygon, mass_kg, *, heading=None):
         self.straw.append((polygon, mass_kg))

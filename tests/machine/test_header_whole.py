@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from swath.judge.referee import Referee
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -15,12 +14,14 @@ from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING, Organ
 from swath.field.site_setup import SiteSetup
 from swath.rays.engine import RayCaster
 from swath.record.digest import Digest
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
+from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.sensing.lidar.plants import Params as LidarParams
 from swath.sensing.lidar.plants import PlantsLidar
 from swath.signals import CropFlow, HeaderState, MachineLoad, MachineState
+from tests.evaluated import metrics_of
 
 DATA = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -29,6 +30,7 @@ DATA = (
 MOTIONS = ("kinematic", "single_track", "multibody")
 NO_EYES = ("combine.lidar='off'", "combine.edge=truth", "combine.odometry=ideal")
 TEXT = """
+format: swath scenario 2
 name: height
 seed: 4
 run: {distance_m: 40, max_duration_s: 60}
@@ -36,13 +38,14 @@ field:
   terrain: {level: formula, slope_percent: 2.0, roughness_class: C}
   stand: {level: uniform, stems_per_m2: 100}
   edge: {shape: straight}
-combine:
-  motion: {level: single_track, start_speed_kmh: 7}
-  header: height_control
-  lidar: 'off'
-  odometry: ideal
-  edge: truth
-  speed: {speed_kmh: 7}
+machines:
+  combine:
+    motion: {level: single_track, start_speed_kmh: 7}
+    header: height_control
+    lidar: 'off'
+    odometry: ideal
+    edge: truth
+    speed: {speed_kmh: 7}
 """
 
 
@@ -62,9 +65,9 @@ def run(*sets, scenario=None):
     """World, what was seen, metrics."""
     world = assemble(scenario or parse_scenario(TEXT, sets=list(sets)))
     seen = Seen()
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
-    drive(world, [referee, seen])
-    return world, seen, referee.metrics()
+    evaluation = make_evaluation(world)
+    drive(world, [evaluation, seen])
+    return world, seen, metrics_of(evaluation)
 
 
 def needs(motion):

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
+from swath.core.schedule import NS
 from swath.machine.drivetrain_sheet import works_of
 from swath.machine.process.rotor import coupled_one
 from swath.machine.process.threshing import Params, ThreshingProcess, shoe_load, shoe_loss
@@ -222,7 +224,29 @@ def test_the_tank_is_emptied_while_driving():
     last = rig.load
     content = 0.79 * WORKS.tank + last.tank_grain - last.unloaded_grain
     assert last.tank_level * WORKS.tank == pytest.approx(content)
+    x, y, poured = np.array(rig.ground.grain).T
+    assert poured.sum() == pytest.approx(last.unloaded_grain, rel=1e-12)
+    assert np.all(y > 0.5 * WIDTH)
+    assert np.all(np.diff(x) > 0.0)
     assert max(rig.balance()) < 1e-12
+
+
+def test_a_cart_can_take_the_grain_instead_of_the_ground():
+    class Cart:
+        grain = 0.0
+
+        def receive(self, mass_kg, place):
+            self.grain += mass_kg
+
+    rig, cart = Rig(engine=False), Cart()
+    params = Params(tank_start_percent=50.0, unload_at_percent=20.0)
+    process = ThreshingProcess(params, replace(rig.site, grain_receiver=cart))
+    process.reset(STREAM)
+    for i in range(100):
+        load = process.step(i * NS // 10, NS // 10, {"flow": (), "state": state(i, 0.0, 0.0)})["load"]
+    assert cart.grain == pytest.approx(load.unloaded_grain, rel=1e-12)
+    assert cart.grain > 100.0
+    assert rig.ground.grain == []
 
 
 def test_saved_process_goes_on_exactly():

@@ -9,13 +9,14 @@ from swath.commands.main import main
 from swath.core.frames import Pose
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals import Image, MachineState
 from swath.tools.scan.scan import scan_job
 
 TEXT = """
+format: swath scenario 2
 name: filmed
 seed: 3
 run: {distance_m: 4, max_duration_s: 0.65}
@@ -23,11 +24,12 @@ field:
   terrain: {level: plane}
   stand: {level: uniform, stems_per_m2: 200}
   edge: {shape: straight}
-combine:
-  motion: {level: single_track, start_speed_kmh: 7}
-  lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 2.0}
-  camera:
-    {width_px: 60, height_px: 44, reach_m: 30, mount: {at: axle, x_m: 2, z_m: 3, yaw_deg: 30, roll_deg: 4}}
+machines:
+  combine:
+    motion: {level: single_track, start_speed_kmh: 7}
+    lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 2.0}
+    camera:
+      {width_px: 60, height_px: 44, reach_m: 30, mount: {at: axle, x_m: 2, z_m: 3, yaw_deg: 30, roll_deg: 4}}
 """
 
 

@@ -6,11 +6,11 @@ from swath.scenario.defaults import default_lines, defaults, paragraphs
 from swath.scenario.scenario import parse_scenario
 from tests.fake_levels import FAKE, GOOD
 
-SHORT = "{name: a, field: {edge: {shape: straight}}, combine: {lidar: plants}}"
+SHORT = "{format: swath scenario 2, name: a, field: {edge: {shape: straight}}, machines: {combine: {lidar: plants}}}"
 
 
 def read(text=GOOD, sets=()):
-    return parse_scenario(text, sets=sets, kit=FAKE)
+    return parse_scenario(text, sets=sets, catalogue=FAKE)
 
 
 def said(scenario):
@@ -21,7 +21,7 @@ def test_only_what_is_not_written():
     rest = defaults(read())
     assert "seed" not in rest
     assert "expect" not in rest
-    assert rest["run"] == {"max_duration_s": 120.0, "record": "exact"}
+    assert rest["run"] == {"max_duration_s": 120.0, "record": "exact", "on_contact": "end"}
     lidar = rest["combine"]["lidar"]
     assert lidar["mount"] == {"pitch_deg": 16.0}
     assert not {"level", "rate_hz", "wires"} & set(lidar)
@@ -52,7 +52,7 @@ def test_a_resolved_scenario_has_no_defaults_left():
 
 def test_a_paragraph_per_slot():
     texts = said(read())
-    assert texts["run"] == "max_duration_s 120, record exact"
+    assert texts["run"] == "max_duration_s 120, record exact, on_contact end"
     assert texts["field"] == "edge (teeth []), obstacles.0 (height_m 2)"
     lidar = "sensor sick-lms511-hr, mount (pitch_deg 16), sub_rays 19, echo percentile, noise true"
     assert texts["lidar plants"] == f"{lidar}; null: sector_deg"
@@ -61,7 +61,7 @@ def test_a_paragraph_per_slot():
 
 
 def test_machines_name_their_slots_where_there_are_several():
-    texts = said(read(SHORT[:-1] + ", cart: {lidar: empirical}}"))
+    texts = said(read(SHORT[:-2] + ", cart: {lidar: empirical}}}"))
     assert "spread_m 0.1" in texts["cart.lidar empirical"]
     assert "sub_rays 19" in texts["combine.lidar plants"]
 

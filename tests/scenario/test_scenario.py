@@ -8,7 +8,7 @@ from tests.fake_levels import FAKE, GOOD
 
 
 def read(text=GOOD, **options):
-    return parse_scenario(text, kit=FAKE, **options)
+    return parse_scenario(text, catalogue=FAKE, **options)
 
 
 def refusal(old, new, **options):
@@ -27,15 +27,35 @@ def test_reads_levels_parameters_and_defaults():
     assert lidar.params.mount.z_m == 2.5
     assert list(scenario.machines["combine"].slots) == ["lidar", "steer", "speed"]
     assert scenario.field.terrain.level == "plane"
-    assert scenario.field.edge.gaps == ((10.0, 12.0),)
+    assert scenario.field.edges["edge"].gaps == ((10.0, 12.0),)
     assert scenario.expect["lateral_rms_m"].max == 0.05
+
+
+def test_a_field_may_have_several_edges_by_name():
+    edge = GOOD[GOOD.index("  edge:") : GOOD.index("  obstacles:")]
+    several = "  edges: {west: {shape: straight}, east: {shape: straight, gaps: [[1, 2]]}}\n"
+    scenario = read(GOOD.replace(edge, several))
+    assert {name: e.gaps for name, e in scenario.field.edges.items()} == {"west": (), "east": ((1.0, 2.0),)}
+    assert read(scenario.resolved()) == scenario
+    assert "  edge:" in read().resolved()
+    for wrong, message in (
+        (edge + several, "field.edges: expected either `edge` or `edges`"),
+        ("  edges: {}\n", "field.edges = {}: expected at least one edge by name"),
+        ("  edges: {'a.b': {}}\n", "field.edges.a.b: expected an edge's name"),
+        ("  edges: {west: {shape: strait}}\n", "field.edges.west.shape = strait: expected one of"),
+    ):
+        assert message in refusal(edge, wrong)
 
 
 def test_wires_are_the_slots_own_with_the_scenarios_on_top():
     slots = read().machines["combine"].slots
     assert slots["steer"].wires == {"scan": ("combine.lidar", "scan")}
     other = GOOD.replace("steer: preview", "steer: {level: preview, wires: {scan: cart.lidar.scan}}")
-    slots = read(other + "cart: {machine: lexion-700-class}\n").machines["combine"].slots
+    slots = (
+        read(other.replace("\nexpect:", "\n  cart: {machine: lexion-700-class}\nexpect:"))
+        .machines["combine"]
+        .slots
+    )
     assert slots["steer"].wires == {"scan": ("cart.lidar", "scan")}
 
 
@@ -59,13 +79,13 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
     text = GOOD.replace("plane", "{level: dem, file: map.tif}")
     text = text.replace("steer: preview", "steer: {level: 'mine.py:Steer', gain: 2}")
     (tmp_path / "here.yaml").write_text(text)
-    scenario = load_scenario(tmp_path / "here.yaml", kit=FAKE)
+    scenario = load_scenario(tmp_path / "here.yaml", catalogue=FAKE)
     assert scenario.machines["combine"].slots["steer"].params.gain == 2
     assert scenario.field.terrain.params.file == str(tmp_path / "map.tif")
     run = tmp_path / "run"
     run.mkdir()
     (run / "scenario.yaml").write_text(scenario.resolved())
-    again = load_scenario(run, kit=FAKE)
+    again = load_scenario(run, catalogue=FAKE)
     assert again == scenario
     assert again.resolved() == scenario.resolved()
     assert read() != read(sets=["seed=4"])
@@ -74,46 +94,46 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("rate_hz: 25", "rate_hz: -5", "combine.lidar.rate_hz = -5: expected > 0 (text:18)"),
+        ("rate_hz: 25", "rate_hz: -5", "combine.lidar.rate_hz = -5: expected > 0 (text:20)"),
         (
             "rate_hz: 25",
             "rate_hz: 25 Hz",
-            "rate_hz = 25 Hz: expected a number in Hz, without the unit (text:18)",
+            "rate_hz = 25 Hz: expected a number in Hz, without the unit (text:20)",
         ),
-        ("rate_hz: 25", "rate_hz: '25'", "rate_hz = 25: expected a number in Hz, without quotes (text:18)"),
-        ("rate_hz: 25", "rate_hz: true", "rate_hz = True: expected a number in Hz (text:18)"),
-        ("rate_hz: 25", "rate_hz:", "rate_hz = (nothing): expected a number in Hz (text:18)"),
-        ("rate_hz: 25", "rate_hz: .nan", "rate_hz = .nan: expected a finite number (text:18)"),
-        ("rate_hz: 25", "rate_hz: -.inf", "rate_hz = -.inf: expected a finite number (text:18)"),
-        ("rate_hz: 25", "rate_hz: 1e999", "rate_hz = 1e999: expected a finite number (text:18)"),
-        ("seed: 3", "seed: 1" + 30 * "0", "expected a finite number (text:3)"),
-        ("seed: 3", "seed: 3.5", "seed = 3.5: expected a whole number (text:3)"),
-        ("seed: 3", "sead: 3", "sead: unknown key, did you mean 'seed'? (text:3)"),
-        ("field:", "feild:", "feild: unknown key, did you mean 'field'? (text:5)"),
-        ("speed_kmh: 7", "speed_mph: 7", "unknown key, did you mean 'speed_kmh'? expected in km/h (text:22)"),
-        ("speed_kmh: 7", "sped_kmh: 7", "sped_kmh: unknown key, did you mean 'speed_kmh'? (text:22)"),
+        ("rate_hz: 25", "rate_hz: '25'", "rate_hz = 25: expected a number in Hz, without quotes (text:20)"),
+        ("rate_hz: 25", "rate_hz: true", "rate_hz = True: expected a number in Hz (text:20)"),
+        ("rate_hz: 25", "rate_hz:", "rate_hz = (nothing): expected a number in Hz (text:20)"),
+        ("rate_hz: 25", "rate_hz: .nan", "rate_hz = .nan: expected a finite number (text:20)"),
+        ("rate_hz: 25", "rate_hz: -.inf", "rate_hz = -.inf: expected a finite number (text:20)"),
+        ("rate_hz: 25", "rate_hz: 1e999", "rate_hz = 1e999: expected a finite number (text:20)"),
+        ("seed: 3", "seed: 1" + 30 * "0", "expected a finite number (text:4)"),
+        ("seed: 3", "seed: 3.5", "seed = 3.5: expected a whole number (text:4)"),
+        ("seed: 3", "sead: 3", "sead: unknown key, did you mean 'seed'? (text:4)"),
+        ("field:", "feild:", "feild: unknown key, did you mean 'field'? (text:6)"),
+        ("speed_kmh: 7", "speed_mph: 7", "unknown key, did you mean 'speed_kmh'? expected in km/h (text:24)"),
+        ("speed_kmh: 7", "sped_kmh: 7", "sped_kmh: unknown key, did you mean 'speed_kmh'? (text:24)"),
         (
             "speed_kmh: 7",
             "speed_kmh: 7 km/h",
             "speed_kmh = 7 km/h: expected a number in km/h, without the unit",
         ),
-        ("stems_per_m2", "stems_per_ha", "did you mean 'stems_per_m2'? expected in 1/m2 (text:9)"),
-        ("stems_per_m2: 400", "stems_per_m2: 1e9", "stems_per_m2 = 1000000000.0: expected <= 2000 (text:9)"),
-        ("{z_m: 2.5}", "{zz_m: 2.5}", "combine.lidar.mount.zz_m: unknown key, did you mean 'z_m'? (text:19)"),
-        ("{z_m: 2.5}", "{z_m: true}", "combine.lidar.mount.z_m = True: expected a number in m (text:19)"),
-        ("{z_m: 2.5}", "3", "combine.lidar.mount = 3: expected a mapping of keys (text:19)"),
+        ("stems_per_m2", "stems_per_ha", "did you mean 'stems_per_m2'? expected in 1/m2 (text:10)"),
+        ("stems_per_m2: 400", "stems_per_m2: 1e9", "stems_per_m2 = 1000000000.0: expected <= 2000 (text:10)"),
+        ("{z_m: 2.5}", "{zz_m: 2.5}", "combine.lidar.mount.zz_m: unknown key, did you mean 'z_m'? (text:21)"),
+        ("{z_m: 2.5}", "{z_m: true}", "combine.lidar.mount.z_m = True: expected a number in m (text:21)"),
+        ("{z_m: 2.5}", "3", "combine.lidar.mount = 3: expected a mapping of keys (text:21)"),
         (
             "shape: straight",
             "shape: strait",
             "field.edge.shape = strait: expected one of curve, straight, did you",
         ),
-        ("kind: post, ", "", "field.obstacles.0.kind: expected one of box, post (text:12)"),
+        ("kind: post, ", "", "field.obstacles.0.kind: expected one of box, post (text:13)"),
         (
             "x_m: 3, y_m",
             "x: 3, y_m",
-            "field.obstacles.0.x: unknown key, did you mean 'x_m'? expected in m (text:12)",
+            "field.obstacles.0.x: unknown key, did you mean 'x_m'? expected in m (text:13)",
         ),
-        ("[10, 12]", "[10, 12, 13]", "field.edge.gaps.0 = [10, 12, 13]: expected at most 2 items (text:10)"),
+        ("[10, 12]", "[10, 12, 13]", "field.edge.gaps.0 = [10, 12, 13]: expected at most 2 items (text:11)"),
         (
             "preview",
             "previw",
@@ -122,21 +142,21 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
         (
             "plane",
             "{level: dem, file: no.tif}",
-            "field.terrain.file = no.tif: there is no such file (text:6)",
+            "field.terrain.file = no.tif: there is no such file (text:7)",
         ),
-        ("plane", "{level: dem}", "field.terrain.file: expected a value, the key is missing (text:6)"),
+        ("plane", "{level: dem}", "field.terrain.file: expected a value, the key is missing (text:7)"),
         ("preview", "nowhere.py:Steer", "expected file.py:Class, but there is no file"),
-        ("lexion-700-class", "lexion-900-class", "did you mean 'lexion-700-class'? (text:14)"),
+        ("lexion-700-class", "lexion-900-class", "did you mean 'lexion-700-class'? (text:16)"),
         (
             "lidar.scan",
             "lidr.scan",
             "wires.scan = lidr.scan: expected slot.output of a slot that is there, did you",
         ),
-        ("lidar.scan", "scan", "wires.scan = scan: expected slot.output or machine.slot.output (text:20)"),
-        ("{max: 0.05}", "{max: 1, min: 2}", "expected min <= max (text:24)"),
+        ("lidar.scan", "scan", "wires.scan = scan: expected slot.output or machine.slot.output (text:22)"),
+        ("{max: 0.05}", "{max: 1, min: 2}", "expected min <= max (text:26)"),
         (
             "mount: {z_m",
-            "sensor: sick\n    mount: {z_m",
+            "sensor: sick\n      mount: {z_m",
             "lidar.sensor = sick: expected a file or one of ",
         ),
         (
@@ -144,17 +164,17 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
             "crop: oats",
             "field.stand.crop = oats: expected a file or one of barley, maize, ",
         ),
-        ("{max: 0.05}", "{}", "expected min, max or both (text:24)"),
+        ("{max: 0.05}", "{}", "expected min, max or both (text:26)"),
         (
             "lateral_rms_m",
             "lateral_rsm_m",
             "expect.lateral_rsm_m: unknown metric, did you mean 'lateral_rms_m'?",
         ),
-        ("along_edge_m: 2", "x_m: 2", "combine.start.y_m: expected a value, the key is missing (text:15)"),
+        ("along_edge_m: 2", "x_m: 2", "combine.start.y_m: expected a value, the key is missing (text:17)"),
         (
             "name: small",
             "name: a/b",
-            "name = a/b: expected at most 64 letters, digits, dots, - and _ (text:1)",
+            "name = a/b: expected at most 64 letters, digits, dots, - and _ (text:2)",
         ),
     ],
 )
@@ -166,13 +186,13 @@ def test_refusals(old, new, message):
 
 def test_a_check_between_keys_names_the_key():
     text = refusal("stems_per_m2: 400", "stems_per_m2: 1200\n    row_spacing_m: 0.6")
-    assert text == "field.stand.row_spacing_m = 0.6: expected at most 0.5 at this density (text:10)"
+    assert text == "field.stand.row_spacing_m = 0.6: expected at most 0.5 at this density (text:11)"
 
 
 def test_a_check_in_a_nested_class_gets_its_full_key():
     gaps = "{shape: straight, gaps: [[1, 2]], teeth: [{depth_m: 1}, {depth_m: 9}]}"
     text = refusal("{shape: straight, length_m: 80, gaps: [[10, 12]]}", gaps)
-    assert text == "field.edge.teeth.1.depth_m = 9: expected at most 5 (text:10)"
+    assert text == "field.edge.teeth.1.depth_m = 9: expected at most 5 (text:11)"
     with pytest.raises(InputError, match=r"field.edge.teeth.0.depth_m = 8: expected at most 5 \(--set"):
         read(sets=["field.edge.teeth=[{depth_m: 8}]"])
 
@@ -186,7 +206,7 @@ def test_all_errors_are_kept_the_first_is_the_message():
 
 def test_no_machine_and_no_mapping():
     with pytest.raises(SwathError, match="expected a machine"):
-        read("field: {edge: {shape: straight}}")
+        read("format: swath scenario 2\nfield: {edge: {shape: straight}}")
     for text in ("", "3", "[1, 2]", "hello"):
         with pytest.raises(SwathError, match="expected keys such as"):
             read(text)
@@ -218,7 +238,7 @@ class TestOverrides:
         (tmp_path / "far" / "here.yaml").write_text(GOOD)
         monkeypatch.chdir(tmp_path)
         flag = "field.stand.density_file=map.tif"
-        stand = load_scenario("far/here.yaml", kit=FAKE, sets=[flag]).field.stand
+        stand = load_scenario("far/here.yaml", catalogue=FAKE, sets=[flag]).field.stand
         assert stand.params.density_file == str(tmp_path / "map.tif")
 
     def test_inside_a_list(self):
@@ -251,12 +271,12 @@ class TestLocate:
     @pytest.mark.parametrize(
         ("key", "line"),
         [
-            ("combine.lidar.mount.z_m", 19),
-            ("combine.lidar.mount.roll_deg", 19),
-            ("lidar.mount.z_m", 19),
-            ("mount.z_m", 19),
-            ("combine.speed.period", 22),
-            ("field.obstacles.0.x_m", 12),
+            ("combine.lidar.mount.z_m", 21),
+            ("combine.lidar.mount.roll_deg", 21),
+            ("lidar.mount.z_m", 21),
+            ("mount.z_m", 21),
+            ("combine.speed.period", 24),
+            ("field.obstacles.0.x_m", 13),
         ],
     )
     def test_finds_full_keys_ends_of_keys_and_parents(self, key, line):

@@ -122,7 +122,7 @@ def read(text, sets=()):
     """A scenario, or None when it was refused as it should be."""
     said = ""
     try:
-        scenario = parse_scenario(text, kit=FAKE, sets=sets)
+        scenario = parse_scenario(text, catalogue=FAKE, sets=sets)
     except SwathError as error:
         said = str(error)
         scenario = None
@@ -131,7 +131,7 @@ def read(text, sets=()):
         assert len(said.splitlines()) == 1
         return None
     assert isinstance(scenario, Scenario)
-    assert parse_scenario(scenario.resolved(), kit=FAKE) == scenario
+    assert parse_scenario(scenario.resolved(), catalogue=FAKE) == scenario
     return scenario
 
 

@@ -23,9 +23,9 @@ def validator():
 def test_accepts_what_the_reader_accepts(validator):
     data = parse(GOOD).data
     assert list(validator.iter_errors(data)) == []
-    assert list(validator.iter_errors(parse(parse_scenario(GOOD, kit=FAKE).resolved()).data)) == []
-    data["combine"]["steer"] = {"level": "mine.py:Steer", "gain": 2}
-    data["combine"]["speed"] = "off"
+    assert list(validator.iter_errors(parse(parse_scenario(GOOD, catalogue=FAKE).resolved()).data)) == []
+    data["machines"]["combine"]["steer"] = {"level": "mine.py:Steer", "gain": 2}
+    data["machines"]["combine"]["speed"] = "off"
     assert list(validator.iter_errors(data)) == []
 
 

@@ -8,9 +8,9 @@ import pytest
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
-from swath.scenario.slots import CONTROL, REGISTRY, SLOTS, TRUTH
+from swath.scenario.slots import REGISTRY, SLOTS, TRUTH
 from swath.signals import SteerCommand
 from swath.signals.setup import LinkSetup
 
@@ -89,7 +89,7 @@ def test_a_part_of_somebody_else_fills_a_slot():
 
 
 @pytest.mark.usefixtures("linked")
-@pytest.mark.parametrize("slot", CONTROL)
+@pytest.mark.parametrize("slot", [s.name for s in SLOTS if s.is_control])
 def test_no_truth_reaches_a_part_in_control(slot):
     sets = [f"combine.{slot}.level=held", "run.distance_m=2"]
     setup = assemble(load_scenario("straight", sets=sets)).leader.parts[slot].setup

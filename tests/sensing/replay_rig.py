@@ -5,13 +5,14 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.rays.height_grid import DEEP, LEVELS, NODES, NONE, PER_THICKNESS, SHARES, THICK, TILE, HeightGrid
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.signals import MachineState
 from swath.tools.height_map.poses import make_track
 from swath.tools.height_map.source import Echoes, Source
 
 TEXT = """
+format: swath scenario 2
 name: replay-rig
 seed: 3
 run: {distance_m: 12, max_duration_s: 20}
@@ -19,8 +20,9 @@ field:
   terrain: {level: formula, slope_percent: 1.0}
   stand: {level: uniform, stems_per_m2: 400}
   edge: {shape: straight}
-combine:
-  lidar: {sub_rays: 7, sector_deg: [-25, 25], noise: none}
+machines:
+  combine:
+    lidar: {sub_rays: 7, sector_deg: [-25, 25], noise: none}
 """
 
 

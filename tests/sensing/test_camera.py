@@ -11,7 +11,7 @@ from swath.core.frames import Pose
 from swath.field.memory_layout import Organ, Solids
 from swath.rays.engine import RayCaster
 from swath.record.digest import sample_bytes
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
@@ -19,6 +19,7 @@ from swath.sensing.camera.shading import COLOURS
 from swath.sensing.mount import Mount
 
 TEXT = """
+format: swath scenario 2
 name: seen
 seed: 5
 run: {distance_m: 4, max_duration_s: 6}
@@ -26,10 +27,11 @@ field:
   terrain: {level: plane, slope_percent: 4, slope_azimuth_deg: 60}
   stand: {level: uniform, stems_per_m2: 150}
   edge: {shape: straight}
-combine:
-  motion: single_track
-  lidar: {sub_rays: 1, step_deg: 10}
-  camera: {width_px: 64, height_px: 48}
+machines:
+  combine:
+    motion: single_track
+    lidar: {sub_rays: 1, step_deg: 10}
+    camera: {width_px: 64, height_px: 48}
 """
 YAW, PITCH, ROLL = np.radians(100.0), np.radians(24.0), np.radians(-7.0)
 EYE = np.array([-3.0, 12.0, 3.4])  # over the cut ground, x < 0

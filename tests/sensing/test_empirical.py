@@ -10,7 +10,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.crop import load_crop
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar import empirical, plants
 from swath.sensing.tables import load_table
@@ -18,6 +18,7 @@ from swath.tools.calibrate.command import SHIPPED
 from swath.tools.distributions import compare
 
 TEXT = """
+format: swath scenario 2
 name: stand
 seed: 5
 run: {distance_m: 4, max_duration_s: 6}
@@ -25,9 +26,10 @@ field:
   terrain: {level: plane}
   stand: {level: uniform, stems_per_m2: 400}
   edge: {shape: straight}
-combine:
-  motion: single_track
-  lidar: {sub_rays: 1, step_deg: 10}
+machines:
+  combine:
+    motion: single_track
+    lidar: {sub_rays: 1, step_deg: 10}
 """
 
 

@@ -16,8 +16,8 @@ from swath.field.solids import post
 from swath.rays.height_grid import EVEN, load_height_grid
 from swath.rays.heights import MEASURED, NOTHING, SOLID, UNMEASURED, HeightCaster
 from swath.record.digest import Digest
-from swath.run.loop import drive as run
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive as run
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar.replay import Params, ReplayLidar, _mixed
 from swath.tools.height_map.build import build_replay

@@ -12,7 +12,7 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import load_crop
 from swath.rays.spread import SpreadTable, quantile_nodes
-from swath.run.job import run_job
+from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.tables import load_table, save_table
 from swath.tools.calibrate.fit import (
@@ -161,6 +161,7 @@ def test_measured_beams_over_known_stands(tmp_path, kind):
 
 
 RUN = """
+format: swath scenario 2
 name: recorded
 seed: 2
 run: {distance_m: 3, max_duration_s: 5}
@@ -168,9 +169,10 @@ field:
   terrain: {level: formula, slope_percent: 1.0}
   stand: {level: uniform, stems_per_m2: 400}
   edge: {shape: straight}
-combine:
-  motion: {level: single_track, start_speed_kmh: 7}
-  lidar: {sub_rays: 7, sector_deg: [-40, 20], step_deg: 1.0, noise: none}
+machines:
+  combine:
+    motion: {level: single_track, start_speed_kmh: 7}
+    lidar: {sub_rays: 7, sector_deg: [-40, 20], step_deg: 1.0, noise: none}
 """
 
 

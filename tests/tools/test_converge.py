@@ -57,7 +57,7 @@ def test_sweeps_go_ahead_and_only_the_crop_counts():
         return points
 
     edge = SimpleNamespace(signed_distance=lambda x, y: x - 3.0)
-    field = SimpleNamespace(nominal_edge=edge, ground_height=lambda x, y: np.ones_like(x))
+    field = SimpleNamespace(first_edge=edge, ground_height=lambda x, y: np.ones_like(x))
     run = settle(look, field, Pose.from_euler((2.0, 0.0, 3.0)), seed=4, beams=3, sweeps=8)
     assert len(seen) == 8 * len(COUNTS)
     assert run.heights.shape == (len(COUNTS), 24)

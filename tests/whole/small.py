@@ -3,6 +3,7 @@
 from swath.scenario.scenario import parse_scenario
 
 TEXT = """
+format: swath scenario 2
 name: small
 seed: 3
 run: {distance_m: 4, max_duration_s: 6}
@@ -11,9 +12,10 @@ field:
   stand: {level: uniform, stems_per_m2: 400}
   edge: {shape: straight}
   obstacles: [{kind: post, x_m: -1.5, y_m: 12}]
-combine:
-  motion: {level: single_track, start_speed_kmh: 7}
-  lidar: {sub_rays: 7, sector_deg: [-40, 40], step_deg: 1.0}
+machines:
+  combine:
+    motion: {level: single_track, start_speed_kmh: 7}
+    lidar: {sub_rays: 7, sector_deg: [-40, 40], step_deg: 1.0}
 """
 
 

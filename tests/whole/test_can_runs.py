@@ -14,10 +14,10 @@ import pytest
 from pyarrow.parquet import read_table
 
 from swath.core.errors import InputError
-from swath.run.job import run_job
-from swath.run.loop import drive
-from swath.run.pacing import make_pacer, paced
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_job
+from swath.runtime.loop import drive
+from swath.runtime.pacing import make_pacer, paced
 from swath.scenario.scenario import load_scenario
 from tests.fake_clock import FakeClock
 

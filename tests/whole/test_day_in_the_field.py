@@ -11,24 +11,26 @@ from tests.bags import SPEED, START, write_bag
 
 BEGIN = START[0] + SPEED * 7.0  # east, where the run starts within the log [m]
 SCENARIO = """
+format: swath scenario 2
 name: field-day
 run: {distance_m: 500, max_duration_s: 100}
 field:
   terrain: plane
   stand: {level: uniform, stems_per_m2: 300}
   edge: {shape: straight, length_m: 600}
-drone:
-  start: {x_m: 17, y_m: -1, heading_deg: 0}
-  motion: {level: log, FILE, start_s: 7, topics: {state: /odom}}
-  lidar:
-    level: log
-    FILE
-    start_s: 7
-    topics: {scan: /scan}
-    scale: {scan.intensity: 0.0078125}
-  edge: {level: otsu}
-  odometry: {level: log, FILE, start_s: 7, topics: {odometry: /odom}, clock: stamp}
-  speed: {level: log, FILE, start_s: 7, topics: {command: /speed}, between: interpolate}
+machines:
+  drone:
+    start: {x_m: 17, y_m: -1, heading_deg: 0}
+    motion: {level: log, FILE, start_s: 7, topics: {state: /odom}}
+    lidar:
+      level: log
+      FILE
+      start_s: 7
+      topics: {scan: /scan}
+      scale: {scan.intensity: 0.0078125}
+    edge: {level: otsu}
+    odometry: {level: log, FILE, start_s: 7, topics: {odometry: /odom}, clock: stamp}
+    speed: {level: log, FILE, start_s: 7, topics: {command: /speed}, between: interpolate}
 """
 
 

@@ -5,8 +5,8 @@ import pickle
 import pytest
 
 from swath.record.digest import Digest
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from tests.whole.small import small
 
 

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import SwathError
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals import MachineState
 from tests.whole.small import TEXT

@@ -7,9 +7,9 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.record.digest import Digest
-from swath.run.loop import drive
-from swath.run.pacing import make_pacer, paced
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
+from swath.runtime.pacing import make_pacer, paced
 from tests.fake_clock import FakeClock
 from tests.whole.small import small
 

@@ -15,8 +15,8 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.registry import Level
 from swath.record.read.mcap_log import McapLog
-from swath.run.job import run_job
-from swath.scenario.slots import SLOTS
+from swath.runtime.job import run_job
+from swath.scenario.machine_types import MACHINE_TYPES
 from swath.tools.rerun.command import with_verb
 from swath.tools.rerun.rerun import plan_again
 from tests.whole.small import small
@@ -74,7 +74,7 @@ def test_any_slot_may_be_the_log(recorded, tmp_path, slots):
 
 
 def test_that_was_every_slot():
-    assert {s for slots in TOGETHER for s in slots} == {s.name for s in SLOTS if s.is_on}
+    assert {s for slots in TOGETHER for s in slots} == set(MACHINE_TYPES["combine"])
 
 
 def test_another_detector_changes_what_hangs_on_it_and_nothing_else(recorded, tmp_path):
@@ -111,8 +111,8 @@ def test_a_killed_run_can_be_played(tmp_path):
         "import os, signal, sys\n"
         "from pathlib import Path\n"
         "from tests.whole.small import small\n"
-        "from swath.run.hooks import RunHook\n"
-        "from swath.run.job import run_job\n"
+        "from swath.runtime.hooks import RunHook\n"
+        "from swath.runtime.job import run_job\n"
         "class Kill(RunHook):\n"
         "    def begin(self, run): run.observers.append(self)\n"
         "    def __call__(self, slot, t, outputs):\n"
@@ -190,8 +190,8 @@ def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
 
 def test_save_and_load_in_the_middle_of_a_log(recorded):
     from swath.record.digest import Digest
-    from swath.run.loop import drive
-    from swath.run.world import assemble
+    from swath.runtime.assembly import assemble
+    from swath.runtime.loop import drive
 
     plan = plan_again(recorded)
     whole, first = Digest(), Digest()
@@ -205,10 +205,10 @@ def test_save_and_load_in_the_middle_of_a_log(recorded):
 
 
 def test_a_link_level_is_listed():
-    from swath.scenario.catalogue import KIT
+    from swath.scenario.catalogue import CATALOGUE
 
-    assert "log" in KIT.registry.links()
-    level = KIT.registry.get("steer", "log")
+    assert "log" in CATALOGUE.registry.links()
+    level = CATALOGUE.registry.get("steer", "log")
     assert isinstance(level, Level)
     assert level.is_link
     assert replace(level.params(), start_s=1.0).start_s == 1.0

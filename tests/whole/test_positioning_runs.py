@@ -8,7 +8,7 @@ import pytest
 from swath.core.schedule import NS
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.mcap_log import McapLog
-from swath.run.job import run_job
+from swath.runtime.job import run_job
 from swath.tools.rerun.rerun import plan_again
 from tests.whole.small import small
 

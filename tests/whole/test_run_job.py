@@ -7,7 +7,7 @@ import pytest
 
 from swath.commands.main import main
 from swath.report.report import ReportWriter
-from swath.run.job import run_job
+from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
 from swath.tools.scan.scan import converge_job, scan_job
 from tests.whole.small import TEXT, small

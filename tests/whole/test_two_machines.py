@@ -5,8 +5,8 @@ import pytest
 
 from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals import ScanTruth
 from tests.whole.small import TEXT

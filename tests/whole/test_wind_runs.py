@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swath.record.digest import Digest
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from tests.whole.small import small
 
 WIND = ("field.stand.wind={speed_m_s: 6, azimuth_deg: 270}", "run.max_duration_s=2.5")

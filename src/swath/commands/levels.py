@@ -15,22 +15,22 @@ def run(args: argparse.Namespace) -> int:
     """Print the levels."""
     from swath.core.errors import InputError
     from swath.documents.hints import near_miss
-    from swath.scenario.catalogue import KIT
+    from swath.scenario.catalogue import CATALOGUE
     from swath.terminal.tables import table
 
-    slots = [slot.name for slot in KIT.slots]
-    kinds = [*KIT.field_levels, *slots]
+    slots = [slot.name for slot in CATALOGUE.slots]
+    kinds = [*CATALOGUE.field_levels, *slots]
     if args.slot is not None and args.slot not in kinds:
         hint = near_miss(args.slot, kinds)
         raise InputError("slot", args.slot, f"expected one of {', '.join(kinds)}{hint}")
     rows = []
     for kind in [args.slot] if args.slot else kinds:
-        for name in KIT.registry.names(kind):
-            level = KIT.registry.get(kind, name)
-            star = " *" if name == KIT.default_level(kind) else ""
+        for name in CATALOGUE.registry.names(kind):
+            level = CATALOGUE.registry.get(kind, name)
+            star = " *" if name == CATALOGUE.default_level(kind) else ""
             rows.append((kind, name + star, level.summary, level.cost, level.tolerance))
-    for name in KIT.registry.links():
-        level = KIT.registry.get(args.slot if args.slot in slots else slots[0], name)
+    for name in CATALOGUE.registry.links():
+        level = CATALOGUE.registry.get(args.slot if args.slot in slots else slots[0], name)
         rows.append(("any", name, level.summary, level.cost, level.tolerance))
     table("", ("slot", "level", "what it is", "cost", "checked, tolerance"), rows)
     print("* the default. Your own: `level: file.py:Class`.")
@@ -44,12 +44,12 @@ def _ports(name: str) -> None:
     """What a level of the slot may see, and what it must give, with the fields of the samples."""
     from dataclasses import fields
 
-    from swath.scenario.catalogue import KIT
+    from swath.scenario.catalogue import CATALOGUE
 
-    kind = next((slot for slot in KIT.slots if slot.name == name), None)
+    kind = next((slot for slot in CATALOGUE.slots if slot.name == name), None)
     if kind is None:
         return
-    outputs = {slot.name: {p.name: p for p in (*slot.outputs, *slot.more)} for slot in KIT.slots}
+    outputs = {slot.name: {p.name: p for p in (*slot.outputs, *slot.more)} for slot in CATALOGUE.slots}
 
     def said(port: str, signal: type) -> str:
         return f"{port} ({signal.__name__}: {', '.join(f.name for f in fields(signal))})"
@@ -64,11 +64,11 @@ def _ports(name: str) -> None:
 
 
 def _parameters(kind: str) -> None:
-    from swath.scenario.catalogue import KIT
+    from swath.scenario.catalogue import CATALOGUE
     from swath.scenario.reference import parameter_rows
     from swath.terminal.tables import table
 
-    for name in KIT.registry.names(kind):
-        rows = parameter_rows(KIT.registry.get(kind, name).params)
+    for name in CATALOGUE.registry.names(kind):
+        rows = parameter_rows(CATALOGUE.registry.get(kind, name).params)
         if rows:
             table(f"{kind}: {name}", ("key", "value", "default", "meaning"), rows)

@@ -38,15 +38,15 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Exit code: 0 all limits pass, 1 a limit fails."""
     from swath.core.errors import InputError
-    from swath.run.folder import choose_run_folder
+    from swath.runtime.folder import choose_run_folder
 
     if args.paused and not args.ros2:
         raise InputError("--paused", None, "expected --ros2, who else would let the run go on")
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
     from swath.report.report import ReportWriter
-    from swath.run.changes import read_events
-    from swath.run.job import run_job
+    from swath.runtime.changes import read_events
+    from swath.runtime.job import run_job
 
     events = read_events(args.events) if args.events is not None else []
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario)

@@ -15,6 +15,7 @@ from swath.core.units import DEG
 from swath.field.boundary import Region
 from swath.field.edge_defects import BrokenEdge, Gap, Teeth
 from swath.field.field_setup import FieldSetup
+from swath.field.initial_edges import ONLY, edge_key
 from swath.field.track import EdgeShape, Piece, curve, polyline, shifted_left, straight
 
 Array = NDArray[np.float64]
@@ -123,15 +124,16 @@ def make_boundary(params: Boundary | None) -> Region | None:
     return None if params is None else Region(params.points_m, key="field.boundary.points_m")
 
 
-def make_edge(params: Any, setup: FieldSetup) -> BrokenEdge:
-    """The edge of one of the shapes above."""
-    stream = setup.stream.child("edge")
+def make_edge(params: Any, setup: FieldSetup, name: str = ONLY) -> BrokenEdge:
+    """The edge of one of the shapes above. name: of the edge in its field, decides where its teeth are."""
+    key = edge_key(name)
+    stream = setup.stream.child(key.removeprefix("field."))
     gaps = tuple(Gap(g.start_m, g.end_m, g.depth_m, _code(g.stubble_height_m)) for g in params.gaps)
     teeth = None
     if params.teeth is not None and params.teeth.amplitude_m > 0.0:
         t = params.teeth
         teeth = Teeth(t.amplitude_m, t.wavelength_m, t.kind, stream.child("teeth").integer())
-    shape = EdgeShape(_pieces(params, setup), params.crop_side)
+    shape = EdgeShape(_pieces(params, setup, key), params.crop_side)
     begin = -np.inf if params.crop_begins_m is None else params.crop_begins_m
     return BrokenEdge(shape, _code(params.stubble_height_m), gaps, teeth, begin)
 
@@ -140,7 +142,7 @@ def _code(height: float) -> int:
     return round(100.0 * height)
 
 
-def _pieces(p: Any, setup: FieldSetup) -> list[Piece]:
+def _pieces(p: Any, setup: FieldSetup, key: str) -> list[Piece]:
     if isinstance(p, StraightEdge):
         return straight(p.x_m, p.y_m, p.heading_deg * DEG, p.length_m)
     if isinstance(p, CurveEdge):
@@ -156,34 +158,30 @@ def _pieces(p: Any, setup: FieldSetup) -> list[Piece]:
             run_out=p.run_out_m,
         )
     if isinstance(p, PolylineEdge):
-        return polyline(p.points_m, p.corner_radius_m)
+        return polyline(p.points_m, p.corner_radius_m, key=f"{key}.points_m")
     if isinstance(p, TrackEdge):
-        points = _track(p, setup)[:: -1 if p.is_reversed else 1]
-        return polyline(
-            shifted_left(points, p.offset_m, key="field.edge"), p.corner_radius_m, key="field.edge"
-        )
-    raise InputError("field.edge.shape", type(p).__name__, "expected straight, curve, polyline or track")
+        points = _track(p, setup, key)[:: -1 if p.is_reversed else 1]
+        return polyline(shifted_left(points, p.offset_m, key=key), p.corner_radius_m, key=key)
+    raise InputError(f"{key}.shape", type(p).__name__, "expected straight, curve, polyline or track")
 
 
-def _track(params: TrackEdge, setup: FieldSetup) -> Array:
-    tracks = setup.tracks if params.file is None else read_lines(setup.folder / params.file, setup)
+def _track(params: TrackEdge, setup: FieldSetup, key: str) -> Array:
+    tracks = setup.tracks if params.file is None else read_lines(setup.folder / params.file, setup, key)
     if params.track >= len(tracks):
         what = f"expected less than the {len(tracks)} tracks there are"
-        raise InputError("field.edge.track", params.track, what, file=params.file)
+        raise InputError(f"{key}.track", params.track, what, file=params.file)
     return np.asarray(tracks[params.track])
 
 
-def read_lines(path: Path, setup: FieldSetup) -> tuple[Array, ...]:
+def read_lines(path: Path, setup: FieldSetup, key: str = "field.edge") -> tuple[Array, ...]:
     """World points (n, 2) [m] of every LineString of a GeoJSON file (longitude, latitude)."""
     if setup.to_local is None:
-        raise InputError(
-            "field.edge.file", str(path), "expected a field folder, which says where the field is"
-        )
+        raise InputError(f"{key}.file", str(path), "expected a field folder, which says where the field is")
     if not path.is_file():
-        raise InputError("field.edge.file", str(path), "expected GeoJSON, there is no such file")
+        raise InputError(f"{key}.file", str(path), "expected GeoJSON, there is no such file")
     try:
         features = json.loads(path.read_text(encoding="utf-8"))["features"]
         lines = [f["geometry"]["coordinates"] for f in features if f["geometry"]["type"] == "LineString"]
         return tuple(np.asarray(setup.to_local([point[:2] for point in line])) for line in lines)
     except (OSError, ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
-        raise InputError("field.edge.file", None, "expected GeoJSON with LineStrings", file=path) from error
+        raise InputError(f"{key}.file", None, "expected GeoJSON with LineStrings", file=path) from error

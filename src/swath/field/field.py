@@ -15,7 +15,9 @@ from swath.field.cut_result import Cut, StemIndex, check_polygon
 from swath.field.edge_defects import BrokenEdge
 from swath.field.field_setup import Stand, Terrain
 from swath.field.footprint import Block, Footprint
+from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
+from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import Change, Key, PageStore
 from swath.field.straw import Spreader, write_depth
@@ -33,8 +35,8 @@ class Field:
     """Terrain, stand and what was cut and dropped. All positions are world ENU metres.
 
     library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world
-    turned by `stand_yaw` [rad] about z; nominal_edge: the edge of the crop at the start, without its breaks
-    wind: what sways the stand; the library and the pages know nothing of it
+    turned by `stand_yaw` [rad] about z; edges: of the crop at the start, by name
+    grain: on the ground; wind: what sways the stand; the library and the pages know nothing of it
     Pages come into memory by `ensure`, and by themselves where any verb touches the field.
     """
 
@@ -42,7 +44,7 @@ class Field:
         self,
         terrain: Terrain,
         stand: Stand,
-        edge: BrokenEdge,
+        edges: Edges,
         library: PlantLibrary,
         *,
         stream: Stream,
@@ -54,24 +56,34 @@ class Field:
         if stand.density_max > library.density_max * (1.0 + 1e-6):
             expected = f"expected at most the {library.density_max:g} stems/m2 of the plant library"
             raise InputError("field.stand.density_max", stand.density_max, expected)
-        self.terrain, self.stand, self.edge, self.boundary = terrain, stand, edge, boundary
+        self.terrain, self.stand, self.edges, self.boundary = terrain, stand, edges, boundary
         self.library = library
-        self.nominal_edge: EdgeShape = edge.shape
         self.stand_yaw = float(stand.row_heading)
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw)
         self.straw_density = straw_density
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
-        self.maker = PageMaker(terrain, stand, edge, boundary, library, seed)
+        self.maker = PageMaker(terrain, stand, edges, boundary, library, seed)
         self.store = PageStore(self.maker.make, self._finish, tile_size=library.tile_size, limit=page_limit)
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
         self._spreader = Spreader()
+        self.grain = GrainPiles()
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
 
     @property
     def pages(self) -> Pages:
         """Page memory as in `layout.Pages`. Its arrays are replaced when they grow: read them anew."""
         return self.store.pages
+
+    @property
+    def first_edge(self) -> EdgeShape:
+        """Line of the first edge, without gaps and teeth: for whoever needs an edge and has no machine."""
+        return next(iter(self.edges.values())).shape
+
+    @property
+    def nominal_edge(self) -> EdgeShape:
+        """To be removed: the edge of a machine is `SiteSetup.edge`, any edge is `first_edge`."""
+        return self.first_edge
 
     def to_stand(self, x: Any, y: Any) -> tuple[Array, Array]:
         """World points in the stand frame."""
@@ -189,6 +201,16 @@ class Field:
         corners = np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.node
         self._spreader.spread(self.store, corners, mass_kg, heading, self._depth_per_kg)
 
+    def deposit_grain(self, x: float, y: float, mass_kg: float) -> None:
+        """Lay grain [kg] on the ground at a world point [m]. It is counted; rays do not meet it."""
+        _check_near(np.asarray(x), np.asarray(y))
+        self.grain.add(x, y, mass_kg)
+
+    @property
+    def ground_grain_kg(self) -> float:
+        """Mass of all grain laid on the ground [kg]: without what the header shed."""
+        return self.grain.total
+
     @property
     def straw_kg(self) -> float:
         """Mass of all straw laid on the field [kg]."""
@@ -199,12 +221,13 @@ class Field:
         return recount_pages(self.store, self.maker, self.stems)
 
     def save(self) -> dict[str, Any]:
-        """What was changed: packed codes and straw of changed pages."""
+        """What was changed: packed codes and straw of changed pages, grain on the ground."""
         changes = self.store.changes()
         return {
             "keys": np.array(list(changes), dtype=np.int64).reshape(-1, 2),
             "codes": [c.codes for c in changes.values()],
             "straw": [c.straw for c in changes.values()],
+            "grain": self.grain.save(),
         }
 
     def load(self, state: dict[str, Any]) -> None:
@@ -212,6 +235,12 @@ class Field:
         keys: list[Key] = [(int(i), int(j)) for i, j in state["keys"]]
         changes = zip(keys, state["codes"], state["straw"], strict=True)
         self.store.restore({key: Change(codes, straw) for key, codes, straw in changes})
+        self.grain.load(state["grain"])
+
+    def reset(self) -> None:
+        """Back to the start: nothing cut, no straw, no grain. Pages that nothing changed stay in memory."""
+        self.store.reset()
+        self.grain = GrainPiles()
 
     @property
     def _depth_per_kg(self) -> float:
@@ -283,7 +312,7 @@ class Field:
 def make_field(
     terrain: Terrain,
     stand: Stand,
-    edge: BrokenEdge,
+    edges: BrokenEdge | Edges,
     *,
     crop: Crop,
     library: PlantLibrary | None = None,
@@ -293,11 +322,13 @@ def make_field(
 ) -> Field:
     """A field from resolved levels. The library is made from the crop when none is given.
 
-    Raises InputError when the edge does not pass through the boundary, the terrain's map, or any crop.
+    edges: one, which gets the name `edge`, or several by name. Raises InputError when an edge does not pass
+    through the boundary, the terrain's map, or any crop.
     """
     from swath.field.prototypes import make_library
 
-    _check_edge(terrain, stand, edge.shape, boundary)
+    named = named_edges(edges)
+    check_edges(named, terrain, stand, boundary)
     if library is None:
         library = make_library(
             crop,
@@ -310,7 +341,7 @@ def make_field(
     return Field(
         terrain,
         stand,
-        edge,
+        named,
         library,
         stream=stream,
         boundary=boundary,
@@ -318,20 +349,6 @@ def make_field(
         straw_density=crop.yields.swath_density,
         page_limit=page_limit,
     )
-
-
-def _check_edge(terrain: Terrain, stand: Stand, edge: EdgeShape, boundary: Region | None) -> None:
-    s = np.linspace(0.0, edge.length, 256)
-    x, y = edge.point_at(s).T
-    if boundary is not None and not boundary.contains(x, y).any():
-        raise InputError("field.edge", None, "expected an edge inside the boundary of the field")
-    covers = getattr(terrain, "covers", None)
-    if covers is not None and not covers(x, y).any():
-        raise InputError("field.edge", None, "expected an edge on the map of the terrain")
-    inwards = 5.0 if edge.crop_side == "left" else -5.0
-    heading = edge.heading_at(s)
-    if not (stand.density(x - inwards * np.sin(heading), y + inwards * np.cos(heading)) > 0.0).any():
-        raise InputError("field.edge", None, "expected an edge with crop beside it on the map of the stand")
 
 
 def _check_near(x: Array, y: Array) -> None:

@@ -144,6 +144,18 @@ class PageStore:
         self.packed = dict(changes)
         self.pages.revision = revision + 1
 
+    def reset(self) -> None:
+        """Forget all changes. Pages far from any stay in memory; their neighbours show them at the border."""
+        changed = self.recut | self.straw_mass.keys() | self.packed.keys()
+        near = {(i + a, j + b) for i, j in changed for a in (-1, 0, 1) for b in (-1, 0, 1)}
+        stale = near & self.keys.keys()
+        self.recut.clear()
+        self.straw_mass.clear()
+        self.packed.clear()
+        for key in sorted(stale):
+            self._drop(key)
+        self.pages.revision += 1
+
     def straw_of(self, key: Key) -> NDArray[np.float64] | None:
         """Straw masses (64, 64) [kg] of a page in or out of memory, None without any."""
         mass = self.straw_mass.get(key)

@@ -10,9 +10,11 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.field import Field
+from swath.field.grain import GrainReceiver, GroundReceiver
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
 from swath.field.solids import merge, moved
+from swath.field.track import EdgeShape
 from swath.signals.setup import MachineGeometry
 
 
@@ -25,11 +27,12 @@ class Bodies:
     def __init__(self) -> None:
         self._solids: dict[str, Solids] = {}
         self._poses: dict[str, Pose] = {}
+        self._starts: dict[str, Pose] = {}
 
     def add(self, name: str, solids: Solids, pose: Pose) -> None:
         """A machine's solids in its own frame, and where it starts."""
         self._solids[name] = solids
-        self._poses[name] = pose
+        self._poses[name] = self._starts[name] = pose
 
     def remove(self, name: str) -> None:
         """Take one away; nothing where there is none of that name."""
@@ -46,6 +49,10 @@ class Bodies:
         """Solids of all machines but one, in the world."""
         rest = sorted(n for n in self._solids if n != name)
         return merge(*(moved(self._solids[n], self._poses[n]) for n in rest))
+
+    def reset(self) -> None:
+        """All of them where they were added."""
+        self._poses = {name: self._starts[name] for name in self._poses}
 
     def save(self) -> dict[str, Any]:
         """Where all machines stand."""
@@ -66,6 +73,8 @@ class SiteSetup:
     period [s] of the component; name: of the machine; obstacles: in the world; bodies: of all machines
     base: folder that relative file names start from
     origin: where on Earth the world's origin lies, if that is known
+    edge: line of the initial edge that the machine follows, such as `field.edges["west"].shape`
+    grain_receiver: takes what the machine's tank is emptied into; None = the ground
     """
 
     field: Field
@@ -78,6 +87,13 @@ class SiteSetup:
     bodies: Bodies = dataclasses.field(default_factory=Bodies)
     base: Path = dataclasses.field(default_factory=Path)
     origin: Origin | None = None
+    edge: EdgeShape | None = None
+    grain_receiver: GrainReceiver | None = None
+
+    @property
+    def receiver(self) -> GrainReceiver:
+        """Whoever takes the grain that leaves the machine."""
+        return GroundReceiver(self.field) if self.grain_receiver is None else self.grain_receiver
 
     def solids(self) -> Solids:
         """Everything hard that this machine's sensors can see: obstacles and the other machines."""

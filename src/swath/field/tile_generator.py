@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.boundary import Region
-from swath.field.edge_defects import BrokenEdge
 from swath.field.field_setup import Stand, Terrain
 from swath.field.hashing import hash_cells
+from swath.field.initial_edges import Edges, code_at, code_within
 from swath.field.memory_layout import (
     MIRROR_X,
     MIRROR_Y,
@@ -25,18 +25,18 @@ NODES_PER_TILE = PAGE_NODES // PAGE_TILES
 
 
 class PageMaker:
-    """Makes pages from terrain, stand, edge and boundary. seed: of the hash that places prototypes."""
+    """Makes pages from terrain, stand, edges and boundary. seed: of the hash that places prototypes."""
 
     def __init__(
         self,
         terrain: Terrain,
         stand: Stand,
-        edge: BrokenEdge,
+        edges: Edges,
         boundary: Region | None,
         library: PlantLibrary,
         seed: int,
     ) -> None:
-        self.terrain, self.stand, self.edge, self.boundary = terrain, stand, edge, boundary
+        self.terrain, self.stand, self.edges, self.boundary = terrain, stand, edges, boundary
         self.library, self.seed = library, seed
         self.yaw = stand.row_heading
         self.tile = library.tile_size
@@ -88,7 +88,7 @@ class PageMaker:
         u = (PAGE_CUT_CELLS * i + column + 0.5) * self.cell
         v = (PAGE_CUT_CELLS * j + row + 0.5) * self.cell
         x, y = self.to_world(u[:, None, :], v[:, :, None])
-        found = self.edge.code(x, y)
+        found = code_at(self.edges, x, y)
         found[(found == STANDING) & self.stand.bare(x, y)] = 0
         if self.boundary is not None:
             found[~self.boundary.contains(x, y)] = 0
@@ -104,7 +104,7 @@ class PageMaker:
 
     def _codes_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
         """The one code of all points within the radius of points, -1 where there may be several."""
-        codes = self.edge.code_within(x, y, radius)
+        codes = code_within(self.edges, x, y, radius)
         codes[(codes == STANDING) & self.stand.may_be_bare(x, y, radius)] = -1
         if self.boundary is not None:
             near = self.boundary.distance(x, y) <= radius

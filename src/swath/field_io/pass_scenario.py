@@ -16,6 +16,7 @@ INSET_M = 2.0  # kept off the ends of a stretch: an outline made from the passes
 TEMPLATE = """\
 # Along pass {index} of this field, machine {machine}: the edge lies where the real machine's left header end
 # went, and the real track is drawn beside the simulated one.
+format: swath scenario 2
 name: {name}-pass-{index}
 summary: {length:.0f} m along a real pass, on the imported terrain and crop
 seed: 1
@@ -23,16 +24,17 @@ run: {{distance_m: {distance:.0f}, max_duration_s: {duration:.0f}}}
 field:
   folder: .
   edge: {{shape: track, track: {index}, offset_m: {offset:.3f}, crop_begins_m: {start:.1f}}}
-combine:
-  machine: lexion-700-class
-  header_width_m: {width:.3f}
-  edge_side: left
-  start: {{along_edge_m: {start:.1f}}}
-  motion: {{level: single_track, start_speed_kmh: {speed:.1f}}}
-  lidar: {{level: plants, sensor: sick-lms511-hr, sub_rays: 19, sector_deg: [-60, 60]}}
-  edge: max_likelihood
-  steer: preview
-  speed: {{speed_kmh: {speed:.1f}}}
+machines:
+  combine:
+    machine: lexion-700-class
+    header_width_m: {width:.3f}
+    edge_side: left
+    start: {{along_edge_m: {start:.1f}}}
+    motion: {{level: single_track, start_speed_kmh: {speed:.1f}}}
+    lidar: {{level: plants, sensor: sick-lms511-hr, sub_rays: 19, sector_deg: [-60, 60]}}
+    edge: max_likelihood
+    steer: preview
+    speed: {{speed_kmh: {speed:.1f}}}
 expect:
   mass_balance_error: {{max: 1.0e-9}}
 """

@@ -14,6 +14,8 @@ from swath.judge.evaluator import HasColumns, HasEvents, Metric
 from swath.record.tracks import column_names
 
 KIND = "evaluator"
+# In lists and reports; groups of a user's own come last.
+GROUPS = ("Edge detection", "Steering", "Harvest", "Header height", "Crop and engine", "Run")
 REGISTRY = Registry({KIND: ("swath.judge.evaluators",)})
 Scope = Literal["machine", "field", "run"]
 
@@ -29,7 +31,7 @@ SENSOR_METRICS = (
 
 
 @dataclass(frozen=True)
-class Catalogue:
+class EvaluatorCatalogue:
     """The evaluators of a scenario: the built-in ones, then its own. classes: evaluator classes."""
 
     classes: tuple[Any, ...]
@@ -41,12 +43,13 @@ class Catalogue:
         groups: dict[Scope, Iterable[Metric]] = {
             "machine": (*machine, *SENSOR_METRICS), "field": field, "run": RUN_METRICS
         }  # fmt: skip
-        return {scope: {m.name: m for m in metrics} for scope, metrics in groups.items()}
+        return {s: {m.name: m for m in sorted(group, key=_rank)} for s, group in groups.items()}
 
     @property
     def metrics(self) -> dict[str, Metric]:
         """All metrics by name."""
-        return {name: metric for group in self.by_scope().values() for name, metric in group.items()}
+        found = {name: metric for group in self.by_scope().values() for name, metric in group.items()}
+        return dict(sorted(found.items(), key=lambda item: _rank(item[1])))
 
     @property
     def columns(self) -> list[str]:
@@ -64,7 +67,11 @@ class Catalogue:
         return next((c for c in self.classes for m in c.METRICS if m.name == metric), None)
 
 
-def catalogue(own: Sequence[str] = (), base: Path | None = None) -> Catalogue:
+def _rank(metric: Metric) -> int:
+    return GROUPS.index(metric.group) if metric.group in GROUPS else len(GROUPS)
+
+
+def load_evaluators(own: Sequence[str] = (), base: Path | None = None) -> EvaluatorCatalogue:
     """All built-in evaluators and those named `file.py:Class` (relative to `base`).
 
     InputError where one cannot be had or declares what another one has.
@@ -76,7 +83,7 @@ def catalogue(own: Sequence[str] = (), base: Path | None = None) -> Catalogue:
         _check(found, reference, known)
         known |= {m.name for m in found.METRICS}
         built_in.append(found)
-    return Catalogue(tuple(built_in))
+    return EvaluatorCatalogue(tuple(built_in))
 
 
 def _check(found: Any, reference: str, known: set[str]) -> None:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from swath.core.abilities import EndsRun
 from swath.core.schedule import NS
-from swath.judge.catalogue import Catalogue
+from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import Evaluator, EvaluatorSetup, Event, HasColumns, HasEvents, HasLimits
 from swath.judge.limits import check_metric, check_samples, entry_of, window_of
 from swath.judge.windows import WindowedEvaluator
@@ -30,7 +30,10 @@ class Evaluation:
     """
 
     def __init__(
-        self, catalogue: Catalogue, setups: Mapping[str, EvaluatorSetup], expect: Sequence[Expectation] = ()
+        self,
+        catalogue: EvaluatorCatalogue,
+        setups: Mapping[str, EvaluatorSetup],
+        expect: Sequence[Expectation] = (),
     ) -> None:
         self.catalogue = catalogue
         first = next(iter(setups.values()))

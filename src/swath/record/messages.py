@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
 from swath.field.projection import Origin
+from swath.field.track import EdgeShape
 from swath.record.image_messages import picture_messages
 from swath.record.mcap_file import McapFile
 from swath.record.positioning_messages import BESIDE, fix_messages, imu_message
@@ -49,7 +50,7 @@ class RecordedMachine:
     name: its key in the scenario; geometry: its data sheet; edge_side: `left` or `right`
     mounting: sensor slot (without the machine's name) -> pose_machine_sensor
     origin: where on Earth the world's origin lies, if that is known
-    slots: that it has
+    slots: that it has; edge: the initial edge that it follows
     """
 
     name: str
@@ -58,6 +59,7 @@ class RecordedMachine:
     mounting: Mapping[str, Pose] = field(default_factory=dict)
     origin: Origin | None = None
     slots: tuple[str, ...] = ()
+    edge: EdgeShape | None = None
 
 
 class Messenger:

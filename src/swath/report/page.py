@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from swath.judge.catalogue import Catalogue, catalogue
+from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
 from swath.report.html import CSS, render_page
 from swath.terminal.outcome import incident_text, limit_text, window_text
@@ -33,7 +33,7 @@ def render(
     scenario: str,
     figures: Sequence[Figure],
     default_lines: Collection[int] = (),
-    known: Catalogue | None = None,
+    known: EvaluatorCatalogue | None = None,
 ) -> str:
     """The whole page.
 
@@ -51,7 +51,7 @@ def render(
         run_facts={**{k: summary.get(v) for k, v in facts.items()}, **(summary.get("versions") or {})},
         digest=summary.get("digest"),
         limits=[_limit_row(entry) for entry in expect],
-        results=list(_results(summary, known or catalogue())),
+        results=list(_results(summary, known or load_evaluators())),
         incidents=[_incident_row(event) for event in summary.get("incidents", [])],
         figures=figures,
         cost=_cost(summary) if summary.get("cost") else [],
@@ -87,7 +87,7 @@ def _incident_row(event: Mapping[str, Any]) -> list[str]:
 
 
 def _results(
-    summary: Mapping[str, Any], known: Catalogue
+    summary: Mapping[str, Any], known: EvaluatorCatalogue
 ) -> Iterator[tuple[str, list[tuple[str, list[dict[str, str]]]]]]:
     """Heading and grouped metrics of each machine, then of the field and the run."""
     metrics = {**known.metrics, **{m.name: m for m in RUN}}

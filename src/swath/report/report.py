@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.judge.catalogue import Catalogue
+from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M
 from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
@@ -17,8 +17,8 @@ from swath.record.messages import RecordedMachine
 from swath.report import page, plots
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
 from swath.report.stand3d import Stand, stand_figure
-from swath.run.hooks import ActiveRun, RunHook
-from swath.run.world import World
+from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
 from swath.signals import F64
 
@@ -57,7 +57,7 @@ class ReportData:
     obstacles: Sequence[tuple[float, float, float]] = ()
     driven: F64 | None = None
     default_lines: Collection[int] = ()
-    known: Catalogue | None = None
+    known: EvaluatorCatalogue | None = None
 
 
 def collect(

@@ -7,22 +7,25 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.registry import Registry
-from swath.scenario.slots import FIELD_LEVELS, REGISTRY, SLOTS, SlotKind
+from swath.scenario.machine_types import MACHINE_TYPES
+from swath.scenario.slots import FIELD_LEVELS, REGISTRY, SLOTS, SlotKind, kind_of
 
 
 @dataclass(frozen=True)
-class Kit:
+class Catalogue:
     """registry: levels by slot kind; slots: of a machine, in execution order
 
     field_levels: the default level of `terrain` and `stand`
     parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one; `evaluators`
     -> of the function that lists them
+    machine_types: type -> slot -> level of what a machine of the type has unasked
     """
 
     registry: Registry
     slots: tuple[SlotKind, ...]
     field_levels: Mapping[str, str]
     parts: Mapping[str, str]
+    machine_types: Mapping[str, Mapping[str, str]]
 
     def part(self, name: str) -> Any:
         """The type of an edge, an obstacle or a boundary."""
@@ -41,14 +44,18 @@ class Kit:
         return self.field_levels.get(kind) or self.slot(kind).level
 
     def slot(self, name: str) -> SlotKind:
-        """The slot of a name."""
+        """The kind of slot of a name."""
         return next(s for s in self.slots if s.name == name)
+
+    def kind_of(self, instance: str) -> SlotKind | None:
+        """The kind of a slot by the name of an instance, such as `lidar_left`; None for no slot."""
+        return kind_of(instance, self.slots)
 
 
 PARTS = {
     "edge": "swath.field.edge:Edge",
     "obstacles": "swath.field.solids:Obstacle",
     "boundary": "swath.field.edge:Boundary",
-    "evaluators": "swath.judge.catalogue:catalogue",
+    "evaluators": "swath.judge.catalogue:load_evaluators",
 }
-KIT = Kit(REGISTRY, SLOTS, FIELD_LEVELS, PARTS)
+CATALOGUE = Catalogue(REGISTRY, SLOTS, FIELD_LEVELS, PARTS, MACHINE_TYPES)

@@ -7,6 +7,7 @@ from typing import Any
 from swath.documents.yaml_document import KeyPath, parse
 from swath.scenario.scenario import Scenario
 from swath.scenario.sections import SlotCommon
+from swath.scenario.versions import lift_machines
 
 NO_BREAK = "\N{NO-BREAK SPACE}"  # between key and value
 # Keys of every slot that are the same by default in all of them, said once; rate_hz has no such default.
@@ -14,11 +15,11 @@ _SHARED = {name: f.default for name, f in SlotCommon.model_fields.items() if not
 
 
 def defaults(scenario: Scenario) -> dict[str, Any]:
-    """The part of `scenario.plain()` that is written neither in the file nor in a flag, in the same nesting.
+    """The part of `scenario.lifted()` that is written neither in the file nor in a flag, in the same nesting.
 
     Empty where a scenario writes everything, as that of a run folder does.
     """
-    rest: dict[str, Any] = _unwritten(scenario.plain(), scenario.document.data)
+    rest: dict[str, Any] = _unwritten(scenario.lifted(), scenario.document.data)
     return {key: value for key, value in rest.items() if key not in ("name", "summary")}
 
 
@@ -26,7 +27,7 @@ def default_lines(scenario: Scenario) -> set[int]:
     """Numbers, from 1, of the lines of `scenario.resolved()` on which there is nothing but defaults."""
     unwritten = set(_leaves(defaults(scenario), ()))
     lines: dict[int, bool] = {}
-    places = parse(scenario.resolved()).places
+    places = lift_machines(parse(scenario.resolved())).places
     insides = {path[:-1] for path in places if path}
     for path in places.keys() - insides:
         is_default = any(path[:end] in unwritten for end in range(1, len(path) + 1))
@@ -43,7 +44,7 @@ def paragraphs(scenario: Scenario) -> list[tuple[str, str]]:
     own (null: the data sheet's, the machine card's or none) close a text by their keys alone. Key and value
     are joined by NO_BREAK.
     """
-    rest, whole = defaults(scenario), scenario.plain()
+    rest, whole = defaults(scenario), scenario.lifted()
     found = [("scenario", {k: v for k, v in rest.items() if not isinstance(v, dict)})]
     found += [(k, rest[k]) for k in ("run", "realtime") if k in rest]
     found += _parts("field", rest.get("field", {}), whole["field"], prefix="field ")

@@ -26,7 +26,7 @@ def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
         reader.note(path, "(nothing)" if data is None else data, "expected a list of file.py:Class")
         data = []
     good: list[str] = []
-    judged = reader.kit.judged()
+    judged = reader.catalogue.judged()
     for index, entry in enumerate(data):
         where = (*path, index)
         if not isinstance(entry, str) or ".py:" not in entry:
@@ -34,7 +34,7 @@ def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
             continue
         reference = reader.absolute_level(entry, reader.base(where))
         try:
-            judged = reader.kit.judged([*good, reference])
+            judged = reader.catalogue.judged([*good, reference])
             good.append(reference)
         except InputError as error:
             reader.note(where, entry, error.expected)

@@ -7,10 +7,13 @@ from typing import Any
 from swath.core.errors import InputError, SwathError
 from swath.documents.validation import known_keys
 from swath.documents.yaml_document import Document, KeyPath, Place, key_path, parse_value
-from swath.scenario.catalogue import Kit
+from swath.scenario.catalogue import Catalogue
+from swath.scenario.versions import short_key
 
 
-def apply_overrides(document: Document, sets: Sequence[str], kit: Kit, flags: Mapping[str, str]) -> None:
+def apply_overrides(
+    document: Document, sets: Sequence[str], catalogue: Catalogue, flags: Mapping[str, str]
+) -> None:
     """Change the document in place, in order. Errors about these values will name the flag.
 
     flags: further changes, by the flag that stands for them: {"--seed 3": "seed=3"}.
@@ -18,15 +21,15 @@ def apply_overrides(document: Document, sets: Sequence[str], kit: Kit, flags: Ma
     """
     for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]:
         key, equals, value_text = text.partition("=")
-        path = key_path(key)
+        path = key_path(short_key(key.strip()))
         if not equals or "" in path:
             raise InputError(flag, None, "expected --set key.key=value")
         value = parse_value(value_text, flag)
         if not isinstance(document.data, dict):
             raise document.error((), document.data, "expected a mapping of keys")
-        _expand(document.data, path, kit)
+        _expand(document.data, path, catalogue)
         if path[-1] == "level" and len(path) == 3:
-            _drop_foreign(document, path, value, kit)
+            _drop_foreign(document, path, value, catalogue)
         _put(document.data, path, value, flag)
         for place in [p for p in document.places if p[: len(path)] == path]:
             del document.places[place]
@@ -34,31 +37,41 @@ def apply_overrides(document: Document, sets: Sequence[str], kit: Kit, flags: Ma
             document.places.setdefault(path[:end], Place(flag))
 
 
-def _expand(data: dict[str, Any], path: KeyPath, kit: Kit) -> None:
+def _expand(data: dict[str, Any], path: KeyPath, catalogue: Catalogue) -> None:
     """`steer: preview` becomes `steer: {level: preview}` when a key inside it is set."""
-    kinds = set(kit.registry.packages)
-    if len(path) >= 3 and path[1] in kinds:
+    if len(path) >= 3 and _kind(path, catalogue):
         section = data.get(str(path[0]))
         if isinstance(section, dict) and isinstance(section.get(path[1]), str):
             section[str(path[1])] = {"level": section[path[1]]}
 
 
-def _drop_foreign(document: Document, path: KeyPath, level: Any, kit: Kit) -> None:
+def _drop_foreign(document: Document, path: KeyPath, level: Any, catalogue: Catalogue) -> None:
     section = document.data.get(path[0])
     entry = section.get(path[1]) if isinstance(section, dict) else None
-    if not isinstance(entry, dict) or path[1] not in kit.registry.packages:
+    kind = _kind(path, catalogue)
+    if not isinstance(entry, dict) or not kind:
         return
-    kind = str(path[1])
     base = document.file.resolve().parent if document.file else None
     try:
         before = known_keys(
-            kit.registry.get(kind, str(entry.get("level", kit.default_level(kind))), base=base).params
+            catalogue.registry.get(
+                kind, str(entry.get("level", catalogue.default_level(kind))), base=base
+            ).params
         )
-        after = known_keys(kit.registry.get(kind, str(level), base=Path.cwd()).params)
+        after = known_keys(catalogue.registry.get(kind, str(level), base=Path.cwd()).params)
     except (SwathError, OSError, ValueError):
         return  # reported when the scenario is read
     for key in [k for k in entry if k in before and k not in after]:
         del entry[key]
+
+
+def _kind(path: KeyPath, catalogue: Catalogue) -> str:
+    """The slot kind that a path such as machine.slot.key leads into, or `terrain`, `stand`; else empty."""
+    name = str(path[1])
+    if path[0] == "field":
+        return name if name in catalogue.field_levels else ""
+    kind = catalogue.kind_of(name)
+    return kind.name if kind is not None else ""
 
 
 def _put(data: Any, path: KeyPath, value: Any, flag: str) -> None:

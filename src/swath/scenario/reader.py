@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ from swath.core.registry import Level
 from swath.documents.data_sheets import find_card
 from swath.documents.hints import near_miss, unknown_key
 from swath.documents.validation import known_keys, validate
-from swath.documents.yaml_document import Document, KeyPath
-from swath.scenario.catalogue import Kit
+from swath.documents.yaml_document import Document, KeyPath, read_document
+from swath.scenario.catalogue import Catalogue
 from swath.scenario.expectations import read_evaluators, read_expect
+from swath.scenario.machine_types import slots_of
 from swath.scenario.resolved import FieldSection, LevelChoice, MachineSection, RealTimeSection, SlotChoice
 from swath.scenario.sections import (
     Head,
@@ -23,13 +25,13 @@ from swath.scenario.sections import (
     StartAlongEdge,
     StartPose,
 )
-from swath.scenario.slots import EXCHANGEABLE
+from swath.scenario.slots import SlotKind
+from swath.scenario.versions import SECTIONS
 
-TOP_KEYS = ("name", "summary", "seed", "run", "realtime", "field", "evaluators", "expect")
-FIELD_KEYS = ("folder", "terrain", "stand", "edge", "obstacles", "boundary")
-MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side")
+FIELD_KEYS = ("folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary")
+MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side", "field_edge")
 CARDS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
-_MACHINE_NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")
+_NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")
 
 
 class ScenarioError(InputError):
@@ -44,8 +46,8 @@ class ScenarioError(InputError):
 class Reader:
     """Reads one document. `read` gives the arguments of a Scenario, or raises ScenarioError."""
 
-    def __init__(self, document: Document, kit: Kit) -> None:
-        self.document, self.kit = document, kit
+    def __init__(self, document: Document, catalogue: Catalogue) -> None:
+        self.document, self.catalogue = document, catalogue
         self.folder = document.file.resolve().parent if document.file else Path.cwd()
         self.errors: list[InputError] = []
 
@@ -56,7 +58,7 @@ class Reader:
             text = "expected keys such as name, run, field and combine"
             raise ScenarioError([self.document.error((), data, text)])
         file = self.document.file
-        head = {"name": file.stem if file else "scenario"} | {k: data[k] for k in TOP_KEYS[:3] if k in data}
+        head = {"name": file.stem if file else "scenario"} | {k: data[k] for k in SECTIONS[:3] if k in data}
         checked = self.check(Head, head, ())
         parts: dict[str, Any] = {} if checked is None else dict(checked)
         machines = self._machine_names(data)
@@ -123,22 +125,24 @@ class Reader:
         name = entry.get("slot")
         machine, _, slot = str(name).partition(".")
         present = self.document.data.get(machine)
-        if slot not in EXCHANGEABLE or not isinstance(present, dict) or _is_off(present.get(slot, {})):
-            able = ", ".join(EXCHANGEABLE)
+        kind = self.catalogue.kind_of(slot)
+        is_there = isinstance(present, dict) and not _is_off(present.get(slot, {}))
+        if kind is None or not kind.is_exchangeable or not is_there:
+            able = ", ".join(s.name for s in self.catalogue.slots if s.is_exchangeable)
             self.note((*path, "slot"), name, f"expected machine.slot of a slot that is there, of {able}")
             return None
         if "level" not in entry:
             self.note((*path, "level"), None, "expected a level to take instead, the key is missing")
             return None
         own = {k: v for k, v in entry.items() if k != "slot"}
-        chosen, found = self._level(slot, own, path, "")
+        chosen, found = self._level(kind.name, own, path, "")
         if found is None:
             return None
         before = present.get(slot, {})
         before = before if isinstance(before, dict) else {}
         kept = {k: before[k] for k in known_keys(found.params) if k in before}
         common = {k: before[k] for k in SlotCommon.model_fields if k in before}
-        choice = self._slot_at(machine, slot, {**kept, **chosen, **common}, path)
+        choice = self._slot(machine, slot, kind, {**kept, **chosen, **common}, "", path)
         return None if choice is None else (f"{machine}.{slot}", choice)
 
     # field
@@ -153,25 +157,42 @@ class Reader:
             self.note(("field", "folder"), folder, "expected a path")
             folder = None
         levels = {name: self._ground(name, data, folder is not None) for name in levels_of}
-        edge = self.check(self.kit.part("edge"), data.get("edge", {}), ("field", "edge"))
+        edges = self._edges(data)
         obstacles = self._obstacles(data.get("obstacles", []))
         boundary = data.get("boundary")
         if boundary is not None:
-            boundary = self.check(self.kit.part("boundary"), boundary, ("field", "boundary"))
+            boundary = self.check(self.catalogue.part("boundary"), boundary, ("field", "boundary"))
         return FieldSection(
             Path(folder) if folder else None,
             levels["terrain"],
             levels["stand"],
-            edge,
+            edges,
             obstacles,
             boundary,
         )
+
+    def _edges(self, data: dict[str, Any]) -> dict[str, Any]:
+        """The initial edges by name: the one of `edge`, or those of `edges`."""
+        kind = self.catalogue.part("edge")
+        if "edges" not in data:
+            return {"edge": self.check(kind, data.get("edge", {}), ("field", "edge"))}
+        path = ("field", "edges")
+        if "edge" in data:
+            self.note(path, None, "expected either `edge` or `edges`")
+        edges = data["edges"]
+        if not isinstance(edges, dict) or not edges:
+            self.note(path, edges, "expected at least one edge by name, such as `west: {x_m: 0}`")
+            return {}
+        for name in edges:
+            if not _NAME.match(name):
+                self.note((*path, name), None, "expected an edge's name: letters, digits, - and _")
+        return {name: self.check(kind, entry, (*path, name)) for name, entry in edges.items()}
 
     def _ground(self, name: str, data: dict[str, Any], has_folder: bool) -> LevelChoice | None:
         if name not in data and has_folder:
             return None
         path = ("field", name)
-        entry, found = self._level(name, data.get(name, {}), path, self.kit.field_levels[name])
+        entry, found = self._level(name, data.get(name, {}), path, self.catalogue.field_levels[name])
         if found is None:
             return None
         params = self._params(found, {k: v for k, v in entry.items() if k != "level"}, path)
@@ -182,27 +203,30 @@ class Reader:
         if not isinstance(data, list):
             self.note(path, "(nothing)" if data is None else data, "expected a list")
             return ()
-        kind = self.kit.part("obstacles")
+        kind = self.catalogue.part("obstacles")
         return tuple(self.check(kind, entry, (*path, i)) for i, entry in enumerate(data))
 
     # machines
 
     def _machine_names(self, data: dict[str, Any]) -> list[str]:
         """The top-level keys that are machines; notes those that are neither machine nor section."""
-        named = [key for key in data if key not in TOP_KEYS]
+        named = [key for key in data if key not in SECTIONS]
         if not named:
-            self.note((), None, "expected a machine, such as `combine:` with its slots")
+            self.note((), None, "expected a machine under `machines:`, such as `combine:` with its slots")
         return [name for name in named if self._is_machine(name, data)]
 
     def _is_machine(self, name: str, data: dict[str, Any]) -> bool:
         section = data[name]
-        known = (*MACHINE_KEYS, *(s.name for s in self.kit.slots))
-        if not isinstance(section, dict) or (section and not any(key in known for key in section)):
-            absent = [key for key in TOP_KEYS if key not in data]
+        known = (*MACHINE_KEYS, *(s.name for s in self.catalogue.slots))
+        is_machine = isinstance(section, dict) and (
+            not section or any(key in known or self.catalogue.kind_of(key) for key in section)
+        )
+        if not is_machine:
+            absent = [key for key in SECTIONS if key not in data]
             hint = near_miss(name, absent) or f"; a machine has keys such as {', '.join(known[:4])}"
             self.note((name,), None, "unknown key" + hint)
             return False
-        if not _MACHINE_NAME.match(name):
+        if not _NAME.match(name):
             self.note((name,), None, "expected a machine's name: letters, digits, - and _")
             return False
         return True
@@ -216,37 +240,76 @@ class Reader:
         return machines
 
     def _machine(self, name: str, data: dict[str, Any]) -> MachineSection | None:
-        slots = [s.name for s in self.kit.slots]
-        self.unknown(data, (name,), (*MACHINE_KEYS, *slots))
         own = {k: self._with_path(k, data[k], (name, k)) for k in MachineCommon.model_fields if k in data}
         common = self.check(MachineCommon, own, (name,))
         start = self._start(data.get("start", {}), (name, "start"))
-        chosen: dict[str, SlotChoice] = {}
-        off = tuple(s.name for s in self.kit.slots if _is_off(data.get(s.name, {} if s.is_on else "off")))
-        for slot in slots:
-            if slot not in off:
-                choice = self._slot(name, slot, data.get(slot, {}))
-                if choice is not None:
-                    chosen[slot] = choice
         if common is None:
             return None
         try:
-            card = find_card("machines", common.machine)
+            sheet = find_card("machines", common.machine)
         except (InputError, OSError, ValueError):
             return None  # noted when its path was looked at
-        return MachineSection(name, common, card, start, chosen, off)
+        unasked = self._slots_of_type(sheet, (name, "machine"))
+        chosen: dict[str, SlotChoice] = {}
+        for kind, slot in self._instances(name, data, unasked):
+            choice = self._slot(name, slot, kind, data.get(slot, {}), unasked.get(slot, kind.level))
+            if choice is not None:
+                chosen[slot] = choice
+        slots = {slot: replace(c, wires=_wires(name, c, chosen)) for slot, c in chosen.items()}
+        off = tuple(slot for slot in unasked if _is_off(data.get(slot)))
+        return MachineSection(name, common, sheet, start, slots, off)
+
+    def _slots_of_type(self, sheet: Path, path: KeyPath) -> dict[str, str]:
+        """Slot -> level of what a machine has unasked, by the type on its data sheet."""
+        try:
+            data = read_document(sheet).data
+        except InputError as error:
+            self.errors.append(error)
+            return {}
+        data = data if isinstance(data, dict) else {}
+        machine_type, own = data.get("type", "combine"), data.get("slots", {})
+        if machine_type not in self.catalogue.machine_types:
+            self.note(
+                path, machine_type, f"expected a data sheet of type {', '.join(self.catalogue.machine_types)}"
+            )
+            return {}
+        return slots_of(self.catalogue.machine_types[machine_type], own if isinstance(own, dict) else {})
+
+    def _instances(
+        self, machine: str, data: dict[str, Any], unasked: Mapping[str, str]
+    ) -> list[tuple[SlotKind, str]]:
+        """Every slot of a machine with its kind, in the order of one tick; notes unknown keys."""
+        named = [key for key in data if key not in MACHINE_KEYS]
+        for key in named:
+            if self.catalogue.kind_of(key) is None:
+                plural = [f"{s.name}_NAME" for s in self.catalogue.slots if s.is_plural]
+                known = [*MACHINE_KEYS, *(s.name for s in self.catalogue.slots), *plural]
+                self.note((machine, key), None, unknown_key(key, known))
+        slots = [slot for slot in dict.fromkeys([*unasked, *named]) if not _is_off(data.get(slot))]
+        return [
+            (kind, slot)
+            for kind in self.catalogue.slots
+            for slot in slots
+            if self.catalogue.kind_of(slot) is kind
+        ]
 
     def _start(self, data: Any, path: KeyPath) -> StartAlongEdge | StartPose:
         in_world = isinstance(data, dict) and any(k in data for k in StartPose.model_fields)
         start: StartAlongEdge | StartPose = self.check(StartPose if in_world else StartAlongEdge, data, path)
         return start
 
-    def _slot(self, machine: str, slot: str, data: Any) -> SlotChoice | None:
-        return self._slot_at(machine, slot, data, (machine, slot))
-
-    def _slot_at(self, machine: str, slot: str, data: Any, path: KeyPath) -> SlotChoice | None:
-        kind = self.kit.slot(slot)
-        entry, found = self._level(slot, data, path, kind.level)
+    def _slot(
+        self,
+        machine: str,
+        slot: str,
+        kind: SlotKind,
+        data: Any,
+        level: str,
+        path: KeyPath | None = None,
+    ) -> SlotChoice | None:
+        """The choice for a slot. level: where the data names none; path: where the data was written."""
+        path = (machine, slot) if path is None else path
+        entry, found = self._level(kind.name, data, path, level)
         if found is None:
             return None
         common_keys = tuple(SlotCommon.model_fields)
@@ -256,17 +319,13 @@ class Reader:
         checked = self.check(SlotCommon, common, path)
         if checked is None:
             return None
-        wires = {port: (f"{machine}.{source}", output) for port, (source, output) in kind.wires.items()}
-        for port, text in checked.wires.items():
-            source, _, output = text.rpartition(".")
-            wires[port] = (source if "." in source else f"{machine}.{source}", output)
-        return SlotChoice(entry["level"], found, params, checked, wires, tuple(checked.wires))
+        return SlotChoice(entry["level"], found, params, checked, kind)
 
     def _check_sources(self, machine: MachineSection, machines: Mapping[str, MachineSection]) -> None:
         """Every wire that the scenario wrote must come from a slot that is there."""
         slots = [f"{m.name}.{s}" for m in machines.values() for s in m.slots]
         for slot, choice in machine.slots.items():
-            for port in choice.wired:
+            for port in choice.common.wires:
                 source = choice.wires[port][0]
                 if source not in slots:
                     text = f"expected slot.output of a slot that is there{near_miss(source, slots)}"
@@ -288,7 +347,7 @@ class Reader:
             self.note(where, "(nothing)" if level is None else level, "expected a level's name")
             return entry, None
         try:
-            found = self.kit.registry.get(kind, level, base=self.base(where))
+            found = self.catalogue.registry.get(kind, level, base=self.base(where))
         except InputError as error:
             self.note(where, level, error.expected)
         except (OSError, ValueError):
@@ -356,6 +415,22 @@ class Reader:
             return str(target)
         self.note(path, value, f"there is no such {'folder' if wants_folder else 'file'}")
         return value
+
+
+def _wires(machine: str, choice: SlotChoice, slots: Mapping[str, SlotChoice]) -> dict[str, tuple[str, str]]:
+    """Input port -> (full slot name, output): those of the kind, with what the scenario wrote on top.
+
+    Where a machine has one slot of a kind, its name does not matter.
+    """
+    wires = {}
+    for port, (kind, output) in choice.kind.wires.items():
+        instances = [slot for slot, other in slots.items() if other.kind.name == kind]
+        source = instances[0] if len(instances) == 1 else kind
+        wires[port] = (f"{machine}.{source}", output)
+    for port, text in choice.common.wires.items():
+        source, _, output = text.rpartition(".")
+        wires[port] = (source if "." in source else f"{machine}.{source}", output)
+    return wires
 
 
 def _is_off(entry: Any) -> bool:

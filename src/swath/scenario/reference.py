@@ -4,7 +4,7 @@ from typing import Any
 
 import yaml
 
-from swath.scenario.catalogue import KIT, Kit
+from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.schema import adopt
 from swath.scenario.sections import (
     Head,
@@ -53,9 +53,15 @@ EXPECT = """\
 For each metric a limit or a list of limits. Metrics and columns: [metrics.md](metrics.md), `swath metrics`;
 events: {events}. With several machines the limits stand under a machine's name, or under `field`.
 """
+EDGES = """\
+### field.edges
+Several edges by name, instead of `edge`: `edges: {west: {x_m: 0}, east: {x_m: 60, crop_side: left}}`. Each
+takes the keys above. Crop stands where it stands on the crop side of every edge. Ground outside several edges
+has the stubble of the nearest of them.
+"""
 
 
-def reference(kit: Kit = KIT) -> str:
+def reference(catalogue: Catalogue = CATALOGUE) -> str:
     """The whole page."""
     from swath.documents.data_sheets import find_card
 
@@ -68,10 +74,11 @@ def reference(kit: Kit = KIT) -> str:
     )
     parts.append(_section("## run", Run))
     parts.append(_section("## realtime", RealTime, REALTIME))
-    parts.append(_field(kit))
-    parts.append(_machine(kit))
+    parts.append(_field(catalogue))
+    parts.append(_machine(catalogue))
     parts.append(EVALUATORS)
-    parts.append(_section("## expect", Limit, EXPECT.format(events=", ".join(kit.judged().events))))
+    events = ", ".join(catalogue.judged().events)
+    parts.append(_section("## expect", Limit, EXPECT.format(events=events)))
     return "\n".join(parts).rstrip() + "\n"
 
 
@@ -83,15 +90,17 @@ def parameter_rows(kind: Any) -> list[Row]:
     return _rows(adopt(kind, "x", defs), defs, "")
 
 
-def _field(kit: Kit) -> str:
+def _field(catalogue: Catalogue) -> str:
     parts = [
         "## field",
         "`folder: path` takes terrain and stand from an imported field (docs/field-folder.md).\n",
     ]
-    parts += [_levels(kit, kind, f"### field.{kind}") for kind in kit.field_levels]
+    parts += [_levels(catalogue, kind, f"### field.{kind}") for kind in catalogue.field_levels]
     for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):
         parts.append(f"### field.{title}\n")
-        parts.append(_part(kit.part(name)))
+        parts.append(_part(catalogue.part(name)))
+        if name == "edge":
+            parts.append(EDGES)
     return "\n".join(parts)
 
 
@@ -108,38 +117,44 @@ def _part(kind: Any) -> str:
     return "\n".join(made)
 
 
-def _machine(kit: Kit) -> str:
+def _machine(catalogue: Catalogue) -> str:
     parts = [_section("## A machine", MachineCommon, "The key is its name; there may be several.\n")]
     parts.append(_section("### start, on the edge", StartAlongEdge))
     parts.append(_section("### start, anywhere", StartPose))
     slots = "".join(
-        f"| `{s.name}` | `{s.level}`{'' if s.is_on else ', off unless named'} "
-        f"| {s.rate_hz:g} | {_wires(s.wires)} |\n"
-        for s in kit.slots
+        f"| `{s.name}`{', `' + s.name + '_NAME`' if s.is_plural else ''} | `{s.level}` "
+        f"| {s.rate_hz:g} | {_wires(s.wires)} | {_types_with(s.name, catalogue)} |\n"
+        for s in catalogue.slots
     )
     parts.append(
-        "### Slots\nIn the order in which they run within a tick. `off` leaves one out.\n\n"
-        f"| slot | default level | rate [Hz] | inputs come from |\n|---|---|---|---|\n{slots}"
+        "### Slots\nIn the order in which they run within a tick. A machine has those of its type and those"
+        " that the scenario names; `off` leaves one out.\n\n"
+        "| slot | default level | rate [Hz] | inputs come from | unasked in |\n"
+        f"|---|---|---|---|---|\n{slots}"
     )
     parts.append(_section("### Every slot", SlotCommon))
-    parts += [_levels(kit, slot.name, f"### {slot.name}") for slot in kit.slots]
-    if links := kit.registry.links():
+    parts += [_levels(catalogue, slot.name, f"### {slot.name}") for slot in catalogue.slots]
+    if links := catalogue.registry.links():
         parts.append("### Somebody else's part\nLevels that any slot of a machine may have.\n")
-        parts += [_level(kit, kit.slots[0].name, name, name) for name in links]
+        parts += [_level(catalogue, catalogue.slots[0].name, name, name) for name in links]
     return "\n".join(parts)
+
+
+def _types_with(slot: str, catalogue: Catalogue) -> str:
+    return ", ".join(name for name, slots in catalogue.machine_types.items() if slot in slots)
 
 
 def _wires(wires: Any) -> str:
     return ", ".join(f"{port} ← {source}.{output}" for port, (source, output) in wires.items())
 
 
-def _levels(kit: Kit, kind: str, title: str) -> str:
-    names = kit.registry.names(kind)
-    return "\n".join([title, *(_level(kit, kind, name, f"{kind}: {name}") for name in names)])
+def _levels(catalogue: Catalogue, kind: str, title: str) -> str:
+    names = catalogue.registry.names(kind)
+    return "\n".join([title, *(_level(catalogue, kind, name, f"{kind}: {name}") for name in names)])
 
 
-def _level(kit: Kit, kind: str, name: str, title: str) -> str:
-    level = kit.registry.get(kind, name)
+def _level(catalogue: Catalogue, kind: str, name: str, title: str) -> str:
+    level = catalogue.registry.get(kind, name)
     rows = parameter_rows(level.params)
     return f"`{title}`: {level.summary}\n" + ("\n" + _table(rows) if rows else "")
 

@@ -9,6 +9,7 @@ from typing import Any
 from swath.core.registry import Level
 from swath.documents.validation import adapter_of
 from swath.scenario.sections import Limit, MachineCommon, RealTime, SlotCommon, StartAlongEdge, StartPose
+from swath.scenario.slots import SlotKind
 
 
 @dataclass(frozen=True)
@@ -32,24 +33,27 @@ class LevelChoice:
 class SlotChoice(LevelChoice):
     """A chosen level in a slot of a machine.
 
-    wires: input port -> (full slot name such as `combine.lidar`, output port): the slot's own list with the
-    scenario's on top; `wired` names the inputs that the scenario itself wrote
+    kind: of the slot; wires: input port -> (full slot name such as `combine.lidar`, output port), the list of
+    the kind with the scenario's own (`common.wires`) on top
     """
 
     common: SlotCommon
-    wires: Mapping[str, tuple[str, str]]
-    wired: tuple[str, ...] = ()
+    kind: SlotKind
+    wires: Mapping[str, tuple[str, str]] = dataclasses.field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:
         """As it would be written in a file."""
         common = self.common.model_dump(mode="json")
-        common["wires"] = {name: ".".join(self.wires[name]) for name in self.wired}
+        common["wires"] = {name: ".".join(self.wires[name]) for name in self.common.wires}
         return {"level": self.level, **common, **_plain(self.params)}
 
 
 @dataclass(frozen=True)
 class MachineSection:
-    """One machine. slots: in execution order, without those that are off; card: its data sheet."""
+    """One machine. slots: in execution order; off: those of its type that it lacks; card: its data sheet
+
+    present: names of all its slots, also where only some of them are built
+    """
 
     name: str
     common: MachineCommon
@@ -57,6 +61,15 @@ class MachineSection:
     start: StartAlongEdge | StartPose
     slots: Mapping[str, SlotChoice]
     off: tuple[str, ...] = ()
+    present: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.present:
+            object.__setattr__(self, "present", tuple(self.slots))
+
+    def has(self, kind: str) -> bool:
+        """True where it has a slot of a kind."""
+        return any(choice.kind.name == kind for choice in self.slots.values())
 
     def plain(self) -> dict[str, Any]:
         """As it would be written in a file."""
@@ -90,12 +103,14 @@ class RealTimeSection:
 
 @dataclass(frozen=True)
 class FieldSection:
-    """The field. folder: an imported field, from which terrain and stand come unless written here."""
+    """The field. folder: an imported field, from which terrain and stand come unless written here;
+    edges: the initial edges of the crop by name, `edge` where there is the one of `field.edge`.
+    """
 
     folder: Path | None
     terrain: LevelChoice | None
     stand: LevelChoice | None
-    edge: Any
+    edges: Mapping[str, Any]
     obstacles: tuple[Any, ...] = ()
     boundary: Any = None
 
@@ -105,11 +120,15 @@ class FieldSection:
             "folder": None if self.folder is None else str(self.folder),
             "terrain": None if self.terrain is None else self.terrain.plain(),
             "stand": None if self.stand is None else self.stand.plain(),
-            "edge": _plain(self.edge),
+            **self._plain_edges(),
             "obstacles": [_plain(o) for o in self.obstacles],
             "boundary": None if self.boundary is None else _plain(self.boundary),
         }
         return {key: value for key, value in written.items() if value not in (None, [], {})}
+
+    def _plain_edges(self) -> dict[str, Any]:
+        plain = {name: _plain(edge) for name, edge in self.edges.items()}
+        return plain if list(plain) == ["edge"] else {"edges": plain}
 
 
 def _plain(params: Any) -> dict[str, Any]:

@@ -17,12 +17,13 @@ from swath.core.errors import InputError
 from swath.documents.data_sheets import card_names, find_card
 from swath.documents.hints import near_miss
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
-from swath.scenario.catalogue import KIT, Kit
+from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.expectations import plain_expect
 from swath.scenario.overrides import apply_overrides
 from swath.scenario.reader import Reader
 from swath.scenario.resolved import Expectation, FieldSection, MachineSection, RealTimeSection
 from swath.scenario.sections import Run
+from swath.scenario.versions import FORMAT, lift_machines
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +61,23 @@ class Scenario:
     def plain(self) -> dict[str, Any]:
         """Plain data with every default filled in and every path absolute."""
         return {
+            "format": FORMAT,
             "name": self.name,
             "summary": self.summary,
             "seed": self.seed,
             "run": self.run.model_dump(mode="json"),
             **({} if self.realtime is None else {"realtime": self.realtime.plain()}),
             "field": self.field.plain(),
-            **{name: machine.plain() for name, machine in self.machines.items()},
+            "machines": {name: machine.plain() for name, machine in self.machines.items()},
             **({"evaluators": list(self.evaluators)} if self.evaluators else {}),
             "expect": plain_expect(self.expect, self.machines),
         }
+
+    def lifted(self) -> dict[str, Any]:
+        """As `plain`, with the machines beside the sections, as keys of `--set` have them."""
+        plain = self.plain()
+        del plain["format"]
+        return {**{k: v for k, v in plain.items() if k != "machines"}, **plain["machines"]}
 
     def resolved(self) -> str:
         """YAML text of the whole scenario; reading it again gives an equal scenario."""
@@ -103,22 +111,22 @@ def load_scenario(
     *,
     sets: Sequence[str] = (),
     flags: Mapping[str, str] | None = None,
-    kit: Kit = KIT,
+    catalogue: Catalogue = CATALOGUE,
 ) -> Scenario:
     """Read a bundled scenario by name, a file, or the scenario in a run folder.
 
     sets: overrides such as `combine.lidar.rate_hz=50`; flags: overrides that errors call otherwise, such as
     {"--seed 3": "seed=3"}. Raises InputError: the first thing that is wrong; its `others` are the rest.
     """
-    return read_scenario(read_document(find_scenario(source)), sets=sets, flags=flags, kit=kit)
+    return read_scenario(read_document(find_scenario(source)), sets=sets, flags=flags, catalogue=catalogue)
 
 
 def parse_scenario(
-    text: str, *, base: Path | None = None, sets: Sequence[str] = (), kit: Kit = KIT
+    text: str, *, base: Path | None = None, sets: Sequence[str] = (), catalogue: Catalogue = CATALOGUE
 ) -> Scenario:
     """Read a scenario from text; paths in it are relative to the folder `base`."""
     file = None if base is None else base / "scenario.yaml"
-    return read_scenario(parse(text, "text", file), sets=sets, kit=kit)
+    return read_scenario(parse(text, "text", file), sets=sets, catalogue=catalogue)
 
 
 def read_scenario(
@@ -126,11 +134,12 @@ def read_scenario(
     *,
     sets: Sequence[str] = (),
     flags: Mapping[str, str] | None = None,
-    kit: Kit = KIT,
+    catalogue: Catalogue = CATALOGUE,
 ) -> Scenario:
     """Check a document and make the scenario."""
-    apply_overrides(document, sets, kit, flags or {})
-    reader = Reader(document, kit)
+    document = lift_machines(document)
+    apply_overrides(document, sets, catalogue, flags or {})
+    reader = Reader(document, catalogue)
     parts = reader.read()
     return Scenario(document=document, **parts)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from swath.documents.hints import split_unit
 from swath.documents.validation import schema_of
-from swath.scenario.catalogue import KIT, Kit
+from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.sections import (
     Head,
     Limit,
@@ -23,31 +23,34 @@ from swath.scenario.sections import (
     StartAlongEdge,
     StartPose,
 )
+from swath.scenario.versions import FORMAT
 
 Node = dict[str, Any]
 FOREIGN = {"type": "string", "pattern": r"\.py:[A-Za-z_]\w*$"}
 
 
-def scenario_schema(kit: Kit = KIT) -> Node:
+def scenario_schema(catalogue: Catalogue = CATALOGUE) -> Node:
     """The whole schema, draft 2020-12."""
     defs: dict[str, Node] = {}
-    machine = _machine(kit, defs)
+    machine = _machine(catalogue, defs)
     head = adopt(Head, "head", defs)["properties"]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "swath scenario",
         "description": "What runs where, at which level of detail, and which limits it must keep.",
         "type": "object",
-        "required": ["field"],
+        "required": ["format", "field", "machines"],
         "properties": {
+            "format": {"const": FORMAT, "description": "of this file"},
             **head,
             "run": adopt(Run, "run", defs),
             "realtime": _realtime(defs),
-            "field": _field(kit, defs),
+            "field": _field(catalogue, defs),
+            "machines": {"type": "object", "minProperties": 1, "additionalProperties": machine},
             "evaluators": {"type": "array", "items": FOREIGN, "description": "your own evaluators"},
-            "expect": _expect(kit, defs),
+            "expect": _expect(catalogue, defs),
         },
-        "additionalProperties": machine,
+        "additionalProperties": False,
         "$defs": defs,
     }
 
@@ -133,14 +136,18 @@ def _renamed(node: Any, names: dict[str, str]) -> Any:
     return copy
 
 
-def _machine(kit: Kit, defs: dict[str, Node]) -> Node:
-    slots = {slot.name: _slot(kit, slot.name, defs) for slot in kit.slots}
+def _machine(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
+    slots = {slot.name: _slot(catalogue, slot.name, defs) for slot in catalogue.slots}
     start = {"anyOf": [adopt(StartAlongEdge, "start", defs), adopt(StartPose, "start", defs)]}
     common = adopt(MachineCommon, "machine", defs)["properties"]
+    taken = "|".join(f"{key.partition('_')[2]}$" for key in common if "_" in key)
     return {
         "type": "object",
         "description": "a machine; the key is its name",
         "properties": {**common, "start": start, **slots},
+        "patternProperties": {
+            rf"^{s.name}_(?!{taken}).": slots[s.name] for s in catalogue.slots if s.is_plural
+        },
         "additionalProperties": False,
     }
 
@@ -160,12 +167,12 @@ def _realtime(defs: dict[str, Node]) -> Node:
     return {**node, "properties": {**node["properties"], "degrade": degrade}}
 
 
-def _expect(kit: Kit, defs: dict[str, Node]) -> Node:
+def _expect(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
     """Limits by metric or column; or by machine and `field`, then by metric or column.
 
     Names that are not built in are a machine's, or a metric of the user's own.
     """
-    judged = kit.judged()
+    judged = catalogue.judged()
     defs["limit"] = adopt(Limit, "limit", defs)
     one: Node = {"$ref": "#/$defs/limit"}
     limits: Node = {"anyOf": [one, {"type": "array", "items": one}]}
@@ -181,30 +188,34 @@ def _expect(kit: Kit, defs: dict[str, Node]) -> Node:
     }
 
 
-def _slot(kit: Kit, kind: str, defs: dict[str, Node]) -> Node:
+def _slot(catalogue: Catalogue, kind: str, defs: dict[str, Node]) -> Node:
     common = adopt(SlotCommon, "slot", defs)["properties"]
-    choice = _choice(kit, kind, common, defs)
-    choice["anyOf"] += [_level_of(kit, kind, name, "link", common, defs) for name in kit.registry.links()]
+    choice = _choice(catalogue, kind, common, defs)
+    choice["anyOf"] += [
+        _level_of(catalogue, kind, name, "link", common, defs) for name in catalogue.registry.links()
+    ]
     choice["anyOf"].append({"enum": ["off", False], "description": "no such slot"})
     return choice
 
 
-def _choice(kit: Kit, kind: str, common: Node, defs: dict[str, Node]) -> Node:
-    names = kit.registry.names(kind)
+def _choice(catalogue: Catalogue, kind: str, common: Node, defs: dict[str, Node]) -> Node:
+    names = catalogue.registry.names(kind)
     members: list[Node] = [{"enum": names, "description": "the level, with its defaults"}, FOREIGN]
-    members += [_level_of(kit, kind, name, kind, common, defs) for name in names]
+    members += [_level_of(catalogue, kind, name, kind, common, defs) for name in names]
     members.append({"type": "object", "properties": {"level": FOREIGN, **common}, "required": ["level"]})
     return {"anyOf": members}
 
 
-def _level_of(kit: Kit, kind: str, name: str, group: str, common: Node, defs: dict[str, Node]) -> Node:
+def _level_of(
+    catalogue: Catalogue, kind: str, name: str, group: str, common: Node, defs: dict[str, Node]
+) -> Node:
     """A reference to the definition `group.name` of a level's keys, which is made where there is none yet."""
     title = f"{group}.{name}"
     if title not in defs:
-        level = kit.registry.get(kind, name)
+        level = catalogue.registry.get(kind, name)
         node = {"properties": {}} if level.params is None else adopt(level.params, title, defs)
         properties = {"level": {"const": name, "description": level.summary}, **common, **node["properties"]}
-        is_default = group == kind and name == kit.default_level(kind)
+        is_default = group == kind and name == catalogue.default_level(kind)
         defs[title] = {
             "type": "object",
             "title": f"{group}: {name}",
@@ -216,10 +227,10 @@ def _level_of(kit: Kit, kind: str, name: str, group: str, common: Node, defs: di
     return {"$ref": f"#/$defs/{title}"}
 
 
-def _field(kit: Kit, defs: dict[str, Node]) -> Node:
-    ground = {kind: _choice(kit, kind, {}, defs) for kind in kit.field_levels}
+def _field(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
+    ground = {kind: _choice(catalogue, kind, {}, defs) for kind in catalogue.field_levels}
     edge, obstacle, boundary = (
-        adopt(kit.part(p), f"field.{p}", defs) for p in ("edge", "obstacles", "boundary")
+        adopt(catalogue.part(p), f"field.{p}", defs) for p in ("edge", "obstacles", "boundary")
     )
     return {
         "type": "object",
@@ -227,6 +238,12 @@ def _field(kit: Kit, defs: dict[str, Node]) -> Node:
             "folder": {"type": "string", "description": "an imported field: terrain and stand come from it"},
             **ground,
             "edge": edge,
+            "edges": {
+                "type": "object",
+                "description": "several edges by name, instead of `edge`",
+                "additionalProperties": edge,
+                "minProperties": 1,
+            },
             "obstacles": {"type": "array", "items": obstacle},
             "boundary": boundary,
         },

@@ -23,12 +23,17 @@ class Run(BaseModel):
     """How long a run lasts: it ends at whichever limit comes first."""
 
     model_config = STRICT
-    distance_m: Annotated[float, Field(gt=0, le=1e6, description="driven by the first machine [m]")] = 120.0
+    distance_m: Annotated[
+        float, Field(gt=0, le=1e6, description="driven by a machine that cuts; without one, by any [m]")
+    ] = 120.0
     max_duration_s: Annotated[float, Field(gt=0, le=1e6, description="simulated time [s]")] = 120.0
     record: Annotated[
         Literal["standard", "exact", "full"],
         Field(description="run.mcap: standard messages; and every sample exactly; and the scans' truth too"),
     ] = "exact"
+    on_contact: Annotated[
+        Literal["end", "note"], Field(description="a machine touched something: the run ends, or goes on")
+    ] = "end"
 
 
 class RealTime(BaseModel):
@@ -188,3 +193,6 @@ class MachineCommon(BaseModel):
     edge_side: Annotated[
         Literal["left", "right"], Field(description="the end of the header that follows the edge")
     ] = "left"
+    field_edge: Annotated[
+        str | None, Field(description="name of the edge that it follows, of field.edges; default: the first")
+    ] = None

@@ -1,11 +1,12 @@
-"""The slots of a machine: which packages hold their levels, how often they run, what feeds them.
+"""The slots that a machine may have: which packages hold their levels, how often they run, what feeds them.
 
-The order here is the order within one tick. Wires are by the name of the input port; a level connects those
-of its slot's list whose port it has, an optional one only where the level at the other end gives it; a
-scenario's `wires:` override them.
+The order here is the order within one tick. A slot of a machine is an instance of a kind: `lidar`, or, where
+a machine has several, `lidar_left` and `lidar_right`. Wires are by the name of the input port; a level
+connects those of its kind's list whose port it has, an optional one only where the level at the other end
+gives it; a scenario's `wires:` override them. Which slots a machine has unasked: `machine_types.py`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from swath.core.component import Port
@@ -35,12 +36,15 @@ from swath.signals import (
 
 @dataclass(frozen=True)
 class SlotKind:
-    """One slot of a machine.
+    """One kind of slot.
 
     packages: where its levels lie; level: the default one; rate_hz: the default rate
     outputs: ports that every level of it has; more: that some levels have
-    wires: input port -> (slot, output port) of the same machine
-    is_on: present in every machine; otherwise only where a scenario names it
+    wires: input port -> (slot kind, output port) of the same machine
+    is_control: told the geometry of the machine, never the truth
+    is_plural: a machine may have several of it, each named `kind_something`
+    is_exchangeable: its level may change while a run goes on, it keeps nothing of motion and masses
+    link_adapter: `module:Class` that completes a part from elsewhere (FMU, ROS 2 node, log) in this slot
     """
 
     name: str
@@ -49,8 +53,11 @@ class SlotKind:
     rate_hz: float
     outputs: tuple[Port, ...]
     wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    is_on: bool = True
     more: tuple[Port, ...] = ()
+    is_control: bool = False
+    is_plural: bool = False
+    is_exchangeable: bool = False
+    link_adapter: str = ""
 
 
 _STATE = {"state": ("motion", "state")}
@@ -86,6 +93,7 @@ SLOTS: tuple[SlotKind, ...] = (
         10.0,
         (Port("load", MachineLoad),),
         {**_STATE, "flow": ("header", "flow"), "engine": ("powertrain", "engine")},
+        link_adapter="swath.machine.process.straw_laying:LaidStraw",
     ),
     SlotKind(
         "powertrain",
@@ -94,7 +102,6 @@ SLOTS: tuple[SlotKind, ...] = (
         20.0,
         (Port("engine", EngineState),),
         {**_STATE, "load": ("process", "load")},
-        is_on=False,
     ),
     SlotKind(
         "crop_flow",
@@ -103,7 +110,8 @@ SLOTS: tuple[SlotKind, ...] = (
         10.0,
         (Port("feed", FeedReading), Port("grain", YieldReading), Port("loss", LossReading)),
         {"load": ("process", "load")},
-        is_on=False,
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "lidar",
@@ -112,6 +120,8 @@ SLOTS: tuple[SlotKind, ...] = (
         25.0,
         (Port("scan", Scan, unit="m", shape=(None,)), Port("truth", ScanTruth)),
         _STATE,
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "camera",
@@ -120,7 +130,8 @@ SLOTS: tuple[SlotKind, ...] = (
         5.0,
         (Port("image", Image),),
         _STATE,
-        is_on=False,
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "odometry",
@@ -129,6 +140,8 @@ SLOTS: tuple[SlotKind, ...] = (
         50.0,
         (Port("odometry", Odometry),),
         {**_STATE, "steering": ("steering", "steering")},
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "gnss",
@@ -137,7 +150,8 @@ SLOTS: tuple[SlotKind, ...] = (
         10.0,
         (Port("fix", Fix),),
         _STATE,
-        is_on=False,
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "imu",
@@ -146,7 +160,8 @@ SLOTS: tuple[SlotKind, ...] = (
         100.0,
         (Port("inertial", Inertial),),
         _STATE,
-        is_on=False,
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "edge",
@@ -155,6 +170,9 @@ SLOTS: tuple[SlotKind, ...] = (
         25.0,
         (Port("edge", CropEdge),),
         {**_STATE, "scan": ("lidar", "scan"), "odometry": ("odometry", "odometry")},
+        is_control=True,
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "ahead",
@@ -163,7 +181,9 @@ SLOTS: tuple[SlotKind, ...] = (
         5.0,
         (Port("ahead", CropAhead),),
         {"scan": ("lidar", "scan")},
-        is_on=False,
+        is_control=True,
+        is_plural=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "steer",
@@ -172,6 +192,8 @@ SLOTS: tuple[SlotKind, ...] = (
         50.0,
         (Port("command", SteerCommand),),
         {**_STATE, "edge": ("edge", "edge"), "odometry": ("odometry", "odometry")},
+        is_control=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "speed",
@@ -187,6 +209,8 @@ SLOTS: tuple[SlotKind, ...] = (
             "engine": ("powertrain", "engine"),
             "ahead": ("ahead", "ahead"),
         },
+        is_control=True,
+        is_exchangeable=True,
     ),
     SlotKind(
         "steering",
@@ -199,9 +223,20 @@ SLOTS: tuple[SlotKind, ...] = (
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
 TRUTH = (MachineState, ScanTruth)  # what control never sees
-CONTROL = ("edge", "ahead", "steer", "speed")  # these are told the machine's geometry, never the truth
-# Whose level may change while a run goes on: they keep nothing of the machine's motion and masses.
-EXCHANGEABLE = ("lidar", "camera", "odometry", "gnss", "imu", "crop_flow", "edge", "ahead", "steer", "speed")
+
+
+def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:
+    """The kind of a slot by the name of an instance: `lidar` and `lidar_left` are of kind lidar."""
+    kinds = sorted((s for s in slots if is_instance(instance, s)), key=lambda s: len(s.name))
+    return kinds[-1] if kinds else None
+
+
+def is_instance(name: str, kind: SlotKind) -> bool:
+    """True when a slot of this name is of the kind."""
+    return name == kind.name or (
+        kind.is_plural and name.startswith(kind.name + "_") and name != kind.name + "_"
+    )
+
 
 FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
     "terrain": ("swath.field.terrain",),

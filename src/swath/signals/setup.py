@@ -1,9 +1,11 @@
 """What the parts of a machine know about the machine: geometry from the data sheet, never the truth."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from swath.core.component import Port
+from swath.core.errors import InputError
 from swath.core.frames import Pose
 
 
@@ -46,16 +48,26 @@ class MachineGeometry:
 class ControlSetup:
     """What a control component may know.
 
-    mounting: pose_machine_sensor of the edge sensor as the fitter measured it
+    mountings: input port -> pose_machine_sensor of the sensor wired to it, as the fitter measured it
     edge_side: `left` or `right`, the end of the header that follows the edge. With `left` the cut ground lies
     to the left of the edge and the standing crop to its right; with `right` the other way round
     period [s] of the component
     """
 
     machine: MachineGeometry
-    mounting: Pose
+    mountings: Mapping[str, Pose]
     edge_side: str
     period: float
+
+    @property
+    def mounting(self) -> Pose:
+        """Of the one sensor that is wired to the component. InputError where there is none, or several."""
+        poses = list(self.mountings.values())
+        if len(poses) != 1:
+            found = ", ".join(self.mountings) or "none"
+            expected = "expected one sensor with a mounting, such as {scan: lidar.scan}"
+            raise InputError("wires", found, expected)
+        return poses[0]
 
 
 @dataclass(frozen=True)

@@ -61,9 +61,9 @@ def incident_text(event: Mapping[str, Any]) -> str:
 
 def _rows(metrics: Mapping[str, Any], expect: list[Any]) -> list[tuple[str, str, str, str]]:
     """A row for every metric, with its limits below one another, then those on columns and in windows."""
-    from swath.scenario.catalogue import KIT
+    from swath.scenario.catalogue import CATALOGUE
 
-    known = KIT.judged().metrics
+    known = CATALOGUE.judged().metrics
     own = {e["name"]: e for e in expect if not e.get("window") and "hold" not in e["limit"]}
     rows = []
     for name, value in metrics.items():

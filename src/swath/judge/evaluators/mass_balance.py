@@ -41,19 +41,20 @@ class MassBalance:
         """The error as it stands now."""
         missing = self.setup.field.recount()
         held = [self.accounted(name) for name in self._in_transit]
-        grain = balance_error(float(missing.grain), sum(h[0] for h in held))
+        on_ground = self.setup.field.ground_grain_kg
+        grain = balance_error(float(missing.grain), sum(h[0] for h in held) + on_ground)
         straw = balance_error(float(missing.straw), sum(h[1] for h in held))
         return {"mass_balance_error": max(grain, straw)}
 
     def accounted(self, name: str) -> tuple[float, float]:
-        """Grain and straw [kg] cut by a machine that its parts and the ground behind it hold.
+        """Grain and straw [kg] that a machine has taken in and holds, has lost, or has laid behind it.
 
-        Grain that it unloaded counts as its own: it went into its tank before.
+        Grain that it unloaded is where it went: with another machine, or on the ground.
         """
         grain, straw = self._in_transit.get(name, (0.0, 0.0))
         grain += self._shed.get(name, 0.0)
         if (load := self._loads.get(name)) is not None:
-            grain += load.tank_grain + load.lost_grain + load.held_grain
+            grain += load.tank_grain - load.unloaded_grain + load.lost_grain + load.held_grain
             straw += load.dropped_straw + load.held_straw
         return grain, straw
 

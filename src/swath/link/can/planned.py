@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.frames import Pose
 from swath.documents.validation import adapter_of
 from swath.link.can import j1939
 from swath.link.can.box import make_law
@@ -38,9 +37,8 @@ def plan_box(scenario: Scenario) -> BoxPlan:
     if steer is None:
         raise InputError(f"{section.name}.steer", "off", "expected a steering law for the box to run")
     card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
-    knife = Pose.from_euler((card.knife_x, 0.0, 2.0))
     params = steer.params if isinstance(steer.params, Params) else Params()
-    setup = ControlSetup(card, knife, section.common.edge_side, params.period * 1e-9)
+    setup = ControlSetup(card, {}, section.common.edge_side, params.period * 1e-9)
     if isinstance(steer.params, Params):
         base = scenario.file.parent if scenario.file is not None else None
         law = params.make_law(setup, base)

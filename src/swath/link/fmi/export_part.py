@@ -19,7 +19,7 @@ from swath.core.errors import InputError
 from swath.core.graph import Graph
 from swath.core.schedule import NS, Slot
 from swath.link.fmi.export_variables import AMOUNTS
-from swath.run.world import World
+from swath.runtime.world import World
 from swath.signals import MachineState, Signal
 from swath.signals.flat import build, read
 

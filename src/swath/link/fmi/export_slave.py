@@ -82,7 +82,7 @@ class Session:
     def part(self) -> Part:
         """The running part. InputError where a parameter or the scenario cannot be used."""
         if self._part is None:
-            from swath.run.world import assemble
+            from swath.runtime.assembly import assemble
             from swath.scenario.scenario import load_scenario
 
             sets = [f"{key}={json.dumps(value)}" for key, value in self._set_values.items()]

@@ -16,7 +16,8 @@ import numpy as np
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.graph import Node
-from swath.run.world import World, assemble, outside_of
+from swath.runtime.assembly import assemble, outside_of
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals import CropFlow, ScanTruth, Signal
 from swath.signals.flat import flat_fields, read

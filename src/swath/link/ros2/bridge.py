@@ -18,8 +18,8 @@ from swath.link.ros2.desk import Desk
 from swath.link.ros2.middleware import close_node, open_node, set_stamp, stream_qos, type_of
 from swath.link.ros2.parameters import RunParameters
 from swath.link.ros2.publisher import Publisher
-from swath.run.changes import Restart
-from swath.run.hooks import ActiveRun, RunHook
+from swath.runtime.changes import Restart
+from swath.runtime.hooks import ActiveRun, RunHook
 
 CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]
 POLL_S = 0.1

@@ -9,7 +9,7 @@ ros2 param delete /swath obstacles.pole
 from typing import Any
 
 from swath.link.ros2.desk import Desk
-from swath.run.changes import Interventions
+from swath.runtime.changes import Interventions
 
 
 class RunParameters:

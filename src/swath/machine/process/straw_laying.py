@@ -6,8 +6,8 @@ from typing import Any
 from swath.core.abilities import Closes, HasNotes
 from swath.core.component import Component, Inputs, Outputs, Port, State
 from swath.core.random import Stream
-from swath.machine.machine_sheet import MachineCard
-from swath.machine.process.straw_outlet import StrawGround, StrawOutlet
+from swath.field.site_setup import SiteSetup
+from swath.machine.process.straw_outlet import StrawOutlet
 from swath.signals import MachineLoad, MachineState
 
 WIDTH, STEP = 1.4, 0.25  # of the swath [m], as the built-in levels have it
@@ -16,13 +16,13 @@ WIDTH, STEP = 1.4, 0.25  # of the swath [m], as the built-in levels have it
 class LaidStraw:
     """A process, and what its `load.dropped_straw` grows by, laid as a swath behind the machine."""
 
-    def __init__(self, part: Component, ground: StrawGround, card: MachineCard) -> None:
+    def __init__(self, part: Component, setup: SiteSetup) -> None:
         self.part = part
         self.outputs = part.outputs
         self._passes_state = any(p.name == "state" for p in part.inputs)
         own = () if self._passes_state else (Port("state", MachineState),)
         self.inputs = (*part.inputs, *own)
-        self._outlet = StrawOutlet(ground, card.body[0], WIDTH, STEP, ridge=True)
+        self._outlet = StrawOutlet(setup.field, setup.machine.body[0], WIDTH, STEP, ridge=True)
         self._dropped = 0.0
 
     @property

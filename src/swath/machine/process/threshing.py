@@ -21,6 +21,7 @@ from swath.machine.drivetrain_sheet import Cleaning, works_of
 from swath.machine.process.rotor import Rotor, coupled_one
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.machine.process.transport import Conveyor, Masses, Mixer, flow_delay
+from swath.machine.process.unloading_pipe import UnloadingPipe
 from swath.signals import CropFlow, EngineState, MachineLoad, MachineState
 
 TOTALS = ("tank", "lost", "straw", "unloaded")
@@ -83,6 +84,7 @@ class ThreshingProcess:
         if not is_swath:
             width, step = setup.machine.header_width, p.spread_step_m
         self._outlet = StrawOutlet(setup.field, rear, width, step, ridge=is_swath)
+        self._pipe = UnloadingPipe(setup)
         self._tank_start = w.tank * p.tank_start_percent * PERCENT
         t = w.transport
         self._spread, self._lift = Mixer(2), Mixer(1)
@@ -129,6 +131,7 @@ class ThreshingProcess:
             self._totals["lost"].add(loss)
         self._totals["straw"].add(flows.straw)
         self._outlet.drop(flows.straw, inputs["state"])
+        self._pipe.pour(flows.unloaded, inputs["state"])
         return {"load": self._load(t + dt, h, flows)}
 
     def save(self) -> State:

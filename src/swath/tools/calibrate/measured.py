@@ -62,7 +62,7 @@ def read_run(folder: Path) -> tuple[Samples, str]:
 
     Ground and stand are those of the run's scenario; the scanner's spot follows from its card and the range.
     """
-    from swath.run.field_setup import build_field
+    from swath.runtime.field_setup import build_field
     from swath.scenario.scenario import load_scenario
     from swath.sensing.lidar_sheet import load_lidar
     from swath.tools.height_map.bag import open_bag
@@ -82,7 +82,7 @@ def read_run(folder: Path) -> tuple[Samples, str]:
         at, rotation, known = source.track.at(echoes.time)
         point = at + np.einsum("nij,nj->ni", rotation, source.mounting.apply(echoes.points))
         sensor = at + rotation @ source.mounting.position
-        keep = known & (field.nominal_edge.signed_distance(point[:, 0], point[:, 1]) > FROM_EDGE)
+        keep = known & (field.first_edge.signed_distance(point[:, 0], point[:, 1]) > FROM_EDGE)
         point, sensor = point[keep], sensor[keep]
         if not len(point):
             continue

@@ -30,7 +30,7 @@ from swath.field.field_setup import FieldSetup
 from swath.field.site_setup import SiteSetup
 from swath.field.stand import uniform
 from swath.field.terrain import plane
-from swath.scenario.catalogue import KIT
+from swath.scenario.catalogue import CATALOGUE
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.signals import F64, MachineState, Scan
@@ -220,7 +220,7 @@ class Bench:
     ) -> Iterator[tuple[int, F64, Scan]]:
         """Time [ns], first echoes in the world (beams, 3) as the scanner places them, and the scan."""
         params = make_params(self.settings, level, self._parameters(level) | more)
-        lidar = KIT.registry.get("lidar", level, base=self.settings.base).component(params, self.setup)
+        lidar = CATALOGUE.registry.get("lidar", level, base=self.settings.base).component(params, self.setup)
         lidar.reset(self.stream.child(f"lidar.{self.case.sensor}"))
         mounting, period = self.mount.pose(CARRIAGE, "left"), round(self.setup.period * NS)
         for k, pose in enumerate(stops):
@@ -239,7 +239,7 @@ class Bench:
             "reach_m": self.reach,
             "sub_rays": SUB_RAYS,
         }
-        known = known_keys(KIT.registry.get("lidar", level, base=self.settings.base).params)
+        known = known_keys(CATALOGUE.registry.get("lidar", level, base=self.settings.base).params)
         return {k: v for k, v in values.items() if k in known}
 
     def _record(self) -> Path:
@@ -274,7 +274,7 @@ class Bench:
 
 def make_params(settings: Settings, level: str, values: dict[str, Any]) -> Any:
     """Checked parameters of a level: `values`, and those of `settings.sets` that it knows."""
-    kind = KIT.registry.get("lidar", level, base=settings.base).params
+    kind = CATALOGUE.registry.get("lidar", level, base=settings.base).params
     known = known_keys(kind)
     data = values | {k: v for k, v in settings.sets.items() if k in known}
     params, errors = validate(kind, data, (), Document(data))
@@ -291,13 +291,15 @@ class _Levels:
 
 def _choose_levels(settings: Settings, height: float) -> _Levels:
     """The levels asked for, or all of the registry that can be made here; the reference first."""
-    have = KIT.registry.names("lidar")
+    have = CATALOGUE.registry.names("lidar")
     asked = have if settings.levels is None else list(settings.levels)
     for name in asked:
         if name not in have and ".py:" not in name:
             hint = near_miss(name, have)
             raise InputError("--levels", name, f"expected {', '.join(have)}, or file.py:Class{hint}")
-    every = {k for n in asked for k in known_keys(KIT.registry.get("lidar", n, base=settings.base).params)}
+    every = {
+        k for n in asked for k in known_keys(CATALOGUE.registry.get("lidar", n, base=settings.base).params)
+    }
     for key in settings.sets:
         if key not in every:
             raise InputError(f"--set {key}", None, unknown_key(key, sorted(every)))
@@ -309,7 +311,7 @@ def _choose_levels(settings: Settings, height: float) -> _Levels:
         if name != "replay":
             values = make_params(settings, name, bench._parameters(name))
             try:
-                KIT.registry.get("lidar", name, base=settings.base).component(values, bench.setup)
+                CATALOGUE.registry.get("lidar", name, base=settings.base).component(values, bench.setup)
             except InputError as error:
                 if settings.levels is not None:
                     raise

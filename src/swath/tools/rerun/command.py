@@ -79,7 +79,7 @@ def with_verb(argv: list[str]) -> list[str]:
 
 def run_play(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`; 0 too where slots came out otherwise than recorded."""
-    from swath.run.folder import choose_run_folder
+    from swath.runtime.folder import choose_run_folder
     from swath.terminal.outcome import print_outcome
     from swath.tools.rerun.rerun import plan_again
 

@@ -8,7 +8,7 @@ from swath.core.schedule import NS
 from swath.record.digest import Digest, encode, sample_bytes
 from swath.record.read.feed import Demux, exact_samples, exact_topic, own_outputs
 from swath.record.read.files import Log
-from swath.run.hooks import ActiveRun, RunHook
+from swath.runtime.hooks import ActiveRun, RunHook
 from swath.signals import Signal
 
 

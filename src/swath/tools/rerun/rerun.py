@@ -10,11 +10,11 @@ from swath.core.errors import InputError
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
 from swath.report.report import ReportWriter
-from swath.run.changes import read_events
-from swath.run.hooks import RunHook
-from swath.run.job import JobResult, run_job
+from swath.runtime.changes import read_events
+from swath.runtime.hooks import RunHook
+from swath.runtime.job import JobResult, run_job
 from swath.scenario.scenario import Scenario, load_scenario, parse_scenario
-from swath.scenario.slots import CONTROL, SLOTS
+from swath.scenario.slots import kind_of
 from swath.tools.rerun.comparison import SameAsRecorded
 
 SENSING = "swath.sensing."
@@ -82,10 +82,13 @@ def _slots(scenario: Scenario) -> list[str]:
 
 def _usual(exact: Sequence[str]) -> list[str]:
     """Sensors, and the motion: with another path under it, what the sensors saw would be out of place."""
-    sensors = [
-        s.name for s in SLOTS if s.name not in CONTROL and all(p.startswith(SENSING) for p in s.packages)
-    ]
-    return [s for s in exact if s.rpartition(".")[2] in ("motion", *sensors)]
+
+    def is_played(slot: str) -> bool:
+        kind = kind_of(slot.rpartition(".")[2])
+        is_sensor = kind is not None and not kind.is_control and kind.packages[0].startswith(SENSING)
+        return is_sensor or (kind is not None and kind.name == "motion")
+
+    return [s for s in exact if is_played(s)]
 
 
 def _named(slots: Sequence[str], exact: Sequence[str]) -> list[str]:

@@ -33,7 +33,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Make the scan, print where its files are."""
     from swath.core.errors import InputError
-    from swath.run.folder import choose_scan_folder
+    from swath.runtime.folder import choose_scan_folder
 
     at = _seconds(args.at)
     scenario = _with_camera(args) if args.camera else load(args)

@@ -135,7 +135,7 @@ def _heights(field: Field, points: F64) -> F64:
     height = np.full(len(points), np.nan)
     seen = np.isfinite(points[:, 0])
     x, y, z = points[seen].T
-    inside = field.nominal_edge.signed_distance(x, y) > INSIDE_M
+    inside = field.first_edge.signed_distance(x, y) > INSIDE_M
     height[seen] = np.where(inside, z - field.ground_height(x, y), np.nan)
     return height
 

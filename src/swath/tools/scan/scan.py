@@ -13,9 +13,10 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.report.scan_sampler import ScanSampler
-from swath.run.evaluation import make_evaluation
-from swath.run.loop import drive
-from swath.run.world import World, assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
+from swath.runtime.loop import drive
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals import F64, Image, MachineState, Scan, ScanTruth
 from swath.tools.scan.converge import Settling
@@ -160,5 +161,5 @@ def _drive_to_scan(scenario: Scenario, at_s: float, *more: str) -> tuple[World, 
 
 def _edge_line(world: World) -> F64:
     """The initial edge as points (500, 2) in the world [m]."""
-    edge = world.field.nominal_edge
+    edge = world.field.first_edge
     return np.asarray(edge.point_at(np.linspace(0.0, edge.length, 500)))

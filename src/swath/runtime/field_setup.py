@@ -31,7 +31,8 @@ FAR_M = (
 
 @dataclass(frozen=True)
 class Ground:
-    """field; obstacles on it; driven: the real pass that the edge follows, (n, 2) world [m], if it does.
+    """field; obstacles on it; driven: the real pass that the first edge follows, (n, 2)
+    world [m], if it does.
 
     origin: where on Earth the world's origin lies, of an imported field or of maps in a known system
     """
@@ -54,14 +55,15 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
     field = make_field(
         section.terrain.make(setup) if section.terrain is not None else _terrain_of(folder),
         stand,
-        make_edge(section.edge, setup),
+        {name: make_edge(edge, setup, name) for name, edge in section.edges.items()},
         crop=load_crop(stand.crop),
         stream=stream,
         boundary=region,
     )
     driven = None
-    if isinstance(section.edge, TrackEdge) and section.edge.file is None:
-        driven = setup.tracks[section.edge.track]
+    first = next(iter(section.edges.values()))
+    if isinstance(first, TrackEdge) and first.file is None:
+        driven = setup.tracks[first.track]
     origin = mapped if folder is None else folder.origin
     if mapped is not None:
         origin = replace(mapped, height=float(getattr(field.terrain, "datum", 0.0)))

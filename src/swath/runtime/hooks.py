@@ -8,8 +8,8 @@ from typing import Any
 from swath.core.graph import Observer
 from swath.judge.evaluation import Evaluation
 from swath.record.recorder import Recorder
-from swath.run.changes import Interventions
-from swath.run.world import World
+from swath.runtime.changes import Interventions
+from swath.runtime.world import World
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,14 @@ from swath.judge.limits import is_failed
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
-from swath.run.changes import Interventions, Restart, Script
-from swath.run.evaluation import make_evaluation
-from swath.run.folder import clear_run_folder
-from swath.run.hooks import ActiveRun, RunHook
-from swath.run.loop import Progress, drive
-from swath.run.pacing import Pacer, make_pacer, paced
-from swath.run.world import World, assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.changes import Interventions, Restart, Script
+from swath.runtime.evaluation import make_evaluation
+from swath.runtime.folder import clear_run_folder
+from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.loop import Progress, drive
+from swath.runtime.pacing import Pacer, make_pacer, paced
+from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 
 

@@ -8,18 +8,20 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.record.digest import Digest
-from swath.run.changes import Interventions, Script, read_events
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.changes import Interventions, Script, read_events
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 
 TEXT = """
+format: swath scenario 2
 name: changed
 run: {distance_m: 100, max_duration_s: 1.2}
 field: {edge: {shape: straight}, obstacles: [{kind: post, x_m: -5, y_m: 30}, {kind: stone, x_m: 5, y_m: 30}]}
-combine:
-  motion: {level: kinematic, start_speed_kmh: 7}
-  lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 4}
+machines:
+  combine:
+    motion: {level: kinematic, start_speed_kmh: 7}
+    lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 4}
 """
 WALL = "{kind: box, x_m: 0, y_m: 4, length_m: 14, width_m: 1, height_m: 3}"
 

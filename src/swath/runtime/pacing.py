@@ -20,8 +20,9 @@ from typing import Any
 from swath.core.errors import SwathError
 from swath.core.graph import Graph
 from swath.core.schedule import NS
-from swath.run.clock import Clock, WallClock, scheduling
-from swath.run.world import World, exchange, make_part
+from swath.runtime.assembly import exchange, make_part
+from swath.runtime.clock import Clock, WallClock, scheduling
+from swath.runtime.world import World
 from swath.scenario.sections import RealTime
 
 MS = 1_000_000

@@ -1,9 +1,9 @@
 """The evaluators of a world."""
 
-from swath.judge.catalogue import catalogue
+from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import EvaluatorSetup
-from swath.run.world import World
+from swath.runtime.world import World
 
 
 def make_evaluation(world: World) -> Evaluation:
@@ -15,10 +15,10 @@ def make_evaluation(world: World) -> Evaluation:
             machines=machines,
             name=name,
             overlap=machine.overlap,
-            gaps=world.field.edge.gaps,
+            gaps=next((e.gaps for e in world.field.edges.values() if e.shape is machine.edge), ()),
             obstacles=world.obstacles,
             bodies=world.bodies,
         )
         for name, machine in world.machines.items()
     }
-    return Evaluation(catalogue(world.scenario.evaluators), setups, world.scenario.expect)
+    return Evaluation(load_evaluators(world.scenario.evaluators), setups, world.scenario.expect)

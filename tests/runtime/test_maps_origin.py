@@ -8,15 +8,17 @@ pytest.importorskip("rasterio")
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.raster import Raster
-from swath.run.field_setup import build_field
+from swath.runtime.field_setup import build_field
 from swath.scenario.scenario import parse_scenario
 
 TEXT = """
+format: swath scenario 2
 field:
   terrain: {level: dem, file: dem.tif}
   stand: {level: maps, density_file: density.tif}
   edge: {shape: straight}
-combine: {speed: {speed_kmh: 5}}
+machines:
+  combine: {speed: {speed_kmh: 5}}
 """
 EAST, NORTH = 564000.0, 5712000.0
 

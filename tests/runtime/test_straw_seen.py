@@ -5,23 +5,25 @@ import pytest
 
 from swath.field.memory_layout import Organ
 from swath.rays.engine import RayCaster
-from swath.run.loop import drive
-from swath.run.world import assemble
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 
 SCENARIO = """
+format: swath scenario 2
 name: swath-seen
 run: {distance_m: 32, max_duration_s: 60}
 field:
   terrain: plane
   stand: {level: uniform, stems_per_m2: 300}
   edge: {shape: straight, length_m: 80}
-combine:
-  motion: {level: single_track, rate_hz: 50, start_speed_kmh: 8, substep_ms: 10}
-  process: threshing
-  lidar: off
-  edge: {level: truth, rate_hz: 5}
-  speed: {speed_kmh: 8}
+machines:
+  combine:
+    motion: {level: single_track, rate_hz: 50, start_speed_kmh: 8, substep_ms: 10}
+    process: threshing
+    lidar: off
+    edge: {level: truth, rate_hz: 5}
+    speed: {speed_kmh: 8}
 """
 
 

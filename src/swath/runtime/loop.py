@@ -6,12 +6,13 @@ odometry, edge, steer, speed, steering. Observers record and judge.
 
 from collections.abc import Callable, Sequence
 
-from swath.core.graph import Observer
+from swath.core.abilities import EndsRun
+from swath.core.graph import EndOfRun, Observer
 from swath.core.schedule import NS
-from swath.run.world import World
+from swath.runtime.world import World
 from swath.signals import MachineState
 
-BREATH = NS // 4  # simulated time between progress reports [ns]
+REPORT_EVERY = NS // 4  # simulated time between progress reports [ns]
 
 Progress = Callable[[float, float], None]
 
@@ -26,25 +27,39 @@ def drive(
 ) -> None:
     """Run a world to the end of its scenario, or to a simulated time.
 
-    observers see every sample in order; progress is called with (driven distance [m], simulated time [s]);
-    resume: go on from where the world stands instead of from the start
+    observers see every sample in order, and may end the run (`core.abilities.EndsRun`); progress is called
+    with (driven distance [m], simulated time [s]); resume: go on from where the world stands instead of from
+    the start
     """
     graph, run = world.graph, world.scenario.run
     graph.observers = [world.place_bodies, *observers]
+    seen: Sequence[object] = observers
+    ending = [o for o in seen if isinstance(o, EndsRun)]
+
+    def end_with_observers(t: int) -> None:
+        for observer in ending:
+            if reason := observer.end_reason(t):
+                raise EndOfRun(reason)
+
+    if ending:
+        graph.before_tick.append(end_with_observers)
     if not resume:
-        graph.reset()
+        world.reset()
     limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
     end = round(limit_s * NS)
     while graph.t < end and not has_arrived(world) and not graph.ended:
-        graph.run(min(graph.t + BREATH, end), stop=lambda: has_arrived(world))
+        graph.run(min(graph.t + REPORT_EVERY, end), stop=lambda: has_arrived(world))
         if progress is not None:
             progress(driven_m(world), graph.t / NS)
+    if ending:
+        graph.before_tick.remove(end_with_observers)
 
 
 def driven_m(world: World) -> float:
-    """Distance the first machine has driven [m]."""
-    state = world.graph.latest(f"{world.leader.name}.motion", "state")
-    return state.distance if isinstance(state, MachineState) else 0.0
+    """The longest distance that a machine that cuts has driven; without one, that any has [m]."""
+    names = [m.name for m in world.machines.values() if m.cuts] or list(world.machines)
+    states = (world.graph.latest(f"{name}.motion", "state") for name in names)
+    return max((s.distance for s in states if isinstance(s, MachineState)), default=0.0)
 
 
 def has_arrived(world: World) -> bool:

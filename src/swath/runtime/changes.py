@@ -22,7 +22,8 @@ from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field.memory_layout import Solids
 from swath.field.solids import make_obstacles
-from swath.run.world import World, exchange, make_part
+from swath.runtime.assembly import exchange, make_part
+from swath.runtime.world import World
 from swath.scenario.resolved import SlotChoice
 from swath.scenario.scenario import Scenario, parse_scenario
 

@@ -1,0 +1,67 @@
+"""Grain that leaves a machine: who takes it, and the piles of it on the ground."""
+
+from math import floor, fsum, isfinite
+from typing import Any, Protocol
+
+from swath.core.errors import InputError
+
+SQUARE = 0.5  # grain on the ground is counted by squares of this side [m]
+
+
+class GrainReceiver(Protocol):
+    """Whatever grain can fall on or into: the ground, the body of a cart."""
+
+    def receive(self, mass_kg: float, place: Any) -> None:
+        """Take over grain [kg] that comes down from `place`, world point (3,) [m]. It keeps all of it."""
+        ...
+
+
+class GrainGround(Protocol):
+    """The part of a field that takes grain."""
+
+    def deposit_grain(self, x: float, y: float, mass_kg: float) -> None: ...
+
+
+class GroundReceiver:
+    """Takes grain onto the ground right below where it comes from."""
+
+    def __init__(self, ground: GrainGround) -> None:
+        self.ground = ground
+
+    def receive(self, mass_kg: float, place: Any) -> None:
+        """Lay it down."""
+        self.ground.deposit_grain(float(place[0]), float(place[1]), mass_kg)
+
+
+class GrainPiles:
+    """Mass of grain on the ground, by squares of the world [kg]."""
+
+    def __init__(self) -> None:
+        self._mass: dict[tuple[int, int], float] = {}
+
+    def add(self, x: float, y: float, mass_kg: float) -> None:
+        """Grain [kg] onto the square of a world point [m]. Raises InputError for a mass below 0."""
+        if not 0.0 <= mass_kg < float("inf"):
+            raise InputError("mass_kg", mass_kg, "expected >= 0")
+        if not (isfinite(x) and isfinite(y)):
+            raise InputError("position", (x, y), "expected finite x and y")
+        if mass_kg > 0.0:
+            square = floor(x / SQUARE), floor(y / SQUARE)
+            self._mass[square] = self._mass.get(square, 0.0) + mass_kg
+
+    def piles(self) -> list[tuple[float, float, float]]:
+        """Middle of each square with grain and the grain there: x, y [m], mass [kg]."""
+        return [((i + 0.5) * SQUARE, (j + 0.5) * SQUARE, m) for (i, j), m in self._mass.items()]
+
+    @property
+    def total(self) -> float:
+        """All of it [kg]."""
+        return fsum(self._mass.values())
+
+    def save(self) -> dict[tuple[int, int], float]:
+        """Mass by square."""
+        return dict(self._mass)
+
+    def load(self, state: dict[tuple[int, int], float]) -> None:
+        """Back to a saved moment; an empty state is the start."""
+        self._mass = dict(state)

@@ -1,0 +1,36 @@
+"""The unloading pipe of a grain tank: where grain that leaves the tank comes out."""
+
+from typing import Protocol
+
+import numpy as np
+
+from swath.core.frames import Array
+from swath.field.grain import GrainReceiver
+from swath.signals import MachineState
+from swath.signals.setup import MachineGeometry
+
+BESIDE_HEADER = 1.5  # of the pipe's end, leftward beyond the header [m]: the middle of a cart; an estimate
+
+
+class PipeSetup(Protocol):
+    """What the pipe asks of a setup."""
+
+    @property
+    def machine(self) -> MachineGeometry: ...
+    @property
+    def receiver(self) -> GrainReceiver: ...
+
+
+class UnloadingPipe:
+    """Pours grain out at its end: to the left of the header, over the fixed axle, at the top of the body."""
+
+    def __init__(self, setup: PipeSetup) -> None:
+        machine = setup.machine
+        left = machine.header_y + 0.5 * machine.header_width + BESIDE_HEADER
+        self._setup = setup
+        self.end: Array = np.array([0.0, left, machine.body[4]])
+
+    def pour(self, mass_kg: float, state: MachineState) -> None:
+        """Hand grain [kg] over to whatever is below the end of the pipe."""
+        if mass_kg > 0.0:
+            self._setup.receiver.receive(mass_kg, state.pose.apply(self.end))

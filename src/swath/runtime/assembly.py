@@ -1,0 +1,298 @@
+"""From a scenario to a world: the field, the machines in it, their parts and connections."""
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from swath.core.abilities import (
+    Closes,
+    EndsRun,
+    HasMounting,
+    HasOpticalFrame,
+    HasOverlap,
+    NeedsRealTime,
+)
+from swath.core.component import Port, State
+from swath.core.errors import InputError, SwathError
+from swath.core.frames import Pose
+from swath.core.graph import Graph, Node
+from swath.core.random import Stream
+from swath.core.schedule import Slot, from_hz
+from swath.field.field import Field
+from swath.field.memory_layout import Solids
+from swath.field.projection import Origin
+from swath.field.site_setup import Bodies, SiteSetup
+from swath.field.solids import machine_body
+from swath.field.track import EdgeShape
+from swath.machine.machine_sheet import MachineCard, load_machine
+from swath.record.messages import OPTICAL_FRAME
+from swath.runtime.field_setup import build_field
+from swath.runtime.placing import check_room, check_side, edge_of, start_pose
+from swath.runtime.world import Machine, World
+from swath.scenario.resolved import MachineSection, SlotChoice
+from swath.scenario.scenario import Scenario
+from swath.scenario.slots import SLOTS, TRUTH, kind_of
+from swath.signals.setup import ControlSetup, LinkSetup
+
+
+def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> World:
+    """Build the world. InputError or WiringError, with file and line, where something cannot work.
+
+    only: full names of slots, such as `combine.process`: nothing else runs in the graph, and what comes from
+    elsewhere is put in from outside (`Graph.put`)
+    """
+    try:
+        return _assemble(scenario, only)
+    except InputError as error:
+        raise scenario.locate(error) from error
+
+
+def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
+    base = _base(scenario)
+    ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
+    site = _Site(ground.field, ground.obstacles, Bodies(), base, ground.origin)
+    machines, nodes = {}, []
+    for section in scenario.machines.values():
+        machine, own_nodes = _build_machine(_reduced(section, only), site)
+        if only is None:
+            _check_pace(scenario, machine)
+        machines[section.name] = machine
+        nodes += [n for n in own_nodes if only is None or n.slot.name in only]
+        check_room(scenario, machine, ground.field)
+    graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
+    world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
+    if any(isinstance(part, EndsRun) for machine in machines.values() for part in machine.parts.values()):
+        graph.before_tick.append(world.end_with_parts)
+    return world
+
+
+def _base(scenario: Scenario) -> Path:
+    return scenario.file.parent if scenario.file is not None else Path.cwd()
+
+
+def _reduced(section: MachineSection, only: Collection[str] | None) -> MachineSection:
+    """The machine with the slots asked for, and the sensors whose mounting their control is told."""
+    if only is None:
+        return section
+    named = {slot for slot in section.slots if f"{section.name}.{slot}" in only}
+    wired = {
+        source.rpartition(".")[2]
+        for slot in named
+        if section.slots[slot].kind.is_control
+        for source, _ in section.slots[slot].wires.values()
+        if source.startswith(f"{section.name}.")
+    }
+    kept = named | {s for s in wired if s in section.slots and section.slots[s].kind.name == "lidar"}
+    slots = {slot: choice for slot, choice in section.slots.items() if slot in kept}
+    return dataclasses.replace(section, slots=slots, present=section.present)
+
+
+def outside_of(nodes: Sequence[Node]) -> dict[str, dict[str, Port]]:
+    """What the wires of these nodes bring from elsewhere: slot -> output -> port, as the inputs want it."""
+    inside = {node.slot.name for node in nodes}
+    found: dict[str, dict[str, Port]] = {}
+    for node in nodes:
+        ports = {port.name: port for port in node.component.inputs}
+        for name, (source, output) in node.wires.items():
+            if source not in inside and name in ports:
+                port = ports[name]
+                sent = Port(output, port.signal, port.unit, port.shape)
+                found.setdefault(source, {}).setdefault(output, sent)
+    return found
+
+
+@dataclass(frozen=True)
+class _Site:
+    """What all machines of a scenario share."""
+
+    field: Field
+    obstacles: Solids
+    bodies: Bodies
+    base: Path
+    origin: Origin | None = None
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A machine that is being built: where it stands, on which edge, and what its sensors told so far."""
+
+    section: MachineSection
+    card: MachineCard
+    edge: EdgeShape
+    start: Pose
+    mountings: Mapping[str, Pose]
+    site: _Site
+
+
+def _build_machine(section: MachineSection, site: _Site) -> tuple[Machine, list[Node]]:
+    card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
+    edge = edge_of(section, site.field)
+    check_side(section, edge)
+    start = start_pose(section, site.field, edge, card)
+    site.bodies.add(section.name, machine_body(card), start)
+    parts: dict[str, Any] = {}
+    mountings: dict[str, Pose] = {}
+    place = _Place(section, card, edge, start, mountings, site)
+    for slot in _build_order(section.slots):
+        part = parts[slot] = _make(place, slot, section.slots[slot])
+        if isinstance(part, HasMounting) and isinstance(part.mounting, Pose):
+            mountings[slot] = part.mounting
+        if isinstance(part, HasOpticalFrame):
+            mountings[slot + OPTICAL_FRAME] = part.optical
+    nodes = [_node(section, slot, choice, parts[slot], parts) for slot, choice in section.slots.items()]
+    steer = parts.get("steer")
+    overlap = float(steer.overlap) if isinstance(steer, HasOverlap) else 0.0
+    return Machine(section, card, edge, start, parts, mountings, overlap, origin=site.origin), nodes
+
+
+def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[str, tuple[str, str]]]:
+    """A component for the slot `name`, such as `combine.lidar`, of a standing world, and its wires.
+
+    InputError or WiringError where it cannot be had. `exchange` puts it into the slot.
+    """
+    machine_name, _, slot = name.partition(".")
+    machine = world.machines[machine_name]
+    site = _Site(world.field, world.obstacles, world.bodies, _base(world.scenario), machine.origin)
+    place = _Place(machine.section, machine.card, machine.edge, machine.start, machine.mountings, site)
+    component = _make(place, slot, choice)
+    return component, _node(machine.section, slot, choice, component, machine.parts).wires
+
+
+def exchange(
+    world: World,
+    name: str,
+    component: Any,
+    wires: Mapping[str, tuple[str, str]],
+    *,
+    state: State | None = None,
+) -> None:
+    """From its next step on, another component plays the slot `name`; the old one is kept as retired.
+
+    state: of the component before, which is of the same level: it goes on where that one stood, and that one
+    is let go. Without it only exchangeable slots can: the state of the others is the machine's own.
+    InputError, WiringError.
+    """
+    machine_name, _, slot = name.partition(".")
+    kind = kind_of(slot)
+    if state is None and (kind is None or not kind.is_exchangeable):
+        able = ", ".join(s.name for s in SLOTS if s.is_exchangeable)
+        raise InputError("slot", name, f"expected one of {able} to exchange")
+    world.graph.exchange(name, component, wires, state)
+    machine = world.machines[machine_name]
+    before, machine.parts[slot] = machine.parts[slot], component
+    if state is None:
+        machine.retired.append(before)
+    elif isinstance(before, Closes):
+        before.close()
+
+
+def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
+    """What the level of a slot is told: the site, or for control and links less."""
+    section, site = place.section, place.site
+    period = from_hz(choice.common.rate_hz) * 1e-9
+    control = ControlSetup(place.card, _mountings(place, choice), section.common.edge_side, period)
+    if choice.found.is_link:
+        return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base)
+    if choice.kind.is_control and not choice.found.sees_truth:
+        return control
+    return _site_setup(place, period)
+
+
+def _site_setup(place: _Place, period: float) -> SiteSetup:
+    site, section = place.site, place.section
+    return SiteSetup(
+        field=site.field,
+        machine=place.card,
+        start=place.start,
+        edge_side=section.common.edge_side,
+        period=period,
+        name=section.name,
+        obstacles=site.obstacles,
+        bodies=site.bodies,
+        base=site.base,
+        origin=site.origin,
+        edge=place.edge,
+    )
+
+
+def _mountings(place: _Place, choice: SlotChoice) -> dict[str, Pose]:
+    """Input port -> mounting of the sensor of the same machine that is wired to it."""
+    own = f"{place.section.name}."
+    wired = {port: source.removeprefix(own) for port, (source, _) in choice.wires.items()}
+    return {port: place.mountings[slot] for port, slot in wired.items() if slot in place.mountings}
+
+
+def _offered(choice: SlotChoice) -> tuple[Port, ...]:
+    """The ports that the wires of a slot bring, without the truth where it is control; each optional."""
+    offered = []
+    for port, (source, output) in choice.wires.items():
+        kind = kind_of(source.rpartition(".")[2])
+        gives = {} if kind is None else {p.name: p for p in (*kind.outputs, *kind.more)}
+        sent = gives.get(output)
+        if sent is not None and not (choice.kind.is_control and sent.signal in TRUTH):
+            offered.append(Port(port, sent.signal, sent.unit, sent.shape, optional=True))
+    return tuple(offered)
+
+
+def _build_order(slots: Mapping[str, SlotChoice]) -> list[str]:
+    """Sensors first: control is told where they sit."""
+    return sorted(slots, key=lambda slot: slots[slot].kind.is_control)
+
+
+def _make(place: _Place, slot: str, choice: SlotChoice) -> Any:
+    name = f"{place.section.name}.{slot}"
+    try:
+        component = choice.make(_setup(place, slot, choice))
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(f"{name}.{error.key}", error.value, error.expected) from error
+    except SwathError:
+        raise
+    except Exception as error:
+        if ".py:" not in choice.level:
+            raise
+        what = f"could not be made by Class(params, setup): {type(error).__name__}: {error}"
+        raise InputError(f"{name}.level", choice.level, what) from error
+    absent = [verb for verb in ("inputs", "outputs", "reset", "step") if not hasattr(component, verb)]
+    if absent:
+        what = f"has no {', '.join(absent)}; expected a component as in examples/my_edge_detector.py"
+        raise InputError(f"{name}.level", choice.level, what)
+    if choice.found.is_link and choice.kind.link_adapter:
+        module, _, adapter = choice.kind.link_adapter.partition(":")
+        component = getattr(import_module(module), adapter)(component, _site_setup(place, 0.0))
+    return component
+
+
+def _node(
+    section: MachineSection, slot: str, choice: SlotChoice, component: Any, parts: Mapping[str, Any]
+) -> Node:
+    """A component with its wires. parts: of the machine, as far as they are built."""
+    common = choice.common
+    ports = {p.name: p for p in component.inputs}
+    sent = {f"{section.name}.{name}": {p.name for p in part.outputs} for name, part in parts.items()}
+    present = {f"{section.name}.{name}" for name in section.present}
+
+    def is_kept(port: str, source: str, output: str) -> bool:
+        """A wire of the kind's list is left out where its port is not there, or may stay open and does."""
+        if port in common.wires:
+            return True
+        is_there = source in present and (source not in sent or output in sent[source])
+        return port in ports and (is_there or not ports[port].optional)
+
+    wires = {port: wire for port, wire in choice.wires.items() if is_kept(port, *wire)}
+    timing = Slot(
+        f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
+    )
+    return Node(timing, component, wires)
+
+
+def _check_pace(scenario: Scenario, machine: Machine) -> None:
+    """Parts that answer by the clock on the wall need a run that goes by it."""
+    for slot, part in machine.parts.items():
+        if isinstance(part, NeedsRealTime) and part.needs_real_time and not scenario.is_paced:
+            expected = f"{part.needs_real_time}: expected a run with --real-time"
+            raise InputError(f"{machine.name}.{slot}", None, expected)

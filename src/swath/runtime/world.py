@@ -1,0 +1,140 @@
+"""The world: a field, the machines in it, and the graph that runs their parts. `assembly.py` builds it."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes
+from swath.core.frames import Pose
+from swath.core.graph import EndOfRun, Graph
+from swath.field.field import Field
+from swath.field.memory_layout import Solids
+from swath.field.projection import Origin
+from swath.field.site_setup import Bodies
+from swath.field.track import EdgeShape
+from swath.machine.machine_sheet import MachineCard
+from swath.record.messages import RecordedMachine
+from swath.scenario.resolved import MachineSection
+from swath.scenario.scenario import Scenario
+from swath.signals import F64
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine in the world. parts: slot -> component; mountings: sensor slot -> pose_machine_sensor
+
+    edge: the initial edge that it follows; start: pose_world_machine at t = 0
+    overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
+    retired: parts that others replaced while running
+    origin: where on Earth the world's origin lies, if that is known
+    """
+
+    section: MachineSection
+    card: MachineCard
+    edge: EdgeShape
+    start: Pose
+    parts: dict[str, Any]
+    mountings: Mapping[str, Pose]
+    overlap: float
+    retired: list[Any] = dataclasses.field(default_factory=list)
+    origin: Origin | None = None
+
+    @property
+    def name(self) -> str:
+        """Its name in the scenario."""
+        return self.section.name
+
+    @property
+    def edge_side(self) -> str:
+        """`left` or `right`, the end of the header that follows the edge."""
+        return self.section.common.edge_side
+
+    @property
+    def cuts(self) -> bool:
+        """True for a machine with a header."""
+        return bool(self.slots_of("header"))
+
+    def slots_of(self, kind: str) -> list[str]:
+        """Its slots of a kind, such as `lidar_left` and `lidar_right` of `lidar`."""
+        return [slot for slot, choice in self.section.slots.items() if choice.kind.name == kind]
+
+    @property
+    def all_parts(self) -> list[Any]:
+        """The parts at work and the retired ones."""
+        return [*self.parts.values(), *self.retired]
+
+    @property
+    def ray_count(self) -> int:
+        """Rays cast by all sensors so far."""
+        return sum(part.ray_count for part in self.all_parts if isinstance(part, CountsRays))
+
+    def coverage(self) -> dict[str, float]:
+        """`unmeasured_beam_share` of a machine that replays measured scans, nothing of any other."""
+        told = [part for part in self.all_parts if isinstance(part, CountsBeams)]
+        beams = sum(part.beam_count for part in told)
+        return {"unmeasured_beam_share": sum(p.unmeasured_count for p in told) / beams} if beams else {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What the parts want the user to know about the run, each once."""
+        return [f"{self.name}: {n}" for p in self.all_parts if isinstance(p, HasNotes) for n in p.notes]
+
+    def recorded(self) -> RecordedMachine:
+        """What the recording needs to know."""
+        return RecordedMachine(
+            self.name, self.card, self.edge_side, self.mountings, self.origin, tuple(self.parts), self.edge
+        )
+
+
+@dataclass(frozen=True)
+class World:
+    """A scenario, assembled. driven: the real pass that the edge follows, (n, 2) world [m], if it does."""
+
+    scenario: Scenario
+    field: Field
+    obstacles: Solids
+    driven: F64 | None
+    bodies: Bodies
+    graph: Graph
+    machines: Mapping[str, Machine]
+
+    @property
+    def leader(self) -> Machine:
+        """The first machine."""
+        return next(iter(self.machines.values()))
+
+    def reset(self) -> None:
+        """Everything as at the start: the field uncut, the machines where they begin."""
+        self.field.reset()
+        self.bodies.reset()
+        self.graph.reset()
+
+    def save(self) -> dict[str, Any]:
+        """Everything that changes while running."""
+        return {"graph": self.graph.save(), "field": self.field.save(), "bodies": self.bodies.save()}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Back to a saved moment, in a world of the same scenario."""
+        self.graph.load(state["graph"])
+        self.field.load(state["field"])
+        self.bodies.load(state["bodies"])
+
+    def close(self) -> None:
+        """Let go of what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
+        for machine in self.machines.values():
+            for part in machine.all_parts:
+                if isinstance(part, Closes):
+                    part.close()
+
+    def end_with_parts(self, t: int) -> None:
+        """Before the tick at t [ns]: a part that wants the run to end ends it."""
+        for machine in self.machines.values():
+            for slot, part in machine.parts.items():
+                if isinstance(part, EndsRun) and (reason := part.end_reason(t)):
+                    raise EndOfRun(f"{machine.name}.{slot}: {reason}")
+
+    def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
+        """Observer of the graph: the bodies of the machines stand where the machines do."""
+        if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
+            self.bodies.place(slot.partition(".")[0], state.pose)

@@ -1,0 +1,56 @@
+"""The form of scenario files: its version, and machines under `machines:`, which inside have the short path.
+
+In a file a machine is `machines.combine`; in errors, in `--set` and in the reader it is `combine`, as no
+machine may have the name of a section.
+"""
+
+from swath.core.errors import InputError
+from swath.documents.hints import unknown_key
+from swath.documents.yaml_document import Document, KeyPath
+
+FORMAT = "swath scenario 2"
+SECTIONS = ("name", "summary", "seed", "run", "realtime", "field", "evaluators", "expect")
+
+
+def lift_machines(document: Document) -> Document:
+    """The document with its machines beside the sections, and without the line of its format.
+
+    Raises InputError for another format, a key that is no section, and a machine with a section's name.
+    """
+    data = document.data
+    if not isinstance(data, dict):
+        raise document.error((), data, "expected keys such as format, name, field and machines")
+    _check_format(document)
+    machines = data.get("machines", {})
+    if not isinstance(machines, dict):
+        raise document.error(("machines",), machines, "expected machines by name, such as `combine:`")
+    for key in data:
+        if key not in ("format", "machines", *SECTIONS):
+            raise document.error((key,), None, unknown_key(key, [*SECTIONS, "machines"]))
+    for name in machines:
+        if name in ("format", "machines", *SECTIONS):
+            raise document.error(("machines", name), None, "expected another name: this one is a section's")
+    sections = {key: value for key, value in data.items() if key in SECTIONS}
+    places = {_short(path): place for path, place in document.places.items() if path != ("machines",)}
+    return Document({**sections, **machines}, document.file, places)
+
+
+def short_key(key: str) -> str:
+    """A key of `--set` without a leading `machines.`."""
+    return key.removeprefix("machines.")
+
+
+def _short(path: KeyPath) -> KeyPath:
+    return path[1:] if path[:1] == ("machines",) else path
+
+
+def _check_format(document: Document) -> None:
+    written = document.data.get("format")
+    if written == FORMAT:
+        return
+    text = f"expected {FORMAT!r}"
+    if written is None:
+        file = document.file or "FILE"
+        text += f"; a scenario of an older version is rewritten by `swath migrate {file}`"
+    error: InputError = document.error(("format",), written, text)
+    raise error
