@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         from swath.terminal.outcome import print_outcome
 
-        print_outcome(result.summary, out)
+        print_outcome(result.summary, out, scenario.evaluators)
     return int(result.exit_code)
 
 

@@ -77,6 +77,7 @@ def load_evaluators(own: Sequence[str] = (), base: Path | None = None) -> Evalua
     InputError where one cannot be had or declares what another one has.
     """
     built_in = [REGISTRY.get(KIND, name).component for name in REGISTRY.names(KIND)]
+    built_in.sort(key=lambda c: min((_rank(m) for m in c.METRICS), default=len(GROUPS)))
     known = {m.name for c in built_in for m in c.METRICS}
     for reference in own:
         found = REGISTRY.get(KIND, reference, base=base).component

@@ -153,7 +153,7 @@ class _Running:
                 "summary": scenario.summary,
                 "seed": scenario.seed,
                 "swath": __version__,
-                "machine": world.leader.card.name,
+                "machine": ", ".join(dict.fromkeys(m.card.name for m in world.machines.values())),
             },
             self.evaluation,
             {name: tracks.arrays() for name, tracks in self.recorder.tracks.items()},

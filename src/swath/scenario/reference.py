@@ -50,8 +50,8 @@ EVALUATORS = """\
 A list of your own evaluators, `file.py:Class`, beside those that are built in: [metrics.md](metrics.md).
 """
 EXPECT = """\
-For each metric a limit or a list of limits. Metrics and columns: [metrics.md](metrics.md), `swath metrics`;
-events: {events}. With several machines the limits stand under a machine's name, or under `field`.
+For each metric a limit or a list of limits, for columns of the tracks too: [metrics.md](metrics.md).
+Metrics: {metrics}. With several machines the limits stand under a machine's name, or under `field`.
 """
 EDGES = """\
 ### field.edges
@@ -77,8 +77,8 @@ def reference(catalogue: Catalogue = CATALOGUE) -> str:
     parts.append(_field(catalogue))
     parts.append(_machine(catalogue))
     parts.append(EVALUATORS)
-    events = ", ".join(catalogue.judged().events)
-    parts.append(_section("## expect", Limit, EXPECT.format(events=events)))
+    metrics = ", ".join(f"`{name}`" for name in catalogue.judged().metrics)
+    parts.append(_section("## expect", Limit, EXPECT.format(metrics=metrics)))
     return "\n".join(parts).rstrip() + "\n"
 
 

@@ -48,8 +48,11 @@ def scenario_schema(catalogue: Catalogue = CATALOGUE) -> Node:
             "field": _field(catalogue, defs),
             "machines": {"type": "object", "minProperties": 1, "additionalProperties": machine},
             "evaluators": {"type": "array", "items": FOREIGN, "description": "your own evaluators"},
-            "expect": _expect(catalogue, defs),
+            "expect": {"type": "object", "description": "limits; one that fails makes the exit code 1"},
         },
+        # evaluators of the user's own bring metrics that are not known here
+        "if": {"not": {"required": ["evaluators"]}},
+        "then": {"properties": {"expect": _expect(catalogue, defs)}},
         "additionalProperties": False,
         "$defs": defs,
     }
@@ -168,23 +171,17 @@ def _realtime(defs: dict[str, Node]) -> Node:
 
 
 def _expect(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
-    """Limits by metric or column; or by machine and `field`, then by metric or column.
-
-    Names that are not built in are a machine's, or a metric of the user's own.
-    """
+    """Limits by metric or column; or by machine and `field`, then by metric or column."""
     judged = catalogue.judged()
     defs["limit"] = adopt(Limit, "limit", defs)
     one: Node = {"$ref": "#/$defs/limit"}
-    limits: Node = {"anyOf": [one, {"type": "array", "items": one}]}
     said = {name: f"{metric.meaning} [{metric.unit or '-'}]" for name, metric in judged.metrics.items()}
     said = dict.fromkeys(judged.columns, "column of the tracks") | said
-    names = {name: {**limits, "description": text} for name, text in said.items()}
-    defs["limits"] = {"type": "object", "properties": names, "additionalProperties": limits}
+    limits = {n: {"anyOf": [one, {"type": "array", "items": one}], "description": t} for n, t in said.items()}
+    defs["limits"] = {"type": "object", "properties": limits, "additionalProperties": False}
     return {
-        "type": "object",
-        "description": "limits; one that fails makes the exit code 1",
-        "properties": {name: {"$ref": f"#/$defs/limits/properties/{name}"} for name in names},
-        "additionalProperties": {"anyOf": [*limits["anyOf"], {"$ref": "#/$defs/limits"}]},
+        "properties": {name: {"$ref": f"#/$defs/limits/properties/{name}"} for name in limits},
+        "additionalProperties": {"$ref": "#/$defs/limits"},
     }
 
 

@@ -1,6 +1,6 @@
 """The outcome of a run on stdout: metrics, limits, incidents."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +9,23 @@ from swath.terminal.tables import number, table
 METRIC_COLUMNS = ("metric", "value", "limit", "result")
 
 
-def print_outcome(summary: Mapping[str, Any], out: Path) -> None:
-    """Print the metrics of a run, its limits, what happened and where the report is."""
+def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[str] = ()) -> None:
+    """Print the metrics of a run, its limits, what happened and where the report is.
+
+    evaluators: of the scenario's own
+    """
+    from swath.scenario.catalogue import CATALOGUE
+
+    known = CATALOGUE.judged(evaluators).metrics
     machines = summary.get("machines", {})
     for name, metrics in machines.items():
-        table(name, METRIC_COLUMNS, _rows(metrics, [e for e in summary["expect"] if e["subject"] == name]))
+        table(
+            name,
+            METRIC_COLUMNS,
+            _rows(known, metrics, [e for e in summary["expect"] if e["subject"] == name]),
+        )
     rest = [e for e in summary.get("expect", []) if e["subject"] not in machines]
-    table("field and run" if machines else "", METRIC_COLUMNS, _rows(summary, rest))
+    table("field and run" if machines else "", METRIC_COLUMNS, _rows(known, summary, rest))
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
     for entry in summary.get("expect", []):
@@ -59,20 +69,19 @@ def incident_text(event: Mapping[str, Any]) -> str:
     return f"{place}: {event['machine']} {event['kind']}: {event['text']}{lasting}"
 
 
-def _rows(metrics: Mapping[str, Any], expect: list[Any]) -> list[tuple[str, str, str, str]]:
+def _rows(
+    known: Iterable[str], metrics: Mapping[str, Any], expect: list[Any]
+) -> list[tuple[str, str, str, str]]:
     """A row for every metric, with its limits below one another, then those on columns and in windows."""
-    from swath.scenario.catalogue import CATALOGUE
-
-    known = CATALOGUE.judged().metrics
-    own = {e["name"]: e for e in expect if not e.get("window") and "hold" not in e["limit"]}
+    own: dict[str, Any] = {e["name"]: e for e in expect if not e.get("window") and "hold" not in e["limit"]}
     rows = []
-    for name, value in metrics.items():
-        if name in known or name in own:
+    for name in known:
+        if name in metrics:
             entry = own.get(name)
             limit, result = (limit_text(entry), entry["result"]) if entry else ("", "")
-            rows.append((name, number(value), limit, result))
+            rows.append((name, number(metrics[name]), limit, result))
     for entry in expect:
-        if entry is not own.get(entry["name"]):
+        if entry is not own.get(entry["name"]) or entry["name"] not in metrics:
             limit = limit_text(entry) + window_text(entry)
             rows.append((entry["name"], number(entry["value"]), limit, entry["result"]))
     return rows
