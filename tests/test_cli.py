@@ -47,12 +47,13 @@ class Job:
         out.mkdir(parents=True, exist_ok=True)
         (out / "scenario.yaml").write_text(scenario.resolved())
         (out / "summary.json").write_text("{}")
-        verdict = {"value": 0.1, "limit": {"max": 0.05}, "verdict": "broken"}
+        limit = {"subject": "combine", "name": "lateral_rms_m", "limit": {"max": 0.05}}
+        entry = {**limit, "value": 0.1, "result": "fail", "reason": "0.1 is more than 0.05"}
         summary = {
             "lateral_rms_m": 0.1,
             "ray_count": 12345678,
             "digest": "abc",
-            "expect": {"lateral_rms_m": verdict},
+            "expect": [entry],
         }
         return SimpleNamespace(summary=summary, exit_code=self.exit_code)
 
@@ -154,7 +155,7 @@ def test_run(job, capsys, code):
     assert (scenario.seed, str(out), progress) == (9, "runs/small-9", True)
     assert scenario.machines["combine"].slots["speed"].params.speed_kmh == 5.0
     said = capsys.readouterr().out
-    assert "broken" in said
+    assert "fail    combine.lateral_rms_m: 0.1 is more than 0.05" in said
     assert "12 345 678" in said
     assert "runs/small-9/report.html" in said
 

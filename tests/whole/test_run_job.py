@@ -8,6 +8,7 @@ from benchmarks.sub_rays import study
 
 from swath.commands.main import main
 from swath.report.report import ReportWriter
+from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
 from swath.tools.scan.scan import scan_job
@@ -71,22 +72,20 @@ def test_a_broken_limit_is_exit_code_1(tmp_path, capsys):
     file.write_text(TEXT + "expect:\n  area_cut_m2: {min: 1000}\n")
     code = main(["run", str(file), "--out", str(tmp_path / "out"), "--set", "run.max_duration_s=0.2"])
     assert code == 1
-    assert "broken" in capsys.readouterr().out
+    assert "fail    combine.area_cut_m2" in capsys.readouterr().out
 
 
-def test_ctrl_c_leaves_a_valid_folder_marked_incomplete(tmp_path, monkeypatch):
-    from swath.judge.referee import Referee
+def test_ctrl_c_leaves_a_valid_folder_marked_incomplete(tmp_path):
+    class Stop(RunHook):
+        def begin(self, run):
+            run.observers.insert(0, self.see)
 
-    see = Referee._see_state
+        def see(self, slot, t, outputs):
+            if t >= 400_000_000:
+                raise KeyboardInterrupt
 
-    def stop(self, state):
-        see(self, state)
-        if state.t >= 400_000_000:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(Referee, "_see_state", stop)
     with pytest.raises(KeyboardInterrupt):
-        run_job(small(), tmp_path / "cut", hooks=[ReportWriter()])
+        run_job(small(), tmp_path / "cut", hooks=[ReportWriter(), Stop()])
     summary = json.loads((tmp_path / "cut" / "summary.json").read_text())
     assert summary["incomplete"] is True
     from mcap.reader import make_reader

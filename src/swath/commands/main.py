@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, run, scenarios, schema, sheets
+from swath.commands import levels, metrics, run, scenarios, schema, sheets
 from swath.core.errors import SwathError
 from swath.core.registry import user_line
 from swath.field_io import command as field
@@ -28,6 +28,7 @@ COMMANDS = (
     run,
     scenarios,
     levels,
+    metrics,
     sheets,
     field,
     lab,
@@ -87,7 +88,7 @@ class _Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 done, 1 a limit of the scenario broken, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C.
+    0 done, 1 a limit of the scenario failed, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
     try:

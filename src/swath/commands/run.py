@@ -37,7 +37,7 @@ def add(parsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Exit code: 0 limits kept, 1 a limit broken."""
+    """Exit code: 0 all limits pass, 1 a limit fails."""
     from swath.core.errors import InputError
     from swath.runtime.folder import choose_run_folder
 
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         from swath.terminal.outcome import print_outcome
 
-        print_outcome(result.summary, out)
+        print_outcome(result.summary, out, scenario.evaluators)
     return int(result.exit_code)
 
 
@@ -106,5 +106,5 @@ def _bridge(args: argparse.Namespace) -> Iterator[Any]:
         bridge.close()
 
 
-_DESCRIPTION = """Run a scenario. Exit code: 0 all limits kept, 1 a limit broken, 2 bad input,
+_DESCRIPTION = """Run a scenario. Exit code: 0 all limits pass, 1 a limit fails, 2 bad input,
 130 stopped by Ctrl-C (the folder then holds what was recorded, marked incomplete)."""

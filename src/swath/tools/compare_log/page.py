@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.documents.yaml_document import dump
-from swath.judge.metrics import json_safe
+from swath.judge.summary import json_safe
 from swath.report.page import Figure
 from swath.report.plots import BLUE, FAINT, GREY, ORANGE, STYLE, as_image, figure
 from swath.tools.compare_log.compare import SHOWN, LogComparison

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.judge.referee import Referee
-from swath.report.scan_sampler import ScanKeeper
+from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.report.scan_sampler import ScanSampler
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
@@ -29,7 +30,7 @@ class DrivenWorld:
     machine: Machine
     lidar: str
     camera: str
-    sampler: ScanKeeper
+    sampler: ScanSampler
 
     def latest(self, slot: str, output: str) -> Signal | None:
         """The newest sample of an output of the machine."""
@@ -67,7 +68,7 @@ def scan_job(
             parts,
             scan,
             truth,
-            driven.sampler.pick(1)[-1],
+            driven.sampler.pick(driven.lidar, 1)[-1],
             mounting=machine.mountings[driven.lidar],
             machine=machine.recorded(),
             stand=driven.world.field,
@@ -101,11 +102,12 @@ def drive_to_scan(scenario: Scenario, at_s: float, *, camera: bool = False) -> D
         raise InputError(f"{name}.camera", "off", "expected a machine with a camera")
     world = assemble(scenario)
     machine = world.machines[name]
-    referee = Referee(world.field, machine.recorded(), overlap=machine.overlap)
-    sampler = ScanKeeper(machine.recorded(), referee)
+    evaluation = make_evaluation(world)
+    detection = evaluation.find(name, EdgeDetection)
+    sampler = ScanSampler(machine.recorded(), lambda: detection.true_offset if detection else float("nan"))
     waits = [2.0 / slots[lidar].common.rate_hz, 1.0 / slots[seen].common.rate_hz if seen else 0.0]
     try:
-        drive(world, [referee, sampler], until_s=max(at_s, *waits))
+        drive(world, [evaluation, sampler], until_s=max(at_s, *waits))
     finally:
         world.close()
     return DrivenWorld(world, machine, lidar, seen, sampler)
