@@ -1,4 +1,4 @@
-"""Straw and grain that leave a process from elsewhere: it knows masses but no field, so they are laid here."""
+"""Straw and grain of a process from elsewhere: it knows masses but no field, so they are laid here."""
 
 from collections.abc import Sequence
 from typing import Any
