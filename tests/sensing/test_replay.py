@@ -171,7 +171,7 @@ def test_another_path_and_speed_shows_the_heights_that_plants_shows_there(world,
     again, _ = drive(lidar, world, offset=0.3, speed=3.0, length=7.0)
     (p, h), (q, k) = heights_of(world, there), heights_of(world, again)
     assert wasserstein(h, k) < 0.02
-    edge = world.field.nominal_edge
+    edge = world.field.first_edge
     crop, too = edge.signed_distance(p[:, 0], p[:, 1]) > 0.3, edge.signed_distance(q[:, 0], q[:, 1]) > 0.3
     assert wasserstein(h[crop], k[too]) < 0.02
     assert abs(np.mean(h > 0.4) - np.mean(k > 0.4)) < 0.02  # the edge is where it was
@@ -244,7 +244,7 @@ def test_a_run_that_cuts_has_the_same_digest_when_it_is_saved_and_resumed(record
 
 def test_what_a_header_cuts_is_stubble_from_then_on(recorded):
     world = small_world()
-    edge = world.field.nominal_edge
+    edge = world.field.first_edge
     lidar = replay_of(world, recorded)
     before, _ = drive(lidar, world, length=2.0)
     points, height = heights_of(world, before)
