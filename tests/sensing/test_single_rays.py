@@ -51,14 +51,14 @@ def test_normal_numbers_are_normal():
 def test_what_is_reported_follows_the_data_sheet(sensor):
     lidar = lidar_of(sensor=sensor)
     out = scan(lidar, POSE)
-    beams, card, n = lidar.rays.beams, lidar.card, lidar.rays.beams.count
+    beams, sheet, n = lidar.rays.beams, lidar.sheet, lidar.rays.beams.count
     true = beams.distance[:n].astype(float)
     albedo = (beams.cosine * beams.reflectance)[:n].astype(float)
-    signal = albedo / true**2 / (0.1 / card.range_10**2)
-    seen = (beams.kind[:n] > 0) & (true >= card.range_min) & (signal >= 1.0)
-    sigma = card.noise_sigma(true, signal)
+    signal = albedo / true**2 / (0.1 / sheet.range_10**2)
+    seen = (beams.kind[:n] > 0) & (true >= sheet.range_min) & (signal >= 1.0)
+    sigma = sheet.noise_sigma(true, signal)
     wanted = true + lidar.scanner.noise.bias + sigma * beams.normal[1, :n]
-    step = card.resolution
+    step = sheet.resolution
     wanted = np.round(wanted / step) * step if step > 0 else wanted
     ranges = out["scan"].ranges[:, 0]
     assert 30 < seen.sum() < len(seen)

@@ -50,7 +50,7 @@ class EmpiricalLidar(ScanningLidar):
         self.table = load_table(params.table or table_name(crop, params.echo), setup.base)
         _check_reading(self.table, params, crop)
         self.rays = SingleRays(self.scanner)
-        beam = self.card.beam
+        beam = self.sheet.beam
         self.caster = BodyCaster(
             setup.field,
             self.table,

@@ -50,20 +50,20 @@ class PlantsLidar(ScanningLidar):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.params = params
-        card = load_lidar(params.sensor, setup.base)
+        sheet = load_lidar(params.sensor, setup.base)
         self.receiver = Receiver(
             rule=params.echo,
             within=params.within,
             percentile=params.percentile,
             threshold=0.01 * params.threshold_percent,
-            gap=merging_gap(card.pulse),
-            count=params.echoes or card.echo_count,
-            least_energy=least_energy(card.range_10),
+            gap=merging_gap(sheet.pulse),
+            count=params.echoes or sheet.echo_count,
+            least_energy=least_energy(sheet.range_10),
         )
         super().__init__(params, setup, echo_count=self.receiver.echo_count)
         if len(self.azimuth) * params.sub_rays > 4_000_000:
             raise InputError("sub_rays", params.sub_rays, "expected at most 4 million rays per scan")
-        self.pattern = spot_pattern(params.sub_rays, self.card.beam.profile)
+        self.pattern = spot_pattern(params.sub_rays, self.sheet.beam.profile)
         self.caster = RayCaster(setup.field)
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
@@ -77,15 +77,15 @@ class PlantsLidar(ScanningLidar):
         self.setup.field.ensure(middle[0], middle[1], self.params.reach_m)
         pattern = self._pattern(rng, beams)
         axes = rotations @ self.scanner.axes_at(t)
-        rays = spots(origins, axes, self.card.beam, pattern.position)
+        rays = spots(origins, axes, self.sheet.beam, pattern.position)
         hits = self.caster.cast_bundles(rays, range_max=self.scanner.reach, solids=self.setup.solids(), t=t)
         self.ray_count += beams * subs
         distance = hits.distance.astype(np.float64)
-        distance[distance < self.card.range_min] = np.nan
+        distance[distance < self.sheet.range_min] = np.nan
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
         if not self.params.weather.is_clear:
             air = self._stream.child("weather").at(t)
-            distance, albedo = disturb(self.params.weather, distance, albedo, self.card.range_min, air)
+            distance, albedo = disturb(self.params.weather, distance, albedo, self.sheet.range_min, air)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
         measured = self.scanner.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)
@@ -96,7 +96,7 @@ class PlantsLidar(ScanningLidar):
         if self.params.spot == "turned":
             return turned_pattern(rng, beams, self.pattern)
         if self.params.spot == "random":
-            return random_pattern(rng, beams, self.params.sub_rays, self.card.beam.profile)
+            return random_pattern(rng, beams, self.params.sub_rays, self.sheet.beam.profile)
         return Pattern(self.pattern.position[None], self.pattern.weight)
 
 

@@ -41,7 +41,7 @@ class ScanningLidar(ABC):
             dropout = 0.01 * params.drop_out_percent
         self.setup = setup
         self.scanner = Scanner(params, setup, echo_count=echo_count, angle_noise=angle_noise, dropout=dropout)
-        self.card, self.mounting = self.scanner.card, self.scanner.mounting
+        self.sheet, self.mounting = self.scanner.sheet, self.scanner.mounting
         self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
         self.inputs, self.outputs = self.scanner.inputs, self.scanner.outputs
         self.ray_count = 0
