@@ -13,14 +13,14 @@ from swath.machine.motion.single_track import Params, SingleTrack
 from swath.signals import MachineLoad, SpeedCommand, SteerState
 from tests.machine.machine_fakes import STREAM, drive, site, slope
 
-CARD = load_machine("lexion-700")
-D = CARD.dynamics
-L, A = CARD.wheelbase, D.cg_behind
+SHEET = load_machine("lexion-700")
+D = SHEET.dynamics
+L, A = SHEET.wheelbase, D.cg_behind
 B = L - A
 G = 9.81
 
 
-def make(ground=None, machine=CARD, **params):
+def make(ground=None, machine=SHEET, **params):
     motion = SingleTrack(Params(**params), site(ground, machine))
     motion.reset(STREAM)
     return motion
@@ -187,7 +187,7 @@ def test_comes_to_rest_in_a_turn_without_swinging_on():
 @pytest.mark.parametrize("dt", [0.001, 0.005, 0.02])
 @pytest.mark.parametrize("steer", [0.0, 0.05, 0.7])
 def test_stable_from_standstill_to_8_m_s(dt, steer):
-    fast = replace(CARD, dynamics=replace(D, max_speed=9.0, accel=2.0))
+    fast = replace(SHEET, dynamics=replace(D, max_speed=9.0, accel=2.0))
     states = run(make(machine=fast), 8.0, steer=steer, speed=8.0, dt=dt)
     values = np.array([[s.speed, s.lateral_speed, s.yaw_rate] for s in states])
     assert np.all(np.isfinite(values))
@@ -209,7 +209,7 @@ def test_left_and_right_mirror():
 
 def test_grain_in_the_tank_makes_the_loaded_machine():
     """Filled while it drives, it ends in the turn of a machine that weighs so much from the start."""
-    filled, loaded = make(start_speed_kmh=7.2), make(machine=with_grain(CARD, 8000.0), start_speed_kmh=7.2)
+    filled, loaded = make(start_speed_kmh=7.2), make(machine=with_grain(SHEET, 8000.0), start_speed_kmh=7.2)
     before = run(filled, 12.0, steer=0.3)[-1]
     for i in range(81):
         load = MachineLoad(0, 100.0 * i, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -71,7 +71,7 @@ def test_nearest_reaches_half_a_spot_over_the_edge_and_the_median_none():
         counts[name] = int((abs(x[:, 0] - NEAR) < 0.1).sum())
     lidar = scanner()
     pattern = lidar.pattern.outermost
-    half_spot = np.degrees(0.5 * lidar.card.beam.diameter(NEAR)[0] * pattern / NEAR)
+    half_spot = np.degrees(0.5 * lidar.sheet.beam.diameter(NEAR)[0] * pattern / NEAR)
     assert (counts["nearest"] - counts["median"]) * 0.05 == pytest.approx(half_spot, abs=0.06)
     # on the far wall the outermost sub-ray alone is too weak to be seen: a little less
     assert 0.8 * half_spot < (counts["median"] - counts["farthest"]) * 0.05 < half_spot + 0.06
@@ -81,7 +81,7 @@ def test_mean_gives_ranges_between_the_walls_where_the_spot_meets_both():
     lidar = scanner(echo="mean")
     x, _ = look(lidar)
     between = (x > NEAR + 0.05) & (x < FAR - 0.05)
-    spot = np.degrees(lidar.card.beam.diameter(NEAR)[0] / NEAR)
+    spot = np.degrees(lidar.sheet.beam.diameter(NEAR)[0] / NEAR)
     assert 1 <= between.sum() <= np.ceil(spot / 0.5)  # beams stand 0.5 deg apart, the spot is 1.0 deg wide
     assert not ((look(scanner(echo="percentile"))[0] > NEAR + 0.05) & (x < FAR - 0.05) & ~between).any()
 

@@ -50,14 +50,14 @@ def test_normal_numbers_are_normal():
 def test_what_is_reported_follows_the_data_sheet(sensor):
     lidar = lidar_of(sensor=sensor)
     out = scan(lidar, POSE)
-    desk, card, n = lidar.rays.desk, lidar.card, lidar.rays.desk.count
+    desk, sheet, n = lidar.rays.desk, lidar.sheet, lidar.rays.desk.count
     true = desk.distance[:n].astype(float)
     albedo = (desk.cosine * desk.reflectance)[:n].astype(float)
-    signal = albedo / true**2 / (0.1 / card.range_10**2)
-    seen = (desk.kind[:n] > 0) & (true >= card.range_min) & (signal >= 1.0)
-    sigma = card.noise_sigma(true, signal)
+    signal = albedo / true**2 / (0.1 / sheet.range_10**2)
+    seen = (desk.kind[:n] > 0) & (true >= sheet.range_min) & (signal >= 1.0)
+    sigma = sheet.noise_sigma(true, signal)
     wanted = true + lidar.scanner.noise.bias + sigma * desk.normal[1, :n]
-    step = card.resolution
+    step = sheet.resolution
     wanted = np.round(wanted / step) * step if step > 0 else wanted
     ranges = out["scan"].ranges[:, 0]
     assert 30 < seen.sum() < len(seen)

@@ -13,7 +13,7 @@ from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
 from swath.field.cut_result import Cut, StemIndex, check_polygon
 from swath.field.edge_defects import BrokenEdge
-from swath.field.field_setup import Stand, Terrain
+from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
@@ -112,8 +112,16 @@ class Field:
         inside = np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)
         if self.boundary is not None:
             inside &= self.boundary.contains(x, y)
-        known = getattr(self.terrain, "covers", None)
-        return inside if known is None else inside & known(x, y)
+        return inside & self.terrain.covers(x, y) if isinstance(self.terrain, HasExtent) else inside
+
+    def why_outside(self, x: Any, y: Any) -> str:
+        """Why none of these world points [m] is in the field, empty where one is: `beyond its boundary`."""
+        if self.boundary is not None and not self.boundary.contains(x, y).any():
+            return "beyond its boundary"
+        for part, what in ((self.terrain, "terrain"), (self.stand, "stand")):
+            if isinstance(part, HasExtent) and not part.covers(x, y).any():
+                return f"beyond the map of its {what}"
+        return ""
 
     def ground_height(self, x: Any, y: Any) -> Array:
         """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""

@@ -34,7 +34,7 @@ def capsule_triangles(
 
     match_width: widen the prism so that its mean silhouette width is the capsule's (Cauchy: perimeter / pi).
     A flat end lies pi / 4 of the radius beyond a or b, so that the silhouette's area stays too.
-    Works for ends a, b (m, 3) in a frame where the capsule is round.
+    Drivetrain for ends a, b (m, 3) in a frame where the capsule is round.
     """
     frame = _frames(b - a)
     if not rings:

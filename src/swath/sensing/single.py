@@ -44,9 +44,9 @@ class SingleRays:
         self.desk = Desk(len(scanner.azimuth))
         self._judged, self._blind = judged, blind
         self._is_drawn = int(scored or scanner.noise.is_on)
-        card = scanner.card
-        self._sigma = np.ascontiguousarray(card.noise, np.float32)
-        rows = card.signal_noise if by_signal else card.signal_noise[:0]
+        sheet = scanner.sheet
+        self._sigma = np.ascontiguousarray(sheet.noise, np.float32)
+        rows = sheet.signal_noise if by_signal else sheet.signal_noise[:0]
         self._by_signal = np.ascontiguousarray(np.log(rows), np.float32)
         room = len(self.desk.distance)
         self._words, self._rotations = np.zeros(3, np.uint64), np.zeros((room, 3, 3))
@@ -96,7 +96,7 @@ class SingleRays:
         """What floats in the air, of the sweep that ends at t [ns]; nothing in clear air."""
         if weather.is_clear:
             return
-        desk, nearest, n = self.desk, self.scanner.card.range_min, self.desk.count
+        desk, nearest, n = self.desk, self.scanner.sheet.range_min, self.desk.count
         met = (desk.kind[:n] > 0) & (desk.distance[:n] >= nearest)
         distance = np.where(met, desk.distance[:n], np.nan).astype(np.float64)
         albedo = (desk.cosine[:n] * desk.reflectance[:n]).astype(np.float64)
@@ -170,10 +170,10 @@ class SingleRays:
         wp = start_warp()
         from swath.sensing.native.kernel import Electronics
 
-        card, noise, e = self.scanner.card, self.scanner.noise, Electronics()
-        e.range_min, e.least_energy = card.range_min, least_energy(card.range_10)
+        sheet, noise, e = self.scanner.sheet, self.scanner.noise, Electronics()
+        e.range_min, e.least_energy = sheet.range_min, least_energy(sheet.range_10)
         e.judged, e.blind, e.is_noisy = self._judged, self._blind, int(noise.is_on)
-        e.bias, e.resolution, e.at_reach = noise.bias, card.resolution, card.signal_at_reach
+        e.bias, e.resolution, e.at_reach = noise.bias, sheet.resolution, sheet.signal_at_reach
         e.sigma = _share(self._sigma.ravel(), wp.float32)
         e.by_signal = _share(self._by_signal.ravel(), wp.float32)
         return e

@@ -4,13 +4,13 @@
     lidar_right: {level: plants, mount: {at: right_end, z_m: 3.0, pitch_deg: 14, yaw_deg: -30}}
     edge: {level: two_scanners.py:TwoScanners, wires: {left: lidar_left.scan, right: lidar_right.scan}}
 
-Each scan goes through a built-in detector of its own, which is told where its scanner sits. Where both report an
-edge, the offsets are averaged by their confidence; where they contradict each other, the surer one counts, at
-half its confidence.
+Each scan goes through a built-in detector of its own, which is told where its scanner sits. Where both report
+an edge, the offsets are averaged by confidence over squared distance, as beams spread with distance; where
+they contradict each other, the one with more weight counts, at half its confidence.
 """
 
 from dataclasses import dataclass, replace
-from math import isfinite, tan
+from math import hypot, isfinite, tan
 from typing import Annotated
 
 from annotated_types import Gt, Le
@@ -43,6 +43,7 @@ class TwoScanners:
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self.params = params
+        self.places = {side: setup.mountings[side].position for side in SIDES}
         self.detectors = {side: self._detector(setup, side) for side in SIDES}
 
     def reset(self, stream: Stream) -> Outputs:
@@ -52,11 +53,18 @@ class TwoScanners:
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The joined edge, valid at t + dt."""
-        edges = []
+        edges = {}
         for side in SIDES:
             own = {"scan": inputs[side], "odometry": inputs["odometry"]}
-            edges.append(self.detectors[side].step(t, dt, own)["edge"])
-        return {"edge": self._joined(*edges)}
+            edge = self.detectors[side].step(t, dt, own)["edge"]
+            assert isinstance(edge, CropEdge)
+            edges[side] = edge
+        return {"edge": self._joined(edges["left"], edges["right"])}
+
+    def _weight(self, side: str, edge: CropEdge) -> float:
+        x, y, z = self.places[side]
+        distance = hypot(edge.reference_x - float(x), edge.offset - float(y), float(z))
+        return edge.confidence / distance**2
 
     def save(self) -> State:
         """What both detectors remember."""
@@ -73,10 +81,10 @@ class TwoScanners:
     def _joined(self, a: CropEdge, b: CropEdge) -> CropEdge:
         if not (a.is_found and b.is_found):
             return b if b.is_found else a
-        surer, other = (a, b) if a.confidence >= b.confidence else (b, a)
-        ahead = surer.reference_x - other.reference_x  # both offsets at the place of the surer one
+        weighted = zip((self._weight("left", a), self._weight("right", b)), (a, b), strict=True)
+        (low, other), (high, main) = sorted(weighted, key=lambda pair: pair[0])
+        ahead = main.reference_x - other.reference_x  # both offsets at the place of the weightier one
         offset = other.offset + ahead * (tan(other.heading) if isfinite(other.heading) else 0.0)
-        if abs(offset - surer.offset) > self.params.agree_m:
-            return replace(surer, confidence=0.5 * surer.confidence)
-        share = other.confidence / (surer.confidence + other.confidence)
-        return replace(surer, offset=surer.offset + share * (offset - surer.offset))
+        if abs(offset - main.offset) > self.params.agree_m:
+            return replace(main, confidence=0.5 * main.confidence)
+        return replace(main, offset=main.offset + low / (low + high) * (offset - main.offset))

@@ -21,7 +21,7 @@ from swath.core.units import KMH, MS
 from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
-from swath.machine.machine_sheet import Axle, MachineCard, dynamics_of, masses_of
+from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, masses_of
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
@@ -37,7 +37,7 @@ SETTLE_STEP = 0.0025  # [s]
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's card.
+    """What is left out comes from the machine's sheet.
 
     stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
     rolling_resistance: over load, on firm soil
@@ -76,7 +76,7 @@ class Multibody:
         mujoco = _engine()
         machine = setup.machine
         d, masses = dynamics_of(machine), masses_of(machine)
-        assert isinstance(machine, MachineCard)
+        assert isinstance(machine, MachineSheet)
         self._mj, self._params, self._start = mujoco, params, setup.start
         self._wheelbase, self._tank = machine.wheelbase, masses.tank
         self._kingpin = 0.5 * machine.rear_track - masses.kingpin
@@ -300,7 +300,7 @@ class Multibody:
         return float(self._model.body_mass.sum())
 
 
-def wheels_of(machine: MachineCard, params: Params) -> list[Wheel]:
+def wheels_of(machine: MachineSheet, params: Params) -> list[Wheel]:
     """The four wheels (front left, front right, rear left, rear right) on their soil."""
     d, m = dynamics_of(machine), masses_of(machine)
     share = d.cg_behind / machine.wheelbase
@@ -311,7 +311,7 @@ def wheels_of(machine: MachineCard, params: Params) -> list[Wheel]:
 
 
 def _wheel(
-    machine: MachineCard, params: Params, axle: Axle, load: float, deflection: float, section: float
+    machine: MachineSheet, params: Params, axle: Axle, load: float, deflection: float, section: float
 ) -> Wheel:
     d, m = dynamics_of(machine), masses_of(machine)
     grip = Grip(

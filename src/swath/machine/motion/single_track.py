@@ -19,7 +19,7 @@ from swath.field.site_setup import SiteSetup
 from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
-from swath.machine.machine_sheet import Dynamics, MachineCard, dynamics_of, loaded
+from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
 from swath.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
 
 GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
@@ -27,7 +27,7 @@ GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's card.
+    """What is left out comes from the machine's sheet.
 
     stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
     rolling_resistance: over load; start_speed_kmh: speed at t = 0; substep_ms: longest integration step
@@ -140,9 +140,9 @@ class SingleTrack:
             self._q.write(x, y, yaw, side + (before - self._ahead) * turn, turn, *rest)
 
     def _fill(self, grain: float) -> None:
-        """Grain [kg] in the tank, for a card that has one."""
+        """Grain [kg] in the tank, for a sheet that has one."""
         machine = self._machine
-        if grain != self._grain and isinstance(machine, MachineCard) and machine.masses is not None:
+        if grain != self._grain and isinstance(machine, MachineSheet) and machine.masses is not None:
             d = dynamics_of(machine)
             self._weigh(loaded(d, machine.masses.tank, grain) if grain > 0.0 else d)
         self._grain = grain
@@ -153,8 +153,8 @@ class SingleTrack:
         return {"state": MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)}
 
 
-def _either(given: float | None, card: float) -> float:
-    return card if given is None else given
+def _either(given: float | None, sheet: float) -> float:
+    return sheet if given is None else given
 
 
 LEVEL = Level(

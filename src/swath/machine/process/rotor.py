@@ -62,13 +62,19 @@ class Rotor:
         self._parcels = np.zeros((7, 0))
 
     def advance(
-        self, crop: tuple[float, float, float, float], *, layer: float, dt: float, ratio: float, ease: float
+        self,
+        crop: tuple[float, float, float, float],
+        *,
+        layer: float,
+        dt: float,
+        ratio: float,
+        threshability: float,
     ) -> tuple[float, list[float]]:
         """Take in a step's crop [kg] and move everything on by dt [s].
 
         crop: grain in the ear, free grain, straw, and the grain it had before the drum [kg]
-        layer: thickness of what enters, 1 = nominal; ratio: rotor speed over nominal; ease: factor on both
-        rates. Returns the grain separated [kg] and what leaves [kg], four as `crop`
+        layer: thickness of what enters, 1 = nominal; ratio: rotor speed over nominal; threshability: factor
+        on both rates. Returns the grain separated [kg] and what leaves [kg], four as `crop`
         """
         way = dt * ratio / self._passage
         if any(crop):
@@ -81,7 +87,7 @@ class Rotor:
         lead = p[LEAD] + way
         done = (np.minimum(lead, 1.0) - p[LEAD]) * p[SCALE]
         threshing, separation = self._rates
-        still, kept = np.exp(done * np.array([[-ease * threshing], [-ease * separation]]))
+        still, kept = np.exp(done * np.array([[-threshability * threshing], [-threshability * separation]]))
         ear = p[EAR] * still
         free = p[FREE] * kept + p[EAR] * (still - kept) * (threshing / (separation - threshing))
         separated = float((p[EAR] + p[FREE] - ear - free).sum())

@@ -38,7 +38,7 @@ class Loss:
 class Params:
     """receiver: whose figures count (docs/positioning.md); antenna: where it sits on the machine
 
-    latency_ms: from the measurement to its sample, 20 to 100 (memory)
+    latency_ms: from the measurement to its sample, 20 to 100 (uncited)
     noise_cm: white, sd per sample, here and below instead of the receiver's
     wander_cm: sd of the error that wanders; wander_s: its correlation time
     velocity_noise_m_s: white, sd per sample and axis

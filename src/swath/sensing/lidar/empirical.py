@@ -65,14 +65,14 @@ class EmpiricalLidar:
             angle_noise=None if params.angle_noise_deg is None else params.angle_noise_deg * DEG,
             drop_out=0.01 * params.drop_out_percent,
         )
-        self.card, self.mounting = self.scanner.card, self.scanner.mounting
+        self.sheet, self.mounting = self.scanner.sheet, self.scanner.mounting
         self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
         self.inputs, self.outputs = self.scanner.inputs, self.scanner.outputs
         crop = setup.field.stand.crop
         self.table = load_table(params.table or table_name(crop, params.echo), setup.base)
         _check_reading(self.table, params, crop)
         self.rays = SingleRays(self.scanner)
-        beam = self.card.beam
+        beam = self.sheet.beam
         self.caster = BodyCaster(
             setup.field,
             self.table,

@@ -69,15 +69,15 @@ class PlantsLidar:
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.params = params
         self.setup = setup
-        card = load_lidar(params.sensor, setup.base)
+        sheet = load_lidar(params.sensor, setup.base)
         self.receiver = Receiver(
             rule=params.echo,
             within=params.within,
             percentile=params.percentile,
             threshold=0.01 * params.threshold_percent,
-            gap=merging_gap(card.pulse),
-            count=params.echoes or card.echo_count,
-            least_energy=least_energy(card.range_10),
+            gap=merging_gap(sheet.pulse),
+            count=params.echoes or sheet.echo_count,
+            least_energy=least_energy(sheet.range_10),
         )
         self.scanner = Scanner(
             params,
@@ -86,12 +86,12 @@ class PlantsLidar:
             angle_noise=None if params.angle_noise_deg is None else params.angle_noise_deg * DEG,
             drop_out=0.01 * params.drop_out_percent,
         )
-        self.card, self.mounting = self.scanner.card, self.scanner.mounting
+        self.sheet, self.mounting = self.scanner.sheet, self.scanner.mounting
         self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
         self.ray_count = 0
         if len(self.azimuth) * params.sub_rays > 4_000_000:
             raise InputError("sub_rays", params.sub_rays, "expected at most 4 million rays per scan")
-        self.pattern = spot_pattern(params.sub_rays, self.card.beam.profile)
+        self.pattern = spot_pattern(params.sub_rays, self.sheet.beam.profile)
         self.caster = RayCaster(setup.field)
         self._last: MachineState | None = None
         self.inputs, self.outputs = self.scanner.inputs, self.scanner.outputs
@@ -123,15 +123,15 @@ class PlantsLidar:
         self.setup.field.ensure(middle[0], middle[1], self.params.reach_m)
         pattern = self._pattern(rng, beams)
         axes = rotations @ self.scanner.axes_at(t)
-        rays = spots(origins, axes, self.card.beam, pattern.position)
+        rays = spots(origins, axes, self.sheet.beam, pattern.position)
         hits = self.caster.cast_spots(rays, range_max=self.scanner.reach, solids=self.setup.solids(), t=t)
         self.ray_count += beams * subs
         distance = hits.distance.astype(np.float64)
-        distance[distance < self.card.range_min] = np.nan
+        distance[distance < self.sheet.range_min] = np.nan
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
         if not self.params.weather.is_clear:
             air = self._stream.child("weather").at(t)
-            distance, albedo = disturb(self.params.weather, distance, albedo, self.card.range_min, air)
+            distance, albedo = disturb(self.params.weather, distance, albedo, self.sheet.range_min, air)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
         measured = self.scanner.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)
@@ -156,7 +156,7 @@ class PlantsLidar:
         if self.params.spot == "turned":
             return turned_pattern(rng, beams, self.pattern)
         if self.params.spot == "random":
-            return random_pattern(rng, beams, self.params.sub_rays, self.card.beam.profile)
+            return random_pattern(rng, beams, self.params.sub_rays, self.sheet.beam.profile)
         return Pattern(self.pattern.position[None], self.pattern.weight)
 
 

@@ -69,7 +69,7 @@ class ReplayLidar:
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.params, self.setup = params, setup
         self.scanner = Scanner(params, setup)
-        self.card, self.mounting = self.scanner.card, self.scanner.mounting
+        self.sheet, self.mounting = self.scanner.sheet, self.scanner.mounting
         self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
         self.inputs, self.outputs = self.scanner.inputs, self.scanner.outputs
         path = Path(params.file)
