@@ -22,8 +22,8 @@ LENGTH = struct.Struct("<I")
 def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = None) -> int:
     """Write the scans of a run folder to `out`; returns how many.
 
-    kind: `sd` SensorData, `sv` SensorView; slot: the scanner, such as `combine.lidar`, None = the first one of
-    the recording. InputError where the run has no such scans, or not bit for bit; MissingExtra.
+    kind: `sd` SensorData, `sv` SensorView; slot: the scanner, such as `combine.lidar`, None = the first that
+    was recorded. InputError where the run has no such scans, or not bit for bit; MissingExtra.
     """
     if kind not in TYPES:
         raise InputError("--type", kind, f"expected one of {', '.join(TYPES)}")

@@ -53,7 +53,7 @@ def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
 
 
 def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
-    """What a node is told first: geometry [m, rad], mounting of the edge sensor, period [s]."""
+    """What a node gets first: geometry [m, rad], mounting of the edge sensor, period [s]."""
     control = setup.control
     machine, (roll, pitch, yaw) = control.machine, control.mounting.euler()
     x, y, z = (float(v) for v in control.mounting.position)
