@@ -12,7 +12,7 @@ def add(parsers: Any) -> None:
         help="rewrite scenarios, data sheets and your Python files of version 0.1",
         description="Rewrites files in place; the old form stays beside each as NAME.orig.",
     )
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="scenario, data sheet or .py file")
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="scenario, sheet or .py file")
     parser.add_argument("--dry-run", action="store_true", help="say what would change, change nothing")
     parser.set_defaults(run=run)
 

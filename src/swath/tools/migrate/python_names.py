@@ -31,7 +31,9 @@ MODULES = {
     "swath.sim.world": "swath.runtime.assembly",
     "swath.sim.recorded": "swath.record.read",
 }
-_NAME = re.compile(r"(?<![\w.])(" + "|".join(sorted(map(re.escape, MODULES), key=len, reverse=True)) + r")(?!\w)")
+_NAME = re.compile(
+    r"(?<![\w.])(" + "|".join(sorted(map(re.escape, MODULES), key=len, reverse=True)) + r")(?!\w)"
+)
 
 
 def migrate_python(text: str) -> str:
