@@ -8,6 +8,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
+from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.sweep import signed_area
 
@@ -45,10 +46,11 @@ def slope(along=0.0, left=0.0):
 
 def site(ground=None, machine: MachineSheet | None = None, start=None, period=0.01):
     """What a machine's slot is told."""
-    return SimpleNamespace(
+    return SiteSetup(
         field=ground or Ground(),
         machine=machine or load_machine("lexion-700"),
         start=start or Pose.identity(),
+        edge_side="left",
         period=period,
     )
 

@@ -38,12 +38,12 @@ def test_the_parts_add_up_to_the_sheet(name):
     machine = load_machine(name)
     motion = make(machine=machine)
     d, m = machine.dynamics, masses_of(machine)
-    mujoco.mj_resetData(motion._model, motion._data)
-    mujoco.mj_forward(motion._model, motion._data)
-    full = np.zeros((motion._model.nv, motion._model.nv))
-    mujoco.mj_fullM(motion._model, motion._data, full)
+    mujoco.mj_resetData(motion.model, motion.data)
+    mujoco.mj_forward(motion.model, motion.data)
+    full = np.zeros((motion.model.nv, motion.model.nv))
+    mujoco.mj_fullM(motion.model, motion.data, full)
     np.testing.assert_allclose(np.diag(full)[:3], d.mass, rtol=1e-6)
-    centre = motion._data.subtree_com[motion._chassis]
+    centre = motion.data.subtree_com[motion._chassis]
     np.testing.assert_allclose(centre, [-d.cg_behind, 0.0, d.cg_height], atol=1e-6)
     x2, z2 = d.cg_behind**2, d.cg_height**2
     about_origin = [m.roll_inertia + d.mass * z2, m.pitch_inertia + d.mass * (x2 + z2)]
@@ -131,7 +131,7 @@ def test_rolls_out_by_the_rolling_resistance(params):
     wheels = motion.wheels.wheels
     radii = [w.rolling_radius for w in wheels]
     drag = sum(n * w.soil.at(n, 0.015).drag for n, w in zip(motion.wheels.loads, wheels, strict=True))
-    inertia = motion._model.body_inertia[motion._bodies].max(axis=1)
+    inertia = motion.model.body_inertia[motion.bodies].max(axis=1)
     moved = D.mass + sum(i / r**2 for i, r in zip(inertia, radii, strict=True))
     assert (first - last) / 2.0 == pytest.approx(drag / moved, rel=0.03)
 
@@ -167,20 +167,20 @@ def test_the_rear_axle_swings_without_rolling_the_body():
     twisted = Ground(lambda x, y: 0.08 * np.asarray(y) * (np.asarray(x) < -2.0))
     motion = make(twisted)
     state = run(motion, 3.0, speed=0.0)[-1]
-    swing = float(motion._data.qpos[motion._model.joint("pendulum").qposadr[0]])
+    swing = float(motion.data.qpos[motion.model.joint("pendulum").qposadr[0]])
     assert swing == pytest.approx(math.atan(0.08), rel=0.05)
     assert abs(state.pose.euler()[0]) < math.radians(0.3)
     blocked = Ground(lambda x, y: 0.25 * np.asarray(y) * (np.asarray(x) < -2.0))
     motion = make(blocked)
     state = run(motion, 3.0, speed=0.0)[-1]
-    swing = float(motion._data.qpos[motion._model.joint("pendulum").qposadr[0]])
+    swing = float(motion.data.qpos[motion.model.joint("pendulum").qposadr[0]])
     assert swing == pytest.approx(masses_of(SHEET).pendulum, abs=math.radians(1.0))
     assert state.pose.euler()[0] > math.radians(0.5)
 
 
 def test_parked_on_a_slope_it_stays():
     motion = make(slope(0.05, 0.1))
-    start = motion._data.qpos[:3].copy()
+    start = motion.data.qpos[:3].copy()
     states = run(motion, 15.0, steer=0.3, speed=0.0)
     assert np.linalg.norm(states[-1].pose.position - start) < 0.02
     assert np.linalg.norm(states[-1].pose.position - states[-500].pose.position) < 1e-6

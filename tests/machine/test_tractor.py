@@ -125,7 +125,7 @@ def test_its_front_axle_is_ahead_on_the_ground():
 def test_uphill_loads_the_rear_axle(grade):
     motion = make(ground=slope(grade, 0.0), params=single_track.Params(rolling_resistance=0.0))
     run(motion, 0.005, speed=0.0)
-    _, _, rear, front, _, _ = motion._moment.read()  # fixed axle first
+    rear, front = motion.axle_loads
     normal = D.mass * G * math.cos(math.atan(grade))
     assert front + rear == pytest.approx(normal)
     assert front == pytest.approx(normal * (REAR - D.cg_height * grade) / L)

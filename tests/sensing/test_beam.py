@@ -13,7 +13,7 @@ from swath.sensing.beam import (
     full_angle,
     random_pattern,
     spot_pattern,
-    sub_rays,
+    spots,
     turned_pattern,
 )
 from swath.sensing.lidar_sheet import load_lidar
@@ -117,7 +117,7 @@ def test_spot_grows_from_the_exit_with_the_full_divergence():
     assert beam.diameter(10.0)[0] == pytest.approx(0.060)  # data sheet arithmetic: 13 mm + 47 mm
     ring = np.stack([np.cos(np.linspace(0, 6, 9)), np.sin(np.linspace(0, 6, 9))], axis=1)
     axes = np.eye(3)[None]
-    start, direction = sub_rays(np.zeros((1, 3)), axes, beam, ring[None])
+    start, direction = spots(np.zeros((1, 3)), axes, beam, ring[None]).rays()
     at_10 = start + direction * (10.0 / direction[..., :1])
     assert np.allclose(np.linalg.norm(at_10[0, :, 1:], axis=1), 0.030, atol=1e-6)
 

@@ -12,7 +12,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import load_machine
-from swath.rays.engine import Hits
+from swath.rays.hits import Hits
 from swath.sensing.echo import EchoRule
 from swath.sensing.lidar.plants import Params, PlantsLidar
 from swath.sensing.lidar_sheet import load_lidar
@@ -31,7 +31,7 @@ class Walls:
     def __init__(self, far):
         self.far = far
 
-    def cast_spots(self, spots, *, range_max, solids, t):
+    def cast_bundles(self, spots, *, range_max, solids, t):
         origins, directions = spots.rays()
         near, far = ((wall - origins[..., 0]) / directions[..., 0] for wall in (NEAR, self.far))
         meets = origins[..., 1] + near * directions[..., 1] > 0.0
@@ -126,7 +126,7 @@ def test_drop_outs_and_dust_reach_the_scan():
 class Sky:
     """Nothing to hit."""
 
-    def cast_spots(self, spots, *, range_max, solids, t):
+    def cast_bundles(self, spots, *, range_max, solids, t):
         n = spots.shape
         none = np.zeros(n, np.float32)
         return Hits(np.full(n, np.nan, np.float32), np.zeros(n, np.uint8), none, none)
@@ -164,7 +164,7 @@ def static():
 def test_range_noise_is_that_of_a_real_scanner(static):
     """The model's spread of each beam against the recorded one, 175 scans, by range."""
     middle = np.nanmedian(static, axis=0)
-    noise = Noise(load_lidar("sick-lms111"), is_on=True, angle=None, drop_out=0.0)
+    noise = Noise(load_lidar("sick-lms111"), is_on=True, angle=None, dropout=0.0)
     noise.reset(Stream(1, "lidar"))
     rng = np.random.default_rng(1)
     made = np.stack([noise.measure(middle, rng) for _ in range(len(static))])

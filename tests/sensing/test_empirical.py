@@ -200,7 +200,7 @@ def test_neighbours_correlate_as_told_along_every_line():
     for k in range(60):
         pose = Pose.from_euler((25.0 + k, 50.0, 3.0), 0.0, np.radians(20.0), 0.3)
         scan(lidar, pose, 10**9 + k)
-        drawn.append(lidar.rays.desk.score[:count].reshape(-1, lines).copy())
+        drawn.append(lidar.rays.beams.score[:count].reshape(-1, lines).copy())
     z = np.array(drawn)
     assert z.std() == pytest.approx(1.0, abs=0.02)
     assert abs(np.mean(z[:, :, 0] * z[:, :, 1])) < 0.03

@@ -87,7 +87,7 @@ def test_weather_depends_on_the_counter_alone():
 
 
 def noise_of(name, **options):
-    noise = Noise(load_lidar(name), **({"is_on": True, "angle": None, "drop_out": 0.0} | options))
+    noise = Noise(load_lidar(name), **({"is_on": True, "angle": None, "dropout": 0.0} | options))
     noise.reset(Stream(1, "lidar"))
     return noise
 
@@ -106,7 +106,7 @@ def test_bias_is_constant_per_instance_and_within_the_band():
     sheet = load_lidar("sick-lms111")
     biases = []
     for seed in range(200):
-        noise = Noise(sheet, is_on=True, angle=None, drop_out=0.0)
+        noise = Noise(sheet, is_on=True, angle=None, dropout=0.0)
         noise.reset(Stream(seed, "lidar"))
         biases.append(noise.bias)
     assert np.abs(biases).max() <= sheet.systematic
@@ -117,7 +117,7 @@ def test_bias_is_constant_per_instance_and_within_the_band():
 
 
 def test_angle_noise_and_drop_outs_have_their_size():
-    noise = noise_of("sick-lms111", angle=0.01, drop_out=0.05)
+    noise = noise_of("sick-lms111", angle=0.01, dropout=0.05)
     swing = np.concatenate([noise.swing(t, 500) for t in range(20)])
     assert swing.std() == pytest.approx(0.01, rel=0.03)
     assert np.mean([noise.dropped(t, 500).mean() for t in range(40)]) == pytest.approx(0.05, abs=0.005)

@@ -9,7 +9,7 @@ directions are counter-clockwise from east.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,15 @@ def drilled(
         stand.density if stems_per_m2 is None else stems_per_m2,
         stand.row_spacing if row_spacing_m is None else row_spacing_m,
     )
+
+
+@runtime_checkable
+class HasExtent(Protocol):
+    """A terrain or a stand that is known from a map, which ends somewhere."""
+
+    def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """True on the map, for world points [m], in the shape of x and y broadcast."""
+        ...
 
 
 class Terrain(Protocol):

@@ -1,4 +1,4 @@
-"""Tile prototypes full of plants, with the search index that rays walk through."""
+"""Tile prototypes full of plants, with the search index that rays traverse."""
 
 import math
 from dataclasses import dataclass

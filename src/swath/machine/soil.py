@@ -32,7 +32,7 @@ class Grip(NamedTuple):
 
 @dataclass(frozen=True)
 class Firm:
-    """Ground that does not give way. load: the load [N] for which the numbers of `grip` hold."""
+    """Rigid ground. load: the load [N] for which the numbers of `grip` hold."""
 
     grip: Grip
     load: float

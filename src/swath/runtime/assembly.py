@@ -53,7 +53,7 @@ def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> Worl
 def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
     base = _base(scenario)
     ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
-    site = _Site(ground.field, ground.obstacles, Bodies(), base, ground.origin)
+    site = _Site(ground.field, ground.obstacles, Bodies(ground.named_obstacles), base, ground.origin)
     machines, nodes = {}, []
     for section in scenario.machines.values():
         machine, own_nodes = _build_machine(_reduced(section, only), site)

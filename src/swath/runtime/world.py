@@ -82,8 +82,9 @@ class Machine:
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
+        outputs = {f"{slot}.{p.name}": p.signal for slot, part in self.parts.items() for p in part.outputs}
         return RecordedMachine(
-            self.name, self.card, self.edge_side, self.mountings, self.origin, tuple(self.parts), self.edge
+            self.name, self.card, self.edge_side, self.mountings, self.origin, outputs, self.edge
         )
 
 

@@ -13,11 +13,11 @@ class Noise:
 
     is_on: False = no range noise, bias, resolution and angle noise of the sheet
     angle: one sigma of the direction in the scan plane [rad], None = the sheet's
-    drop_out: chance that a beam is lost
+    dropout: chance that a beam is lost
     """
 
-    def __init__(self, sheet: LidarSheet, *, is_on: bool, angle: float | None, drop_out: float) -> None:
-        self.sheet, self.is_on, self.drop_out = sheet, is_on, drop_out
+    def __init__(self, sheet: LidarSheet, *, is_on: bool, angle: float | None, dropout: float) -> None:
+        self.sheet, self.is_on, self.dropout = sheet, is_on, dropout
         self.angle = angle if angle is not None else sheet.angle_noise if is_on else 0.0
         self.bias = 0.0
         self._stream = Stream(0, "noise")
@@ -48,6 +48,6 @@ class Noise:
 
     def dropped(self, t: int, count: int) -> NDArray[np.bool_] | None:
         """Which beams of the sweep that ends at t are lost, (count,), None = none ever."""
-        if self.drop_out == 0.0:
+        if self.dropout == 0.0:
             return None
-        return np.asarray(self._stream.child("drop_out").at(t).uniform(size=count) < self.drop_out)
+        return np.asarray(self._stream.child("drop_out").at(t).uniform(size=count) < self.dropout)

@@ -160,6 +160,14 @@ class Maps:
         changed = base * (1.0 + self._density_waves.height(x, y))
         return np.clip(changed, 0.0, self.density_max)
 
+    def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """True on the maps of density and height, where the stand has them."""
+        known = np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)
+        for raster in (self._density, self._height):
+            if raster is not None:
+                known &= np.isfinite(raster.sample(x, y))
+        return known
+
     def height_factor(self, x: Any, y: Any) -> Array:
         """Plant length relative to the crop's own."""
         factor = self.params.height_factor * (1.0 + self._height_waves.height(x, y))

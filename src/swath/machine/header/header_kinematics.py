@@ -1,4 +1,4 @@
-"""How the header hangs on the machine: points of it for any angle of feeder and header."""
+"""Header kinematics: points of it for any angle of feeder and header."""
 
 from math import cos, sin
 
@@ -12,7 +12,7 @@ PIVOT = (0.0, 1.5)  # feeder pivot of a sheet without masses: x [m ahead of the 
 TILT_Z = 0.8  # height of the header's tilt pivot of such a sheet [m]
 
 
-class Hang:
+class HeaderKinematics:
     """Feeder turning about a cross axis, header turning about a long axis in front of it.
 
     With both angles 0 the knife lies level in the machine frame at the sheet's place and at `height` [m].

@@ -1,4 +1,4 @@
-"""Powertrain level `hydrostat`: an engine that loses speed under load, and a drive that gives way to it.
+"""Powertrain level `hydrostat`: an engine that loses speed under load, and a drive that yields to it.
 
 J dw/dt = T - T_load, lag dT/dt = governed torque - T; belts take torque, the hydrostat takes power. Equations
 and sources: docs/process.md.
@@ -33,7 +33,7 @@ from swath.machine.powertrain.power_balance import (
 from swath.signals import EngineState, MachineLoad, MachineState
 
 STALL_SHARE = 0.3  # the engine does not fall below this share of rated speed: it would stall [-]
-HEADROOM = 0.2  # a drive that gives way starts from this much above the present speed [m/s]
+HEADROOM = 0.2  # a drive that yields starts from this much above the present speed [m/s]
 
 
 @dataclass(frozen=True)

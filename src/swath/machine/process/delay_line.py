@@ -31,7 +31,7 @@ class Params:
     time 10-15 s and time constant 2-5 s in the field (uncited); straw_delay_s, straw_lag_s: knife to
     ground, the drum and 2-5 s more (uncited estimate). Lost grain leaves with the straw.
 
-    loss_percent: share of the grain lost; swath_width_m: of the straw swath; swath_step_m: way after which
+    loss_percent: share of the grain lost; swath_width_m: of the straw swath; swath_step_m: travel after which
     the straw dropped on it is laid down
     """
 

@@ -1,4 +1,4 @@
-"""Process level `threshing`: the way of grain and straw through the machine, and what each part loses.
+"""Process level `threshing`: the path of grain and straw through the machine, and what each part loses.
 
 Header -> feeder house -> drum -> rotors -> straw outlet; what falls through -> shoe -> elevator -> tank, or
 back to the drum. Equations, sources and validation: docs/process.md.

@@ -79,7 +79,7 @@ class Params:
 
 
 class ErrorGnss:
-    """The true place, late and a little beside."""
+    """The true place, late and a little off."""
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("fix", Fix),)
@@ -130,7 +130,7 @@ class ErrorGnss:
         return min((q for begin, end, q in self._losses if begin <= t < end), default=self._own)
 
     def save(self) -> State:
-        """Where the wandering errors stand, and the states on their way."""
+        """Where the wandering errors stand, and the states under way."""
         return {"wander": self._wander.copy(), **self._antenna.save()}
 
     def load(self, state: State) -> None:

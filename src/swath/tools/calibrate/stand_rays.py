@@ -22,7 +22,7 @@ from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import Beam, Profile, spot_pattern, sub_rays
+from swath.sensing.beam import Beam, Profile, spot_pattern, spots
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 
@@ -137,8 +137,8 @@ class StandRays:
         origin = np.c_[start, np.full(lines * LINE, top + width)] + aside[:, None] * axes[:, :, 1]
         beam = Beam((place.spot, place.spot), (0.0, 0.0), reading.profile)
         pattern = spot_pattern(reading.sub_rays, reading.profile)
-        origins, directions = sub_rays(origin, axes, beam, pattern.position[None])
-        hits = caster.cast_bundles(origins, directions, range_max=100.0)
+        rays = spots(origin, axes, beam, pattern.position[None])
+        hits = caster.cast_bundles(rays, range_max=100.0)
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
         to_spot = (top + width - SPOT_AT * place.height) / np.sin(place.depression)
         # the scanner lies so far behind where the rays start, for all the energy of a spot that matters

@@ -1,25 +1,25 @@
-// The walk of a group: tiles in rows, front to back.
+// The traversal of a group: tiles in rows, front to back.
 
-struct Walk : Crop {
-  struct Found { F t, cosine, albedo; I what; } early[SLICES];  // of a pack that goes part by part
+struct Traversal : Crop {
+  struct Found { F t, cosine, albedo; I what; } early[VECTORS];  // of a packet that goes part by part
   using Crop::Crop;
 
   void run() {
     for (long long g; (g = __atomic_fetch_add(&job.next, 1, __ATOMIC_RELAXED)) < job.groups;) {
-      int at = job.first_pack[g];
-      while (at < job.first_pack[g + 1]) {
-        const int left = job.first_pack[g + 1] - at, cap = ROOM / width;
-        packs = take(at, left < cap ? left : cap, 0, width);
-        if (packs > 0 && !is_wrong) {
+      int at = job.first_packet[g];
+      while (at < job.first_packet[g + 1]) {
+        const int left = job.first_packet[g + 1] - at, cap = ROOM / width;
+        packets = take(at, left < cap ? left : cap, 0, width);
+        if (packets > 0 && !is_invalid) {
           cast();
-          for (int b = 0; b < packs * slices; ++b) finish(b);
-          for (int p = 0; p < packs; ++p) hand_out(p);
-        } else if (!is_wrong) {
+          for (int b = 0; b < packets * vectors; ++b) finish(b);
+          for (int p = 0; p < packets; ++p) hand_out(p);
+        } else if (!is_invalid) {
           part_by_part(at);
-          packs = 1;
+          packets = 1;
         }
-        if (is_wrong) break;
-        at += packs;
+        if (is_invalid) break;
+        at += packets;
       }
     }
   }
@@ -28,25 +28,25 @@ struct Walk : Crop {
     check_height();
     find_frame();
     into_slopes();
-    for (int p = 0; p < packs; ++p) look(p);
+    for (int p = 0; p < packets; ++p) look(p);
     march();
   }
 
-  // A pack that is too wide for one group: lanes [from, after), then those behind them
+  // A packet that is too wide for one group: lanes [from, after), then those behind them
   void part_by_part(int at) {
-    const int* mine = job.lanes + at * width;
+    const int* mine = job.packets + at * width;
     for (int from = 0, after; from < width; from = after) {
       after = width;
       if (mine[from] < 0) { after = from + 1; continue; }
-      while ((packs = take(at, 1, from, after)) == 0 && !is_wrong) {  // as many as go together with the first
+      while ((packets = take(at, 1, from, after)) == 0 && !is_invalid) {  // as many as go together with the first
         int l = from;
         while (l < after && goes_along(l)) ++l;
         after = l;
       }
-      if (is_wrong) return;
+      if (is_invalid) return;
       cast();
-      for (int b = 0; b < slices; ++b) finish(b);
-      for (int b = 0; b < slices; ++b) {
+      for (int b = 0; b < vectors; ++b) finish(b);
+      for (int b = 0; b < vectors; ++b) {
         const I lane = every() + b * N, mine_now = (lane >= from) & (lane < after);
         Found& f = early[b];
         f.t = mine_now ? r[b].t : f.t;
@@ -55,36 +55,35 @@ struct Walk : Crop {
         f.albedo = mine_now ? r[b].albedo : f.albedo;
       }
     }
-    for (int b = 0; b < slices; ++b) {
+    for (int b = 0; b < vectors; ++b) {
       r[b].ray = loadi(mine + b * N);
       r[b].t = early[b].t; r[b].what = early[b].what; r[b].cosine = early[b].cosine; r[b].albedo = early[b].albedo;
     }
-    k.until[0] = FAR;
     hand_out(0);
   }
 
-  // Tiles in rows, front to back, until no pack looks further
+  // Tiles in rows, front to back, until no packet looks further
   void march() {
     const float along = e[0][A];
     const int step = along >= 0.0f ? 1 : -1;
     bool mixed = false;
-    for (int p = 0; p < packs; ++p)
+    for (int p = 0; p < packets; ++p)
       mixed |= (k.da0[p] <= 0.0f && k.da1[p] >= 0.0f) || (k.da0[p] > 0.0f) != (along >= 0.0f);
     for (int n = -1;; ++n) {
       bool goes_on = n < 1;
       for (int side = 0; side < (mixed && n > 0 ? 2 : 1); ++side) {
         const int row = side ? -step * n : step * n;
         float b0 = FAR, b1 = -FAR;
-        for (int p = 0; p < packs; p += N) goes_on |= cross_row(p, row * size, row * size + size, &b0, &b1);
+        for (int p = 0; p < packets; p += N) goes_on |= cross_row(p, row * size, row * size + size, &b0, &b1);
         if (b0 > b1) continue;
         for (int b = down(b0 / size); b <= down(b1 / size); ++b) A ? visit(b, row) : visit(row, b);
       }
       if (!goes_on) return;
     }
   }
-  bool cross_row(int p, float near, float far, float* b0, float* b1) {  // N packs; true: this row or a later is to come
+  bool cross_row(int p, float near, float far, float* b0, float* b1) {  // N packets; true: this row or a later is to come
     const F oa0 = load(k.oa0 + p), oa1 = load(k.oa1 + p), da0 = load(k.da0 + p), da1 = load(k.da1 + p), until = load(k.until + p);
-    const I ahead = da0 > 1e-6f, turns = ~ahead & ~(da1 < -1e-6f), known = every() < packs - p;
+    const I ahead = da0 > 1e-6f, turns = ~ahead & ~(da1 < -1e-6f), known = every() < packets - p;
     const F to_go = ahead ? near - oa1 : oa0 - far, to_leave = ahead ? far - oa0 : oa1 - near;
     const F slow = ahead ? da0 : -da1, fast = ahead ? da1 : -da0;
     const F away = most(most(near - oa1, oa0 - far), F{}) / most(most(da1, -da0), put(1e-6f));
@@ -115,33 +114,33 @@ struct Walk : Crop {
     tile.jx = gx + X - tile.page_x * 8;
     tile.jy = gy + Y - tile.page_y * 8;
     const int place = tile.slot * 64 + tile.jy * 8 + tile.jx;
-    tile.crest = FAR;
+    tile.top_bound = FAR;
     if (tile.slot >= 0) read_heights(place);
-    int act[PACKS], acts = 0;
+    int act[PACKETS], acts = 0;
     const float near = A ? tile.x * size : tile.y * size;
-    for (int p = 0; p < packs; ++p)
-      if (k.row_t0[p] <= k.row_t1[p] && k.row_b0[p] < near + size && k.row_b1[p] > near && k.row_z0[p] <= tile.crest)
+    for (int p = 0; p < packets; ++p)
+      if (k.row_t0[p] <= k.row_t1[p] && k.row_b0[p] < near + size && k.row_b1[p] > near && k.row_z0[p] <= tile.top_bound)
         act[acts++] = p;
     if (acts == 0) return;
     if (tile.slot >= 0) read_stand(place);
-    walking = 0;
+    active_count = 0;
     for (int n = 0; n < acts; ++n) {
       unsigned any = 0;
       k.ground[act[n]] = 0;
-      for (int v = 0; v < slices; ++v) {
-        Block& b = r[act[n] * slices + v];
+      for (int v = 0; v < vectors; ++v) {
+        Block& b = r[act[n] * vectors + v];
         if (tile.slot < 0) lose(b);
         else any |= enter(b, &k.ground[act[n]], 1 << v);
       }
-      if (any) walkers[walking++] = act[n];
+      if (any) active[active_count++] = act[n];
     }
-    if (walking) through_crop();
+    if (active_count) through_crop();
     for (int n = 0; n < acts; ++n) {
-      for (unsigned v = tile.slot < 0 ? 0 : k.ground[act[n]]; v; v &= v - 1) meet_ground(r[act[n] * slices + __builtin_ctz(v)]);
+      for (unsigned v = tile.slot < 0 ? 0 : k.ground[act[n]]; v; v &= v - 1) meet_ground(r[act[n] * vectors + __builtin_ctz(v)]);
       look(act[n]);
     }
   }
 };
 
-Walk walker(*(Job*)job_bytes.data, scene, index);
-walker.run();
+Traversal traversal(*(Job*)job_bytes.data, scene, index);
+traversal.run();

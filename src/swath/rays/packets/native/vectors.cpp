@@ -1,4 +1,4 @@
-// The group walk: the body of one native function (kernel.py), explained in docs/rays.md in the same words.
+// Ray packet traversal: the body of one native function (kernel.py), explained in docs/rays.md in the same words.
 //
 // In: scene, index, and job_bytes, a Job. Each thread takes the next group until none is left (`run`, below).
 //
@@ -21,23 +21,23 @@ typedef decltype(index)& IndexRef;
 #define HOT __attribute__((always_inline))
 constexpr int N = 16;            // lanes of a vector
 constexpr int ROOM = 1024;       // lanes of a group
-constexpr int SLICES = ROOM / N, PACKS = SLICES;  // packs of a group at most
-constexpr int PAIRS = 4096;      // pieces and slices that wait
+constexpr int VECTORS = ROOM / N, PACKETS = VECTORS;  // packets of a group at most
+constexpr int PAIRS = 4096;      // pieces and vectors that wait
 constexpr int KEPT = 2048;       // pieces that wait for their test
 constexpr int COMING = 16;       // runs of pieces that are fetched ahead
 constexpr int FLUSH = 8;         // so many are enough for a test
-constexpr int AROUND = 8;        // columns of a tile, one way
-constexpr int SPAN = 2048;       // columns side by side that a walk through one tile may touch
+constexpr int AROUND = 8;        // columns of a tile, in one direction
+constexpr int SPAN = 2048;       // columns side by side that a traversal through one tile may touch
 constexpr float FAR = 1.0e30f;
 constexpr float NARROW = 0.03f;  // 1 - cos of the widest angle in a group, about 14 deg
 constexpr float SPREAD = 1.0f;   // widest distance between origins in a group
 constexpr float ROUND = 2.0e-5f; // of places, covers float32
 constexpr float SEAM = 1.0e-5f; // as far over the sides of the prototype its copies are the same, covers float32
 constexpr int STANDING = 255, CUT = 1 << 30;
-constexpr int WRONG = 1, LOW = 2;  // doubts: rays that are none; rays that start low or where nothing is known
+constexpr int INVALID = 1, LOW = 2;  // flags: rays that are none; rays that start low or where nothing is known
 
 
-struct Lanes {  // vectors and small sums
+struct Vectors {  // vectors and small sums
   static F load(const float* p) { F v; __builtin_memcpy(&v, p, 64); return v; }
   static I loadi(const int* p) { I v; __builtin_memcpy(&v, p, 64); return v; }
   static void store(float* p, F v) { __builtin_memcpy(p, &v, 64); }
@@ -49,7 +49,7 @@ struct Lanes {  // vectors and small sums
   static F most(F a, F b) { return a > b ? a : b; }
   static F size_of(F a) { return __builtin_elementwise_abs(a); }
   static F root(F a) { return __builtin_elementwise_sqrt(a); }
-  static float lowest_of(F a) {  // of all lanes; the compiler's own way minds nan and takes three times as long
+  static float lowest_of(F a) {  // of all lanes; the compiler's own minds nan and takes three times as long
     a = least(a, __builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7));
     a = least(a, __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3));
     a = least(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1));

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.control.edge.canopy_offset import LAYER, TALLEST, Overhang, height_at, stopped
+from swath.control.edge.canopy_offset import LAYER, TALLEST, CanopyOffset, height_at, stopped
 from swath.control.edge.height_step import Rays, Step
 from swath.judge.referee import Referee
 from swath.runtime.assembly import assemble
@@ -31,11 +31,11 @@ def look(rng, parts, pieces, spread, edge, count=80):
 
 def learned(parts, pieces, spread, edge, *, guess=0.057, scans=500, memory=30.0, seed=0):
     """Shift found after so many scans 8 cm apart."""
-    rng, overhang = np.random.default_rng(seed), Overhang(memory, guess, parts=parts)
+    rng, offset = np.random.default_rng(seed), CanopyOffset(memory, guess, parts=parts)
     for _ in range(scans):
-        overhang.move(0.08)
-        overhang.add(look(rng, parts, pieces, spread, edge), 0.0, 0.95)
-    return overhang.shift(0.95)
+        offset.move(0.08)
+        offset.add(look(rng, parts, pieces, spread, edge), 0.0, 0.95)
+    return offset.shift(0.95)
 
 
 @pytest.mark.parametrize("parts", [1, 2, 3, 6])
@@ -54,7 +54,7 @@ def test_heights_below_which_a_share_lies():
 @pytest.mark.parametrize(
     ("pieces", "spread", "edge"), [(3.5, 0.035, 0.0), (9.0, 0.05, 0.05), (14.0, 0.08, 0.1), (9.0, 0.15, 0.22)]
 )
-def test_an_overhang_is_found_whatever_the_guess_and_the_crop(parts, pieces, spread, edge):
+def test_the_offset_of_the_canopy_is_found_whatever_the_guess_and_the_crop(parts, pieces, spread, edge):
     found = learned(parts, pieces * parts**0.5, spread, edge)
     assert found == pytest.approx(edge, abs=0.02)
     assert learned(parts, pieces * parts**0.5, spread, edge, guess=0.0) == pytest.approx(found, abs=0.003)
@@ -65,15 +65,15 @@ def test_without_memory_the_guess_holds():
 
 
 def test_scans_that_show_a_notch_do_not_count():
-    overhang, rng = Overhang(30.0, 0.05), np.random.default_rng(3)
+    offset, rng = CanopyOffset(30.0, 0.05), np.random.default_rng(3)
     for _ in range(50):
-        overhang.move(0.08)
-        overhang.add(look(rng, 1, 9.0, 0.2, 0.1), 0.3, 0.95)
-    assert overhang.shift(1.0) == 0.05
+        offset.move(0.08)
+        offset.add(look(rng, 1, 9.0, 0.2, 0.1), 0.3, 0.95)
+    assert offset.shift(1.0) == 0.05
 
 
 def test_back_to_a_saved_moment():
-    rng, one, two = np.random.default_rng(4), Overhang(30.0, 0.05), Overhang(30.0, 0.05)
+    rng, one, two = np.random.default_rng(4), CanopyOffset(30.0, 0.05), CanopyOffset(30.0, 0.05)
     steps = [look(rng, 1, 9.0, 0.1, 0.1) for _ in range(60)]
     for k, step in enumerate(steps):
         if k == 30:

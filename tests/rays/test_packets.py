@@ -1,4 +1,4 @@
-"""Rays in groups against the plain kernel: any terrain, crop, sensor and bundle."""
+"""Rays as packets against the plain kernel: any terrain, crop, sensor and bundle."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.wind import Wind
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import Beam, spot_pattern, spots, sub_rays, turned_pattern
+from swath.sensing.beam import Beam, spot_pattern, spots, turned_pattern
 from tests.field.made_field import made_field
 from tests.rays.bundle_rays import bundles, check_same
 from tests.rays.hand_field import HandField, make_pages, set_bumps, small_library
@@ -32,7 +32,7 @@ def hills():
 def compare(field, o, d, **options):
     caster = RayCaster(field, threads=1)
     options = {"range_max": 40.0} | options
-    found = caster.cast_bundles(o, d, **options)
+    found = caster.cast_bundles((o, d), **options)
     check_same(found, caster.cast(o.reshape(-1, 3), d.reshape(-1, 3), **options))
     return found
 
@@ -165,25 +165,8 @@ def test_images(hills):
         check_same(found, caster.cast(np.tile(place, (rows * columns, 1)), d.reshape(-1, 3), range_max=30.0))
 
 
-@pytest.mark.parametrize("subs", [1, 4, 9, 37])
-def test_the_nearest_hits_are_those_of_the_full_answer(hills, subs):
-    caster = RayCaster(hills, threads=1)
-    o, d = bundles(over(hills, 2.0, 4.0, 2.5), FAN, np.linspace(-0.02, 0.9, len(FAN)), subs)
-    full = caster.cast_bundles(o, d, range_max=12.0)
-    assert not full.is_hit.all()
-    order = np.argsort(full.distance, axis=1, kind="stable")
-    for count in {1, (subs + 1) // 2, subs}:
-        near = caster.cast_nearest(o, d, count, range_max=12.0)
-        last = caster.cast_order(o, d, count, range_max=12.0)
-        assert near.distance.shape == (len(o), count)
-        for name in ("distance", "organ", "cosine", "reflectance"):
-            expected = np.take_along_axis(getattr(full, name), order[:, :count], axis=1)
-            np.testing.assert_array_equal(getattr(near, name), expected)
-            np.testing.assert_array_equal(getattr(last, name), expected[:, -1])
-
-
-def test_nearest_hits_with_solids_wide_bundles_and_lost_rays():
-    """Bundles too wide for one part of the walk, solids within and behind the crop, pages that end."""
+def test_wide_bundles_with_solids_and_lost_rays():
+    """Bundles too wide for one group, solids within and behind the crop, pages that end."""
     field = HandField(make_pages(LIBRARY, pages=1, mixed=1), LIBRARY)
     solids = Solids(
         box_centre=np.array([[20.0, 4.0, 2.0], [5.0, 4.0, 0.4]]),
@@ -191,19 +174,10 @@ def test_nearest_hits_with_solids_wide_bundles_and_lost_rays():
         box_half=np.array([[1.0, 9.0, 9.0], [0.3, 0.3, 0.4]]),
         box_reflectance=np.array([0.5, 0.7]),
     )
-    caster = RayCaster(field, threads=1)
     for width in (0.05, 1.6):
         o, d = bundles([3.0, 4.0, 2.2], np.linspace(-0.5, 0.5, 40), np.tile([0.02, 0.3], 20), 37, width=width)
-        full = caster.cast_bundles(o, d, range_max=30.0, solids=solids)
-        assert Organ.SOLID in full.organ
-        order = np.argsort(full.distance, axis=1, kind="stable")
-        for count in (1, 19, 37):
-            near = caster.cast_nearest(o, d, count, range_max=30.0, solids=solids)
-            last = caster.cast_order(o, d, count, range_max=30.0, solids=solids)
-            for name, found in vars(near).items():
-                expected = np.take_along_axis(getattr(full, name), order[:, :count], axis=1)
-                np.testing.assert_array_equal(found, expected)
-                np.testing.assert_array_equal(getattr(last, name), expected[:, -1])
+        found = compare(field, o, d, solids=solids)
+        assert Organ.SOLID in found.organ
 
 
 @pytest.mark.parametrize("spot", ["fixed", "turned"])
@@ -221,29 +195,25 @@ def test_spots_hit_what_their_rays_hit(hills, spot):
         origins = over(hills, 2.0, 4.0, 2.5) + np.linspace(0, 0.3, n)[:, None] * [0.8, 0.6, 0.0]
         beam = Beam((0.014, 0.01), (angle, 0.5 * angle), "uniform")
         beams = spots(origins, axes, beam, pattern)
-        rays, caster = sub_rays(origins, axes, beam, pattern), RayCaster(hills, threads=1)
-        expected = caster.cast_bundles(*rays, range_max=20.0)
+        rays, caster = spots(origins, axes, beam, pattern).rays(), RayCaster(hills, threads=1)
+        expected = caster.cast_bundles(rays, range_max=20.0)
         assert expected.is_hit.mean() > 0.3
-        for name, found in vars(caster.cast_spots(beams, range_max=20.0)).items():
+        for name, found in vars(caster.cast_bundles(beams, range_max=20.0)).items():
             np.testing.assert_array_equal(found, getattr(expected, name))
-        rank = (subs + 1) // 2
-        one = caster.cast_spots(beams, rank, range_max=20.0)
-        for name, found in vars(caster.cast_order(*rays, rank, range_max=20.0)).items():
-            np.testing.assert_array_equal(getattr(one, name), found)
     with pytest.raises(InputError, match="below"):
-        caster.cast_spots(spots(origins - [0, 0, 5.0], axes, beam, pattern), range_max=20.0)
+        caster.cast_bundles(spots(origins - [0, 0, 5.0], axes, beam, pattern), range_max=20.0)
 
 
 def test_threads_order_and_company_change_no_bit(hills):
     o, d = bundles(over(hills, 2.0, 4.0, 2.5), np.arange(-90, 90, 0.5) * DEG, 0.4, 19)
-    first = RayCaster(hills, threads=1).cast_bundles(o, d, range_max=30.0)
+    first = RayCaster(hills, threads=1).cast_bundles((o, d), range_max=30.0)
     for threads in (2, 3):
-        again = RayCaster(hills, threads=threads).cast_bundles(o, d, range_max=30.0)
+        again = RayCaster(hills, threads=threads).cast_bundles((o, d), range_max=30.0)
         for a, b in zip(vars(first).values(), vars(again).values(), strict=True):
             assert a.tobytes() == b.tobytes()
     order = np.random.default_rng(2).permutation(len(o))
-    mixed = RayCaster(hills, threads=2).cast_bundles(o[order], d[order], range_max=30.0)
-    single = RayCaster(hills, threads=1).cast_bundles(o[:, 4:5], d[:, 4:5], range_max=30.0)
+    mixed = RayCaster(hills, threads=2).cast_bundles((o[order], d[order]), range_max=30.0)
+    single = RayCaster(hills, threads=1).cast_bundles((o[:, 4:5], d[:, 4:5]), range_max=30.0)
     for a, b, c in zip(*(vars(h).values() for h in (first, mixed, single)), strict=True):
         assert a[order].tobytes() == b.tobytes()
         assert a[:, 4].tobytes() == c.tobytes()
@@ -253,22 +223,20 @@ def test_what_is_refused_and_what_the_plain_kernel_serves(hills):
     caster = RayCaster(hills, threads=1)
     o, d = bundles(over(hills, 2.0, 4.0, 2.5), [0.1, 0.2], 0.4, 600)
     with pytest.warns(UserWarning, match="600 sub-rays"):
-        found = caster.cast_bundles(o, d, range_max=30.0)
+        found = caster.cast_bundles((o, d), range_max=30.0)
     check_same(found, caster.cast(o.reshape(-1, 3), d.reshape(-1, 3), range_max=30.0), least=1.0)
-    with pytest.raises(ValueError, match="count"):
-        caster.cast_nearest(o, d, 0, range_max=30.0)
     with pytest.raises(ValueError, match="expected both"):
-        caster.cast_bundles(o[0], d[0], range_max=30.0)
+        caster.cast_bundles((o[0], d[0]), range_max=30.0)
     with pytest.raises(InputError, match="below"):
-        caster.cast_bundles(o - [0, 0, 5.0], d, range_max=30.0)
+        caster.cast_bundles((o - [0, 0, 5.0], d), range_max=30.0)
     for spoil in ((7, 3, 0), (0, 0, 2), (14, 36, 1)):
         for value in (np.nan, np.inf):
             for which in (0, 1):
                 rays = [a.copy() for a in bundles(over(hills, 2.0, 4.0, 2.5), FAN[:15], 0.4, 37)]
                 rays[which][spoil] = value
                 with pytest.raises(ValueError, match="finite"):
-                    caster.cast_bundles(*rays, range_max=30.0)
-    assert caster.cast_bundles(o[:0], d[:0], range_max=30.0).distance.shape == (0, 600)
+                    caster.cast_bundles(rays, range_max=30.0)
+    assert caster.cast_bundles((o[:0], d[:0]), range_max=30.0).distance.shape == (0, 600)
     assert caster.cast_image([2.0, 4.0, 9.0], np.zeros((0, 5, 3)), range_max=30.0).distance.shape == (0, 5)
 
 
@@ -285,10 +253,10 @@ def test_plants_that_are_meshes():
 
 
 def test_without_a_compiler_the_plain_kernel_serves(hills, monkeypatch):
-    monkeypatch.setattr("swath.rays.engine.can_walk", lambda: False)
+    monkeypatch.setattr("swath.rays.engine.can_compile", lambda: False)
     caster = RayCaster(hills, threads=1)
     o, d = bundles(over(hills, 2.0, 4.0, 2.5), [0.1, 0.2], 0.4, 9)
     with pytest.warns(UserWarning, match="cannot be compiled"):
-        found = caster.cast_bundles(o, d, range_max=30.0)
+        found = caster.cast_bundles((o, d), range_max=30.0)
     plain = caster.cast(o.reshape(-1, 3), d.reshape(-1, 3), range_max=30.0)
     np.testing.assert_array_equal(found.distance.ravel(), plain.distance)
