@@ -81,7 +81,7 @@ def _rows(
             limit, result = ("", "") if held is None else (limit_text(held), held["result"])
             rows.append((name, number(metrics[name]), limit, result))
     for entry in expect:
-        if entry is not own.get(entry["name"]) or entry["name"] not in metrics:
+        if entry is not own.get(str(entry["name"])) or entry["name"] not in metrics:
             limit = limit_text(entry) + window_text(entry)
             rows.append((entry["name"], number(entry["value"]), limit, entry["result"]))
     return rows
