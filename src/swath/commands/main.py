@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import cards, levels, run, scenarios, schema
+from swath.commands import levels, run, scenarios, schema, sheets
 from swath.core.errors import SwathError
 from swath.core.registry import user_line
 from swath.field_io import command as field
@@ -27,7 +27,7 @@ COMMANDS = (
     run,
     scenarios,
     levels,
-    cards,
+    sheets,
     field,
     lab,
     height_map,

@@ -82,7 +82,7 @@ class Referee:
         self._in_transit = {"grain": 0.0, "straw": 0.0}
         self._fill = [0.0, 0.0]
         self._load: MachineLoad | None = None
-        self._works, self._header = WorksWatch(), HeaderWatch()
+        self._drivetrain, self._header = WorksWatch(), HeaderWatch()
         self.true_offset, self.distance = float("nan"), 0.0
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
@@ -99,7 +99,7 @@ class Referee:
             elif isinstance(signal, MachineLoad):
                 self._load = signal
                 self._in_transit = {"grain": 0.0, "straw": 0.0}
-            self._works.see(signal, self.distance)
+            self._drivetrain.see(signal, self.distance)
             self._header.see(signal, self.distance)
         self._judge_edges()
 
@@ -158,7 +158,7 @@ class Referee:
             "area_cut_m2": self._flow["area"],
             "grain_cut_kg": self._flow["grain"],
             "mass_balance_error": mass_balance_error(self.field, [self]),
-            **self._works.metrics(),
+            **self._drivetrain.metrics(),
             **self._header.metrics(),
             "distance_m": self.distance,
         }

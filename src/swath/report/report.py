@@ -154,7 +154,7 @@ def _figures(data: ReportData) -> list[page.Figure]:
     if len(data.tracks.get("t_s", ())) > 1:
         made.append(_drive(data))
         if np.isfinite(np.asarray(data.tracks.get("engine_load", np.nan))).any():
-            made.append(_works(data))
+            made.append(_drivetrain(data))
     return made
 
 
@@ -228,7 +228,7 @@ def _drive(data: ReportData) -> page.Figure:
     return page.Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
 
 
-def _works(data: ReportData) -> page.Figure:
+def _drivetrain(data: ReportData) -> page.Figure:
     fig = plots.works_figure(dict(data.tracks))
     caption = (
         "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; "

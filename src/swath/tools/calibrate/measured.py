@@ -53,7 +53,7 @@ def fit_samples(
     """A table from measured beams; every fifth beam is held out and compared, cell by cell.
 
     Cells without enough beams take over the nearest ones that have. How crop adds up along a beam (the
-    silhouette) and how far it leans over an edge are the crop card's; correlation and intensity are typical.
+    silhouette) and how far it leans over an edge are the crop sheet's; correlation and intensity are typical.
     """
     stream = Stream(seed, "measured")
     axes = [_nodes(samples.place[:, k], most) for k, most in enumerate(NODES_MOST)]

@@ -19,7 +19,7 @@ def add(parsers: Any) -> None:
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
     log.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
     log.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
-    log.add_argument("--out", type=Path, metavar="DIR", help="write picture, report, JSON, card and series")
+    log.add_argument("--out", type=Path, metavar="DIR", help="write picture, report, JSON, sheet and series")
     log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the data sheet to fit")
     log.add_argument("--on", action="append", default=[], metavar="QUANTITY", help="to fit to (engine_load)")
     log.add_argument("--machine", metavar="NAME", help="fit on this machine of the log, test on the others")

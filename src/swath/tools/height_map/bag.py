@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.record.read.fields import pose_of_transform
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import poses_of_fixes, read_fixes
 from swath.record.read.frames import BASES, chain
 from swath.record.read.mcap_log import BROKEN
-from swath.record.read.messages import cloud_table, pose_of_transform
+from swath.record.read.scans import cloud_table
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 

@@ -1,0 +1,165 @@
+"""What an evaluator is: it sees the samples of a run and the truth, and says what they come to in metrics.
+
+An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/evaluators/` that ends with
+`LEVEL = Level(Class, None, summary="...")`, or in a user's file, named `my.py:Class` under the scenario's key
+`evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`
+and `core.abilities.EndsRun`.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
+
+from swath.field.edge_defects import Gap
+from swath.field.memory_layout import Solids
+from swath.field.site_setup import Bodies
+from swath.record.messages import RecordedMachine
+from swath.record.tracks import Column
+from swath.signals import Signal
+
+SETTLING_M = 10.0  # driven before a run is judged: the machine starts beside its path
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number that a run comes to.
+
+    name: in `summary.json`, its unit at the end; unit: "1" for a share of one, "" for a count or ratio
+    meaning: one line; group: heading in lists and reports; better: the better direction, "" where neither is
+    label: in reports, by default the name in words; shown: unit in reports, by default `unit`
+    decimals: in reports, -1 for two digits with an exponent
+    is_windowed: it can also be computed of a part of the run
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    group: str
+    better: Literal["lower", "higher", ""] = ""
+    label: str = ""
+    shown: str = ""
+    decimals: int = 2
+    is_windowed: bool = True
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened during a run.
+
+    t, end_t [ns]: when it began and ended; both are the same for what takes no time; end_t is None while it
+    lasts. kind: one word, as in `after: gap`; machine: to which it happened
+    x, y: place in the world [m]; distance: driven by the machine when it began [m]; text: one sentence
+    other: the second machine or the obstacle that takes part, if any
+    end_distance: driven when it ended [m], nan while it lasts and for what takes no time
+    """
+
+    t: int
+    kind: str
+    machine: str
+    x: float
+    y: float
+    distance: float
+    text: str
+    end_t: int | None
+    other: str = ""
+    end_distance: float = float("nan")
+
+
+class Edge(Protocol):
+    """The initial edge of the crop as a curve; distances > 0 on the side of the crop."""
+
+    def signed_distance(self, x: Any, y: Any) -> Any: ...
+    def project(self, x: Any, y: Any) -> Any: ...
+
+
+class Truth(Protocol):
+    """What evaluators ask of the field."""
+
+    @property
+    def nominal_edge(self) -> Any: ...
+    def edge_offset(self, start_xy: Any, end_xy: Any) -> float: ...
+    def standing_area(self, polygon: Any) -> float: ...
+    def recount(self) -> Any: ...
+
+
+@dataclass(frozen=True)
+class EvaluatorSetup:
+    """What an evaluator is told.
+
+    field: the truth; machines: all of the run, by name; name: of the machine to judge, "" for the whole field
+    settling_m: driven before it judges [m]; 0 in a window
+    contact_ends_run: whether a machine that touches something ends the run
+    overlap: how far the machine's header end is meant to be out over the cut ground [m]
+    gaps: of the machine's edge; obstacles: solids in the world; bodies: of all machines, where they stand now
+    """
+
+    field: Truth
+    machines: Mapping[str, RecordedMachine]
+    name: str = ""
+    settling_m: float = SETTLING_M
+    contact_ends_run: bool = True
+    overlap: float = 0.0
+    gaps: Sequence[Gap] = ()
+    obstacles: Solids = dataclasses.field(default_factory=Solids)
+    bodies: Bodies = dataclasses.field(default_factory=Bodies)
+
+    @property
+    def machine(self) -> RecordedMachine:
+        """The machine to judge: its data sheet, sides, mountings and slots."""
+        return self.machines[self.name]
+
+    @property
+    def edge(self) -> Edge:
+        """The initial edge that the machine works along."""
+        edge: Edge = self.field.nominal_edge
+        return edge
+
+
+class Evaluator(Protocol):
+    """Judges one machine, or the whole field.
+
+    METRICS: every metric it may give; OF_FIELD: it is made once, sees the samples of all machines, and its
+    metrics are the field's; otherwise it is made for each machine and sees that machine's samples only
+    """
+
+    METRICS: ClassVar[tuple[Metric, ...]]
+    OF_FIELD: ClassVar[bool]
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """A slot, such as `combine.motion`, published samples at t [ns]; they must not be changed."""
+
+    def metrics(self) -> dict[str, float]:
+        """Of all that was seen: nan where nothing could be judged, left out where a part is missing."""
+        ...
+
+
+@runtime_checkable
+class HasColumns(Protocol):
+    """An evaluator of a machine that adds columns to the tracks. COLUMNS: their names."""
+
+    COLUMNS: ClassVar[tuple[str, ...]]
+
+    def columns(self) -> tuple[Column, ...]: ...
+
+
+@runtime_checkable
+class HasEvents(Protocol):
+    """An evaluator that notes events. EVENTS: their kinds; events: so far, in order of their beginning.
+
+    An event that lasts stands in the list from its beginning on, and is replaced when it ends.
+    """
+
+    EVENTS: ClassVar[tuple[str, ...]]
+
+    def events(self) -> Sequence[Event]: ...
+
+
+@runtime_checkable
+class HasLimits(Protocol):
+    """An evaluator with limits of its own, which hold unless the scenario sets a limit on the metric itself.
+
+    LIMITS: metric -> min, max
+    """
+
+    LIMITS: ClassVar[Mapping[str, Mapping[str, float]]]
