@@ -14,7 +14,7 @@ import numpy as np
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
 from swath.signals import Signal
-from swath.signals.flat import build, flat_fields, is_bulky, read
+from swath.signals.flat import POSE, build, flat_fields, is_bulky, read
 from swath.signals.setup import LinkSetup
 
 
@@ -53,22 +53,22 @@ def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
 
 
 def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
-    """What a node gets first: geometry [m, rad], mounting of the edge sensor, period [s]."""
+    """What a node gets first: geometry [m, rad], period [s] and mountings of the sensors wired to the slot.
+
+    One sensor is `setup.mounting`, several are `setup.PORT.mounting`.
+    """
     control = setup.control
-    machine, (roll, pitch, yaw) = control.machine, control.mounting.euler()
-    x, y, z = (float(v) for v in control.mounting.position)
     names = ("wheelbase", "front_track", "rear_track", "max_steer", "header_width", "knife_x", "header_y")
-    return {
+    found = {
         "setup.period": control.period,
         "setup.edge_is_left": float(control.edge_side == "left"),
-        **{f"setup.{name}": float(getattr(machine, name)) for name in names},
-        "setup.mounting.x": x,
-        "setup.mounting.y": y,
-        "setup.mounting.z": z,
-        "setup.mounting.roll": roll,
-        "setup.mounting.pitch": pitch,
-        "setup.mounting.yaw": yaw,
+        **{f"setup.{name}": float(getattr(control.machine, name)) for name in names},
     }
+    for port, pose in control.mountings.items():
+        lead = "setup.mounting" if len(control.mountings) == 1 else f"setup.{port}.mounting"
+        numbers = (*pose.position.tolist(), *pose.euler())
+        found |= {f"{lead}.{part}": float(number) for part, number in zip(POSE, numbers, strict=True)}
+    return found
 
 
 def sample_of(port: Port, t: int, numbers: Mapping[str, float]) -> Signal | None:
