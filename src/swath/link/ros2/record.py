@@ -14,8 +14,10 @@ import numpy as np
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
 from swath.signals import Signal
-from swath.signals.flat import POSE, build, flat_fields, is_bulky, read
+from swath.signals.flat import build, flat_fields, is_bulky, read
 from swath.signals.setup import LinkSetup
+
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 def numbers_of(prefix: str, sample: Signal) -> dict[str, float]:
@@ -53,9 +55,9 @@ def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
 
 
 def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
-    """What a node gets first: geometry [m, rad], period [s] and mountings of the sensors wired to the slot.
+    """What a node gets first: geometry [m, rad], period [s], mountings of the sensors wired to the slot.
 
-    One sensor is `setup.mounting`, several are `setup.PORT.mounting`.
+    The names of one mounting begin with `setup.mounting.`, of several with `setup.mounting.PORT.`.
     """
     control = setup.control
     names = ("wheelbase", "front_track", "rear_track", "max_steer", "header_width", "knife_x", "header_y")
@@ -65,9 +67,9 @@ def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
         **{f"setup.{name}": float(getattr(control.machine, name)) for name in names},
     }
     for port, pose in control.mountings.items():
-        lead = "setup.mounting" if len(control.mountings) == 1 else f"setup.{port}.mounting"
-        numbers = (*pose.position.tolist(), *pose.euler())
-        found |= {f"{lead}.{part}": float(number) for part, number in zip(POSE, numbers, strict=True)}
+        lead = "setup.mounting" if len(control.mountings) == 1 else f"setup.mounting.{port}"
+        values = (*pose.position.tolist(), *pose.euler())
+        found |= {f"{lead}.{axis}": float(v) for axis, v in zip(AXES, values, strict=True)}
     return found
 
 
