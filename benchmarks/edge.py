@@ -9,8 +9,8 @@ the mean of three seeds.
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 
-from swath.judge.referee import Referee
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
@@ -86,9 +86,9 @@ def judge(case: Case) -> dict[str, float]:
     """The metrics of one run [m], 1."""
     name, sets = case
     world = assemble(load_scenario(name, sets=list(sets)))
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
-    drive(world, [referee])
-    return referee.metrics()
+    evaluation = make_evaluation(world)
+    drive(world, [evaluation])
+    return {**evaluation.metrics("combine"), **evaluation.metrics("field")}
 
 
 def cases_of(table: str, metres: float) -> dict[str, list[Case]]:

@@ -29,8 +29,8 @@ GEOMETRY = MachineGeometry(3.7, 3.2, 3.0, 0.6, 7.0, 4.0, 0.0, 1.0, 1.0, (-6.0, 2
 MOUNTING = Pose.from_euler([2.0, 3.5, 3.8], pitch=np.radians(20.0))
 
 
-def machine(side="left"):
-    return RecordedMachine("combine", GEOMETRY, side, {"lidar": MOUNTING})
+def machine(side="left", edge=None, name="combine"):
+    return RecordedMachine(name, GEOMETRY, side, {"lidar": MOUNTING}, edge=edge or ArcEdge())
 
 
 @dataclass
@@ -46,6 +46,12 @@ class ArcEdge:
         x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
         right = -y if self.radius == 0 else np.hypot(x, y - self.radius) - self.radius
         return right if self.crop_on_right else -right
+
+    def project(self, x, y):
+        """Arc length and distance to the left of the edge."""
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        along = x if self.radius == 0 else self.radius * np.arctan2(x, self.radius - y)
+        return along, self.signed_distance(x, y) * (-1.0 if self.crop_on_right else 1.0)
 
     def pose(self, s, offset=0.0):
         """World pose at arc length s, `offset` to the left of the edge, heading along it."""
@@ -71,6 +77,7 @@ class GridField:
     low: tuple = (-20.0, -30.0)
     size: tuple = (120.0, 60.0)
     cell: float = 0.05
+    ground_grain_kg: float = 0.0
     is_cut: np.ndarray = field(init=False)
 
     def __post_init__(self):

@@ -43,7 +43,7 @@ def run(
     """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
 
     out: default: a new folder in `runs`; sets, seed: as in `load_scenario`; report: write report.html
-    progress: a bar on a terminal. Raises InputError; a broken limit raises nothing, see `exit_code`.
+    progress: a bar on a terminal. Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario, sets=sets, seed=seed)

@@ -5,11 +5,12 @@ import pytest
 
 from swath.control.edge.canopy_offset import LAYER, TALLEST, CanopyOffset, height_at, stopped
 from swath.control.edge.height_step import Rays, Step
-from swath.judge.referee import Referee
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive as run
 from swath.scenario.scenario import load_scenario
 from tests.control.edge_drive import drive, errors
+from tests.evaluated import metrics_of
 
 NORMAL = np.array([np.linspace(-6, 6, 1201)] * 2)
 NORMAL[1] = np.cumsum(np.exp(-0.5 * NORMAL[0] ** 2))
@@ -109,9 +110,9 @@ def test_that_a_spot_touches_the_crop_early_is_learned_too(spot):
 )
 def test_thin_wheat_and_barley_on_real_stems(sets, most):
     world = assemble(load_scenario("straight", sets=["run.distance_m=25", "combine.lidar.sub_rays=7", *sets]))
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
-    run(world, [referee])
-    metrics = referee.metrics()
+    evaluation = make_evaluation(world)
+    run(world, [evaluation])
+    metrics = metrics_of(evaluation)
     assert abs(metrics["edge_bias_m"]) < most  # 3.4 to 5 cm with a guess that holds throughout
     assert metrics["edge_rmse_m"] < 0.04
 

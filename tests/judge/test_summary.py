@@ -1,21 +1,26 @@
-"""summary.json: strict JSON, the contract's names, verdicts."""
+"""summary.json: strict JSON, one machine at the top, several by name."""
 
 import json
 
-import numpy as np
-
-from swath.judge.metrics import METRICS, is_broken
+from swath.judge.catalogue import load_evaluators
+from swath.judge.limits import is_failed
 from swath.judge.summary import make_summary, versions, write_summary
+from swath.scenario.resolved import Expectation
+from swath.scenario.sections import Limit
+from tests.evaluated import evaluation_of
+from tests.fake_run import ArcEdge, GridField, drive, machine
 
 
-def make(**changes):
-    metrics = dict.fromkeys(METRICS, 0.01) | changes
-    for name in ("digest", "incomplete", "expect", "real_time_factor", "ray_count"):
-        metrics.pop(name)
+def make(*names, seconds=12.0, **limits):
+    ground = GridField(ArcEdge())
+    expect = [Expectation(*name.split("."), Limit(**limit)) for name, limit in limits.items()]
+    evaluation = evaluation_of(ground, *(machine(name=name) for name in names), expect=expect)
+    drive([evaluation], ground, seconds=seconds)
     return make_summary(
         {"name": "straight", "seed": 1},
-        metrics,
-        {"lateral_rms_m": {"max": 0.05}, "real_time_factor": {"min": 1.5}},
+        evaluation,
+        {},
+        sensors={"combine": {"unmeasured_beam_share": 0.25}},
         simulated_s=20.0,
         wall_s=10.0,
         ray_count=7,
@@ -25,21 +30,36 @@ def make(**changes):
     )
 
 
-def test_all_names_of_the_contract_are_there():
-    summary = make()
-    assert set(METRICS) <= set(summary)
+def test_the_metrics_of_one_machine_stand_at_the_top():
+    summary = make("combine", **{"field.real_time_factor": {"min": 1.5}, "combine.area_cut_m2": {"min": 1}})
+    absent = {name for name in load_evaluators().metrics if name not in summary}
+    groups = {load_evaluators().metrics[name].group for name in absent}
+    assert groups <= {"Header height", "Crop and engine"}
+    assert summary["format"] == "swath summary 2"
     assert summary["real_time_factor"] == 2.0
-    assert not is_broken(summary["expect"])
-    assert summary["expect"]["real_time_factor"] == {"value": 2.0, "limit": {"min": 1.5}, "verdict": "kept"}
+    assert summary["unmeasured_beam_share"] == 0.25
+    assert "machines" not in summary
+    assert not is_failed(summary["expect"])
+    limit = {"subject": "field", "name": "real_time_factor", "limit": {"min": 1.5}}
+    assert summary["expect"][0] == {**limit, "value": 2.0, "result": "pass"}
 
 
-def test_missing_numbers_are_null_and_break_their_limit(tmp_path):
-    summary = make(lateral_rms_m=float("nan"), edge_rmse_m=np.float64("inf"))
-    assert is_broken(summary["expect"])
+def test_several_machines_have_their_own_metrics_and_limits():
+    limits = {"combine.grain_cut_kg": {"min": 1}, "cart.grain_cut_kg": {"min": 1}}
+    summary = make("combine", "cart", **limits)
+    assert summary["machines"]["combine"]["grain_cut_kg"] > 1.0
+    assert summary["machines"]["cart"] == {"distance_m": 0.0}
+    assert summary["field"] == {"mass_balance_error": summary["mass_balance_error"]}
+    assert "lateral_rms_m" not in summary
+    assert [(e["subject"], e["result"]) for e in summary["expect"]] == [("combine", "pass"), ("cart", "fail")]
+
+
+def test_missing_numbers_are_null_and_fail(tmp_path):
+    summary = make("combine", seconds=1.0, **{"combine.lateral_rms_m": {"max": 1}})
+    assert is_failed(summary["expect"])
     path = write_summary(tmp_path, summary)
     read = json.loads(path.read_text(), parse_constant=lambda text: 1 / 0)
     assert read["lateral_rms_m"] is None
-    assert read["edge_rmse_m"] is None
     assert read == summary
     assert [p.name for p in tmp_path.iterdir()] == ["summary.json"]
 

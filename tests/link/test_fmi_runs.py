@@ -7,11 +7,12 @@ import zipfile
 import pytest
 
 from swath.core.errors import InputError, MissingExtra, SwathError
-from swath.judge.referee import Referee
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.job import run_job
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
+from tests.evaluated import metrics_of
 from tests.link.fmu_scenario import NO_POWERS, process_part, scenario
 from tests.link.made_fmus import (
     CAN,
@@ -31,12 +32,12 @@ INSTANT = {"time_constant": 1e-15}
 
 def driven(world):
     """(load, engine, mass balance error) at the end of the run; engine is None without one."""
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
+    evaluation = make_evaluation(world)
     try:
-        drive(world, [referee])
+        drive(world, [evaluation])
         latest = world.graph.latest
         engine = latest("combine.powertrain", "engine")
-        return latest("combine.process", "load"), engine, referee.metrics()["mass_balance_error"]
+        return latest("combine.process", "load"), engine, metrics_of(evaluation)["mass_balance_error"]
     finally:
         world.close()
 

@@ -9,11 +9,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.judge.referee import Referee
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.ssp import read_system
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
+from tests.evaluated import metrics_of
 from tests.link.fmu_scenario import process_part, scenario
 from tests.link.made_fmus import (
     PROCESS,
@@ -189,11 +190,11 @@ PROCESS_OUTPUTS = {
 
 def run(file, **more):
     world = assemble(scenario(process={"level": "fmu", "file": str(file), **more}))
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
-    drive(world, [referee])
+    evaluation = make_evaluation(world)
+    drive(world, [evaluation])
     load = world.graph.latest("combine.process", "load")
     world.close()
-    return load, referee.metrics()["mass_balance_error"]
+    return load, metrics_of(evaluation)["mass_balance_error"]
 
 
 def test_a_system_as_the_process_of_a_machine(tmp_path, fmus):

@@ -12,15 +12,16 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING, Organ
 from swath.field.site_setup import SiteSetup
-from swath.judge.referee import Referee
 from swath.rays.engine import RayCaster
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.sensing.lidar.plants import Params as LidarParams
 from swath.sensing.lidar.plants import PlantsLidar
 from swath.signals import CropFlow, HeaderState, MachineLoad, MachineState
+from tests.evaluated import metrics_of
 
 DATA = (
     Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -64,9 +65,9 @@ def run(*sets, scenario=None):
     """World, what was seen, metrics."""
     world = assemble(scenario or parse_scenario(TEXT, sets=list(sets)))
     seen = Seen()
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
-    drive(world, [referee, seen])
-    return world, seen, referee.metrics()
+    evaluation = make_evaluation(world)
+    drive(world, [evaluation, seen])
+    return world, seen, metrics_of(evaluation)
 
 
 def needs(motion):
@@ -180,7 +181,7 @@ def test_the_stubble_is_as_high_as_the_knife_was():
     for before, after in zip(seen.of[HeaderState][50:-50], seen.of[HeaderState][51:-49], strict=True):
         places = []
         for sample in (before, after):
-            ends = header._hang.points(np.zeros(25), np.linspace(6, -6, 25), sample.lift, sample.tilt)
+            ends = header.kinematics.points(np.zeros(25), np.linspace(6, -6, 25), sample.lift, sample.tilt)
             places.append(poses[sample.t].apply(ends))
         over = places[1][:, 2] - world.field.ground_height(places[1][:, 0], places[1][:, 1])
         np.testing.assert_allclose(over[::2], after.heights, atol=1e-12)

@@ -6,31 +6,41 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from swath.judge.referee import Referee
+from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.judge.evaluators.lateral_error import LateralError
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
 from swath.report.page import render
 from swath.report.plots import figure
-from swath.report.report import ReportData, write_report
-from swath.report.scan_sampler import ScanKeeper, circles_of, make_map
+from swath.report.report import MachineReport, ReportData, write_report
+from swath.report.scan_sampler import ScanSampler, circles_of, make_map
+from swath.scenario.resolved import Expectation
+from swath.scenario.sections import Limit
+from tests.evaluated import evaluation_of
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 
-LIMITS = {"edge_rmse_m": {"max": 0.5}, "lateral_rms_m": {"max": 0.001}}
+LIMITS = [
+    Expectation("combine", "edge_rmse_m", Limit(max=0.5)),
+    Expectation("combine", "lateral_rms_m", Limit(max=0.001)),
+    Expectation("combine", "lateral_error_m", Limit(max=1.0, hold="always", from_m=10.0)),
+]
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
-    ground, combine, digest = GridField(ArcEdge(40.0), gap=(14.0, 17.0)), machine(), Digest()
-    referee = Referee(ground, combine, overlap=0.0)
-    keeper = ScanKeeper(combine, referee)
-    with Recorder(folder, [combine], extra={"combine": referee.columns()}) as recorder:
-        drive([digest, referee, keeper, recorder], ground)
+    edge = ArcEdge(40.0)
+    ground, combine, digest = GridField(edge, gap=(14.0, 17.0)), machine(edge=edge), Digest()
+    evaluation = evaluation_of(ground, combine, expect=LIMITS)
+    keeper = ScanSampler(combine, lambda: evaluation.find("combine", EdgeDetection).true_offset)
+    with Recorder(folder, [combine], extra={"combine": evaluation.columns("combine")}) as recorder:
+        drive([digest, evaluation, keeper, recorder], ground)
     summary = make_summary(
         {"name": "bend <1>", "summary": "A & B", "seed": 3},
-        referee.metrics(),
-        LIMITS,
+        evaluation,
+        {"combine": recorder.tracks["combine"].arrays()},
+        sensors={},
         simulated_s=12.0,
         wall_s=6.0,
         ray_count=1000,
@@ -41,15 +51,19 @@ def run(tmp_path_factory):
     write_summary(folder, summary)
     tracks = recorder.tracks["combine"].arrays()
     path = np.stack([tracks["header_end_x_m"], tracks["header_end_y_m"]], axis=1)
+    shown = MachineReport(
+        combine,
+        tracks,
+        evaluation.find("combine", LateralError).series(),
+        evaluation.find("combine", EdgeDetection).series(),
+        {"lidar": keeper.pick("lidar")},
+        np.array([edge.point_at(s) for s in range(40)]),
+    )
     data = ReportData(
         summary,
         "name: bend\ntext: <b>\n",
-        combine,
-        referee.series(),
-        tracks,
+        [shown],
         map=make_map(ground, path),
-        scans=keeper.pick(),
-        edge=np.array([ground.nominal_edge.point_at(s) for s in range(40)]),
         obstacles=[(5.0, 5.0, 0.1)],
         driven=path + 0.3,
     )
@@ -94,7 +108,7 @@ def test_the_page_is_whole_and_loads_nothing(run):
 def test_the_page_says_what_the_summary_says(run):
     text = run[0].read_text(encoding="utf-8")
     summary = run[1].summary
-    assert "1 of 2 limits broken" in text
+    assert "1 of 3 limits fail" in text
     assert "bend &lt;1&gt;" in text
     assert "A &amp; B" in text
     assert "text: &lt;b&gt;" in text
@@ -110,6 +124,26 @@ def test_a_summary_without_anything_makes_a_page():
     assert "–" in text
 
 
+def test_a_limit_on_samples_and_an_incident_have_their_rows(run):
+    text = run[0].read_text(encoding="utf-8")
+    assert "max 1 always" in text
+    assert "from_m 10" in text
+    event = {"t_s": 3.2, "kind": "gap", "machine": "combine", "x_m": 1.0, "y_m": 2.0, "distance_m": 6.4}
+    event |= {"end_t_s": 5.2, "end_distance_m": 10.4, "text": "passes a gap"}
+    assert "passes a gap, lasts 2.0 s" in render({"incidents": [event]}, "", [])
+
+
+def test_several_machines_have_their_own_results():
+    entry = {"subject": "cart", "name": "distance_m", "limit": {"min": 9.0}, "value": 7.0, "result": "fail"}
+    machines = {"combine": {"lateral_rms_m": 0.04}, "cart": {"distance_m": 7.0}}
+    text = render({"machines": machines, "expect": [entry], "ray_count": 5}, "", [])
+    for heading in ("Results: combine", "Results: cart", "Results: field and run"):
+        assert heading in text
+    assert "4.00\u00a0cm" in text
+    assert text.count("✗ fail") == 2
+    assert "1 of 1 limits fail" in text
+
+
 def test_defaults_are_pale():
     text = render({}, "written: 1\nnot: <2>\n", [], default_lines={2})
     assert "<pre>written: 1\n<i>not: &lt;2&gt;</i></pre>" in text
@@ -117,12 +151,9 @@ def test_defaults_are_pale():
 
 def test_an_empty_run_makes_a_report(tmp_path):
     combine = machine()
-    referee = Referee(GridField(ArcEdge()), combine, overlap=0.0)
-    keeper = ScanKeeper(combine, referee)
     with Recorder(tmp_path, [combine], mcap=False) as recorder:
         pass
-    tracks = recorder.tracks["combine"].arrays()
-    data = ReportData({}, "", combine, referee.series(), tracks, scans=keeper.pick())
+    data = ReportData({}, "", [MachineReport(combine, recorder.tracks["combine"].arrays())])
     assert write_report(tmp_path, data).stat().st_size > 1000
 
 
@@ -142,17 +173,17 @@ def test_the_map_shows_crop_where_it_stands(run):
 
 
 def test_kept_scans_are_spread_and_end_with_the_newest(run):
-    scans = run[2].pick(4)
+    scans = run[2].pick("lidar", 4)
     distances = [s.distance for s in scans]
     assert distances == sorted(distances)
     assert distances[-1] == pytest.approx(24.0)
     assert distances[0] < 6.0
-    assert len(run[2].pick(100)) > 10
+    assert len(run[2].pick("lidar", 100)) > 10
 
 
 def test_kept_points_are_where_the_crop_is(run):
     """In the machine frame: crop 0.8 m high to the right of the true edge, bare ground to its left."""
-    scan = run[2].pick(4)[-1]
+    scan = run[2].pick("lidar", 4)[-1]
     far_right = scan.points[scan.points[:, 1] < scan.edge_true - 0.5]
     far_left = scan.points[scan.points[:, 1] > scan.edge_true + 0.5]
     assert np.median(far_right[:, 2]) == pytest.approx(0.8, abs=0.05)

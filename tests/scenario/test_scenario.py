@@ -28,7 +28,8 @@ def test_reads_levels_parameters_and_defaults():
     assert list(scenario.machines["combine"].slots) == ["lidar", "steer", "speed"]
     assert scenario.field.terrain.level == "plane"
     assert scenario.field.edges["edge"].gaps == ((10.0, 12.0),)
-    assert scenario.expect["lateral_rms_m"].max == 0.05
+    (entry,) = scenario.expect
+    assert (entry.subject, entry.name, entry.limit.max) == ("combine", "lateral_rms_m", 0.05)
 
 
 def test_a_field_may_have_several_edges_by_name():
@@ -52,7 +53,7 @@ def test_wires_are_the_slots_own_with_the_scenarios_on_top():
     assert slots["steer"].wires == {"scan": ("combine.lidar", "scan")}
     other = GOOD.replace("steer: preview", "steer: {level: preview, wires: {scan: cart.lidar.scan}}")
     slots = (
-        read(other.replace("\nexpect:", "\n  cart: {machine: lexion-700-class}\nexpect:"))
+        read(other.replace("\nexpect:", "\n  cart: {machine: lexion-700-class}\nexpect:\n combine:"))
         .machines["combine"]
         .slots
     )

@@ -7,9 +7,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.documents.yaml_document import parse, read_document
-from swath.judge.metrics import METRICS
 from swath.scenario.catalogue import CATALOGUE
-from swath.scenario.metric_names import LIMITABLE_METRICS
 from swath.scenario.reference import reference
 from swath.scenario.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
 from swath.scenario.schema import scenario_schema
@@ -60,10 +58,6 @@ def test_every_level_can_be_chosen_by_name_or_says_what_it_needs():
                 refused.append((level, error.expected))
     missing = "expected a value, the key is missing"
     assert refused == [("dem", missing), ("replay", missing)]
-
-
-def test_limits_can_be_set_on_exactly_the_metrics_that_are_measured():
-    assert set(LIMITABLE_METRICS) == set(METRICS) - {"digest", "incomplete", "expect"}
 
 
 def test_reference_is_up_to_date():

@@ -2,17 +2,18 @@
 
 import pytest
 
-from swath.judge.referee import Referee
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
+from tests.evaluated import metrics_of
 
 
 def judged(name, *sets):
     world = assemble(load_scenario(name, sets=list(sets)))
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
-    drive(world, [referee])
-    return referee.metrics()
+    evaluation = make_evaluation(world)
+    drive(world, [evaluation])
+    return metrics_of(evaluation)
 
 
 def test_straight_edge_at_7_kmh():

@@ -2,19 +2,20 @@
 
 import pytest
 
-from swath.judge.referee import Referee
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
+from tests.evaluated import metrics_of
 
 JUMP = ("combine.start.along_edge_m=45", "run.distance_m=105")
 
 
 def judged(name, *sets):
     world = assemble(load_scenario(name, sets=list(sets)))
-    referee = Referee(world.field, world.leader.recorded(), overlap=world.leader.overlap)
-    drive(world, [referee])
-    return referee.metrics()
+    evaluation = make_evaluation(world)
+    drive(world, [evaluation])
+    return metrics_of(evaluation)
 
 
 def test_the_record_run():

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
+from swath.core.errors import SwathError
 from swath.field.edge_defects import Gap
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Bodies
@@ -77,7 +78,7 @@ class Truth(Protocol):
     """What evaluators ask of the field."""
 
     @property
-    def nominal_edge(self) -> Any: ...
+    def ground_grain_kg(self) -> float: ...
     def edge_offset(self, start_xy: Any, end_xy: Any) -> float: ...
     def standing_area(self, polygon: Any) -> float: ...
     def recount(self) -> Any: ...
@@ -112,7 +113,9 @@ class EvaluatorSetup:
     @property
     def edge(self) -> Edge:
         """The initial edge that the machine works along."""
-        edge: Edge = self.field.nominal_edge
+        edge = self.machine.edge
+        if edge is None:
+            raise SwathError(f"{self.name} follows no edge")
         return edge
 
 

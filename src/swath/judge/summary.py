@@ -7,17 +7,22 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from swath.judge.metrics import evaluate, json_safe
-from swath.rays.device import ray_device
+import numpy as np
 
+from swath.judge.evaluation import FIELD, Evaluation, incident
+from swath.rays.device import ray_device
+from swath.signals import F64
+
+FORMAT = "swath summary 2"
 PARTS = ("swath", "numpy", "warp-lang")
 
 
 def make_summary(
     about: Mapping[str, Any],
-    metrics: Mapping[str, Any],
-    limits: Mapping[str, Mapping[str, float]],
+    evaluation: Evaluation,
+    tracks: Mapping[str, Mapping[str, F64]],
     *,
+    sensors: Mapping[str, Mapping[str, float]],
     simulated_s: float,
     wall_s: float,
     ray_count: int,
@@ -27,21 +32,32 @@ def make_summary(
 ) -> dict[str, Any]:
     """The content of summary.json, JSON-safe.
 
-    about: `name`, `summary`, `seed`, `machine`, `device` ... of the run, first in the file
-    metrics: a referee's; limits: metric -> {min, max}; cost: slot -> (wall time [s], steps)
+    about: `name`, `summary`, `seed`, `machine` ... of the run, first in the file; tracks: columns by machine
+    sensors: further metrics by machine, which the sensors count; cost: slot -> (wall time [s], steps)
+
+    The metrics of one machine stand at the top; those of several under `machines`, by name. Metrics of the
+    field and of the run stand at the top, with several machines the field's also under `field`.
     """
-    found = {
-        **metrics,
+    machines = {n: {**evaluation.metrics(n), **sensors.get(n, {})} for n in evaluation.machines}
+    field = evaluation.metrics(FIELD)
+    run = {
         "real_time_factor": simulated_s / wall_s if wall_s > 0 else float("nan"),
         "ray_count": ray_count,
-        "digest": digest,
-        "incomplete": incomplete,
     }
+    expect = evaluation.check({**machines, FIELD: {**field, **run}}, tracks)
+    is_alone = len(machines) == 1
     return json_safe(  # type: ignore[no-any-return]
         {
+            "format": FORMAT,
             **about,
-            **found,
-            "expect": evaluate(limits, found),
+            **(next(iter(machines.values())) if is_alone else {}),
+            **field,
+            **run,
+            "digest": digest,
+            "incomplete": incomplete,
+            "expect": expect,
+            **({} if is_alone else {"machines": machines, "field": field}),
+            "incidents": [incident(event) for event in evaluation.events()],
             "simulated_s": simulated_s,
             "wall_s": wall_s,
             "device": ray_device(),
@@ -49,6 +65,21 @@ def make_summary(
             "cost": {slot: {"seconds": s, "steps": n} for slot, (s, n) in cost.items()},
         }
     )
+
+
+def json_safe(value: Any) -> Any:
+    """The value as JSON can say it: plain numbers, lists and dicts; nan and infinity become null."""
+    if isinstance(value, Mapping):
+        return {str(k): json_safe(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return json_safe(value.tolist())
+    if isinstance(value, list | tuple):
+        return [json_safe(v) for v in value]
+    if isinstance(value, np.generic):
+        return json_safe(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
 
 
 def versions() -> dict[str, str]:

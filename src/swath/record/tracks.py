@@ -151,3 +151,9 @@ def read_tracks(path: Path) -> dict[str, np.ndarray]:
     table = pq.read_table(path)
     check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
     return {name: table.column(name).to_numpy() for name in table.column_names}
+
+
+def column_names() -> list[str]:
+    """Names of all columns that tracks may have beside those of evaluators."""
+    declared = [c.name for kind in signal_types() for c in signal_columns(kind, kind)]
+    return list(dict.fromkeys([*declared, "header_end_x_m", "header_end_y_m"]))

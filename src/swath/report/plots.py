@@ -6,13 +6,15 @@ that also differ in grey.
 
 import base64
 from collections.abc import Sequence
+from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.judge.referee import Series
+from swath.judge.evaluators.edge_detection import EdgeSeries
+from swath.judge.evaluators.lateral_error import PathSeries
 from swath.report.scan_sampler import FieldMap, KeptScan
 from swath.signals import F64
 from swath.signals.setup import MachineGeometry
@@ -64,22 +66,35 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
     return f"data:{media};base64,{base64.b64encode(out.getvalue()).decode()}"
 
 
+@dataclass(frozen=True)
+class MapTrack:
+    """A machine's way on the map; world points [m], shape (n, 2).
+
+    header_ends: left and right path; axle: of the fixed axle's centre; outline: of the machine at the end
+    side: `left` or `right`, the header end that follows the edge; has_header: it cuts
+    """
+
+    name: str
+    header_ends: tuple[F64, F64]
+    axle: F64
+    outline: F64 | None = None
+    side: str = "left"
+    has_header: bool = True
+
+
 def map_figure(
     picture: FieldMap,
+    tracks: Sequence[MapTrack],
     *,
-    header_ends: tuple[F64, F64],
-    axle: F64,
-    edge: F64,
+    edges: Sequence[F64] = (),
     obstacles: Sequence[tuple[float, float, float]] = (),
     driven: F64 | None = None,
-    outline: F64 | None = None,
-    side: str = "left",
+    places: Sequence[tuple[float, float, str]] = (),
 ) -> Any:
-    """Field map.
+    """Field map with the tracks of all machines.
 
-    header_ends: left and right path, (n, 2) each; axle: (n, 2); edge: initial edge, (k, 2); obstacles:
-    x, y, radius; driven: a track driven in reality, (m, 2); outline: the machine at the end, (j, 2); all
-    world [m]
+    edges: initial edges, (k, 2); obstacles: x, y, radius; driven: a track driven in reality, (m, 2)
+    places: x, y and kind of what happened; all world [m]
     """
     left, right, bottom, top = picture.extent
     height = float(np.clip(11.0 * (top - bottom) / (right - left), 2.0, 9.0))
@@ -87,30 +102,48 @@ def map_figure(
     ax = fig.add_subplot()
     ax.grid(False)
     ax.set_facecolor(SOIL)
-    swath = np.concatenate([picture.place(header_ends[0]), picture.place(header_ends[1])[::-1]])
-    ax.fill(swath[:, 0], swath[:, 1], color=STUBBLE, lw=0, label="cut in this run")
     ax.imshow(_layer(picture.standing, CROP, 0.92), extent=picture.extent, origin="lower", zorder=2)
     if picture.straw is not None and (picture.straw > 0.01).any():
         depth = np.clip(picture.straw / max(float(picture.straw.max()), 1e-6), 0, 1)
         ax.imshow(_layer(depth, STRAW, 0.75), extent=picture.extent, origin="lower", zorder=3)
     ax.set_autoscale_on(False)
-    follows = picture.place(header_ends[0 if side == "left" else 1])
-    line = {"lw": 1.4, "zorder": 5}
-    ax.plot(*picture.place(edge).T, color=INK, ls=(0, (5, 3)), label="initial edge", **line)
-    ax.plot(*follows.T, color=ORANGE, label=f"header end ({side})", **line)
-    ax.plot(*picture.place(axle).T, color=BLUE, label="machine (fixed axle)", **line)
+    for index, edge in enumerate(edges):
+        label = None if index else "initial edge"
+        ax.plot(*picture.place(edge).T, color=INK, ls=(0, (5, 3)), label=label, lw=1.4, zorder=5)
+    for index, track in enumerate(tracks):
+        _draw_track(ax, picture, track, index, named=len(tracks) > 1)
     if driven is not None:
         ax.plot(*picture.place(driven).T, color=PURPLE, ls=":", lw=2.0, zorder=6, label="driven in reality")
-    if outline is not None:
-        ax.fill(*picture.place(outline).T, fc="white", ec=INK, lw=0.9, alpha=0.9, zorder=7)
     for x, y, radius in obstacles:
         u, v = picture.place([x, y])
         ax.add_patch(_circle(u, v, max(radius, 0.35)))
+    for kind in dict.fromkeys(kind for _, _, kind in places):
+        at = picture.place([(x, y) for x, y, own in places if own == kind])
+        ax.plot(*at.T, "X", ms=9, mfc="white", mec=INK, zorder=9, label=kind)
     ax.set(xlim=(left, right), ylim=(bottom, top), xlabel="along the run [m]", aspect="equal")
     ax.set_ylabel("across [m]")
     _north(ax, picture.turn)
     _map_legend(ax, picture, has_obstacles=len(obstacles) > 0)
     return fig
+
+
+def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, named: bool) -> None:
+    """What a machine cut, the header end that follows the edge, the axle, and the machine at the end."""
+    line = {"lw": 1.4, "zorder": 5}
+    axle = (BLUE, GREEN, PURPLE, SKY)[index % 4]
+    if track.has_header:
+        left, right = (picture.place(end) for end in track.header_ends)
+        swath = np.concatenate([left, right[::-1]])
+        ax.fill(swath[:, 0], swath[:, 1], color=STUBBLE, lw=0, label=None if index else "cut in this run")
+        follows = f"header end ({track.side})" if not named else None if index else "header end"
+        ax.plot(*(left if track.side == "left" else right).T, color=ORANGE, label=follows, **line)
+    label = track.name if named else "machine (fixed axle)"
+    ax.plot(*picture.place(track.axle).T, color=axle, label=label, **line)
+    if track.outline is not None:
+        outline = picture.place(track.outline)
+        ax.fill(*outline.T, fc="white", ec=INK, lw=0.9, alpha=0.9, zorder=7)
+        if named:
+            ax.text(*outline.mean(axis=0), track.name, ha="center", va="center", fontsize=8, zorder=8)
 
 
 def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.float64]:
@@ -154,29 +187,40 @@ def _map_legend(ax: Any, picture: FieldMap, *, has_obstacles: bool) -> None:
     handles, _ = ax.get_legend_handles_labels()
     handles.insert(0, Patch(fc=CROP, label="standing crop"))
     if picture.straw is not None and (picture.straw > 0.01).any():
-        handles.insert(2, Patch(fc=STRAW, alpha=0.75, label="straw"))
+        handles.insert(1, Patch(fc=STRAW, alpha=0.75, label="straw"))
     if has_obstacles:
         handles.append(Line2D([], [], marker="o", ls="", mfc=GREY, mec=INK, label="obstacle"))
     ax.legend(handles=handles, ncol=len(handles), loc="lower left", bbox_to_anchor=(0.0, 1.0),
               handlelength=1.6, columnspacing=1.3, borderaxespad=0.2)  # fmt: skip
 
 
-def errors_figure(series: Series, *, settling: float, bands: dict[str, float] | None = None) -> Any:
+def errors_figure(
+    path: PathSeries | None,
+    edges: EdgeSeries | None,
+    *,
+    settling: float,
+    bands: dict[str, float] | None = None,
+) -> Any:
     """Lateral and edge error over the travelled distance; times without a detection are shaded.
 
-    bands: limits to draw, in m, under `lateral` and `edge`
+    bands: limits to draw, in m, under `lateral` and `edge`; a part that is None is left out
     """
-    fig = figure(11.0, 4.6)
-    top, low = fig.subplots(2, 1, sharex=True)
-    _plot_lateral(top, series, settling, (bands or {}).get("lateral"))
-    _plot_edge(low, series, (bands or {}).get("edge"))
-    low.set_xlabel("travelled distance [m]")
-    end = max(float(series.distance[-1]) if len(series.distance) else 1.0, 1.0)
-    low.set_xlim(0.0, end)
+    rows = (path is not None) + (edges is not None)
+    fig = figure(11.0, 0.6 + 2.0 * rows)
+    axes = list(fig.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
+    end = 1.0
+    if path is not None:
+        _plot_lateral(axes[0], path, settling, (bands or {}).get("lateral"))
+        end = max([end, *path.distance[-1:].tolist()])
+    if edges is not None:
+        _plot_edge(axes[-1], edges, (bands or {}).get("edge"))
+        end = max([end, *edges.distance[-1:].tolist()])
+    axes[-1].set_xlabel("travelled distance [m]")
+    axes[-1].set_xlim(0.0, end)
     return fig
 
 
-def _plot_lateral(ax: Any, series: Series, settling: float, band: float | None) -> None:
+def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | None) -> None:
     thin = slice(None, None, max(1, len(series.t) // 2500))
     ax.plot(series.distance[thin], 100 * series.lateral[thin], color=BLUE, lw=1.3)
     _limits(ax, 100 * series.lateral[series.distance >= settling], None if band is None else 100 * band)
@@ -188,12 +232,12 @@ def _plot_lateral(ax: Any, series: Series, settling: float, band: float | None) 
     ax.set_title("> 0: towards the standing crop", loc="right", fontsize=8.5, color=GREY)
 
 
-def _plot_edge(ax: Any, series: Series, band: float | None) -> None:
-    exists = np.isfinite(series.edge_true)
-    _shade(ax, series.edge_distance, exists & ~series.found, ORANGE, "true edge not detected", "////")
-    _shade(ax, series.edge_distance, ~exists, GREY, "no true edge", "")
-    ax.plot(series.edge_distance, 100 * series.edge_error, "o", color=GREEN, ms=2.0, mec="none")
-    _limits(ax, 100 * series.edge_error, None if band is None else 100 * band)
+def _plot_edge(ax: Any, series: EdgeSeries, band: float | None) -> None:
+    exists = np.isfinite(series.true)
+    _shade(ax, series.distance, exists & ~series.found, ORANGE, "true edge not detected", "////")
+    _shade(ax, series.distance, ~exists, GREY, "no true edge", "")
+    ax.plot(series.distance, 100 * series.error, "o", color=GREEN, ms=2.0, mec="none")
+    _limits(ax, 100 * series.error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="upper right", ncol=2)
@@ -299,7 +343,7 @@ def plot_scan(ax: Any, scan: KeptScan, geometry: MachineGeometry, side: str) -> 
     ax.plot(y[near], z[near], "o", color=BLUE, ms=2.4, mec="none", alpha=0.8, label="echoes")
     if np.isfinite(scan.edge_true):
         ax.axvline(scan.edge_true, color=INK, lw=1.2, ls=(0, (5, 3)), label="true edge")
-    if scan.edge.is_found:
+    if scan.edge is not None and scan.edge.is_found:
         ax.axvline(scan.edge.offset, color=ORANGE, lw=1.4, label="detected edge")
     ax.axvline(centre, color=GREY, lw=1.0, ls=":", label="header end")
     ax.set_title(f"{scan.distance:.1f} m, {_difference(scan)}", loc="left", fontsize=9.5, color=INK)
@@ -314,6 +358,8 @@ def plot_scan(ax: Any, scan: KeptScan, geometry: MachineGeometry, side: str) -> 
 
 
 def _difference(scan: KeptScan) -> str:
+    if scan.edge is None:
+        return "no edge detection"
     if not scan.edge.is_found:
         return "no edge detected"
     if not np.isfinite(scan.edge_true):

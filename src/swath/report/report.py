@@ -1,90 +1,114 @@
 """report.html: one self-contained page about a run; no scripts, prints on paper."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from swath.field.memory_layout import Solids
-from swath.judge.metrics import SETTLING_M
-from swath.judge.referee import Referee, Series
+from swath.judge.catalogue import EvaluatorCatalogue
+from swath.judge.evaluation import Evaluation
+from swath.judge.evaluator import SETTLING_M
+from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
+from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.record.messages import RecordedMachine
 from swath.report import page, plots
-from swath.report.scan_sampler import FieldMap, KeptScan, ScanKeeper, circles_of, make_map
+from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
 from swath.report.stand3d import Stand, stand_figure
 from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
 from swath.signals import F64
+
+
+@dataclass
+class MachineReport:
+    """What a report shows of one machine. What is None or empty is left out.
+
+    tracks: its columns, as from `Recorder.tracks[name].arrays()`; path, edges: what its evaluators saw
+    scans: by scanner slot, from `ScanSampler.pick`, the newest last; edge: initial, (k, 2) world [m]
+    """
+
+    machine: RecordedMachine
+    tracks: Mapping[str, Any]
+    path: PathSeries | None = None
+    edges: EdgeSeries | None = None
+    scans: Mapping[str, Sequence[KeptScan]] = field(default_factory=dict)
+    edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
 
 
 @dataclass
 class ReportData:
     """Everything a report shows. What is None or empty is left out. `collect` makes it after a run.
 
-    summary: as in summary.json (see `study.summary.make_summary`)
-    scenario: the resolved scenario as YAML text
-    machine, series: of the machine the report is about, and its referee's `series()`
-    tracks: its columns, as from `Recorder.tracks[name].arrays()`
-    map: from `make_map`; scans: from `ScanKeeper.pick()`, the newest last
-    stand: the field, when stems can be drawn from its pages
-    edge: initial edge, (k, 2) world [m]; obstacles: (x, y, radius) [m]; driven: a track driven in reality
-    default_lines: numbers, from 1, of the lines of `scenario` that nobody wrote
+    summary: as in summary.json (see `judge.summary.make_summary`); scenario: the resolved YAML
+    map: from `make_map`; stand: the field, when stems can be drawn from its pages
+    obstacles: (x, y, radius) [m]; driven: a track driven in reality, (n, 2) world [m]
+    default_lines: numbers, from 1, of the lines of `scenario` that nobody wrote; known: the evaluators
     """
 
     summary: Mapping[str, Any]
     scenario: str
-    machine: RecordedMachine
-    series: Series
-    tracks: Mapping[str, Any]
+    machines: Sequence[MachineReport]
     map: FieldMap | None = None
-    scans: Sequence[KeptScan] = ()
     stand: Stand | None = None
-    edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
     obstacles: Sequence[tuple[float, float, float]] = ()
     driven: F64 | None = None
     default_lines: Collection[int] = ()
+    known: EvaluatorCatalogue | None = None
 
 
 def collect(
     summary: Mapping[str, Any],
-    scenario: str,
-    *,
-    default_lines: Collection[int] = (),
-    field: Any,
-    referee: Referee,
-    keeper: ScanKeeper,
-    tracks: Mapping[str, Any],
-    obstacles: Solids | None = None,
-    driven: F64 | None = None,
+    world: World,
+    evaluation: Evaluation,
+    samplers: Mapping[str, ScanSampler],
+    tracks: Mapping[str, Mapping[str, Any]],
 ) -> ReportData:
-    """The data of a report after a run on a real field.
-
-    summary: from `make_summary`; scenario: the resolved YAML; field: `swath.field.field.Field`
-    tracks: `Recorder.tracks[name].arrays()`; driven: a track driven in reality, (n, 2) world [m]
-    """
-    machine = referee.machine
-    picture, edge = None, np.zeros((0, 2))
-    if len(tracks["t_s"]):
-        side, other = ("left", "right") if machine.edge_side == "left" else ("right", "left")
-        path = _way(tracks, *machine.geometry.header_end(side))
-        picture = make_map(field, path, also=_way(tracks, *machine.geometry.header_end(other)), margin=6.0)
-        edge = _edge_about(field.nominal_edge, path, float(tracks["distance_m"][-1]) + 60.0)
+    """The data of a report after a run. samplers, tracks: by machine."""
+    machines = [_machine(evaluation, samplers[name], own) for name, own in tracks.items()]
+    moved = [m for m in machines if len(m.tracks["t_s"])]
+    picture = None
+    if moved:
+        ends = [_way(m.tracks, *m.machine.geometry.header_end(s)) for m in moved for s in _sides(m.machine)]
+        picture = make_map(world.field, ends[0], also=np.concatenate(ends[1:]), margin=6.0)
     return ReportData(
         summary,
-        scenario,
-        machine,
-        referee.series(),
-        tracks,
+        world.scenario.resolved(),
+        machines,
         map=picture,
-        scans=keeper.pick(4),
-        stand=field,
-        edge=edge,
-        obstacles=[] if obstacles is None else circles_of(obstacles),
-        driven=driven,
-        default_lines=default_lines,
+        stand=world.field,
+        obstacles=circles_of(world.obstacles),
+        driven=world.driven,
+        default_lines=default_lines(world.scenario),
+        known=evaluation.catalogue,
     )
+
+
+def _machine(evaluation: Evaluation, sampler: ScanSampler, tracks: Mapping[str, Any]) -> MachineReport:
+    machine, edge = sampler.machine, np.zeros((0, 2))
+    lateral = evaluation.find(machine.name, LateralError)
+    detection = evaluation.find(machine.name, EdgeDetection)
+    if len(tracks["t_s"]) and lateral is not None:
+        path = _way(tracks, *machine.geometry.header_end(machine.edge_side))
+        edge = _edge_about(lateral.setup.edge, path, float(tracks["distance_m"][-1]) + 60.0)
+    has_path = lateral is not None and bool(lateral.metrics())
+    has_edges = detection is not None and bool(detection.metrics())
+    return MachineReport(
+        machine,
+        tracks,
+        lateral.series() if lateral is not None and has_path else None,
+        detection.series() if detection is not None and has_edges else None,
+        {slot: sampler.pick(slot) for slot in sampler.scanners},
+        edge,
+    )
+
+
+def _sides(machine: RecordedMachine) -> tuple[str, str]:
+    """The side that follows the edge first."""
+    return ("left", "right") if machine.edge_side == "left" else ("right", "left")
 
 
 def _way(tracks: Mapping[str, Any], x: float, y: float) -> F64:
@@ -103,29 +127,26 @@ class ReportWriter(RunHook):
     """Writes report.html once a run is complete."""
 
     def begin(self, run: ActiveRun) -> None:
-        """Keep some scans of the first machine on the way."""
-        name = run.world.leader.name
-        self._run, self._name = run, name
-        self._keeper = ScanKeeper(run.referees[name].machine, run.referees[name])
-        run.observers.insert(run.observers.index(run.recorder), self._keeper)
+        """Keep some scans of every machine on the way."""
+        self._run = run
+        self._samplers = {}
+        for name, machine in run.evaluation.machines.items():
+            detection = run.evaluation.find(name, EdgeDetection)
+            assert detection is not None
+            self._samplers[name] = ScanSampler(machine, partial(_true_offset, detection))
+            run.observers.insert(run.observers.index(run.recorder), self._samplers[name])
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write the page; an incomplete run gets none."""
         if summary["incomplete"]:
             return
-        run, world = self._run, self._run.world
-        data = collect(
-            summary,
-            world.scenario.resolved(),
-            default_lines=default_lines(world.scenario),
-            field=world.field,
-            referee=run.referees[self._name],
-            keeper=self._keeper,
-            tracks=run.recorder.tracks[self._name].arrays(),
-            obstacles=world.obstacles,
-            driven=world.driven,
-        )
-        write_report(run.out, data)
+        run = self._run
+        tracks = {name: tracks.arrays() for name, tracks in run.recorder.tracks.items()}
+        write_report(run.out, collect(summary, run.world, run.evaluation, self._samplers, tracks))
+
+
+def _true_offset(detection: EdgeDetection) -> float:
+    return detection.true_offset
 
 
 def write_report(run_dir: Path, data: ReportData) -> Path:
@@ -134,102 +155,120 @@ def write_report(run_dir: Path, data: ReportData) -> Path:
 
     path = run_dir / "report.html"
     with matplotlib.rc_context(plots.STYLE):
-        text = page.render(data.summary, data.scenario, list(_figures(data)), data.default_lines)
+        figures = list(_figures(data))
+        text = page.render(data.summary, data.scenario, figures, data.default_lines, data.known)
     part = path.with_suffix(".html.part")
     part.write_text(text, encoding="utf-8")
     part.replace(path)
     return path
 
 
-def _figures(data: ReportData) -> list[page.Figure]:
-    made: list[page.Figure] = []
+def _figures(data: ReportData) -> Iterator[page.Figure]:
     if data.map is not None:
-        made.append(_map(data))
-    if len(data.series.distance) > 1:
-        made.append(_errors(data))
-    if data.scans:
-        made.append(_scans(data))
-        if data.stand is not None:
-            made.append(_stand(data, data.stand))
-    if len(data.tracks.get("t_s", ())) > 1:
-        made.append(_drive(data))
-        if np.isfinite(np.asarray(data.tracks.get("engine_load", np.nan))).any():
-            made.append(_drivetrain(data))
-    return made
+        yield _map(data, data.map)
+    for own in data.machines:
+        for made in _of_machine(data, own):
+            title = made.title if len(data.machines) == 1 else f"{made.title}: {own.machine.name}"
+            yield replace(made, title=title)
 
 
-def _map(data: ReportData) -> page.Figure:
-    assert data.map is not None
-    tracks, geometry = data.tracks, data.machine.geometry
-    ends = _way(tracks, *geometry.header_end("left")), _way(tracks, *geometry.header_end("right"))
+def _of_machine(data: ReportData, own: MachineReport) -> Iterator[page.Figure]:
+    if own.path is not None and len(own.path.distance) > 1:
+        yield _errors(data, own)
+    for slot, scans in own.scans.items():
+        if scans:
+            yield _scans(own, slot)
+    shown = next((scans[-1] for scans in own.scans.values() if scans and scans[-1].edge is not None), None)
+    if data.stand is not None and shown is not None:
+        yield _stand(data.stand, own, shown)
+    if len(own.tracks.get("t_s", ())) > 1:
+        yield _drive(own)
+        if np.isfinite(np.asarray(own.tracks.get("engine_load", np.nan))).any():
+            yield _drivetrain(own)
+
+
+def _map(data: ReportData, picture: FieldMap) -> page.Figure:
+    tracks = [
+        plots.MapTrack(
+            m.machine.name,
+            (
+                _way(m.tracks, *m.machine.geometry.header_end("left")),
+                _way(m.tracks, *m.machine.geometry.header_end("right")),
+            ),
+            _way(m.tracks, 0.0, 0.0),
+            _outline(m),
+            m.machine.edge_side,
+            has_header=m.path is not None,
+        )
+        for m in data.machines
+        if len(m.tracks["t_s"])
+    ]
     fig = plots.map_figure(
-        data.map,
-        header_ends=ends,
-        axle=_way(tracks, 0.0, 0.0),
-        edge=data.edge,
+        picture,
+        tracks,
+        edges=[m.edge for m in data.machines if len(m.edge) and m.path is not None],
         obstacles=data.obstacles,
         driven=data.driven,
-        outline=_outline(data),
-        side=data.machine.edge_side,
+        places=[(e["x_m"], e["y_m"], e["kind"]) for e in data.summary.get("incidents", [])],
     )
     caption = "The field after the run, turned so that the run goes from left to right."
     return page.Figure("Field map", plots.as_image(fig, kind="png", dpi=190), caption)
 
 
-def _outline(data: ReportData) -> F64:
-    """The machine at the end of the run, seen from above: header and body."""
-    g = data.machine.geometry
+def _outline(own: MachineReport) -> F64:
+    """The machine at the end of the run, seen from above: header, where it has one, and body."""
+    g = own.machine.geometry
     rear, front, half = g.body[0], g.body[1], g.body[2]
-    lx, ly = g.header_end("left")
-    _, ry = g.header_end("right")
-    corners = [(lx, ly), (lx, ry), (lx - g.header_depth, ry), (lx - g.header_depth, g.header_y - 0.7)]
-    corners += [(front, g.header_y - 0.7), (front, -half), (rear, -half), (rear, half), (front, half)]
-    corners += [(front, g.header_y + 0.7), (lx - g.header_depth, g.header_y + 0.7), (lx - g.header_depth, ly)]
-    return np.array([_way(data.tracks, x, y)[-1] for x, y in corners])
+    corners = [(front, -half), (rear, -half), (rear, half), (front, half)]
+    if own.path is not None:
+        (lx, ly), (_, ry), back = g.header_end("left"), g.header_end("right"), g.knife_x - g.header_depth
+        header = [(lx, ly), (lx, ry), (back, ry), (back, g.header_y - 0.7), (front, g.header_y - 0.7)]
+        corners = [*header, *corners, (front, g.header_y + 0.7), (back, g.header_y + 0.7), (back, ly)]
+    return np.array([_way(own.tracks, x, y)[-1] for x, y in corners])
 
 
-def _errors(data: ReportData) -> page.Figure:
-    expect = data.summary.get("expect") or {}
+def _errors(data: ReportData, own: MachineReport) -> page.Figure:
     bands: dict[str, float] = {}
     for part, name in (("lateral", "lateral_rms_m"), ("edge", "edge_rmse_m")):
-        limit = expect.get(name, {}).get("limit", {}).get("max")
-        if limit is not None:
-            bands[part] = float(limit)
-    fig = plots.errors_figure(data.series, settling=SETTLING_M, bands=bands)
-    caption = (
-        "Above: the header end against where it should be beside the initial edge. Below: the detected edge "
-        "against the true one, at the place ahead where the detector reports it."
-    )
+        for entry in data.summary.get("expect", []):
+            is_ours = entry["subject"] == own.machine.name and entry["name"] == name
+            if is_ours and "window" not in entry and "max" in entry["limit"]:
+                bands[part] = float(entry["limit"]["max"])
+    fig = plots.errors_figure(own.path, own.edges, settling=SETTLING_M, bands=bands)
+    caption = "Above: the header end against where it should be beside the initial edge."
+    if own.edges is not None:
+        caption += " Below: the detected edge against the true one, where the detector reports it."
     if bands:
         caption += " Dashed: plus and minus the limit on the root mean square."
     return page.Figure("Steering and detection", plots.as_image(fig), caption)
 
 
-def _scans(data: ReportData) -> page.Figure:
-    fig = plots.scans_figure(data.scans, data.machine.geometry, data.machine.edge_side)
+def _scans(own: MachineReport, slot: str) -> page.Figure:
+    fig = plots.scans_figure(own.scans[slot], own.machine.geometry, own.machine.edge_side)
     caption = (
         "Echoes as the sensor reports them, placed by its nominal mounting, seen from behind the machine: "
         "left is left. Travelled distance and detection error above each scan."
     )
-    return page.Figure("Scans", plots.as_image(fig), caption)
+    title = "Scans" if len(own.scans) == 1 else f"Scans of {slot}"
+    return page.Figure(title, plots.as_image(fig), caption)
 
 
-def _stand(data: ReportData, stand: Stand) -> page.Figure:
-    fig = stand_figure(stand, data.scans[-1], data.machine, data.edge)
+def _stand(stand: Stand, own: MachineReport, scan: KeptScan) -> page.Figure:
+    fig = stand_figure(stand, scan, own.machine, own.edge)
     caption = (
-        f"The stems about the edge ahead of the machine at {data.scans[-1].distance:.1f} m, every one as the "
+        f"The stems about the edge ahead of the machine at {scan.distance:.1f} m, every one as the "
         "rays met it, seen along the drive from above the cut ground, with the echoes of the last scan."
     )
     return page.Figure("The stand", plots.as_image(fig, kind="webp", dpi=190), caption)
 
 
-def _drive(data: ReportData) -> page.Figure:
-    fig = plots.drive_figure(dict(data.tracks))
+def _drive(own: MachineReport) -> page.Figure:
+    fig = plots.drive_figure(dict(own.tracks))
     return page.Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
 
 
-def _drivetrain(data: ReportData) -> page.Figure:
-    fig = plots.works_figure(dict(data.tracks))
+def _drivetrain(own: MachineReport) -> page.Figure:
+    fig = plots.works_figure(dict(own.tracks))
     caption = (
         "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; "
         "the engine: above 100 % it loses speed."

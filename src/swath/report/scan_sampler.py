@@ -1,14 +1,13 @@
 """What the report needs from a run beside its files: some whole scans, and the field's picture."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from swath.core.frames import Pose
 from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, Solids
-from swath.judge.referee import Referee
 from swath.record.messages import RecordedMachine
 from swath.signals import F64, CropEdge, MachineState, Scan, ScanTruth, Signal
 
@@ -20,73 +19,96 @@ MOST = 48
 class KeptScan:
     """A scan with what was true and what was detected at its time.
 
-    points: echoes as the sensor believes them, in the machine frame by the nominal mounting [m], (n, 3)
-    hits: the same echoes as they really were, in the world [m], (n, 3), empty when there is no truth
-    pose: true pose_world_machine; edge_true: y at the edge's reference_x [m], nan = none
+    slot: that scanned; points: echoes as the sensor believes them, in the machine frame by the nominal
+    mounting [m], (n, 3); hits: the same echoes as they really were, in the world [m], (n, 3), empty when
+    there is no truth; pose: true pose_world_machine
+    edge: detected, None on a machine without edge detection; edge_true: y at its reference_x [m], nan = none
     """
 
+    slot: str
     t: int
     distance: float
     pose: Pose
     points: F64
     hits: F64
-    edge: CropEdge
+    edge: CropEdge | None
     edge_true: float
 
 
-class ScanKeeper:
-    """Observer that keeps scans at even distances along the run, and always the newest.
+@dataclass
+class _Scanner:
+    """What is kept of one scanner."""
 
-    referee: must be called before the keeper. scanner: the lidar slot of the machine
+    scan: Scan
+    truth: ScanTruth | None = None
+    newest: tuple[MachineState, Scan, ScanTruth | None, CropEdge | None, float] | None = None
+    kept: list[KeptScan] = field(default_factory=list)
+    spacing: float = SPACING_M
+
+
+class ScanSampler:
+    """Observer that keeps scans of every scanner of a machine at even distances, and always the newest.
+
+    true_offset: gives y of the true edge for the newest detected one [m]; what it asks must be called before
     """
 
-    def __init__(self, machine: RecordedMachine, referee: Referee, *, scanner: str = "lidar") -> None:
-        self.machine, self.referee = machine, referee
-        self._slot = f"{machine.name}.{scanner}"
-        self._mounting = machine.mounting.get(scanner, Pose.identity())
+    def __init__(self, machine: RecordedMachine, true_offset: Callable[[], float]) -> None:
+        self.machine, self._true_offset = machine, true_offset
         self._state: MachineState | None = None
-        self._scan: Scan | None = None
-        self._truth: ScanTruth | None = None
-        self._newest: tuple[MachineState, Scan, ScanTruth | None, CropEdge, float] | None = None
-        self._kept: list[KeptScan] = []
-        self._spacing = SPACING_M
+        self._has_edges = False
+        self._scanners: dict[str, _Scanner] = {}
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Watch what `slot` published."""
+        name, _, part = slot.partition(".")
+        if name != self.machine.name:
+            return
         for signal in outputs.values():
-            if slot == self._slot and isinstance(signal, Scan):
-                self._scan = signal
-            elif slot == self._slot and isinstance(signal, ScanTruth):
-                self._truth = signal
-            elif slot.partition(".")[0] == self.machine.name:
-                if isinstance(signal, MachineState):
-                    self._state = signal
-                elif isinstance(signal, CropEdge) and self._state is not None and self._scan is not None:
-                    truth = self.referee.true_offset
-                    self._newest = (self._state, self._scan, self._truth, signal, truth)
-                    self._keep_if_due()
+            if isinstance(signal, MachineState):
+                self._state = signal
+            elif isinstance(signal, Scan):
+                scanner = self._scanners.setdefault(part, _Scanner(signal))
+                scanner.scan = signal
+                if not self._has_edges:
+                    self._see(part, scanner, None)
+            elif isinstance(signal, ScanTruth) and part in self._scanners:
+                self._scanners[part].truth = signal
+            elif isinstance(signal, CropEdge):
+                self._has_edges = True
+                for own, scanner in self._scanners.items():
+                    self._see(own, scanner, signal)
 
-    def pick(self, count: int = 4) -> list[KeptScan]:
-        """`count` scans, spread evenly over the run, the newest last."""
-        if self._newest is None:
+    @property
+    def scanners(self) -> list[str]:
+        """The slots that scanned."""
+        return [slot for slot, scanner in self._scanners.items() if scanner.newest is not None]
+
+    def pick(self, slot: str, count: int = 4) -> list[KeptScan]:
+        """`count` scans of a slot, spread evenly over the run, the newest last."""
+        scanner = self._scanners.get(slot)
+        if scanner is None or scanner.newest is None:
             return []
-        scans = [*self._kept, self._make()]
+        scans = [*scanner.kept, self._make(slot, scanner)]
         picked = np.unique(np.round(np.linspace(0, len(scans) - 1, min(count, len(scans)))).astype(int))
         return [scans[i] for i in picked]
 
-    def _keep_if_due(self) -> None:
-        last = self._kept[-1].distance if self._kept else 0.0
-        if self._newest is not None and self._newest[0].distance - last >= self._spacing:
-            self._kept.append(self._make())
-            if len(self._kept) > MOST:
-                self._kept, self._spacing = self._kept[1::2], 2.0 * self._spacing
+    def _see(self, slot: str, scanner: _Scanner, edge: CropEdge | None) -> None:
+        if self._state is None:
+            return
+        scanner.newest = (self._state, scanner.scan, scanner.truth, edge, self._true_offset())
+        last = scanner.kept[-1].distance if scanner.kept else 0.0
+        if self._state.distance - last >= scanner.spacing:
+            scanner.kept.append(self._make(slot, scanner))
+            if len(scanner.kept) > MOST:
+                scanner.kept, scanner.spacing = scanner.kept[1::2], 2.0 * scanner.spacing
 
-    def _make(self) -> KeptScan:
-        assert self._newest is not None
-        state, scan, truth, edge, true_offset = self._newest
-        points = self._mounting.apply(scan.points().reshape(-1, 3))
+    def _make(self, slot: str, scanner: _Scanner) -> KeptScan:
+        assert scanner.newest is not None
+        state, scan, truth, edge, true_offset = scanner.newest
+        points = self.machine.mounting.get(slot, Pose.identity()).apply(scan.points().reshape(-1, 3))
         hits = np.zeros((0, 3)) if truth is None else truth.points.reshape(-1, 3)
         return KeptScan(
+            slot,
             state.t,
             state.distance,
             state.pose,
@@ -126,11 +148,11 @@ class FieldMap:
 
 
 def make_map(
-    field: Standing, path: F64, *, also: F64 | None = None, margin: float = 14.0, columns: int = 1400
+    ground: Standing, path: F64, *, also: F64 | None = None, margin: float = 14.0, columns: int = 1400
 ) -> FieldMap:
     """Picture of the field around the path of the header's end, (n, 2) [m], from left to right.
 
-    also: further points that must be on it, such as the path of the other end, (m, 2) [m]
+    also: further points that must be on it, such as the paths of other ends, (m, 2) [m]
     margin: of field shown on every side [m]; columns: of the raster
     """
     chord = path[-1] - path[0]
@@ -143,20 +165,20 @@ def make_map(
     grid_u, grid_v = np.meshgrid(u, v)
     x = frame.origin[0] + np.cos(turn) * grid_u - np.sin(turn) * grid_v
     y = frame.origin[1] + np.sin(turn) * grid_u + np.cos(turn) * grid_v
-    depth = straw_depth(field, x, y) if hasattr(field, "pages") else None
+    depth = straw_depth(ground, x, y) if hasattr(ground, "pages") else None
     return FieldMap(
         frame.origin,
         turn,
         (float(low[0]), float(low[0] + cell * len(u)), float(low[1]), float(low[1] + cell * len(v))),
-        np.asarray(field.standing(x, y), dtype=bool),
+        np.asarray(ground.standing(x, y), dtype=bool),
         depth,
     )
 
 
-def straw_depth(field: Any, x: F64, y: F64) -> F64:
+def straw_depth(ground: Any, x: F64, y: F64) -> F64:
     """Depth of straw [m] at the lattice node next to world points, 0 where no page is in memory."""
-    pages, node = field.pages, field.library.tile_size * PAGE_TILES / PAGE_NODES
-    u, v = (np.floor(a / node + 0.5).astype(int) for a in field.to_stand(x, y))
+    pages, node = ground.pages, ground.library.tile_size * PAGE_TILES / PAGE_NODES
+    u, v = (np.floor(a / node + 0.5).astype(int) for a in ground.to_stand(x, y))
     column, row = u // PAGE_NODES - pages.table_x, v // PAGE_NODES - pages.table_y
     inside = (column >= 0) & (column < pages.table.shape[1]) & (row >= 0) & (row < pages.table.shape[0])
     slot = np.where(inside, pages.table[np.where(inside, row, 0), np.where(inside, column, 0)], -1)

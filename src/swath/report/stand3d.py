@@ -209,7 +209,8 @@ def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F
     from matplotlib.collections import PolyCollection
 
     side = 1.0 if machine.edge_side == "left" else -1.0
-    y = next((v for v in (scan.edge_true, scan.edge.offset) if np.isfinite(v)), 0.0)
+    edge_seen = np.nan if scan.edge is None else scan.edge.offset
+    y = next((v for v in (scan.edge_true, edge_seen) if np.isfinite(v)), 0.0)
     y = float(y) if y else machine.geometry.header_end(machine.edge_side)[1]
     box = _Box(scan.pose, _meeting(scan, y), y, side)
     camera = Camera.looking(box.world(-6.0, 2.9, 3.0), box.world(0.2, -0.15, 0.30))
@@ -232,7 +233,9 @@ def _meeting(scan: KeptScan, y: float) -> float:
     """How far ahead of the axle the echoes next to the edge lie [m]; the edge's reference without any."""
     hits = scan.pose.inverse().apply(scan.hits) if len(scan.hits) else np.zeros((0, 3))
     near = hits[np.abs(hits[:, 1] - y) < 1.0, 0]
-    return float(0.5 * (near.min() + near.max())) if len(near) else scan.edge.reference_x
+    return (
+        float(0.5 * (near.min() + near.max())) if len(near) else (scan.edge.reference_x if scan.edge else 0.0)
+    )
 
 
 @dataclass(frozen=True)
@@ -299,7 +302,7 @@ def _draw_edges(ax: Any, field: Stand, scan: KeptScan, edge: F64, box: _Box, cam
     """The initial and the detected edge on the ground."""
     u = np.linspace(-BACK, AHEAD, 40)
     seen = np.zeros((0, 2))
-    if scan.edge.is_found and np.isfinite(scan.edge.heading):
+    if scan.edge is not None and scan.edge.is_found and np.isfinite(scan.edge.heading):
         ahead = box.x + u - scan.edge.reference_x
         v = (
             scan.edge.offset
@@ -332,7 +335,7 @@ def _draw_echoes(ax: Any, scan: KeptScan, machine: RecordedMachine, box: _Box, c
     hits = scan.hits[box.holds(scan.hits)] if len(scan.hits) else scan.hits
     if len(hits) == 0:
         return
-    mounting = next(iter(machine.mounting.values()), Pose.identity())
+    mounting = machine.mounting.get(scan.slot, Pose.identity())
     back = (scan.pose @ mounting).position - hits
     start = hits + 0.45 * back / np.linalg.norm(back, axis=1)[:, None]
     rays = np.stack([camera.project(start)[0], camera.project(hits)[0]], axis=1)

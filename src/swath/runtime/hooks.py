@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.graph import Observer
-from swath.judge.referee import Referee
+from swath.judge.evaluation import Evaluation
 from swath.record.recorder import Recorder
 from swath.runtime.changes import Interventions
 from swath.runtime.world import World
@@ -23,7 +23,7 @@ class ActiveRun:
     world: World
     out: Path
     recorder: Recorder
-    referees: Mapping[str, Referee]
+    evaluation: Evaluation
     observers: list[Observer]
     changes: Interventions
     rest: Callable[[int], None]

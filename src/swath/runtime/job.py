@@ -10,15 +10,15 @@ from typing import Any
 from swath import __version__
 from swath.core.abilities import ReadsFiles
 from swath.core.errors import InputError
-from swath.core.graph import Observer
+from swath.core.graph import EndOfRun, Observer
 from swath.core.schedule import NS
-from swath.judge.metrics import is_broken
-from swath.judge.referee import Referee
+from swath.judge.limits import is_failed
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
 from swath.runtime.changes import Interventions, Restart, Script
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import clear_run_folder
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.loop import Progress, drive
@@ -29,15 +29,15 @@ from swath.scenario.scenario import Scenario
 
 @dataclass(frozen=True)
 class JobResult:
-    """summary: as in summary.json; exit_code: 0 limits kept, 1 a limit broken; folder of the run."""
+    """summary: as in summary.json; exit_code: 0 all limits pass, 1 a limit fails; folder of the run."""
 
     summary: dict[str, Any]
     exit_code: int
     folder: Path
 
     def __repr__(self) -> str:
-        verdicts = [entry["verdict"] for entry in self.summary.get("expect", {}).values()]
-        limits = f"{verdicts.count('kept')} of {len(verdicts)} limits kept" if verdicts else "no limits"
+        results = [entry["result"] for entry in self.summary.get("expect", [])]
+        limits = f"{results.count('pass')} of {len(results)} limits pass" if results else "no limits"
         name, seed = self.summary.get("name"), self.summary.get("seed")
         return f"<run of {name}, seed {seed}: {limits}, in {self.folder}>"
 
@@ -94,7 +94,7 @@ def _run_once(
     finally:
         world.close()
     summary = running.finish(time.perf_counter() - started, incomplete=False)
-    return JobResult(summary, 1 if is_broken(summary["expect"]) else 0, out)
+    return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
 
 
 def _spare_what_is_read(world: World, out: Path) -> None:
@@ -109,36 +109,39 @@ def _spare_what_is_read(world: World, out: Path) -> None:
 
 
 class _Running:
-    """Everything that looks on while a world runs: digest, evaluators, recorder, hooks."""
+    """What goes along while a world runs: digest, evaluation, recorder, hooks."""
 
     def __init__(self, world: World, out: Path, pacer: Pacer | None, hooks: Sequence[RunHook]) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
         recorded = {name: machine.recorded() for name, machine in world.machines.items()}
         self.digest = Digest()
-        self.referees = {
-            name: Referee(world.field, recorded[name], overlap=machine.overlap)
-            for name, machine in world.machines.items()
-        }
+        self.evaluation = make_evaluation(world)
         self.changes = Interventions(world)
         self.recorder = Recorder(
             out,
             list(recorded.values()),
-            extra={name: r.columns() for name, r in self.referees.items()},
+            extra={name: self.evaluation.columns(name) for name in recorded},
             detail=world.scenario.run.record,
             scenario=world.scenario.resolved(),
         )
-        self.observers: list[Observer] = [self.digest, *self.referees.values(), self.recorder]
+        self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
+        world.graph.before_tick.append(self._end)
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
         rest = self.pacer.rest if self.pacer is not None else lambda duration: None
         run = ActiveRun(
-            self.world, self.out, self.recorder, self.referees, self.observers, self.changes, rest
+            self.world, self.out, self.recorder, self.evaluation, self.observers, self.changes, rest
         )
         for hook in self.hooks:
             hook.begin(run)
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events))
+
+    def _end(self, t: int) -> None:
+        """Before the tick at t [ns]: an evaluator that wants the run to end ends it."""
+        if reason := self.evaluation.end_reason(t):
+            raise EndOfRun(reason)
 
     def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
         """Judge, write summary.json, let the hooks finish; returns the summary."""
@@ -150,10 +153,11 @@ class _Running:
                 "summary": scenario.summary,
                 "seed": scenario.seed,
                 "swath": __version__,
-                "machine": world.leader.card.name,
+                "machine": ", ".join(dict.fromkeys(m.card.name for m in world.machines.values())),
             },
-            {**self.referees[world.leader.name].metrics(), **world.leader.coverage()},
-            {k: v.model_dump(exclude_none=True) for k, v in scenario.expect.items()},
+            self.evaluation,
+            {name: tracks.arrays() for name, tracks in self.recorder.tracks.items()},
+            sensors={name: machine.coverage() for name, machine in world.machines.items()},
             simulated_s=world.graph.t / NS,
             wall_s=wall_s,
             ray_count=sum(m.ray_count for m in world.machines.values()),

@@ -1,8 +1,9 @@
 """What a scenario may choose from: the levels of every slot, and the parts of a field."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from swath.core.registry import Registry
@@ -15,7 +16,8 @@ class Catalogue:
     """registry: levels by slot kind; slots: of a machine, in execution order
 
     field_levels: the default level of `terrain` and `stand`
-    parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one
+    parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one; `evaluators`
+    -> of the function that lists them
     machine_types: type -> slot -> level of what a machine of the type has unasked
     """
 
@@ -29,6 +31,13 @@ class Catalogue:
         """The type of an edge, an obstacle or a boundary."""
         module, _, attribute = self.parts[name].partition(":")
         return getattr(import_module(module), attribute)
+
+    def judged(self, own: Sequence[str] = (), base: Path | None = None) -> Any:
+        """What evaluators make known: metrics, columns and events. own: those of a scenario, `file.py:Class`.
+
+        InputError where one cannot be had.
+        """
+        return self.part("evaluators")(own, base)
 
     def default_level(self, kind: str) -> str:
         """The level that a slot, `terrain` or `stand` has when a scenario does not say."""
@@ -47,5 +56,6 @@ PARTS = {
     "edge": "swath.field.edge:Edge",
     "obstacles": "swath.field.solids:Obstacle",
     "boundary": "swath.field.edge:Boundary",
+    "evaluators": "swath.judge.catalogue:load_evaluators",
 }
 CATALOGUE = Catalogue(REGISTRY, SLOTS, FIELD_LEVELS, PARTS, MACHINE_TYPES)

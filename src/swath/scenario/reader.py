@@ -13,12 +13,11 @@ from swath.documents.hints import near_miss, unknown_key
 from swath.documents.validation import known_keys, validate
 from swath.documents.yaml_document import Document, KeyPath, read_document
 from swath.scenario.catalogue import Catalogue
+from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.machine_types import slots_of
-from swath.scenario.metric_names import LIMITABLE_METRICS
 from swath.scenario.resolved import FieldSection, LevelChoice, MachineSection, RealTimeSection, SlotChoice
 from swath.scenario.sections import (
     Head,
-    Limit,
     MachineCommon,
     RealTime,
     Run,
@@ -67,7 +66,8 @@ class Reader:
         parts["field"] = self._field(data.get("field", {}))
         parts["machines"] = self._machines({name: data[name] for name in machines})
         parts["realtime"] = self._realtime(data["realtime"]) if "realtime" in data else None
-        parts["expect"] = self._expect(data.get("expect", {}))
+        parts["evaluators"], judged = read_evaluators(self, data.get("evaluators", []))
+        parts["expect"] = read_expect(self, data.get("expect", {}), judged, machines)
         if self.errors:
             raise ScenarioError(self.errors)
         return parts
@@ -356,12 +356,13 @@ class Reader:
             self.note(where, level, str(error))
         else:
             if callable(found.component):
-                entry["level"] = self._absolute_level(level, self.base(where))
+                entry["level"] = self.absolute_level(level, self.base(where))
                 return self._with_paths(entry, path), found
             self.note(where, level, "expected a class")
         return entry, None
 
-    def _absolute_level(self, level: str, base: Path) -> str:
+    def absolute_level(self, level: str, base: Path) -> str:
+        """`file.py:Class` with the whole path of the file; a level's name as it is."""
         file, colon, name = level.rpartition(":")
         return f"{(base / file).resolve()}:{name}" if colon and ".py:" in level else level
 
@@ -414,20 +415,6 @@ class Reader:
             return str(target)
         self.note(path, value, f"there is no such {'folder' if wants_folder else 'file'}")
         return value
-
-    # limits
-
-    def _expect(self, data: Any) -> dict[str, Limit]:
-        data = self.mapping(data, ("expect",))
-        limits: dict[str, Limit] = {}
-        for name, entry in data.items():
-            if name not in LIMITABLE_METRICS:
-                self.note(("expect", name), None, unknown_key(name, LIMITABLE_METRICS, "unknown metric"))
-                continue
-            limit = self.check(Limit, entry, ("expect", name))
-            if limit is not None:
-                limits[name] = limit
-        return limits
 
 
 def _wires(machine: str, choice: SlotChoice, slots: Mapping[str, SlotChoice]) -> dict[str, tuple[str, str]]:

@@ -4,7 +4,6 @@ from typing import Any
 
 from swath.documents.yaml_document import dump
 from swath.scenario.catalogue import CATALOGUE, Catalogue
-from swath.scenario.metric_names import LIMITABLE_METRICS
 from swath.scenario.schema import adopt
 from swath.scenario.sections import (
     Head,
@@ -45,6 +44,14 @@ Only with this section, or `swath run --real-time`, a run waits for the clock: [
 is `degrade`; keys of the present level that the cheaper one knows are kept.
 """
 
+EVALUATORS = """\
+## evaluators
+A list of your own evaluators, `file.py:Class`, beside those that are built in: [metrics.md](metrics.md).
+"""
+EXPECT = """\
+For each metric a limit or a list of limits, for columns of the tracks too: [metrics.md](metrics.md).
+Metrics: {metrics}. With several machines the limits stand under a machine's name, or under `field`.
+"""
 EDGES = """\
 ### field.edges
 Several edges by name, instead of `edge`: `edges: {west: {x_m: 0}, east: {x_m: 60, crop_side: left}}`. Each
@@ -61,17 +68,16 @@ def reference(catalogue: Catalogue = CATALOGUE) -> str:
     parts = [HEADER.format(example=example)]
     parts.append(_section("## Top level", Head))
     parts.append(
-        "Every other key than `name`, `summary`, `seed`, `run`, `realtime`, `field` and `expect`\n"
-        "is a machine.\n"
+        "Every other key than `name`, `summary`, `seed`, `run`, `realtime`, `field`, `evaluators` and\n"
+        "`expect` is a machine.\n"
     )
     parts.append(_section("## run", Run))
     parts.append(_section("## realtime", RealTime, REALTIME))
     parts.append(_field(catalogue))
     parts.append(_machine(catalogue))
-    names = ", ".join(f"`{m}`" for m in LIMITABLE_METRICS)
-    parts.append(
-        _section("## expect", Limit, f"For each metric a lower limit, an upper one, or both. {names}.\n")
-    )
+    parts.append(EVALUATORS)
+    metrics = ", ".join(f"`{name}`" for name in catalogue.judged().metrics)
+    parts.append(_section("## expect", Limit, EXPECT.format(metrics=metrics)))
     return "\n".join(parts).rstrip() + "\n"
 
 

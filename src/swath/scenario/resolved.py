@@ -8,7 +8,7 @@ from typing import Any
 
 from swath.core.registry import Level
 from swath.documents.validation import adapter_of
-from swath.scenario.sections import MachineCommon, RealTime, SlotCommon, StartAlongEdge, StartPose
+from swath.scenario.sections import Limit, MachineCommon, RealTime, SlotCommon, StartAlongEdge, StartPose
 from swath.scenario.slots import SlotKind
 
 
@@ -77,6 +77,15 @@ class MachineSection:
         start = self.start.model_dump(mode="json")
         written |= dict.fromkeys(self.off, "off")
         return {**self.common.model_dump(mode="json"), "start": start, **written}
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """A limit. subject: a machine's name, or `field`; name: of a metric, or of a column of the tracks."""
+
+    subject: str
+    name: str
+    limit: Limit
 
 
 @dataclass(frozen=True)

@@ -18,16 +18,20 @@ from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.documents.hints import near_miss
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
 from swath.scenario.catalogue import CATALOGUE, Catalogue
+from swath.scenario.expectations import plain_expect
 from swath.scenario.overrides import apply_overrides
 from swath.scenario.reader import Reader
-from swath.scenario.resolved import FieldSection, MachineSection, RealTimeSection
-from swath.scenario.sections import Limit, Run
+from swath.scenario.resolved import Expectation, FieldSection, MachineSection, RealTimeSection
+from swath.scenario.sections import Run
 from swath.scenario.versions import FORMAT, lift_machines
 
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A validated scenario. Two are equal when they would be written the same."""
+    """A validated scenario. Two are equal when they would be written the same.
+
+    expect: limits on metrics and columns; evaluators: its own, `/path/file.py:Class`
+    """
 
     name: str
     summary: str
@@ -35,7 +39,8 @@ class Scenario:
     run: Run
     field: FieldSection
     machines: Mapping[str, MachineSection]
-    expect: Mapping[str, Limit]
+    expect: tuple[Expectation, ...]
+    evaluators: tuple[str, ...] = ()
     realtime: RealTimeSection | None = None
     document: Document = dataclasses.field(default_factory=lambda: Document(None), repr=False)
 
@@ -64,7 +69,8 @@ class Scenario:
             **({} if self.realtime is None else {"realtime": self.realtime.plain()}),
             "field": self.field.plain(),
             "machines": {name: machine.plain() for name, machine in self.machines.items()},
-            "expect": {k: v.model_dump(mode="json", exclude_none=True) for k, v in self.expect.items()},
+            **({"evaluators": list(self.evaluators)} if self.evaluators else {}),
+            "expect": plain_expect(self.expect, self.machines),
         }
 
     def lifted(self) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from typing import Any
 from swath.core.units import split_unit
 from swath.documents.validation import schema_of
 from swath.scenario.catalogue import CATALOGUE, Catalogue
-from swath.scenario.metric_names import LIMITABLE_METRICS
 from swath.scenario.sections import (
     Head,
     Limit,
@@ -48,13 +47,12 @@ def scenario_schema(catalogue: Catalogue = CATALOGUE) -> Node:
             "realtime": _realtime(defs),
             "field": _field(catalogue, defs),
             "machines": {"type": "object", "minProperties": 1, "additionalProperties": machine},
-            "expect": {
-                "type": "object",
-                "description": "limits on metrics; a broken one makes the exit code 1",
-                "properties": {name: adopt(Limit, "limit", defs) for name in LIMITABLE_METRICS},
-                "additionalProperties": False,
-            },
+            "evaluators": {"type": "array", "items": FOREIGN, "description": "your own evaluators"},
+            "expect": {"type": "object", "description": "limits; one that fails makes the exit code 1"},
         },
+        # evaluators of the user's own bring metrics that are not known here
+        "if": {"not": {"required": ["evaluators"]}},
+        "then": {"properties": {"expect": _expect(catalogue, defs)}},
         "additionalProperties": False,
         "$defs": defs,
     }
@@ -170,6 +168,21 @@ def _realtime(defs: dict[str, Node]) -> Node:
     }
     degrade = {"type": "array", "items": step, "description": "cheaper levels, taken one after the other"}
     return {**node, "properties": {**node["properties"], "degrade": degrade}}
+
+
+def _expect(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
+    """Limits by metric or column; or by machine and `field`, then by metric or column."""
+    judged = catalogue.judged()
+    defs["limit"] = adopt(Limit, "limit", defs)
+    one: Node = {"$ref": "#/$defs/limit"}
+    said = {name: f"{metric.meaning} [{metric.unit or '-'}]" for name, metric in judged.metrics.items()}
+    said = dict.fromkeys(judged.columns, "column of the tracks") | said
+    limits = {n: {"anyOf": [one, {"type": "array", "items": one}], "description": t} for n, t in said.items()}
+    defs["limits"] = {"type": "object", "properties": limits, "additionalProperties": False}
+    return {
+        "properties": {name: {"$ref": f"#/$defs/limits/properties/{name}"} for name in limits},
+        "additionalProperties": {"$ref": "#/$defs/limits"},
+    }
 
 
 def _slot(catalogue: Catalogue, kind: str, defs: dict[str, Node]) -> Node:

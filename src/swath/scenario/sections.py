@@ -1,6 +1,6 @@
 """The sections of a scenario file that are the same whatever levels it chooses."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -65,20 +65,82 @@ class RealTime(BaseModel):
     ] = None
 
 
-class Limit(BaseModel):
-    """Bounds of a metric; both included."""
+class Bounds(BaseModel):
+    """Bounds of a value; both included."""
 
     model_config = STRICT
-    min: Annotated[float | None, Field(description="smallest value kept")] = None
-    max: Annotated[float | None, Field(description="largest value kept")] = None
+    min: Annotated[float | None, Field(description="smallest value that passes")] = None
+    max: Annotated[float | None, Field(description="largest value that passes")] = None
 
     @model_validator(mode="after")
-    def _has_a_bound(self) -> "Limit":
+    def _has_a_bound(self) -> "Bounds":
         if self.min is None and self.max is None:
             raise ValueError("expected min, max or both")
         if self.min is not None and self.max is not None and self.min > self.max:
             raise ValueError("expected min <= max")
         return self
+
+
+Distance = Annotated[float, Field(ge=0, le=1e6)]
+
+
+class Limit(Bounds):
+    """Bounds of a metric, or with `hold` of a column of the tracks, in the whole run or a window of it."""
+
+    hold: Annotated[
+        Literal["always", "eventually"] | Annotated[float, Field(gt=0, le=1)] | None,
+        Field(description="of a column: at every sample, at one, or for this share of the time"),
+    ] = None
+    while_: Annotated[
+        dict[str, Bounds], Field(alias="while", description="only samples at which these columns are so")
+    ] = {}
+    from_m: Annotated[Distance | None, Field(description="window: from this distance driven on [m]")] = None
+    to_m: Annotated[Distance | None, Field(description="window: up to this distance driven [m]")] = None
+    from_s: Annotated[Distance | None, Field(description="window: from this time on [s]")] = None
+    to_s: Annotated[Distance | None, Field(description="window: up to this time [s]")] = None
+    after: Annotated[
+        str | None,
+        Field(description="window: from the end of each event of this kind; from_ counts from it"),
+    ] = None
+    before: Annotated[
+        str | None, Field(description="window: up to each event of this kind, as long as within_ says")
+    ] = None
+    within_m: Annotated[
+        Distance | None, Field(description="how far from the event the window reaches [m]")
+    ] = None
+    within_s: Annotated[
+        Distance | None, Field(description="how long before or after the event the window lasts [s]")
+    ] = None
+
+    @model_validator(mode="after")
+    def _has_a_window(self) -> "Limit":
+        within = self.within_m is not None or self.within_s is not None
+        begin = self.from_m is not None or self.from_s is not None
+        end = self.to_m is not None or self.to_s is not None
+        if self.after and self.before:
+            raise ValueError("expected after or before, not both")
+        if within and not (self.after or self.before):
+            raise ValueError("expected after or before with within_m and within_s; without, to_m and to_s")
+        if end and (self.after or self.before):
+            raise ValueError("expected within_m or within_s with an event, instead of to_m and to_s")
+        if self.before and (begin or not within):
+            raise ValueError("expected within_m or within_s with before, and neither from_m nor from_s")
+        for low, high in ((self.from_m, self.to_m), (self.from_s, self.to_s),
+                          (self.from_m, self.within_m), (self.from_s, self.within_s)):  # fmt: skip
+            if low is not None and high is not None and low > high:
+                raise ValueError("expected a window that begins before it ends")
+        return self
+
+    def plain(self) -> dict[str, Any]:
+        """As it would be written in a file."""
+        written = self.model_dump(mode="json", exclude_none=True, by_alias=True)
+        return {key: value for key, value in written.items() if value != {}}
+
+    @property
+    def window(self) -> dict[str, Any]:
+        """The keys of the window that are set."""
+        keys = ("from_m", "to_m", "from_s", "to_s", "after", "before", "within_m", "within_s")
+        return {key: value for key, value in self.plain().items() if key in keys}
 
 
 class StartAlongEdge(BaseModel):

@@ -1,29 +1,87 @@
-"""The outcome of a run as a table on stdout."""
+"""The outcome of a run on stdout: metrics, limits, incidents."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.tables import number, table
 
-def print_outcome(summary: dict[str, Any], out: Path) -> None:
-    """Print the metrics of a run, its limits and where the report is."""
-    from swath.scenario.metric_names import LIMITABLE_METRICS
-    from swath.terminal.tables import number, table
+METRIC_COLUMNS = ("metric", "value", "limit", "result")
 
-    limits = summary.get("expect", {})
-    rows = []
-    for name in LIMITABLE_METRICS:
-        if name in summary:
-            entry = limits.get(name, {})
-            bounds = entry.get("limit", {})
-            bound = ", ".join(f"{k} {number(v)}" for k, v in bounds.items() if v is not None)
-            unmeasured = ": nothing measured" if entry and summary[name] is None else ""
-            rows.append((name, number(summary[name]), bound, entry.get("verdict", "") + unmeasured))
-    table("", ("metric", "value", "limit", "verdict"), rows)
+
+def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[str] = ()) -> None:
+    """Print the metrics of a run, its limits, what happened and where the report is.
+
+    evaluators: of the scenario's own
+    """
+    from swath.scenario.catalogue import CATALOGUE
+
+    known = CATALOGUE.judged(evaluators).metrics
+    machines = summary.get("machines", {})
+    for name, metrics in machines.items():
+        table(
+            name,
+            METRIC_COLUMNS,
+            _rows(known, metrics, [e for e in summary["expect"] if e["subject"] == name]),
+        )
+    rest = [e for e in summary.get("expect", []) if e["subject"] not in machines]
+    table("field and run" if machines else "", METRIC_COLUMNS, _rows(known, summary, rest))
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
+    for entry in summary.get("expect", []):
+        if entry["result"] == "fail":
+            print(f"fail    {entry['subject']}.{entry['name']}{window_text(entry)}: {entry['reason']}")
+    for event in summary.get("incidents", []):
+        print(f"event   {incident_text(event)}")
     for note in summary.get("notes", []):
         print(f"note    {note}")
     if events := summary.get("events"):
-        print(f"events  {len(events)}, listed in summary.json; do them again: --events {out}")
+        print(f"events  {len(events)}, listed in summary.json; repeat them with --events {out}")
     print(f"digest  {summary.get('digest', '-')}")
     print(f"report  {out / 'report.html'}")
+
+
+def limit_text(entry: Mapping[str, Any]) -> str:
+    """The bounds of a limit, with `hold` and `while`."""
+    limit = entry["limit"]
+    bounds = ", ".join(f"{key} {number(limit[key])}" for key in ("min", "max") if key in limit)
+    hold = f" {limit['hold']}" if "hold" in limit else ""
+    whiles = (
+        f"{column} {' '.join(f'{k} {number(v)}' for k, v in bound.items() if v is not None)}"
+        for column, bound in limit.get("while", {}).items()
+    )
+    return bounds + hold + "".join(f" while {text}" for text in whiles)
+
+
+def window_text(entry: Mapping[str, Any]) -> str:
+    """The window of a limit, empty where it has none."""
+    window = entry.get("window", {})
+    return " " + ", ".join(f"{key} {number(value)}" for key, value in window.items()) if window else ""
+
+
+def incident_text(event: Mapping[str, Any]) -> str:
+    """An incident in one line."""
+    place = f"{event['t_s']:.2f} s, {event['distance_m']:.1f} m ({event['x_m']:.1f}, {event['y_m']:.1f})"
+    ended = event.get("end_t_s", event["t_s"])
+    lasting = ", lasts to the end" if ended is None else ""
+    if ended is not None and ended > event["t_s"]:
+        lasting = f", lasts {ended - event['t_s']:.1f} s"
+    return f"{place}: {event['machine']} {event['kind']}: {event['text']}{lasting}"
+
+
+def _rows(
+    known: Iterable[str], metrics: Mapping[str, Any], expect: list[Any]
+) -> list[tuple[str, str, str, str]]:
+    """A row for every metric, with its limits below one another, then those on columns and in windows."""
+    own: dict[str, Any] = {e["name"]: e for e in expect if not e.get("window") and "hold" not in e["limit"]}
+    rows = []
+    for name in known:
+        if name in metrics:
+            held = own.get(name)
+            limit, result = ("", "") if held is None else (limit_text(held), held["result"])
+            rows.append((name, number(metrics[name]), limit, result))
+    for entry in expect:
+        if entry is not own.get(str(entry["name"])) or entry["name"] not in metrics:
+            limit = limit_text(entry) + window_text(entry)
+            rows.append((entry["name"], number(entry["value"]), limit, entry["result"]))
+    return rows

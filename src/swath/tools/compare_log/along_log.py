@@ -14,7 +14,7 @@ from swath.core.schedule import NS
 from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
 from swath.field_io.machine_log import MachineLog
-from swath.judge.drivetrain import DIESEL
+from swath.judge.evaluators.drivetrain import DIESEL
 from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
 from swath.machine.machine_sheet import MachineSheet
 from swath.scenario.slots import REGISTRY

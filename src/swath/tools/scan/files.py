@@ -134,6 +134,6 @@ def _arrays(path: Path, scan: Scan, points: F64, truth: ScanTruth, kept: KeptSca
         points_machine_m=points,
         points_true_m=truth.points,
         edge_true_m=kept.edge_true,
-        edge_detected_m=kept.edge.offset,
+        edge_detected_m=np.nan if kept.edge is None else kept.edge.offset,
     )
     return path

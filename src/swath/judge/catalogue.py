@@ -1,0 +1,97 @@
+"""Which evaluators there are, and the metrics, columns and events that they make known.
+
+`scenario/catalogue.py` reads this at run time, so that `expect:` knows every metric.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from swath.core.errors import InputError
+from swath.core.registry import Registry
+from swath.judge.evaluator import HasColumns, HasEvents, Metric
+from swath.record.tracks import column_names
+
+KIND = "evaluator"
+# In lists and reports; groups of a user's own come last.
+GROUPS = ("Edge detection", "Steering", "Harvest", "Header height", "Crop and engine", "Run")
+REGISTRY = Registry({KIND: ("swath.judge.evaluators",)})
+Scope = Literal["machine", "field", "run"]
+
+# What the run itself counts.
+RUN_METRICS = (
+    Metric("real_time_factor", "", "simulated time / wall time", "Run", "higher", "", "×", is_windowed=False),
+    Metric("ray_count", "", "rays cast by all sensors", "Run", "", "rays cast", "", 0, is_windowed=False),
+)
+SENSOR_METRICS = (
+    Metric("unmeasured_beam_share", "1", "share of the beams of replayed scans that ended where nothing was "
+           "measured", "Run", "lower", "beams where nothing was measured", "%", is_windowed=False),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EvaluatorCatalogue:
+    """The evaluators of a scenario: the built-in ones, then its own. classes: evaluator classes."""
+
+    classes: tuple[Any, ...]
+
+    def by_scope(self) -> dict[Scope, dict[str, Metric]]:
+        """Metrics by name: of a machine, of the field, of the run."""
+        machine = [m for c in self.classes if not c.OF_FIELD for m in c.METRICS]
+        field = [m for c in self.classes if c.OF_FIELD for m in c.METRICS]
+        groups: dict[Scope, Iterable[Metric]] = {
+            "machine": (*machine, *SENSOR_METRICS), "field": field, "run": RUN_METRICS
+        }  # fmt: skip
+        return {s: {m.name: m for m in sorted(group, key=_rank)} for s, group in groups.items()}
+
+    @property
+    def metrics(self) -> dict[str, Metric]:
+        """All metrics by name."""
+        found = {name: metric for group in self.by_scope().values() for name, metric in group.items()}
+        return dict(sorted(found.items(), key=lambda item: _rank(item[1])))
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of tracks that a limit may be set on; some only where the machine has the sensor."""
+        own = [name for c in self.classes if isinstance(c, HasColumns) for name in c.COLUMNS]
+        return [*column_names(), *own]
+
+    @property
+    def events(self) -> list[str]:
+        """Kinds of events."""
+        return [kind for c in self.classes if isinstance(c, HasEvents) for kind in c.EVENTS]
+
+    def maker_of(self, metric: str) -> Any:
+        """The class that gives a metric; None where the run itself does."""
+        return next((c for c in self.classes for m in c.METRICS if m.name == metric), None)
+
+
+def _rank(metric: Metric) -> int:
+    return GROUPS.index(metric.group) if metric.group in GROUPS else len(GROUPS)
+
+
+def load_evaluators(own: Sequence[str] = (), base: Path | None = None) -> EvaluatorCatalogue:
+    """All built-in evaluators and those named `file.py:Class` (relative to `base`).
+
+    InputError where one cannot be had or declares what another one has.
+    """
+    built_in = [REGISTRY.get(KIND, name).component for name in REGISTRY.names(KIND)]
+    built_in.sort(key=lambda c: min((_rank(m) for m in c.METRICS), default=len(GROUPS)))
+    known = {m.name for c in built_in for m in c.METRICS}
+    for reference in own:
+        found = REGISTRY.get(KIND, reference, base=base).component
+        _check(found, reference, known)
+        known |= {m.name for m in found.METRICS}
+        built_in.append(found)
+    return EvaluatorCatalogue(tuple(built_in))
+
+
+def _check(found: Any, reference: str, known: set[str]) -> None:
+    absent = [name for name in ("METRICS", "OF_FIELD", "see", "metrics") if name not in dir(found)]
+    if absent or not callable(found):
+        what = f"has no {', '.join(absent)}; expected a class as in examples/my_evaluator.py"
+        raise InputError("evaluators", reference, what)
+    twice = [m.name for m in found.METRICS if m.name in known]
+    if twice:
+        raise InputError("evaluators", reference, f"expected metrics of its own, {', '.join(twice)} exists")

@@ -1,0 +1,166 @@
+"""All evaluators of a run: they watch it as one observer of the graph, and say what it came to."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, TypeVar
+
+from swath.core.abilities import EndsRun
+from swath.core.schedule import NS
+from swath.judge.catalogue import EvaluatorCatalogue
+from swath.judge.evaluator import Evaluator, EvaluatorSetup, Event, HasColumns, HasEvents, HasLimits
+from swath.judge.limits import check_metric, check_samples, entry_of, window_of
+from swath.judge.windows import WindowedEvaluator
+from swath.record.messages import RecordedMachine
+from swath.record.tracks import Column
+from swath.scenario.resolved import Expectation
+from swath.scenario.sections import Limit
+from swath.signals import F64, MachineState, Signal
+
+FIELD = "field"
+E = TypeVar("E")
+Metrics = dict[str, Any]
+
+
+class Evaluation:
+    """Observer of a graph; call it with (slot, t, outputs), before the recorder.
+
+    setups: of each machine by its name; the first one's distance counts for windows of the field
+    expect: limits of the scenario; those that evaluators bring along are added
+    """
+
+    def __init__(
+        self,
+        catalogue: EvaluatorCatalogue,
+        setups: Mapping[str, EvaluatorSetup],
+        expect: Sequence[Expectation] = (),
+    ) -> None:
+        self.catalogue = catalogue
+        first = next(iter(setups.values()))
+        self._setups = {**setups, FIELD: dataclasses.replace(first, name="", overlap=0.0, gaps=())}
+        self.machines: dict[str, RecordedMachine] = dict(first.machines)
+        self._of: dict[str, list[Evaluator]] = {
+            subject: [make(setup) for make in catalogue.classes if (subject == FIELD) == make.OF_FIELD]
+            for subject, setup in self._setups.items()
+        }
+        self.expect = (*expect, *self._implied(expect))
+        self._windows = self._make_windows()
+        self._distance = dict.fromkeys(self._setups, 0.0)
+        self._first = next(iter(setups))
+
+    def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Show samples to the evaluators whose business they are."""
+        name = slot.partition(".")[0]
+        for evaluator in self._of.get(name, ()):
+            evaluator.see(slot, t, outputs)
+        for evaluator in self._of[FIELD]:
+            evaluator.see(slot, t, outputs)
+        if self._windows and name in self._setups:
+            self._show_windows(name, slot, t, outputs)
+
+    def find(self, subject: str, kind: type[E]) -> E | None:
+        """The evaluator of a class for a machine or the field; None where there is none."""
+        return next((e for e in self._of[subject] if isinstance(e, kind)), None)
+
+    def columns(self, machine: str) -> tuple[Column, ...]:
+        """What the evaluators add to the tracks of a machine."""
+        return tuple(c for e in self._of[machine] if isinstance(e, HasColumns) for c in e.columns())
+
+    def events(self, subject: str = FIELD) -> list[Event]:
+        """What happened so far to a machine, or in the field to any, in order of time."""
+        found = [e for own in self._of.values() for j in own if isinstance(j, HasEvents) for e in j.events()]
+        mine = (e for e in found if subject == FIELD or subject in (e.machine, e.other))
+        return sorted(mine, key=lambda e: (e.t, e.kind, e.machine))
+
+    def metrics(self, subject: str) -> Metrics:
+        """Metrics of a machine, or of `field`."""
+        return {name: value for e in self._of[subject] for name, value in e.metrics().items()}
+
+    def end_reason(self, t: int) -> str:
+        """Why an evaluator wants the run to end before the tick at t [ns]; "" where none does."""
+        for subject, evaluators in self._of.items():
+            for evaluator in evaluators:
+                if isinstance(evaluator, EndsRun) and (reason := evaluator.end_reason(t)):
+                    return f"{subject}: {reason}"
+        return ""
+
+    def check(
+        self, metrics: Mapping[str, Metrics], tracks: Mapping[str, Mapping[str, F64]]
+    ) -> list[dict[str, Any]]:
+        """Every limit with its value and result, see `judge/limits.py`.
+
+        metrics: by machine, and of `field` with those of the run; tracks: columns by machine
+        """
+        return [entry_of(e, list(self._outcomes(e, metrics, tracks))) for e in self.expect]
+
+    def _outcomes(
+        self, e: Expectation, metrics: Mapping[str, Metrics], tracks: Mapping[str, Mapping[str, F64]]
+    ) -> Iterator[tuple[float | None, str]]:
+        window = window_of(e.limit)
+        if e.limit.hold is not None:
+            events = [x for x in self.events(e.subject) if window.begins_at(x)] if window.kind else [None]
+            for event in events:
+                outcome = check_samples(e.limit, tracks[e.subject], e.name, event)
+                yield _placed(outcome, event)
+        elif not e.limit.window:
+            yield check_metric(e.limit, metrics[e.subject].get(e.name))
+        else:
+            watch = self._windows[e.subject, self.catalogue.maker_of(e.name), window]
+            for stretch in watch.stretches:
+                found = stretch.evaluator.metrics() if stretch.count else {}
+                outcome = check_metric(e.limit, found.get(e.name))
+                if not stretch.count:
+                    outcome = None, "the window never opened: no sample lies in it"
+                yield _placed(outcome, stretch.event)
+
+    def _implied(self, expect: Sequence[Expectation]) -> list[Expectation]:
+        """Limits that evaluators bring along, where the scenario sets none on the metric."""
+        named = {e.name for e in expect}
+        return [
+            Expectation(subject, name, Limit(min=bounds.get("min"), max=bounds.get("max")))
+            for subject, evaluators in self._of.items()
+            for evaluator in evaluators
+            if isinstance(evaluator, HasLimits)
+            for name, bounds in evaluator.LIMITS.items()
+            if name not in named
+        ]
+
+    def _make_windows(self) -> dict[tuple[str, Any, Any], WindowedEvaluator]:
+        made: dict[tuple[str, Any, Any], WindowedEvaluator] = {}
+        for e in self.expect:
+            if e.limit.window and e.limit.hold is None:
+                make = self.catalogue.maker_of(e.name)
+                setup = dataclasses.replace(self._setups[e.subject], settling_m=0.0)
+                key = (e.subject, make, window_of(e.limit))
+                made.setdefault(key, WindowedEvaluator(key[2], partial(make, setup)))
+        return made
+
+    def _show_windows(self, name: str, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        moved = next((s for s in outputs.values() if isinstance(s, MachineState)), None)
+        if moved is not None:
+            self._distance[name] = moved.distance
+            if name == self._first:
+                self._distance[FIELD] = moved.distance
+        for (subject, _, window), watch in self._windows.items():
+            if subject in (name, FIELD):
+                events = self.events(subject) if window.kind and moved is not None else ()
+                watch.see(self._distance[subject], slot, t, outputs, events)
+
+
+def _placed(outcome: tuple[float | None, str], event: Event | None) -> tuple[float | None, str]:
+    """The outcome, its reason with the event that the stretch hangs on."""
+    value, reason = outcome
+    if not reason or event is None:
+        return outcome
+    return value, f"{reason} ({event.kind} at {event.t / NS:.1f} s, {event.distance:.1f} m)"
+
+
+def incident(event: Event) -> dict[str, Any]:
+    """An event as it stands in `summary.json`."""
+    ended = None if event.end_t is None else event.end_t / NS
+    lasting = {} if event.end_t == event.t else {"end_t_s": ended, "end_distance_m": event.end_distance}
+    other = {"other": event.other} if event.other else {}
+    return {
+        "t_s": event.t / NS, "kind": event.kind, "machine": event.machine, **other, "x_m": event.x,
+        "y_m": event.y, "distance_m": event.distance, **lasting, "text": event.text,
+    }  # fmt: skip

@@ -1,0 +1,62 @@
+"""When the header end passes a gap in the crop's edge."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from swath.core.registry import Level
+from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.header_path import HeaderPath
+from swath.signals import MachineState, Signal
+
+BESIDE_M = 5.0  # the header end passes a gap when it is no farther from the edge than this
+STEP_M = 0.05  # driven between two looks
+
+
+class Gaps:
+    """Events `gap`: from where the header end comes beside a gap of its edge to where it leaves it."""
+
+    OF_FIELD = False
+    METRICS: tuple[Metric, ...] = ()
+    EVENTS = ("gap",)
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self._end = HeaderPath(setup.machine).end
+        self._looked_at = -STEP_M
+        self._events: list[Event] = []
+        self._open: dict[int, int] = {}  # gap -> index of its event
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look where the header end is."""
+        if not self.setup.gaps:
+            return
+        for signal in outputs.values():
+            if isinstance(signal, MachineState) and signal.distance - self._looked_at >= STEP_M:
+                self._looked_at = signal.distance
+                self._look(signal)
+
+    def metrics(self) -> dict[str, float]:
+        """None."""
+        return {}
+
+    def events(self) -> Sequence[Event]:
+        """Every gap that was passed."""
+        return self._events
+
+    def _look(self, state: MachineState) -> None:
+        x, y, _ = (float(v) for v in state.pose.apply(self._end))
+        along, offset = (float(v) for v in self.setup.edge.project(x, y))
+        for index, gap in enumerate(self.setup.gaps):
+            is_beside = gap.start <= along < gap.end and abs(offset) <= BESIDE_M
+            if is_beside and index not in self._open:
+                text = f"passes a gap of {gap.end - gap.start:.1f} m, {gap.depth:.1f} m deep"
+                self._open[index] = len(self._events)
+                self._events.append(
+                    Event(state.t, "gap", self.setup.name, x, y, state.distance, text, end_t=None)
+                )
+            elif not is_beside and index in self._open:
+                at = self._open.pop(index)
+                self._events[at] = replace(self._events[at], end_t=state.t, end_distance=state.distance)
+
+
+LEVEL = Level(Gaps, None, summary="when the header end passes a gap in the edge")

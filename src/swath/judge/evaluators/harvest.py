@@ -1,0 +1,87 @@
+"""What the header cut, and what it left standing."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from swath.core.registry import Level
+from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.header_path import HeaderPath
+from swath.judge.statistics import ratio
+from swath.signals import CropFlow, MachineState, Signal
+
+GROUP = "Harvest"
+OUTSIDE_M = 1.0  # uncut crop counts this far beyond the initial edge, where teeth may stand
+NODE_M = 0.5  # length of the strips in which uncut crop is counted
+
+
+class Harvest:
+    """Area and grain cut, use of the header's width, crop left uncut."""
+
+    OF_FIELD = False
+    METRICS = (
+        Metric("header_use", "1", "cut width / header width, mean over time after settling", GROUP,
+               "higher", "", "%", 1),
+        Metric("uncut_area_m2", "m2", "standing crop left on the cut side of the header end's path", GROUP,
+               "lower", "left uncut"),
+        Metric("area_cut_m2", "m2", "ground from which crop was cut", GROUP, "higher", "", "", 1),
+        Metric("grain_cut_kg", "kg", "grain taken in by the header", GROUP, "higher", "", "", 1),
+    )  # fmt: skip
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self.side = 1.0 if setup.machine.edge_side == "left" else -1.0
+        self._path = HeaderPath(setup.machine)
+        self._distance = 0.0
+        self._has_header = False
+        self._area = self._grain = self._fill = self._time = 0.0
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Add what was cut."""
+        for signal in outputs.values():
+            if isinstance(signal, MachineState):
+                self._distance = signal.distance
+                self._path.see(signal)
+            elif isinstance(signal, CropFlow):
+                self._has_header = True
+                self._area += signal.area
+                self._grain += signal.grain
+                if self._distance >= self.setup.settling_m:
+                    self._fill += signal.header_fill * signal.dt
+                    self._time += signal.dt
+
+    def metrics(self) -> dict[str, float]:
+        """Of all that was cut; nothing of a machine without a header."""
+        if not self._has_header:
+            return {}
+        return {
+            "header_use": ratio(self._fill, self._time),
+            "uncut_area_m2": self.uncut_area(),
+            "area_cut_m2": self._area,
+            "grain_cut_kg": self._grain,
+        }
+
+    def uncut_area(self) -> float:
+        """Standing crop on the cut side of the header end's path [m2].
+
+        Up to OUTSIDE_M beyond the initial edge.
+        """
+        _, distance, x, y = self._path.arrays()
+        if len(distance) < 2 or distance[-1] - distance[0] < NODE_M:
+            return 0.0
+        at = np.append(np.arange(distance[0], distance[-1], NODE_M), distance[-1])
+        px, py = np.interp(at, distance, x), np.interp(at, distance, y)
+        inside = np.asarray(self.setup.edge.signed_distance(px, py), dtype=float)
+        depth = np.maximum(inside, 0.0) + OUTSIDE_M
+        heading = np.arctan2(np.gradient(py), np.gradient(px))
+        outer_x = px - self.side * np.sin(heading) * depth
+        outer_y = py + self.side * np.cos(heading) * depth
+        inner, outer = np.stack([px, py], axis=1), np.stack([outer_x, outer_y], axis=1)
+        area, standing = 0.0, self.setup.field.standing_area
+        for i in range(len(at) - 1):
+            area += standing(np.array([inner[i], inner[i + 1], outer[i + 1]]))
+            area += standing(np.array([inner[i], outer[i + 1], outer[i]]))
+        return area
+
+
+LEVEL = Level(Harvest, None, summary="what the header cut, and what it left standing")

@@ -1,0 +1,67 @@
+"""How well a header kept its height, and what it lost."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from swath.core.registry import Level
+from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.signals import F64, CropFlow, HeaderState, MachineState, Signal
+
+GROUP = "Header height"
+
+
+class HeaderHeight:
+    """Height of the knife against the wanted one, after settling; grain that the header lost."""
+
+    OF_FIELD = False
+    METRICS = (
+        Metric("header_in_band", "1", "share of the time after settling in which the knife's mean height is "
+               "within its band", GROUP, "higher", "mean height within the band", "%", 1),
+        Metric("header_knife_in_band", "1", "share of the time and of the knife's length within the band, "
+               "after settling", GROUP,
+               "higher", "knife within the band", "%", 1),
+        Metric("header_height_p95_error_m", "m", "knife's height against the wanted one, 95th percentile of "
+               "its size", GROUP, "lower", "height error, 95th percentile", "cm"),
+        Metric("header_loss_percent", "%", "grain shed by the header or left on ears below the knife, of all "
+               "reached", GROUP, "lower", "grain lost at the header"),
+    )  # fmt: skip
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self._settling, self._distance = setup.settling_m, 0.0
+        self._errors: list[F64] = []
+        self._band = 0.0
+        self._taken = self._left = self._lost = 0.0
+        self._is_controlled = False
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Note heights and losses."""
+        for signal in outputs.values():
+            if isinstance(signal, MachineState):
+                self._distance = signal.distance
+            elif isinstance(signal, CropFlow):
+                self._taken += signal.grain
+                self._lost += signal.lost_grain
+                self._left += signal.left_grain
+            elif isinstance(signal, HeaderState):
+                self._is_controlled, self._band = True, signal.band
+                if self._distance >= self._settling:
+                    self._errors.append(signal.heights - signal.wanted)
+
+    def metrics(self) -> dict[str, float]:
+        """What there is to say; nothing about a header that does not tell its height."""
+        if not self._is_controlled:
+            return {}
+        found = dict.fromkeys((m.name for m in self.METRICS), float("nan"))
+        if self._errors:
+            error = np.array(self._errors)
+            size = np.abs(error)
+            found["header_in_band"] = float(np.mean(np.abs(error.mean(axis=1)) <= self._band))
+            found["header_knife_in_band"] = float(np.mean(size <= self._band))
+            found["header_height_p95_error_m"] = float(np.percentile(size, 95.0))
+        whole = self._taken + self._lost + self._left
+        share = (self._lost + self._left) / whole if whole > 0.0 else float("nan")
+        return {**found, "header_loss_percent": 100.0 * share}
+
+
+LEVEL = Level(HeaderHeight, None, summary="how well the header kept its height, and what it lost")

@@ -1,0 +1,97 @@
+"""How far the header end is from where it should be beside the initial edge."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from swath.core.frames import Pose
+from swath.core.registry import Level
+from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.header_path import HeaderPath
+from swath.judge.statistics import even_path, mean, rms
+from swath.record.tracks import Column, Latest
+from swath.signals import F64, CropFlow, MachineState, Signal
+
+GROUP = "Steering"
+
+
+@dataclass(frozen=True)
+class PathSeries:
+    """The course of a run, (n,) each: t [s], distance [m], x and y of the header end and its error [m]."""
+
+    t: F64
+    distance: F64
+    x: F64
+    y: F64
+    lateral: F64
+
+
+class LateralError:
+    """Lateral error of the header end against the initial edge, after settling."""
+
+    OF_FIELD = False
+    COLUMNS = ("lateral_error_m",)
+    METRICS = (
+        Metric("lateral_rms_m", "m", "lateral error of the header end after settling, root mean square",
+               GROUP, "lower", "lateral error, RMS", "cm"),
+        Metric("lateral_p95_m", "m", "the lateral error's 95th percentile, of its size", GROUP,
+               "lower", "lateral error, 95th percentile", "cm"),
+        Metric("lateral_bias_m", "m", "mean of the lateral error; > 0 towards the standing crop", GROUP,
+               "", "lateral error, mean", "cm"),
+    )  # fmt: skip
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self._path = HeaderPath(setup.machine)
+        self._has_header = False
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Note where the header end is."""
+        for signal in outputs.values():
+            if isinstance(signal, MachineState):
+                self._path.see(signal)
+            elif isinstance(signal, CropFlow):
+                self._has_header = True
+
+    def metrics(self) -> dict[str, float]:
+        """Of the whole path; nothing of a machine without a header."""
+        if not self._has_header:
+            return {}
+        series = self.series()
+        return lateral_metrics(series.distance, series.lateral, settling=self.setup.settling_m)
+
+    def columns(self) -> tuple[Column, ...]:
+        """The lateral error at any time."""
+
+        def lateral(latest: Latest) -> float:
+            return self.error(latest[MachineState].pose)
+
+        return (Column("lateral_error_m", "m", "header end, > 0 towards the standing crop", lateral),)
+
+    def error(self, pose: Pose) -> float:
+        """Lateral error [m] of a machine at a pose."""
+        x, y, _ = pose.apply(self._path.end)
+        return float(self.setup.edge.signed_distance(x, y)) + self.setup.overlap
+
+    def series(self) -> PathSeries:
+        """The course of the run so far."""
+        t, distance, x, y = self._path.arrays()
+        inside = np.asarray(self.setup.edge.signed_distance(x, y), dtype=float)
+        return PathSeries(t, distance, x, y, inside + self.setup.overlap)
+
+
+def lateral_metrics(distance: F64, error: F64, *, settling: float) -> dict[str, float]:
+    """Quality of a driven path from its lateral error [m] at travelled distances [m], both (n,).
+
+    The error is taken at even steps along the path, between samples by linear interpolation, so that it
+    depends neither on the sample rate nor on the speed (the interpolation method of dynamic tests after
+    ISO 12188; nearest samples err by up to several mm at harvest speed).
+    """
+    settled = even_path(distance, error, start=settling)[1]
+    settled = settled[np.isfinite(settled)]
+    p95 = float(np.percentile(np.abs(settled), 95.0)) if len(settled) else float("nan")
+    return {"lateral_rms_m": rms(settled), "lateral_p95_m": p95, "lateral_bias_m": mean(settled)}
+
+
+LEVEL = Level(LateralError, None, summary="the header end against where it should be beside the initial edge")

@@ -1,0 +1,70 @@
+"""Whether everything that left the field is somewhere: in a machine, lost, or on the ground."""
+
+from collections.abc import Mapping
+
+from swath.core.registry import Level
+from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.signals import CropFlow, MachineLoad, Signal
+
+
+class MassBalance:
+    """Recounts the field and compares with what all its machines account for."""
+
+    OF_FIELD = True
+    METRICS = (
+        Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
+               "losses and on the ground| / left the field", "Harvest", "lower", decimals=-1,
+               is_windowed=False),
+    )  # fmt: skip
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self._in_transit: dict[str, list[float]] = {}  # machine -> grain, straw between header and process
+        self._shed: dict[str, float] = {}
+        self._loads: dict[str, MachineLoad] = {}
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Note what a header took in and what a machine holds."""
+        for signal in outputs.values():
+            if isinstance(signal, CropFlow):
+                name = slot.partition(".")[0]
+                moving = self._in_transit.setdefault(name, [0.0, 0.0])
+                moving[0] += signal.grain
+                moving[1] += signal.straw
+                self._shed[name] = self._shed.get(name, 0.0) + signal.lost_grain
+            elif isinstance(signal, MachineLoad):
+                name = slot.partition(".")[0]
+                self._loads[name] = signal
+                self._in_transit[name] = [0.0, 0.0]
+
+    def metrics(self) -> dict[str, float]:
+        """The error as it stands now."""
+        missing = self.setup.field.recount()
+        held = [self.accounted(name) for name in self._in_transit]
+        on_ground = self.setup.field.ground_grain_kg
+        grain = balance_error(float(missing.grain), sum(h[0] for h in held) + on_ground)
+        straw = balance_error(float(missing.straw), sum(h[1] for h in held))
+        return {"mass_balance_error": max(grain, straw)}
+
+    def accounted(self, name: str) -> tuple[float, float]:
+        """Grain and straw [kg] that a machine has taken in and holds, has lost, or has laid behind it.
+
+        Grain that it unloaded is where it went: with another machine, or on the ground.
+        """
+        grain, straw = self._in_transit.get(name, (0.0, 0.0))
+        grain += self._shed.get(name, 0.0)
+        if (load := self._loads.get(name)) is not None:
+            grain += load.tank_grain - load.unloaded_grain + load.lost_grain + load.held_grain
+            straw += load.dropped_straw + load.held_straw
+        return grain, straw
+
+
+def balance_error(missing: float, accounted: float) -> float:
+    """|missing - accounted| / missing; 0 when both are 0, inf when only `missing` is."""
+    gap = abs(missing - accounted)
+    if gap == 0.0:
+        return 0.0
+    return gap / abs(missing) if missing else float("inf")
+
+
+LEVEL = Level(MassBalance, None, summary="whether everything that left the field is somewhere")

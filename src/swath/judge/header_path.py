@@ -1,0 +1,27 @@
+"""The way of the header end that follows the edge, as evaluators keep it."""
+
+import numpy as np
+
+from swath.record.messages import RecordedMachine
+from swath.signals import F64, MachineState
+
+PATH_M = 0.02  # spacing of the stored path
+
+
+class HeaderPath:
+    """Places of a machine's header end, one every PATH_M. end: in the machine frame [m]."""
+
+    def __init__(self, machine: RecordedMachine) -> None:
+        self.end = np.array([*machine.geometry.header_end(machine.edge_side), 0.0])
+        self._rows: list[tuple[float, float, float, float]] = []
+
+    def see(self, state: MachineState) -> None:
+        """Note where the machine is."""
+        if not self._rows or state.distance - self._rows[-1][1] >= PATH_M:
+            x, y, _ = state.pose.apply(self.end)
+            self._rows.append((state.t * 1e-9, state.distance, float(x), float(y)))
+
+    def arrays(self) -> tuple[F64, F64, F64, F64]:
+        """t [s], distance driven [m], x and y in the world [m], shape (n,) each."""
+        t, distance, x, y = np.array(self._rows, dtype=float).reshape(-1, 4).T
+        return t, distance, x, y

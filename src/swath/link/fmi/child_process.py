@@ -1,0 +1,141 @@
+"""An FMU in a child process: its crash or hang becomes an error that names it."""
+
+import os
+import pickle
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import swath
+from swath.link.fmi.description import Description, Variable
+from swath.link.fmi.errors import FmuError
+from swath.link.fmi.instance import Numbers, Steps, unpack
+
+START_TIMEOUT_S = 60.0  # of loading Python and the FMU, on a busy machine
+CLOSE_TIMEOUT_S = 2.0
+
+
+class ChildProcess:
+    """A unit whose FMU runs in a child process. timeout_s: for every answer; the start has a minute more.
+
+    child: the process, None before the start and after the end; folder: where the FMU is unpacked
+    """
+
+    def __init__(
+        self,
+        description: Description,
+        name: str,
+        inputs: Sequence[Variable],
+        outputs: Sequence[Variable],
+        timeout_s: float,
+    ) -> None:
+        self._spec = (replace(description, package=None), name, tuple(inputs), tuple(outputs))
+        self._unpacked: Any | None = None
+        self.folder: Path | None = None
+        self._timeout_s = timeout_s
+        self.child: subprocess.Popen[bytes] | None = None
+        self._pipe: Connection | None = None
+
+    def start(self, starts: Mapping[str, Any]) -> list[float]:
+        """Start the process if there is none, and the FMU in it; outputs at t = 0."""
+        if self.child is None:
+            self._launch()
+            self._ask("make", (*self._spec, self._unpack()), extra_s=START_TIMEOUT_S, doing="being loaded")
+        found: list[float] = self._ask("start", dict(starts), extra_s=START_TIMEOUT_S, doing="initialising")
+        return found
+
+    def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
+        """From t to t + h [s]."""
+        return self.run([(t, h, inputs)])
+
+    def run(self, steps: Steps) -> list[float]:
+        """One step after the other; the outputs after the last."""
+        found: list[float] = self._ask("run", steps, doing="its step")
+        return found
+
+    def save(self) -> Any:
+        """The state of the FMU."""
+        return self._ask("save", None, doing="saving its state")
+
+    def load(self, state: Any) -> None:
+        """Back to it."""
+        self._ask("load", state, doing="loading its state")
+
+    def close(self) -> None:
+        """Ask the FMU to end; end the process if it does not."""
+        child, self.child = self.child, None
+        pipe, self._pipe = self._pipe, None
+        if pipe is not None:
+            pipe.close()  # the child ends when the pipe closes
+        if child is not None:
+            try:
+                child.wait(CLOSE_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+        unpacked, self._unpacked = self._unpacked, None
+        if unpacked is not None:
+            unpacked()
+
+    def _unpack(self) -> Path:
+        """The files of the FMU, removed here even if the child dies."""
+        folder = self.folder = unpack(self._spec[0].file)
+        self._unpacked = weakref.finalize(self, shutil.rmtree, folder, True)
+        return folder
+
+    def _launch(self) -> None:
+        ours, theirs = socket.socketpair()
+        folder = str(Path(swath.__file__).parents[1])
+        path = os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])
+        with theirs:
+            self.child = subprocess.Popen(
+                [sys.executable, "-m", "swath.link.fmi.worker", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": path},
+            )
+        self._pipe = Connection(ours.detach())
+
+    def _ask(self, verb: str, what: Any, *, doing: str, extra_s: float = 0.0) -> Any:
+        if self._pipe is None or self.child is None:
+            raise FmuError("its process has ended")
+        limit = self._timeout_s + extra_s
+        try:
+            self._pipe.send_bytes(pickle.dumps((verb, what), protocol=5))
+            if not self._pipe.poll(limit):
+                self._kill()
+                raise FmuError(f"it gave no answer within {limit:g} s ({doing}); its process was ended")
+            is_good, answer = pickle.loads(self._pipe.recv_bytes())
+        except (EOFError, OSError) as error:
+            raise FmuError(f"its process crashed ({self._ending()}), {doing}") from error
+        if not is_good:
+            raise FmuError(answer)
+        return answer
+
+    def _ending(self) -> str:
+        """How the child ended, in words."""
+        child = self.child
+        assert child is not None
+        try:
+            code = child.wait(CLOSE_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._kill()
+            return "it closed its end"
+        self.child = None
+        self.close()
+        if code < 0:
+            return signal.Signals(-code).name
+        return f"exit code {code}"
+
+    def _kill(self) -> None:
+        if self.child is not None:
+            self.child.kill()
+        self.close()

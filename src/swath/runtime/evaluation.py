@@ -1,0 +1,24 @@
+"""The evaluators of a world."""
+
+from swath.judge.catalogue import load_evaluators
+from swath.judge.evaluation import Evaluation
+from swath.judge.evaluator import EvaluatorSetup
+from swath.runtime.world import World
+
+
+def make_evaluation(world: World) -> Evaluation:
+    """All evaluators of a scenario with its limits: an observer for `drive`."""
+    machines = {name: machine.recorded() for name, machine in world.machines.items()}
+    setups = {
+        name: EvaluatorSetup(
+            field=world.field,
+            machines=machines,
+            name=name,
+            overlap=machine.overlap,
+            gaps=next((e.gaps for e in world.field.edges.values() if e.shape is machine.edge), ()),
+            obstacles=world.obstacles,
+            bodies=world.bodies,
+        )
+        for name, machine in world.machines.items()
+    }
+    return Evaluation(load_evaluators(world.scenario.evaluators), setups, world.scenario.expect)

@@ -1,0 +1,114 @@
+"""The keys `evaluators` and `expect` of a scenario.
+
+With several machines `expect` has a machine's name or `field`, and below it the limits; with one machine the
+limits may stand at the top: what is a metric of the field, or of the run, is meant for `field`.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from swath.core.errors import InputError, SwathError
+from swath.documents.hints import unknown_key
+from swath.documents.yaml_document import KeyPath
+from swath.scenario.resolved import Expectation
+from swath.scenario.sections import Limit
+
+if TYPE_CHECKING:
+    from swath.scenario.reader import Reader
+
+FIELD = "field"
+
+
+def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
+    """References with absolute paths, and the catalogue of all evaluators; notes what is wrong."""
+    path: KeyPath = ("evaluators",)
+    if not isinstance(data, list):
+        reader.note(path, "(nothing)" if data is None else data, "expected a list of file.py:Class")
+        data = []
+    good: list[str] = []
+    judged = reader.catalogue.judged()
+    for index, entry in enumerate(data):
+        where = (*path, index)
+        if not isinstance(entry, str) or ".py:" not in entry:
+            reader.note(where, entry, "expected file.py:Class")
+            continue
+        reference = reader.absolute_level(entry, reader.base(where))
+        try:
+            judged = reader.catalogue.judged([*good, reference])
+            good.append(reference)
+        except InputError as error:
+            reader.note(where, entry, error.expected)
+        except SwathError as error:
+            reader.note(where, entry, str(error))
+    return tuple(good), judged
+
+
+def read_expect(reader: "Reader", data: Any, judged: Any, machines: Sequence[str]) -> tuple[Expectation, ...]:
+    """Every limit; notes what is wrong."""
+    data = reader.mapping(data, ("expect",))
+    scopes = judged.by_scope()
+    own, of_field = list(scopes["machine"]), [*scopes["field"], *scopes["run"]]
+    found: list[Expectation] = []
+    for key, entry in data.items():
+        path: KeyPath = ("expect", key)
+        if key in machines or key == FIELD:
+            for name, limits in reader.mapping(entry, path).items():
+                known = of_field if key == FIELD else own
+                found += _limits(reader, key, name, limits, (*path, name), known, judged)
+        elif len(machines) == 1:
+            subject = FIELD if key in of_field else machines[0]
+            found += _limits(reader, subject, key, entry, path, [*own, *of_field], judged)
+        else:
+            reader.note(path, None, unknown_key(key, [*machines, FIELD], "unknown machine"))
+    return tuple(found)
+
+
+def plain_expect(expect: Iterable[Expectation], machines: Mapping[str, Any]) -> dict[str, Any]:
+    """As it would be written in a file."""
+    written: dict[str, dict[str, list[Any]]] = {}
+    for entry in expect:
+        subject = "" if len(machines) == 1 else entry.subject
+        written.setdefault(subject, {}).setdefault(entry.name, []).append(entry.limit.plain())
+    short = {s: {n: v[0] if len(v) == 1 else v for n, v in names.items()} for s, names in written.items()}
+    return short.get("", {}) if len(machines) == 1 else short
+
+
+def _limits(
+    reader: "Reader", subject: str, name: str, data: Any, path: KeyPath, metrics: list[str], judged: Any
+) -> list[Expectation]:
+    columns = [] if subject == FIELD else judged.columns
+    if name not in metrics and name not in columns:
+        what = "unknown metric"
+        if name in judged.metrics:
+            what = f"expected under {FIELD}" if subject != FIELD else "expected under a machine's name"
+            reader.note(path, None, what)
+        else:
+            reader.note(path, None, unknown_key(name, dict.fromkeys([*metrics, *columns]), what))
+        return []
+    found = []
+    for index, entry in enumerate(data if isinstance(data, list) else [data]):
+        where = (*path, index) if isinstance(data, list) else path
+        limit = reader.check(Limit, entry, where)
+        if limit is not None and name not in metrics and limit.hold is None:
+            limit = limit.model_copy(update={"hold": "always"})
+        if limit is not None and _fits(reader, limit, where, judged, name):
+            found.append(Expectation(subject, name, limit))
+    return found
+
+
+def _fits(reader: "Reader", limit: Limit, path: KeyPath, judged: Any, name: str) -> bool:
+    """Whether the limit's events and columns exist and the metric can be judged in a window."""
+    before = len(reader.errors)
+    for key, kind in (("after", limit.after), ("before", limit.before)):
+        if kind is not None and kind not in judged.events:
+            reader.note((*path, key), kind, unknown_key(kind, judged.events, "unknown event"))
+    for column in limit.while_:
+        if column not in judged.columns:
+            reader.note((*path, "while", column), None, unknown_key(column, judged.columns, "unknown column"))
+    if limit.hold is not None and name not in judged.columns:
+        reader.note((*path, "hold"), limit.hold, f"expected no hold, {name} is a metric and no column")
+    if limit.hold is None and limit.while_:
+        reader.note((*path, "while"), None, "expected hold too: while chooses samples of a column")
+    if limit.hold is None and limit.window and not judged.metrics[name].is_windowed:
+        reader.note(path, None, f"expected no window, {name} is of the whole run")
+    return len(reader.errors) == before
