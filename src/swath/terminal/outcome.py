@@ -80,7 +80,8 @@ def _rows(
             held = own.get(name)
             limit, result = ("", "") if held is None else (limit_text(held), held["result"])
             rows.append((name, number(metrics[name]), limit, result))
-    for entry in expect:
+    rest: list[dict[str, Any]] = expect
+    for entry in rest:
         if entry is not own.get(str(entry["name"])) or entry["name"] not in metrics:
             limit = limit_text(entry) + window_text(entry)
             rows.append((entry["name"], number(entry["value"]), limit, entry["result"]))
