@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from _harness import interleave, machine, median, write_json
 from ray_scenes import make_beams
@@ -56,7 +57,7 @@ def ray_ratio(field: Field) -> float:
     _, down = make_beams(37, 40_000)
 
     def cast(x: float) -> None:
-        caster.cast_bundles(np.broadcast_to([x, -WIDTH, 4.0], down.shape), down, range_max=60.0)
+        caster.cast_bundles((np.broadcast_to([x, -WIDTH, 4.0], down.shape), down), range_max=60.0)
 
     for x in (10.0, 120.0):
         field.ensure(x, -WIDTH, 60.0)

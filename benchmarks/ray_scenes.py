@@ -5,6 +5,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from tests.rays.triangles import capsule_triangles, own_primitives, ribbon_triangles, to_stand
 
 from swath.core.random import Stream
 from swath.field.crop import load_crop
@@ -21,7 +22,6 @@ from swath.field.memory_layout import (
 from swath.field.prototypes import make_library
 from swath.field.wind import Sway
 from swath.rays.spots import Spots
-from swath.rays.triangles import capsule_triangles, own_primitives, ribbon_triangles, to_stand
 
 SIDES = 8  # of a prism
 STUBBLE = 15  # code of cut cells [cm]

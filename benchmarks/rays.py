@@ -1,4 +1,4 @@
-"""Rays through wheat on hills, some of it cut: groups, the plain kernel, flat Embree 4, interleaved.
+"""Rays through wheat on hills, some of it cut: packets, the plain kernel, flat Embree 4, interleaved.
 
 Mray per CPU-second (user + system), one thread each, shuffled order, median of rounds. Scene: 10 x 10 m of
 wheat on a slope with waves, 30 % of it cut to stubble; a scanner 4 m up looks 14 to 22 deg down, beams of
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from _harness import interleave, machine, median, resident_bytes, write_json
 from ray_scenes import make_beams, make_embree, make_picture, make_scene, make_spots, organs
@@ -31,11 +32,10 @@ def scene_bytes(caster: RayCaster) -> int:
     """Memory of all that our kernels read: library, its packed primitives, both indices, pages."""
     library, pages = caster.field.library, caster.field.pages
     held = [v for part in (library, pages) for v in vars(part).values() if isinstance(v, np.ndarray)]
-    walk = caster._group_walk
     rows = 64 * len(library.radius)
     if shared_rows(library) is not None:  # the arrays of the library are views of them
         rows -= sum(getattr(library, name).nbytes for name in ("a", "b", "radius", "width", "base"))
-    return sum(v.nbytes for v in held) + rows + (walk.held.byte_count if walk else 0)
+    return sum(v.nbytes for v in held) + rows + caster.index_bytes
 
 
 def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
     scene = make_scene(density)
     caster = RayCaster(scene, threads=1)
     o, d = make_beams(9, 2000)
-    caster.cast_bundles(o, d, range_max=REACH)
+    caster.cast_bundles((o, d), range_max=REACH)
     before = resident_bytes()
     embree, triangles, plants = make_embree(scene)
     embree.run(o.reshape(-1, 3).astype(np.float32), d.reshape(-1, 3).astype(np.float32), query="DISTANCE")
@@ -60,16 +60,12 @@ def compare(density: float, rounds: int, count: int) -> dict[str, Any]:
         }
         if subs == 1:
             lines = d.reshape(-1, 180, 3)
-            jobs["groups"] = lambda o=o, lines=lines: caster.cast_image(o[0, 0], lines, range_max=REACH)
+            jobs["packets"] = lambda o=o, lines=lines: caster.cast_image(o[0, 0], lines, range_max=REACH)
         else:
-            jobs["groups"] = lambda spots=spots: caster.cast_spots(spots, range_max=REACH)
-            jobs["nearest"] = lambda spots=spots: caster.cast_spots(spots, 1, range_max=REACH)
-            jobs["median"] = lambda spots=spots, k=(subs + 1) // 2: caster.cast_spots(
-                spots, k, range_max=REACH
-            )
+            jobs["packets"] = lambda spots=spots: caster.cast_bundles(spots, range_max=REACH)
         times = interleave(jobs, rounds=rounds)
         ours, theirs = jobs["plain"](), np.asarray(jobs["embree"]())
-        near = np.abs(jobs["groups"]().distance.ravel() - ours.distance) < 1e-4
+        near = np.abs(jobs["packets"]().distance.ravel() - ours.distance) < 1e-4
         rows.append(
             {
                 "sub_rays": subs,
@@ -105,11 +101,11 @@ def camera(rounds: int, out_dir: Path, density: float = 200.0) -> dict[str, Any]
     origin, d = make_picture()
     single = np.tile(origin, (d.size // 3, 1)).astype(np.float32), d.reshape(-1, 3).astype(np.float32)
     jobs = {
-        "groups": lambda: caster.cast_image(origin, d, range_max=REACH),
+        "packets": lambda: caster.cast_image(origin, d, range_max=REACH),
         "embree": lambda: embree.run(*single, query="DISTANCE"),
     }
     times = interleave(jobs, rounds=rounds)
-    hits = jobs["groups"]()
+    hits = jobs["packets"]()
     shade = np.nan_to_num(
         hits.reflectance * (0.35 + 0.65 * hits.cosine) * np.exp(-0.02 * np.nan_to_num(hits.distance))
     )
@@ -119,7 +115,7 @@ def camera(rounds: int, out_dir: Path, density: float = 200.0) -> dict[str, Any]
         "pixels": [480, 640],
         "plants_per_m2": density,
         "mray_per_cpu_s": {k: len(single[0]) / median(t) / 1e6 for k, t in times.items()},
-        "over_embree": median([e / a for a, e in zip(times["groups"], times["embree"], strict=True)]),
+        "over_embree": median([e / a for a, e in zip(times["packets"], times["embree"], strict=True)]),
         "crop_range_m": [float(v) for v in np.nanquantile(hits.distance[hits.organ > 2], [0.01, 0.5, 0.99])],
     }
 
@@ -128,7 +124,7 @@ def lines_per_second(rounds: int) -> float:
     """Scan lines of 401 beams with 37 sub-rays per CPU-second, 600 plants/m2."""
     caster = RayCaster(make_scene(600.0), threads=1)
     spots = make_spots(37, 401 * 37 * 4, beams=401)
-    times = interleave({"lines": lambda: caster.cast_spots(spots, range_max=REACH)}, rounds=rounds)
+    times = interleave({"lines": lambda: caster.cast_bundles(spots, range_max=REACH)}, rounds=rounds)
     return len(spots.origins) / 401 / median(times["lines"])
 
 
@@ -156,7 +152,7 @@ def scanner(rounds: int) -> dict[str, Any]:
 
 
 def sweep(rounds: int, count: int) -> tuple[dict[str, list[list[float]]], float]:
-    """Mray per CPU-second of groups over sub-rays, density, side of the field [m] and share of cut crop.
+    """Mray per CPU-second of packets over sub-rays, density, side of the field [m] and share of cut crop.
 
     Also the speed with half of the field cut over that of uncut crop, median of the rounds.
     """
@@ -165,7 +161,7 @@ def sweep(rounds: int, count: int) -> tuple[dict[str, list[list[float]]], float]
 
     def add(name: str, x: float, scene: Any, subs: int) -> None:
         caster, spots = RayCaster(scene, threads=1), make_spots(subs, count)
-        jobs[name, x] = lambda: caster.cast_spots(spots, range_max=REACH)
+        jobs[name, x] = lambda: caster.cast_bundles(spots, range_max=REACH)
         sizes[name, x] = spots.shape[0] * subs
 
     base = make_scene(600.0)
@@ -192,7 +188,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
     fig, axes = plt.subplots(1, len(names), figsize=(13, 3.2), sharey=True, layout="constrained")
     for ax, name in zip(axes, names, strict=True):
         x, y = np.array(data["sweep"][name]).T
-        ax.plot(x, y, "o-", color="#c0223b", label="groups")
+        ax.plot(x, y, "o-", color="#c0223b", label="packets")
         if name == "sub-rays":
             for row in data["results"][-1]["rows"][1:]:
                 rate = row["mray_per_cpu_s"]
@@ -235,22 +231,17 @@ def main(out_dir: Path | str = "out/bench", *, rounds: int = 7, count: int = 60_
         "sub-rays",
         "Embree 4 flat",
         "plain",
-        "groups",
+        "packets",
         "/ Embree",
         "aim",
-        "nearest",
-        "median",
     ):
         table.add_column(name, justify="right")
     for result in results:
         for row in result["rows"]:
             rate, over = row["mray_per_cpu_s"], row["over_embree"]
             key = int(result["plants_per_m2"]), row["sub_rays"]
-            early = [f"{rate[k]:.1f} ({over[k]:.1f}x)" if k in rate else "" for k in ("nearest", "median")]
-            shown = (f"{rate[k]:.2f}" for k in ("embree", "plain", "groups"))
-            table.add_row(
-                str(key[0]), str(key[1]), *shown, f"{over['groups']:.2f}", f"{TARGETS[key]}", *early
-            )
+            shown = (f"{rate[k]:.2f}" for k in ("embree", "plain", "packets"))
+            table.add_row(str(key[0]), str(key[1]), *shown, f"{over['packets']:.2f}", f"{TARGETS[key]}")
     console = Console()
     console.print(table)
     ours, theirs = ([r[k] / 1e6 for r in results] for k in ("swath_bytes", "embree_bytes"))
@@ -260,7 +251,7 @@ def main(out_dir: Path | str = "out/bench", *, rounds: int = 7, count: int = 60_
     )
     c, s = data["camera"], data["scanner"]
     console.print(
-        f"Camera 640 x 480: {c['mray_per_cpu_s']['groups']:.2f} Mray/s, {c['over_embree']:.2f} x Embree"
+        f"Camera 640 x 480: {c['mray_per_cpu_s']['packets']:.2f} Mray/s, {c['over_embree']:.2f} x Embree"
     )
     console.print(f"Lines of 401 x 37 per CPU-second: {data['lines_of_401_x_37_per_cpu_s']:.0f}")
     console.print(

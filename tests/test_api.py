@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
 
 import swath
 from swath.core.errors import InputError
+from swath.documents.yaml_document import read_document
 from swath.scenario.scenario import Scenario
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "many_runs.py"
@@ -32,7 +32,7 @@ def test_a_run_from_python(result):
     assert result.summary["seed"] == 5
     assert (result.folder / "summary.json").is_file()
     assert not (result.folder / "report.html").exists()
-    resolved = yaml.safe_load((result.folder / "scenario.yaml").read_text())
+    resolved = read_document(result.folder / "scenario.yaml").data
     assert resolved["machines"]["combine"]["lidar"]["sub_rays"] == 1
     assert repr(result).startswith("<run of straight, seed 5: ")
     assert repr(result).endswith(f"limits pass, in {result.folder}>")

@@ -266,15 +266,15 @@ def test_scenarios(capsys):
         assert name in said
 
 
-def test_cards(capsys, tmp_path):
-    assert main(["cards"]) == 0
+def test_sheets(capsys, tmp_path):
+    assert main(["sheets"]) == 0
     assert {"sick-lms111", "lexion-700-class", "wheat"} <= set(capsys.readouterr().out.split())
-    assert main(["cards", "sick-lms111"]) == 0
+    assert main(["sheets", "sick-lms111"]) == 0
     (tmp_path / "mine.yaml").write_text(capsys.readouterr().out)
     from swath.sensing.lidar_sheet import load_lidar
 
     assert load_lidar("mine.yaml", tmp_path).name == load_lidar("sick-lms111").name
-    assert main(["cards", "sick-lms1111"]) == 2
+    assert main(["sheets", "sick-lms1111"]) == 2
     assert "did you mean 'sick-lms111'?" in capsys.readouterr().err
 
 

@@ -53,7 +53,7 @@ def draw_spots(ax: Any) -> None:
 
 def draw_edge(ax: Any, *, far: float) -> None:
     """What a LMS1xx reports when it sweeps over the edge of a wall at 3 m."""
-    card, near = load_lidar("sick-lms111"), 3.0
+    sheet, near = load_lidar("sick-lms111"), 3.0
     azimuth = np.radians(np.arange(-1.0, 1.001, 0.04))
     zero = np.zeros_like(azimuth)
     axes = np.stack(
@@ -64,12 +64,12 @@ def draw_edge(ax: Any, *, far: float) -> None:
         ],
         axis=2,
     )
-    pattern = spot_pattern(61, card.beam.profile)
-    start, aim = sub_rays(np.zeros((len(azimuth), 3)), axes, card.beam, pattern.position[None])
+    pattern = spot_pattern(61, sheet.beam.profile)
+    start, aim = sub_rays(np.zeros((len(azimuth), 3)), axes, sheet.beam, pattern.position[None])
     to_near, to_far = ((wall - start[..., 0]) / aim[..., 0] for wall in (near, far))
     distance = np.where(start[..., 1] + to_near * aim[..., 1] > 0.0, to_near, to_far)
     bundle = Bundle(distance, pattern.weight, np.full_like(distance, 0.5))
-    shared = {"gap": merging_gap(card.pulse), "least_energy": least_energy(card.range_10), "count": 2}
+    shared = {"gap": merging_gap(sheet.pulse), "least_energy": least_energy(sheet.range_10), "count": 2}
     for rule, more, style in (
         ("nearest", {}, {"color": plots.BLUE, "lw": 4, "alpha": 0.35}),
         ("percentile", {}, {"color": plots.INK, "lw": 1.2}),
@@ -92,13 +92,13 @@ def draw_edge(ax: Any, *, far: float) -> None:
 
 def draw_dust(ax: Any) -> None:
     """Share of beams that still see a target of crop, and that report a puff instead."""
-    card = load_lidar("sick-lms511-hr")
+    sheet = load_lidar("sick-lms511-hr")
     distance = np.repeat(np.arange(1.0, 45.1, 1.0), 400)[:, None] * np.ones((1, 19))
-    receiver = Receiver(least_energy=least_energy(card.range_10))
+    receiver = Receiver(least_energy=least_energy(sheet.range_10))
     for extinction, colour in ((0.0, plots.INK), (0.05, plots.BLUE), (0.1, plots.GREEN), (0.2, plots.ORANGE)):
         weather = Weather(extinction_per_m=extinction, near_returns=0.2 if extinction else 0.0)
         air = Stream(1, "air").at(0)
-        moved, albedo = disturb(weather, distance, np.full_like(distance, 0.3), card.range_min, air)
+        moved, albedo = disturb(weather, distance, np.full_like(distance, 0.3), sheet.range_min, air)
         found = receive(Bundle(moved, np.full(19, 1 / 19), albedo), receiver).distance[:, 0]
         good = (np.abs(found - distance[:, 0]) < 0.1).reshape(-1, 400).mean(axis=1)
         ax.plot(distance[::400, 0], good, color=colour, label=f"{extinction:g} /m")

@@ -12,11 +12,11 @@ from swath.core.random import Stream
 from swath.field.crop import load_crop
 from swath.field.memory_layout import PlantLibrary
 from swath.field.prototypes import make_library
-from swath.rays.packets.index import GroupIndex, make_index
-from swath.rays.packets.packing import bundle_lanes
+from swath.rays.packets.index import PacketIndex, make_index
+from swath.rays.packets.packing import pack_bundles
 
 INK, GRID, PIECE, RAY = "#33373d", "#d9dbde", "#b9b4a6", "#c0223b"
-SLICES = ("#c0223b", "#2f6f9f", "#7d9352")
+VECTORS = ("#c0223b", "#2f6f9f", "#7d9352")
 EYE, DOWN, STEP, SPOT = np.array([-6.0, 0.5, 2.6]), np.radians(17.0), np.radians(1 / 3), 0.006
 BEAMS = np.arange(-4, 5) * STEP
 
@@ -35,7 +35,7 @@ def spot(beam: float, count: int = 37) -> np.ndarray:
     return np.c_[np.tan(beam) + radius * np.cos(angle), radius * np.sin(angle)]
 
 
-def pieces(library: PlantLibrary, index: GroupIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pieces(library: PlantLibrary, index: PacketIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ends (m, 2, 3) [m], half widths, columns (ix, iy) of the pieces of tile 0."""
     last = index.start[index.columns * index.columns * index.bins]
     coarse = index.coarse[:last].astype(float)
@@ -44,8 +44,8 @@ def pieces(library: PlantLibrary, index: GroupIndex) -> tuple[np.ndarray, np.nda
     return ends, coarse[:, 6] * index.step, np.c_[cell % index.columns, cell // index.columns]
 
 
-def from_above(ax: Any, index: GroupIndex, ends: np.ndarray, column: np.ndarray) -> None:
-    """Columns, slabs and the beams' ways through the upper half of the crop."""
+def from_above(ax: Any, index: PacketIndex, ends: np.ndarray, column: np.ndarray) -> None:
+    """Columns, slabs and the beams' paths through the upper half of the crop."""
     side, n = index.side, index.columns
     slab = (column[:, 0] == 3) & (np.abs((column[:, 1] + 0.5) * side - 0.5) < 0.30)
     ax.add_collection(PatchCollection([Rectangle((3 * side, 0.2), side, 0.6)], facecolor="#f6dfe3", lw=0))
@@ -55,9 +55,9 @@ def from_above(ax: Any, index: GroupIndex, ends: np.ndarray, column: np.ndarray)
         ax.plot([k * side] * 2, [0, 1], color=GRID, lw=0.8)
         ax.plot([0, 1], [k * side] * 2, color=GRID, lw=0.8)
     for beam in BEAMS:
-        way = (np.array([0.0, 1.0]) - EYE[0]) / np.cos(beam)
-        half = 0.5 * SPOT * way / np.cos(DOWN)
-        y = EYE[1] + way * np.sin(beam)
+        path = (np.array([0.0, 1.0]) - EYE[0]) / np.cos(beam)
+        half = 0.5 * SPOT * path / np.cos(DOWN)
+        y = EYE[1] + path * np.sin(beam)
         ax.add_patch(Polygon(np.c_[[0, 1, 1, 0], [*(y - half), *(y + half)[::-1]]], fc=RAY, alpha=0.35, lw=0))
     ax.set(
         xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="x [m], the beams come from the left", ylabel="y [m]"
@@ -66,7 +66,7 @@ def from_above(ax: Any, index: GroupIndex, ends: np.ndarray, column: np.ndarray)
 
 
 def in_slopes(ax: Any, ends: np.ndarray, width: np.ndarray, column: np.ndarray) -> None:
-    """Pieces of one slab as they are seen from the sensor, spots, slices; the pieces that touch one spot."""
+    """Pieces of one slab as they are seen from the sensor, spots, vectors; the pieces that touch one spot."""
     local = (ends - EYE) @ frame().T
     seen = local[..., 1:] / local[..., :1]
     wide = width / local[..., 0].min(axis=1)
@@ -88,8 +88,8 @@ def in_slopes(ax: Any, ends: np.ndarray, width: np.ndarray, column: np.ndarray) 
     for beam in BEAMS:
         places = spot(beam)
         ax.add_patch(Circle((np.tan(beam), 0), 0.5 * SPOT, fill=False, ec=RAY, lw=0.8))
-        lanes = bundle_lanes(1, np.c_[np.ones(37), places]).table.reshape(-1, 16)
-        for lane, colour in zip(lanes, SLICES, strict=True):
+        lanes = pack_bundles(1, np.c_[np.ones(37), places]).table.reshape(-1, 16)
+        for lane, colour in zip(lanes, VECTORS, strict=True):
             ax.plot(*places[lane[lane >= 0]].T, ".", ms=2.2, color=colour)
     ax.set(
         xlim=(-0.0105, 0.0105),

@@ -35,12 +35,6 @@ def start_warp() -> Any:
     return wp
 
 
-def numbers(*shape: int, whole: bool = False) -> Any:
-    """Zeros [float64, or int32 where whole] that a kernel on the CPU and, as `numpy()`, Python share."""
-    wp = start_warp()
-    return wp.zeros(shape, dtype=wp.int32 if whole else wp.float64, device="cpu")
-
-
 class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 

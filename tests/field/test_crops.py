@@ -1,31 +1,29 @@
-"""Every crop against its card and against what is published of it: sizes, places, masses, areas, memory."""
+"""Every crop against its sheet and against what is published of it: sizes, places, masses, areas, memory."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
-import swath.data
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.documents.data_sheets import card_names
+from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.field.crop import load_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ
 from swath.field.plants import make_plants, silhouette_area
+from swath.field.plants.cereal import AwnFacts, EarFacts
 from swath.field.prototypes import make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import plane
 from swath.field.weeds import Weeds, weed_crop
+from tests.changed_sheets import changed_sheet
 from tests.field.made_field import STREAM, rectangle
 
 COUNT = 1500
-CARDS = Path(swath.data.__file__).parent / "crops"
 CEREALS = ("wheat", "barley", "rye")
 GRAIN = {"wheat": (8, 11), "barley": (6.8, 7.4), "rye": (5, 8), "rape": (3, 4), "maize": (9, 12)}  # t/ha
 STRAW_TO_GRAIN = {"wheat": (0.6, 0.7), "barley": (0.6, 0.8), "rye": (0.9, 1.2), "rape": (1.2, 2.0)}
@@ -55,8 +53,8 @@ def inclination(plants, organ):
     return np.arccos(along[:, 2] / np.linalg.norm(along, axis=1))
 
 
-@pytest.mark.parametrize("name", card_names("crops"))
-def test_heights_are_the_card_s_and_reach_the_tip(name):
+@pytest.mark.parametrize("name", sheet_names("crops"))
+def test_heights_are_the_sheet_s_and_reach_the_tip(name):
     crop, plants = grown(name)
     assert plants.height.mean() == pytest.approx(crop.stand.height, rel=0.015)
     assert plants.height.std() / plants.height.mean() == pytest.approx(crop.stand.height_cv, rel=0.08)
@@ -86,13 +84,12 @@ def test_yield_straw_and_harvest_index_are_the_published_ones(name):
 def test_silhouettes_of_cereals_follow_from_number_length_and_width(name):
     crop, plants = grown(name)
     area = {o: a / COUNT for o, a in silhouette_area(plants).items()}
+    ear, awn = crop.organs[EarFacts], crop.organs.of(AwnFacts)
     middle = 0.5 * (crop.stem.diameter_base + crop.stem.diameter_top)
     assert 0.9 * crop.stand.height * middle < area[Organ.STEM] < 1.1 * crop.stand.height * middle
-    assert area[Organ.EAR] == pytest.approx(crop.ear.length * crop.ear.diameter, rel=0.06)
-    if crop.awn is not None:
-        assert area[Organ.AWN] == pytest.approx(
-            crop.awn.per_ear * crop.awn.length * crop.awn.diameter, rel=0.02
-        )
+    assert area[Organ.EAR] == pytest.approx(ear.length * ear.diameter, rel=0.06)
+    if awn is not None:
+        assert area[Organ.AWN] == pytest.approx(awn.per_ear * awn.length * awn.diameter, rel=0.02)
 
 
 def test_barley_nods_on_a_bent_neck_with_awns_beyond_its_ears():
@@ -107,7 +104,7 @@ def test_barley_nods_on_a_bent_neck_with_awns_beyond_its_ears():
     gap = np.linalg.norm(plants.a[ear] - b[:, -1], axis=1)
     np.testing.assert_allclose(gap, plants.radius[ear], atol=1e-9)
     awn = plants.organ == Organ.AWN
-    assert awn.sum() == COUNT * crop.awn.drawn
+    assert awn.sum() == COUNT * crop.organs[AwnFacts].drawn
     assert np.linalg.norm((plants.b - plants.a)[awn], axis=1).mean() == pytest.approx(0.11, rel=0.01)
     axis = (plants.b - plants.a)[ear][plants.owner[awn]]
     along = (plants.b - plants.a)[awn]
@@ -163,7 +160,7 @@ def test_maize_has_one_cob_at_its_height_and_rows_of_75_cm():
         assert gap.max() < 2.0 * gap.mean()
 
 
-@pytest.mark.parametrize("name", [n for n in card_names("crops") if n != "wheat"])
+@pytest.mark.parametrize("name", [n for n in sheet_names("crops") if n != "wheat"])
 def test_points_on_primitives_are_listed_and_copies_complete(name):
     library = small(name, density=min(load_crop(name).stand.density, 120.0))
     size = library.tile_size
@@ -197,7 +194,7 @@ def test_points_on_primitives_are_listed_and_copies_complete(name):
         assert set(piece[overlaps]) <= set(piece[(shift == move).all(axis=1)])
 
 
-@pytest.mark.parametrize("name", card_names("crops"))
+@pytest.mark.parametrize("name", sheet_names("crops"))
 def test_the_library_of_sixteen_tiles_stays_below_25_mb(name):
     library = small(name)
     size = sum(v.nbytes for v in vars(library).values() if isinstance(v, np.ndarray))
@@ -212,7 +209,7 @@ def grow(stand, setup=None):
 
 
 @pytest.mark.parametrize("kind", [uniform, maps])
-def test_density_and_rows_come_from_the_card_unless_given(kind):
+def test_density_and_rows_come_from_the_sheet_unless_given(kind):
     make = uniform.Uniform if kind is uniform else maps.Maps
     own = make(kind.Params(crop="maize"), FieldSetup())
     assert (float(own.density(0.0, 0.0)), own.row_spacing) == (8.5, 0.75)
@@ -270,28 +267,86 @@ def test_a_cut_takes_what_of_the_weeds_is_above_it():
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "message"),
+    ("name", "key", "change", "message"),
     [
-        ("rape", ("habit", "bushy"), "habit = bushy: expected one of cereal, branched"),
-        ("rape", ("pod", None), "pod.per_plant"),
-        ("rape", ("branch.foot_max", 10), "branch.foot_max = 0.1: expected at least branch.foot_min = 0.44"),
-        ("barley", ("awn.length", 900), "awn.length = 900.0: expected 5 to 300 mm"),
-        ("maize", ("stand.row_spacing", 150), "stand.row_spacing = 150.0: expected 0 to 100 cm"),
-        ("maize", ("reflectance", {}), "reflectance.ground"),
+        (
+            "rape",
+            "habit",
+            "bushy",
+            "habit = bushy: expected one of branched, cereal, maize, ",
+        ),
+        ("rape", "pod", None, "pod: expected a value, the key is missing"),
+        ("rape", "branch.foot_max_percent", {"value": 10}, "branch.foot_max_percent = 10: expected at least"),
+        ("rape", "pod.per_plant", {"value": 1.5}, "pod.per_plant = 1.5: expected a whole number"),
+        ("barley", "awn.length_mm", {"value": 900}, "awn.length_mm = 900: expected <= 300"),
+        ("maize", "stand.row_spacing_cm", {"value": 150}, "stand.row_spacing_cm = 150: expected <= 100"),
+        ("maize", "reflectance.cob", None, "reflectance.cob: expected a value, the key is missing"),
+        ("wheat", "reflectance.cob", 0.4, "reflectance.cob = 0.4: every number needs a tag"),
+        ("wheat", "ear.length_mm", {"value": 8}, "ear.length_mm = 8: expected longer than wide"),
+        ("wheat", "leaf.count_max", {"value": 1}, "leaf.count_max = 1: expected at least leaf.count_min = 2"),
+        ("wheat", "stand.density_per_m2", {"value": -5}, "stand.density_per_m2 = -5: expected >= 1"),
+        ("wheat", "stand.height_cm", {"unit": "m"}, "stand.height_cm.unit = m: unknown key"),
+        ("wheat", "yield.grains_per_ear", {"source": ""}, "yield.grains_per_ear = {"),
+        (
+            "wheat",
+            "yield.straw_below_height_cm",
+            {"value": 80},
+            "yield.straw_below_height_cm = 80: expected at most",
+        ),
     ],
 )
-def test_a_bad_card_names_the_key(tmp_path, name, change, message):
-    data = yaml.safe_load((CARDS / f"{name}.yaml").read_text(encoding="utf-8"))
-    key, value = change
-    if value is None:
-        del data[key]
-    elif "." in key:
-        section, entry = key.split(".")
-        data[section][entry]["value"] = value
+def test_a_bad_sheet_names_key_and_line(tmp_path, name, key, change, message):
+    if key == "reflectance.cob" and name == "wheat":
+        path = changed_sheet(tmp_path, "crops", name, "reflectance", {"cob": change})
     else:
-        data[key] = value
-    file = tmp_path / "odd.yaml"
-    file.write_text(yaml.safe_dump(data), encoding="utf-8")
+        path = changed_sheet(tmp_path, "crops", name, key, change)
     with pytest.raises(InputError) as caught:
-        load_crop(str(file))
+        load_crop(str(path))
     assert str(caught.value).startswith(message)
+    assert "own.yaml:" in str(caught.value)
+
+
+TOY = """
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from swath.documents.sheet_fields import Quantity
+from swath.field.crop import BareYield, Habit
+from swath.field.memory_layout import Organ
+from swath.field.plants.parts import assemble, rods
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpikeFacts:
+    radius: Annotated[float, Quantity("mm", 1, 50)]
+
+
+def make(crop, count, rng, how):
+    height = rng.uniform(0.9, 1.1, count) * crop.stand.height
+    foot, tip = np.zeros((count, 3)), np.stack([0 * height, 0 * height, height], axis=-1)
+    spike = rods(Organ.STEM, foot, tip, np.full(count, crop.organs[SpikeFacts].radius), np.arange(count))
+    return assemble(height, np.zeros(count), np.full(count, crop.yields.straw_mass), [spike])
+
+
+HABIT = Habit(make, yields=BareYield, organs={"spike": SpikeFacts})
+"""
+
+
+def test_a_habit_of_the_user_is_one_file_and_a_sheet(tmp_path):
+    """Asparagus: two files beside each other, and nothing else is touched."""
+    sheet = find_sheet("crops", "stubble").read_text().replace("habit: stubble", "habit: toy.py")
+    sheet += "spike:\n  radius_mm: {value: 12, tag: E, source: a ruler}\n"
+    (tmp_path / "asparagus.yaml").write_text(sheet)
+    (tmp_path / "toy.py").write_text(TOY)
+    crop = load_crop("asparagus.yaml", tmp_path)
+    library = make_library(crop, density_max=40.0, row_spacing=0.0, seed=Stream(1, "toy"), tile_count=2)
+    assert set(library.organ) == {Organ.STEM}
+    np.testing.assert_allclose(library.radius, 0.012, rtol=1e-6)
+    assert len(list(tmp_path.iterdir())) - ((tmp_path / "__pycache__").is_dir()) == 2
+    (tmp_path / "toy.py").write_text(TOY.replace("HABIT", "HABITS"))
+    with pytest.raises(InputError, match=r"toy.py: expected a file that defines HABIT.*asparagus.yaml:4"):
+        load_crop("asparagus.yaml", tmp_path)
+    with pytest.raises(InputError, match=r"habit = toys.py: expected a Python file"):
+        load_crop(str(changed_sheet(tmp_path, "crops", "stubble", "habit", "toys.py")))

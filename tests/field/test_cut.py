@@ -71,7 +71,7 @@ def test_masses_are_those_of_the_stems_that_stand_there():
     assert cut.grain_left == 0.0
 
 
-def test_grain_and_straw_of_a_hectare_are_what_the_crop_card_says():
+def test_grain_and_straw_of_a_hectare_are_what_the_crop_sheet_says():
     field = made_field(edge=ALL_CROP)
     cut = field.cut(turned(rectangle(0.0, 0.0, 12.0, 12.0), 0.3), 0.15)
     assert cut.grain / cut.area == pytest.approx(500.0 * CROP.yields.grain_mass, rel=0.05)

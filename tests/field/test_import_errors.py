@@ -60,7 +60,7 @@ def test_what_is_no_log_gets_one_clear_error(tmp_path, reason):
     with pytest.raises(InputError) as caught:
         import_log(path, tmp_path / "out", progress=False)
     text = str(caught.value)
-    assert reason in text or (reason == "known unit" and "kg/s, t/h, kg/h, lb/s" in text)
+    assert reason in text or (reason == "known unit" and "kg/s, g/s, kg/h, t/h, lb/s" in text)
     assert "\n" not in text
     assert "thing.dat" in text
     assert [p.name for p in tmp_path.iterdir()] == ["thing.dat"]
@@ -185,13 +185,13 @@ def test_yield_stands_in_for_flow(tmp_path):
 
 MAPS = {
     "did you mean grain_flow": "grain_flw: {column: flow, unit: kg/s}",
-    "expected one of kg/s, t/h, kg/h, lb/s": "grain_flow: {column: flow, unit: furlong}",
+    "expected one of kg/s, g/s, kg/h, t/h, lb/s": "grain_flow: {column: flow, unit: furlong}",
     "nearest is 'flow'": "grain_flow: {column: Flow, unit: kg/s}",
     "expected {column: name, unit: unit}": "grain_flow: [flow]",
     "expected text like EPSG:32612": "crs: 32612",
     "a known coordinate system": COLUMNS.replace("EPSG:32612", "EPSG:999999"),
     "expected crs: EPSG:": COLUMNS.replace("crs: EPSG:32612", ""),
-    "expected YAML": "a: [",
+    "YAML: while parsing": "a: [",
     "expected canonical names": "[]",
 }
 

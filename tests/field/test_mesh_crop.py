@@ -14,6 +14,7 @@ from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ, Shape
+from swath.field.mesh_crop import MeshFacts
 from swath.field.mesh_file import read_mesh
 from swath.field.plants import make_plants, silhouette_area
 from swath.field.prototypes import make_library, resolution
@@ -24,15 +25,16 @@ from tests.field.made_field import STREAM, rectangle
 trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
 
 MESHES = Path(__file__).parents[2] / "examples" / "meshes"
-CARD = (MESHES / "sunflower.yaml").read_text(encoding="utf-8")
+SHEET = (MESHES / "sunflower.yaml").read_text(encoding="utf-8")
 SUNFLOWER = load_crop(str(MESHES / "sunflower.yaml"))
+MESH = SUNFLOWER.organs[MeshFacts]
 COUNT = 400
 PLANTS = make_plants(SUNFLOWER, COUNT, np.random.default_rng(1))
 
 
-def card(folder, *pairs, **files):
-    """A changed copy of the example's card in a folder, with the meshes and further files beside it."""
-    text = CARD
+def sheet(folder, *pairs, **files):
+    """A changed copy of the example's sheet in a folder, with the meshes and further files beside it."""
+    text = SHEET
     for old, new in pairs:
         assert old in text
         text = text.replace(old, new)
@@ -58,12 +60,12 @@ def test_the_meshes_in_the_folder_are_those_of_the_script(tmp_path):
 
 
 def test_plants_are_the_meshes_scaled_and_turned():
-    heights = [v.height for v in SUNFLOWER.mesh.variants]
+    heights = [v.height for v in MESH.variants]
     assert PLANTS.height.mean() == pytest.approx(np.mean(heights), rel=0.01)
     assert PLANTS.height.std() / PLANTS.height.mean() == pytest.approx(0.07, rel=0.1)
     assert (PLANTS.shape == Shape.TRIANGLE).all()
     number = np.bincount(PLANTS.owner)
-    assert set(number) == {len(v.organ) for v in SUNFLOWER.mesh.variants}
+    assert set(number) == {len(v.organ) for v in MESH.variants}
     top = np.full(COUNT, -np.inf)
     corners = np.stack([PLANTS.a - PLANTS.width, PLANTS.a + PLANTS.width, PLANTS.b], axis=1)
     np.maximum.at(top, PLANTS.owner, corners[..., 2].max(axis=1))
@@ -77,12 +79,12 @@ def test_plants_are_the_meshes_scaled_and_turned():
         np.linalg.norm(
             np.cross(v.corners[:, 1] - v.corners[:, 0], v.corners[:, 2] - v.corners[:, 0]), axis=1
         ).sum()
-        for v in SUNFLOWER.mesh.variants
+        for v in MESH.variants
     )
     assert sum(area.values()) / COUNT == pytest.approx(0.25 * whole, rel=0.03)
 
 
-def test_masses_are_the_card_s_and_go_with_size():
+def test_masses_are_the_sheet_s_and_go_with_size():
     assert PLANTS.grain_kg.mean() == pytest.approx(0.060, rel=1e-12)
     assert PLANTS.straw_kg.mean() == pytest.approx(0.110, rel=1e-12)
     assert np.corrcoef(PLANTS.height, PLANTS.grain_kg)[0, 1] > 0.7
@@ -109,7 +111,7 @@ def test_cut_twice_and_recounted_the_masses_add_up():
 def test_the_same_plant_from_every_format_unit_and_axis(tmp_path):
     """OBJ in cm with z up, PLY in mm with y up and x up, GLB in m with y up: the same triangles."""
     parts = read_mesh(MESHES / "sunflower-a.obj", key="test")
-    wanted = load_crop(card(tmp_path, one_mesh("sunflower-a.obj"))).mesh.variants[0]
+    wanted = load_crop(sheet(tmp_path, one_mesh("sunflower-a.obj"))).organs[MeshFacts].variants[0]
     turned = {"y": [0, 2, 1], "x": [2, 0, 1]}
     sign = {"y": [1, 1, -1], "x": [1, 1, 1]}
     for up, unit, kind in (("y", 10.0, "ply"), ("x", 10.0, "ply"), ("y", 0.01, "glb")):
@@ -129,16 +131,16 @@ def test_the_same_plant_from_every_format_unit_and_axis(tmp_path):
             else [("unit: cm\n  up: z", "unit: m")]
         )
         if kind == "ply":  # it has no names: everything is one organ
-            start, end = CARD.index("  stalk:"), CARD.index("\nstand:")
+            start, end = SHEET.index("  stalk:"), SHEET.index("\nstand:")
             pairs.append(
                 (
-                    CARD[start:end],
-                    '  "*": {organ: leaf, reflectance: {value: 0.4, unit: "1", tag: E, source: x}}\n',
+                    SHEET[start:end],
+                    '  "*": {organ: leaf, reflectance: {value: 0.4, tag: E, source: x}}\n',
                 )
             )
         else:
             pairs += [(f"  {p.names[0]}: {{organ", f"  {p.names[0]}.001: {{organ") for p in parts]
-        found = load_crop(card(tmp_path, *pairs, **{f"m_{kind}": data})).mesh.variants[0]
+        found = load_crop(sheet(tmp_path, *pairs, **{f"m_{kind}": data})).organs[MeshFacts].variants[0]
         assert found.height == pytest.approx(wanted.height, rel=1e-6)
         np.testing.assert_allclose(
             np.sort(found.corners.reshape(-1, 3), axis=0),
@@ -151,20 +153,20 @@ def test_the_same_plant_from_every_format_unit_and_axis(tmp_path):
 
 def test_objects_name_parts_where_there_are_no_materials(tmp_path):
     text = (MESHES / "sunflower-a.obj").read_text(encoding="utf-8").replace("usemtl", "o")
-    crop = load_crop(card(tmp_path, one_mesh("m.obj"), m_obj="mtllib gone.mtl\n" + text))
-    assert {Organ(o) for o in crop.mesh.variants[0].organ} == {Organ.STEM, Organ.LEAF, Organ.EAR}
+    crop = load_crop(sheet(tmp_path, one_mesh("m.obj"), m_obj="mtllib gone.mtl\n" + text))
+    assert {Organ(o) for o in crop.organs[MeshFacts].variants[0].organ} == {Organ.STEM, Organ.LEAF, Organ.EAR}
 
 
 def test_parts_can_be_left_out_and_height_can_be_given(tmp_path):
     left = (
-        'stalk: {organ: stem, reflectance: {value: 0.40, unit: "1", tag: E, source: "dry stalk, as straw"}}',
+        'stalk: {organ: stem, reflectance: {value: 0.40, tag: E, source: "dry stalk, as straw"}}',
         "stalk: {organ: none}",
     )
-    bare = load_crop(card(tmp_path, left))
+    bare = load_crop(sheet(tmp_path, left))
     assert 0.35 < bare.reflectance["stem"] < 0.40
-    assert all(Organ.STEM not in v.organ for v in bare.mesh.variants)
-    tall = ("  height_cv", '  height: {value: 2, unit: m, tag: E, source: "test"}\n  height_cv')
-    crop = load_crop(card(tmp_path, ("  unit: cm\n", ""), tall))
+    assert all(Organ.STEM not in v.organ for v in bare.organs[MeshFacts].variants)
+    tall = ("  height_cv", '  height_cm: {value: 200, tag: E, source: "test"}\n  height_cv')
+    crop = load_crop(sheet(tmp_path, ("  unit: cm\n", ""), tall))
     assert crop.stand.height == pytest.approx(2.0)
 
 
@@ -179,7 +181,7 @@ def test_heavy_meshes_make_fewer_prototypes_and_too_heavy_ones_are_refused():
 
 
 TETRA = "v 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 90\nusemtl stalk\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
-STALK_ONLY = (CARD[CARD.index("  dry_leaf:") : CARD.index("\nstand:")], "")
+STALK_ONLY = (SHEET[SHEET.index("  dry_leaf:") : SHEET.index("\nstand:")], "")
 
 
 @pytest.mark.parametrize(
@@ -202,16 +204,16 @@ STALK_ONLY = (CARD[CARD.index("  dry_leaf:") : CARD.index("\nstand:")], "")
         ([one_mesh("m.glb")], {"m_glb": b"glTF\x02\x00"}, "expected a mesh that can be read"),
         ([one_mesh("m.ply")], {"m_ply": "ply\nnonsense"}, "expected a mesh that can be read"),
         ([one_mesh("m.doc")], {"m_doc": "x"}, "expected a mesh file, as .obj, .ply or .glb"),
-        ([one_mesh("[]")], {}, "mesh.files = []: expected a file name or a list"),
+        ([one_mesh("[]")], {}, "mesh.files = []: expected at least 1 items"),
         ([("unit: cm", "unit: m")], {}, "expected a plant 0.02 to 6 m high, it is 170 m: mesh.unit"),
         ([("unit: cm", "unit: foot")], {}, "mesh.unit = foot: expected one of m, cm, mm, inch"),
-        ([("  unit: cm\n", "")], {}, "mesh.unit: expected either this (m, cm, mm, inch) or stand.height"),
+        ([("  unit: cm\n", "")], {}, "mesh.unit: expected either this (m, cm, mm, inch) or stand.height_cm"),
         (
             [one_mesh("m.obj"), STALK_ONLY],
             {"m_obj": TETRA.replace("v 10", "v 300")},
             "expected at most 1.2 m from the foot sideways",
         ),
-        ([("up: z", "tilt: z")], {}, "mesh.tilt: expected one of files, foot, turn, unit, up"),
+        ([("up: z", "tilt: z")], {}, "mesh.tilt: unknown key, expected one of files, unit, up, foot, turn"),
         (
             [("  dry_leaf:", "  dry_leav:")],
             {},
@@ -225,17 +227,17 @@ STALK_ONLY = (CARD[CARD.index("  dry_leaf:") : CARD.index("\nstand:")], "")
             "parts.root: no mesh has a part of this name, they have dry_leaf",
         ),
         ([("organ: leaf", "organ: petal")], {}, "parts.dry_leaf.organ = petal: expected one of stem, ear"),
-        ([("value: 0.35", "value: 35")], {}, "parts.head.reflectance = 35.0: expected 0 to 1"),
+        ([("value: 0.35", "value: 35")], {}, "parts.head.reflectance = 35: expected <= 1"),
         (
-            [("grain_mass: {value: 60, unit: g", "grain_mass: {value: 60, unit: m")],
+            [("grain_mass_g: {value: 60", "grain_mass_kg: {value: 60")],
             {},
-            "yield.grain_mass.unit = m",
+            "yield.grain_mass_kg: unknown key, did you mean 'grain_mass_g'? expected in g",
         ),
-        ([("  straw_mass:", "  hay:")], {}, "yield.straw_mass: missing"),
+        ([("  straw_mass_g:", "  hay_g:")], {}, "yield.hay_g: unknown key"),
     ],
 )
 def test_what_cannot_be_a_plant_is_refused_by_name(tmp_path, pairs, files, message):
-    path = card(tmp_path, *pairs, **files)
+    path = sheet(tmp_path, *pairs, **files)
     if message is None:
         assert load_crop(path).reflectance["stem"] == 0.4
         return
@@ -247,7 +249,7 @@ def test_what_cannot_be_a_plant_is_refused_by_name(tmp_path, pairs, files, messa
 
 
 def test_without_trimesh_the_extra_is_named(tmp_path, monkeypatch):
-    path = card(tmp_path, one_mesh("new.obj"), new_obj=TETRA)
+    path = sheet(tmp_path, one_mesh("new.obj"), new_obj=TETRA)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(
         MissingExtra, match=r"reading a mesh needs an optional part: pip install 'swath\[mesh\]'"

@@ -1,22 +1,18 @@
-"""Plants against the crop's facts: organ sizes, silhouettes, masses; the card and its errors."""
-
-from pathlib import Path
+"""Plants against the crop's facts: organ sizes, silhouettes, masses."""
 
 import numpy as np
 import pytest
-import yaml
 
-import swath.data
 from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.field.crop import load_crop
 from swath.field.memory_layout import Organ, Shape
-from swath.field.plants import make_plants, silhouette_area
+from swath.field.plants import Drawing, make_plants, silhouette_area
+from tests.changed_sheets import changed_sheet
 
 WHEAT = load_crop("wheat")
 COUNT = 4000
 PLANTS = make_plants(WHEAT, COUNT, np.random.default_rng(1))
-CARD = Path(swath.data.__file__).parent / "crops" / "wheat.yaml"
 
 
 def part(organ):
@@ -89,11 +85,11 @@ def test_masses_match_the_yield():
 
 
 def test_upright_stems_for_closed_forms():
-    plants = make_plants(WHEAT, 50, np.random.default_rng(2), leaves=False, upright=True)
+    plants = make_plants(WHEAT, 50, np.random.default_rng(2), Drawing(leaves=False, upright=True))
     assert (plants.a[:, :2] == 0).all()
     assert (plants.b[:, :2] == 0).all()
     assert set(plants.organ) == {Organ.STEM, Organ.EAR}
-    bare = make_plants(WHEAT, 50, np.random.default_rng(2), leaves=False, ears=False, upright=True)
+    bare = make_plants(WHEAT, 50, np.random.default_rng(2), Drawing(leaves=False, ears=False, upright=True))
     assert set(bare.organ) == {Organ.STEM}
 
 
@@ -104,35 +100,9 @@ def test_the_same_generator_gives_the_same_plants():
     assert one.a.shape != other.a.shape or one.a.tobytes() != other.a.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("section", "key", "entry", "message"),
-    [
-        ("stand", "density", {"value": -5}, "stand.density = -5.0: expected 1 to 3000 1/m2"),
-        ("stand", "height", {"unit": "deg"}, "stand.height.unit = deg: expected m or cm or mm"),
-        ("stem", "diameter_base", {"value": float("nan")}, "stem.diameter_base = nan"),
-        ("ear", "length", {"value": 8}, "ear.length"),
-        ("leaf", "count_max", {"value": 1}, "leaf.count_max = 1.0: expected 2 to 20"),
-        ("yield", "grains_per_ear", {"source": ""}, "yield.grains_per_ear"),
-        ("reflectance", "ear", {"value": 1.5}, "reflectance.ear = 1.5: expected 0 to 1"),
-    ],
-)
-def test_a_bad_card_names_key_and_file(tmp_path, section, key, entry, message):
-    data = yaml.safe_load(CARD.read_text(encoding="utf-8"))
-    data[section][key].update(entry)
-    file = tmp_path / "odd.yaml"
-    file.write_text(yaml.safe_dump(data), encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        load_crop(str(file))
-    assert str(caught.value).startswith(message)
-    assert "odd.yaml" in str(caught.value)
-
-
 def test_a_missing_key_and_an_unknown_crop(tmp_path):
-    data = yaml.safe_load(CARD.read_text(encoding="utf-8"))
-    del data["ear"]["width"]
-    file = tmp_path / "odd.yaml"
-    file.write_text(yaml.safe_dump(data), encoding="utf-8")
-    with pytest.raises(InputError, match=r"ear\.width: missing"):
-        load_crop(str(file))
+    path = changed_sheet(tmp_path, "crops", "wheat", "ear.width_mm", None)
+    with pytest.raises(InputError, match=r"ear\.width_mm: expected a value, the key is missing"):
+        load_crop(str(path))
     with pytest.raises(InputError, match="did you mean 'wheat'"):
         load_crop("weat")

@@ -5,8 +5,9 @@ from math import isclose, pi
 import pytest
 
 from swath.core.errors import InputError
+from swath.core.signal import signal_types
 from swath.link.fmi.units import Unit, parse_unit, scale
-from swath.signals.flat import UNITS
+from swath.signals.flat import flat_fields
 
 
 @pytest.mark.parametrize(
@@ -63,6 +64,6 @@ def test_unknown_units(text):
 
 
 def test_every_unit_of_every_signal_is_known():
-    for fields in UNITS.values():
-        for unit in fields.values():
-            assert parse_unit(unit).factor == 1.0, unit
+    for signal in signal_types():
+        for field in flat_fields(signal).values():
+            assert parse_unit(field.unit).factor == 1.0, (signal, field)

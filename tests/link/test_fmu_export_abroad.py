@@ -158,7 +158,7 @@ def test_instances_of_several_fmus_in_threads(fmus):
 
 def test_parameters_count_and_errors_reach_the_log(fmus):
     for version, file in fmus.items():
-        host = Host(file, start={"process.ease": 0.5, "process.tank_start_percent": 50.0, "seed": 7})
+        host = Host(file, start={"process.threshability": 0.5, "process.tank_start_percent": 50.0, "seed": 7})
         assert host["load.tank_start"] > 1000.0
         lossy = load_steadily(host)
         host.t += 0.5
@@ -169,18 +169,18 @@ def test_parameters_count_and_errors_reach_the_log(fmus):
         host = Host(file)
         assert load_steadily(host)[2] < lossy[2]
         if version == 2:
-            host["process.ease"] = 1.0
+            host["process.threshability"] = 1.0
             with pytest.raises(Exception, match="discard"):
                 host.step(0.1)
-            assert "process.ease = 1.0: expected to be set before" in host.log[-1][1]
+            assert "process.threshability = 1.0: expected to be set before" in host.log[-1][1]
         host.close()
 
 
 def test_a_parameter_out_of_range_is_named(fmus):
-    host = Host(fmus[2], start={"process.ease": 99.0})
+    host = Host(fmus[2], start={"process.threshability": 99.0})
     with pytest.raises(Exception, match="discard"):
         host.step(0.1)
-    assert "combine.process.ease=99.0" in host.log[0][1]
+    assert "combine.process.threshability=99.0" in host.log[0][1]
     assert "expected <= 3" in host.log[0][1]
     host.close()
 

@@ -8,7 +8,8 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.machine.machine_sheet import MachineCard, load_machine
+from swath.field.site_setup import SiteSetup
+from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.sweep import signed_area
 
 STREAM = Stream(1, "test")
@@ -43,12 +44,13 @@ def slope(along=0.0, left=0.0):
     return Ground(lambda x, y: along * x + left * y)
 
 
-def site(ground=None, machine: MachineCard | None = None, start=None, period=0.01):
+def site(ground=None, machine: MachineSheet | None = None, start=None, period=0.01):
     """What a machine's slot is told."""
-    return SimpleNamespace(
+    return SiteSetup(
         field=ground or Ground(),
         machine=machine or load_machine("lexion-700"),
         start=start or Pose.identity(),
+        edge_side="left",
         period=period,
     )
 

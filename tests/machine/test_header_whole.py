@@ -175,7 +175,7 @@ def codes_at(field, points):
 def test_the_stubble_is_as_high_as_the_knife_was():
     """The cells half way between two places of a section's middle carry the height of the later one."""
     world, seen, _ = run("run.distance_m=12", "combine.header.sections=12")
-    card, header = world.leader.card, world.leader.parts["header"]
+    sheet, header = world.leader.card, world.leader.parts["header"]
     poses = {s.t: s.pose for s in seen.of[MachineState]}
     middles, wanted = [], []
     for before, after in zip(seen.of[HeaderState][50:-50], seen.of[HeaderState][51:-49], strict=True):
@@ -194,7 +194,7 @@ def test_the_stubble_is_as_high_as_the_knife_was():
     # cells of 1.6 cm on a way of 4 cm: a few belong to the neighbour in time, 1 to 2 mm off
     assert np.mean(np.abs(0.01 * codes - wanted) <= 0.005 + 1e-9) > 0.8
     assert np.abs(0.01 * codes - wanted).max() < 0.025
-    assert card.header_width == 12.0
+    assert sheet.header_width == 12.0
 
 
 def test_a_high_knife_leaves_ears_and_straw_in_the_field():
@@ -242,7 +242,7 @@ class Swath:
         self.world, seen, _ = run("run.distance_m=20", "field.stand.stems_per_m2=400")
         self.field, self.card = self.world.field, self.world.leader.card
         states = seen.of[MachineState]
-        outlet = np.array([s.pose.apply([self.card.body[0], 0.0, 0.0]) for s in states])
+        outlet = np.array([s.pose.apply([self.sheet.body[0], 0.0, 0.0]) for s in states])
         self.frame = Pose.from_euler(outlet[0], yaw=states[0].pose.euler()[2])
         self.way = self.frame.inverse().apply(outlet)
         self.per_metre = seen.of[MachineLoad][-1].dropped_straw / (states[-1].distance - states[0].distance)
@@ -297,7 +297,7 @@ def test_the_lidar_sees_the_ridge(swath):
     field, at = swath.field, 8.0
     over = swath.frame.apply([at, 0.0, 0.0])
     over[2] = float(field.ground_height(over[0], over[1])) + 3.0
-    setup = SiteSetup(field, swath.card, swath.frame, "left", 0.04)
+    setup = SiteSetup(field, swath.sheet, swath.frame, "left", 0.04)
     lidar = PlantsLidar(LidarParams(sub_rays=7, sector_deg=(-40.0, 40.0), noise="none"), setup)
     lidar.reset(Stream(1, "lidar"))
     down = Pose.from_euler(over, pitch=np.pi / 2, yaw=swath.frame.euler()[2]).rotation

@@ -70,7 +70,7 @@ def test_speed_loop_against_small_steps():
     assert exact_area == pytest.approx(area, abs=1e-4)
 
 
-def test_accelerates_and_brakes_at_the_card_limits():
+def test_accelerates_and_brakes_at_the_sheet_limits():
     motion = Kinematic(Params(), site())
     motion.reset(STREAM)
     straight = SteerState(0, 0.0, 0.0)

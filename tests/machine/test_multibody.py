@@ -15,12 +15,12 @@ from swath.signals import EngineState, HeaderState, MachineLoad, SpeedCommand, S
 from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra `multibody`")
-CARD = load_machine("lexion-700")
-D = CARD.dynamics
+SHEET = load_machine("lexion-700")
+D = SHEET.dynamics
 G = 9.81
 
 
-def make(ground=None, machine=CARD, **params):
+def make(ground=None, machine=SHEET, **params):
     motion = Multibody(Params(**params), site(ground, machine))
     motion.reset(STREAM)
     return motion
@@ -33,17 +33,17 @@ def run(motion, seconds, *, steer=0.0, speed=2.0, dt=0.01, **more):
 
 
 @pytest.mark.parametrize("name", ["lexion-700", "combine-5m"])
-def test_the_parts_add_up_to_the_card(name):
+def test_the_parts_add_up_to_the_sheet(name):
     """Mass, centre of gravity and inertia as the engine itself adds them up."""
     machine = load_machine(name)
     motion = make(machine=machine)
     d, m = machine.dynamics, masses_of(machine)
-    mujoco.mj_resetData(motion._model, motion._data)
-    mujoco.mj_forward(motion._model, motion._data)
-    full = np.zeros((motion._model.nv, motion._model.nv))
-    mujoco.mj_fullM(motion._model, motion._data, full)
+    mujoco.mj_resetData(motion.model, motion.data)
+    mujoco.mj_forward(motion.model, motion.data)
+    full = np.zeros((motion.model.nv, motion.model.nv))
+    mujoco.mj_fullM(motion.model, motion.data, full)
     np.testing.assert_allclose(np.diag(full)[:3], d.mass, rtol=1e-6)
-    centre = motion._data.subtree_com[motion._chassis]
+    centre = motion.data.subtree_com[motion._chassis]
     np.testing.assert_allclose(centre, [-d.cg_behind, 0.0, d.cg_height], atol=1e-6)
     x2, z2 = d.cg_behind**2, d.cg_height**2
     about_origin = [m.roll_inertia + d.mass * z2, m.pitch_inertia + d.mass * (x2 + z2)]
@@ -52,14 +52,14 @@ def test_the_parts_add_up_to_the_card(name):
 
 
 def test_parts_that_leave_no_chassis_are_refused():
-    heavy = replace(CARD, masses=replace(CARD.masses, header=19000.0))
+    heavy = replace(SHEET, masses=replace(SHEET.masses, header=19000.0))
     with pytest.raises(InputError, match="bodies"):
         parts_of(heavy)
-    wide = replace(CARD, masses=replace(CARD.masses, roll_inertia=1000.0))
+    wide = replace(SHEET, masses=replace(SHEET.masses, roll_inertia=1000.0))
     with pytest.raises(InputError, match="inertia"):
         parts_of(wide)
     with pytest.raises(InputError, match="bodies"):
-        masses_of(replace(CARD, masses=None))
+        masses_of(replace(SHEET, masses=None))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_the_wheels_carry_the_weight(params):
     assert sum(motion.wheels.loads) == pytest.approx(motion.mass * G, rel=5e-4)
     if not params:
         rear = motion.wheels.loads[2] + motion.wheels.loads[3]
-        assert rear == pytest.approx(D.mass * G * D.cg_behind / CARD.wheelbase, rel=1e-4)
+        assert rear == pytest.approx(D.mass * G * D.cg_behind / SHEET.wheelbase, rel=1e-4)
 
 
 def test_a_filling_tank_sinks_into_the_tyres_and_loads_both_axles():
@@ -85,14 +85,14 @@ def test_a_filling_tank_sinks_into_the_tyres_and_loads_both_axles():
         mass.append(motion.mass)
     run(motion, 4.0, speed=0.0, load=load)
     state = run(motion, 4.0, speed=0.0, load=load)[-1]
-    full = with_grain(CARD, 7980.0).dynamics
+    full = with_grain(SHEET, 7980.0).dynamics
     assert motion.mass == pytest.approx(D.mass + 7980.0, abs=1.0)
     assert np.all(np.diff(mass) >= 0.0)
     front, rear = sum(motion.wheels.loads[:2]), sum(motion.wheels.loads[2:])
     assert front + rear == pytest.approx(full.mass * G, rel=1e-3)
-    assert rear == pytest.approx(full.mass * G * full.cg_behind / CARD.wheelbase, rel=5e-3)
-    bare = D.mass * G * (1 - D.cg_behind / CARD.wheelbase)
-    sunk = masses_of(CARD).front_deflection * ((front / bare) ** (2 / 3) - 1.0)
+    assert rear == pytest.approx(full.mass * G * full.cg_behind / SHEET.wheelbase, rel=5e-3)
+    bare = D.mass * G * (1 - D.cg_behind / SHEET.wheelbase)
+    sunk = masses_of(SHEET).front_deflection * ((front / bare) ** (2 / 3) - 1.0)
     assert -state.pose.position[2] == pytest.approx(sunk, rel=0.1)
 
 
@@ -131,14 +131,14 @@ def test_rolls_out_by_the_rolling_resistance(params):
     wheels = motion.wheels.wheels
     radii = [w.rolling_radius for w in wheels]
     drag = sum(n * w.soil.at(n, 0.015).drag for n, w in zip(motion.wheels.loads, wheels, strict=True))
-    inertia = motion._model.body_inertia[motion._bodies].max(axis=1)
+    inertia = motion.model.body_inertia[motion.bodies].max(axis=1)
     moved = D.mass + sum(i / r**2 for i, r in zip(inertia, radii, strict=True))
     assert (first - last) / 2.0 == pytest.approx(drag / moved, rel=0.03)
 
 
 def test_mobility_number_and_resistance_of_soft_soil():
     """Brixius by hand for the front tyre, and no wheel finds more grip on softer soil."""
-    m = masses_of(CARD)
+    m = masses_of(SHEET)
     b, d, load = D.front.patch_width, 2 * (D.front.radius + m.front_deflection), 80e3
     motion = make(soil="brixius", cone_index_kpa=900.0)
     soil = motion.wheels.wheels[0].soil
@@ -167,20 +167,20 @@ def test_the_rear_axle_swings_without_rolling_the_body():
     twisted = Ground(lambda x, y: 0.08 * np.asarray(y) * (np.asarray(x) < -2.0))
     motion = make(twisted)
     state = run(motion, 3.0, speed=0.0)[-1]
-    swing = float(motion._data.qpos[motion._model.joint("pendulum").qposadr[0]])
+    swing = float(motion.data.qpos[motion.model.joint("pendulum").qposadr[0]])
     assert swing == pytest.approx(math.atan(0.08), rel=0.05)
     assert abs(state.pose.euler()[0]) < math.radians(0.3)
     blocked = Ground(lambda x, y: 0.25 * np.asarray(y) * (np.asarray(x) < -2.0))
     motion = make(blocked)
     state = run(motion, 3.0, speed=0.0)[-1]
-    swing = float(motion._data.qpos[motion._model.joint("pendulum").qposadr[0]])
-    assert swing == pytest.approx(masses_of(CARD).pendulum, abs=math.radians(1.0))
+    swing = float(motion.data.qpos[motion.model.joint("pendulum").qposadr[0]])
+    assert swing == pytest.approx(masses_of(SHEET).pendulum, abs=math.radians(1.0))
     assert state.pose.euler()[0] > math.radians(0.5)
 
 
 def test_parked_on_a_slope_it_stays():
     motion = make(slope(0.05, 0.1))
-    start = motion._data.qpos[:3].copy()
+    start = motion.data.qpos[:3].copy()
     states = run(motion, 15.0, steer=0.3, speed=0.0)
     assert np.linalg.norm(states[-1].pose.position - start) < 0.02
     assert np.linalg.norm(states[-1].pose.position - states[-500].pose.position) < 1e-6
@@ -205,14 +205,14 @@ def test_the_engine_limits_the_speed():
 
 def test_a_raised_header_shifts_the_load_as_its_lever_says():
     """The header hangs below the pivot: raised by 40 deg its mass is farther ahead."""
-    motion, m, lift = make(), masses_of(CARD), math.radians(40.0)
+    motion, m, lift = make(), masses_of(SHEET), math.radians(40.0)
     rear = sum(motion.wheels.loads[2:])
     motion.hold_header(lift, 0.0)
     run(motion, 4.0, speed=0.0)
     x, z = m.header_x - m.feeder_x, m.header_z - m.feeder_z
     ahead = (m.header + 0.5 * m.feeder) * (x * math.cos(lift) - z * math.sin(lift) - x)
     assert ahead > 400.0
-    assert sum(motion.wheels.loads[2:]) - rear == pytest.approx(-ahead * G / CARD.wheelbase, rel=0.05)
+    assert sum(motion.wheels.loads[2:]) - rear == pytest.approx(-ahead * G / SHEET.wheelbase, rel=0.05)
     motion.hold_header(0.0, math.radians(5.0))
     run(motion, 4.0, speed=0.0)
     assert sum(motion.wheels.loads) == pytest.approx(motion.mass * G, rel=1e-3)
@@ -225,7 +225,7 @@ def header_at(lift, tilt):
 @pytest.mark.parametrize("lift", [0.3, -0.1])
 def test_the_weight_of_the_header_goes_where_the_header_control_holds_it(lift):
     """By hand: header and feeder turn about the feeder's pivot, their weight moves along x."""
-    motion, m = make(), masses_of(CARD)
+    motion, m = make(), masses_of(SHEET)
     run(motion, 4.0, speed=0.0, header=header_at(0.0, 0.0))
     front, rear = sum(motion.wheels.loads[:2]), sum(motion.wheels.loads[2:])
     run(motion, 4.0, speed=0.0, header=header_at(lift, 0.0))
@@ -234,7 +234,7 @@ def test_the_weight_of_the_header_goes_where_the_header_control_holds_it(lift):
         x, z = share * (m.header_x - m.feeder_x), share * (m.header_z - m.feeder_z)
         moved += mass * (x * math.cos(lift) - z * math.sin(lift) - x)
     assert abs(moved) > 100.0
-    more = moved * G / CARD.wheelbase
+    more = moved * G / SHEET.wheelbase
     assert sum(motion.wheels.loads[:2]) - front == pytest.approx(more, rel=0.02)
     assert sum(motion.wheels.loads[2:]) - rear == pytest.approx(-more, rel=0.02)
     # tilted about its centre of gravity nothing moves

@@ -12,13 +12,13 @@ from swath.signals import SpeedCommand, SteerState
 from tests.machine.machine_fakes import STREAM, Ground, drive, site
 
 pytest.importorskip("mujoco", reason="needs the extra `multibody`")
-CARD = load_machine("lexion-700")
-D, M = CARD.dynamics, masses_of(CARD)
+SHEET = load_machine("lexion-700")
+D, M = SHEET.dynamics, masses_of(SHEET)
 G, DEPTH = 9.81, 0.25
-AHEAD, BEHIND = D.cg_behind, CARD.wheelbase - D.cg_behind  # axles from the centre of gravity
+AHEAD, BEHIND = D.cg_behind, SHEET.wheelbase - D.cg_behind  # axles from the centre of gravity
 
 
-def make(ground, machine=CARD, **params):
+def make(ground, machine=SHEET, **params):
     motion = Multibody(Params(**params), site(ground, machine))
     motion.reset(STREAM)
     return motion
@@ -82,7 +82,7 @@ def half_car(ground, way, accel, h):
         (AHEAD, BEHIND, D.front, M.front_deflection),
         (-BEHIND, AHEAD, D.rear, M.rear_deflection),
     ):
-        load, radius = D.mass * G * other / CARD.wheelbase, axle.radius + deflection
+        load, radius = D.mass * G * other / SHEET.wheelbase, axle.radius + deflection
         s = 0.65 * radius * np.linspace(-1.0, 1.0, 31)
         down = np.sqrt(radius**2 - s**2)
         rate = load / np.maximum(down - axle.radius, 0.0).sum()
@@ -131,10 +131,10 @@ def test_neither_tyres_nor_springs_keep_it_down_but_the_lever_does():
     assert 1.0 - AHEAD * BEHIND / k2 == pytest.approx(
         0.70, abs=0.01
     )  # speed of the rear per that of the middle
-    assert AHEAD * CARD.wheelbase / (k2 + AHEAD**2) == pytest.approx(
+    assert AHEAD * SHEET.wheelbase / (k2 + AHEAD**2) == pytest.approx(
         0.35, abs=0.01
     )  # fall of the rear over g
-    damped = replace(CARD, masses=replace(M, tyre_damping=0.6))
+    damped = replace(SHEET, masses=replace(M, tyre_damping=0.6))
     assert cross(make(ditch(2.0), damped, start_speed_kmh=7.2))[1] > 0.3
     assert cross(make(ditch(2.0), start_speed_kmh=7.2, suspension=True))[1] > 0.3
     assert cross(make(ditch(2.0), start_speed_kmh=7.2, header=False))[1] < 0.1

@@ -12,16 +12,16 @@ from swath.signals import SpeedCommand, SteerState
 from tests.machine.machine_fakes import STREAM, drive, site, slope
 
 pytest.importorskip("mujoco", reason="needs the extra `multibody`")
-CARD = load_machine("lexion-700")
+SHEET = load_machine("lexion-700")
 G = 9.81
 
 
 def levels(speed, grain=0.0, ground=None):
     """The three levels, rolling straight on at a speed [m/s], with grain [kg] in the tank."""
     start = speed * 3.6
-    loaded = with_grain(CARD, grain)
+    loaded = with_grain(SHEET, grain)
     found = (
-        Multibody(Params(start_speed_kmh=start, grain_kg=grain), site(ground, CARD)),
+        Multibody(Params(start_speed_kmh=start, grain_kg=grain), site(ground, SHEET)),
         single_track.SingleTrack(single_track.Params(start_speed_kmh=start), site(ground, loaded)),
         kinematic.Kinematic(kinematic.Params(start_speed_kmh=start), site(ground, loaded)),
     )
@@ -38,7 +38,7 @@ def turn(motion, speed, steer):
     """Step of the steering angle: curvature in the end; sideways way after 30 deg of turn [m]."""
     first = run(motion, 0.5, 0.0, speed)[-1]
     _, _, yaw = first.pose.euler()
-    seconds = 1.2 * math.pi / 6 * CARD.wheelbase / math.tan(steer) / speed + 4.0
+    seconds = 1.2 * math.pi / 6 * SHEET.wheelbase / math.tan(steer) / speed + 4.0
     states = run(motion, seconds, steer, speed)
     turned = np.unwrap([s.pose.euler()[2] - yaw for s in states])
     way = np.array([s.pose.position[:2] - first.pose.position[:2] for s in states])
@@ -96,10 +96,10 @@ def test_crabs_alike_on_a_side_slope(speed):
     crabs, turns = [], []
     for motion in levels(speed, ground=slope(0.0, 0.1))[:2]:
         state = run(motion, 6.0 / min(speed, 1.5) + 3.0, 0.0, speed)[-1]
-        behind = CARD.dynamics.cg_behind
+        behind = SHEET.dynamics.cg_behind
         crabs.append(-(state.lateral_speed - behind * state.yaw_rate) / state.speed)
         turns.append(state.yaw_rate)
-    expected = math.sin(math.atan(0.1)) / CARD.dynamics.stiffness
+    expected = math.sin(math.atan(0.1)) / SHEET.dynamics.stiffness
     assert crabs[0] == pytest.approx(expected, rel=0.10)
     assert crabs[0] == pytest.approx(math.radians(1.53), rel=0.03)  # the same number at every speed
     assert crabs[1] == pytest.approx(crabs[0], rel=0.02)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.powertrain.hydrostat import HydrostatPowertrain, Params
 from swath.machine.powertrain.ideal import IdealPowertrain
@@ -20,11 +20,11 @@ from swath.machine.powertrain.power_balance import (
 )
 from swath.signals import MachineLoad
 from tests.machine.machine_fakes import STREAM, site
-from tests.machine.works_rig import state
+from tests.machine.process_rig import state
 
 SITE = site(period=0.05)
-WORKS, DYNAMICS = works_of(SITE.machine), dynamics_of(SITE.machine)
-E = WORKS.engine
+DRIVETRAIN, DYNAMICS = drivetrain_of(SITE.machine), dynamics_of(SITE.machine)
+E = DRIVETRAIN.engine
 STEP = 50_000_000
 
 
@@ -87,17 +87,17 @@ def test_pull_is_rolling_grade_and_acceleration():
 
 def test_every_consumer_counts_its_own_flow():
     load = load_of(header_flow=39.2, drum_flow=40.0, rotor_flow=15.4, chopper_flow=15.4, unload_flow=1.0)
-    p = powers(load, 56e3, 12.0, WORKS)
+    p = powers(load, 56e3, 12.0, DRIVETRAIN)
     assert p == Powers(57.2e3, 160e3, 46.2e3, 12e3, 51.2e3, 28e3, 56e3, 20e3)
     assert p.total == pytest.approx(430.6e3)
-    idle = powers(load_of(), 0.0, 12.0, WORKS)
+    idle = powers(load_of(), 0.0, 12.0, DRIVETRAIN)
     assert (idle.chopper, idle.unloading, idle.threshing) == (0.0, 0.0, 0.0)
 
 
 def test_the_whole_machine_is_near_the_asabe_line():
     """20 kW + 3.6 kWh/t of straw for header, threshing, separation and cleaning (ASAE D497, +-50 %)."""
     load = load_of(header_flow=39.2, drum_flow=39.2, rotor_flow=15.4)
-    p = powers(load, 0.0, 12.0, WORKS)
+    p = powers(load, 0.0, 12.0, DRIVETRAIN)
     rotary = p.header + p.threshing + p.separation + p.cleaning
     assert 0.5 < rotary / (20e3 + 3.6 * 3.6e6 / 1e3 * 15.4) < 1.5
 
@@ -107,7 +107,9 @@ def test_engine_speed_settles_where_the_torques_balance(feed):
     """Belts ask for torque, the governor or the full-load curve gives it: solved by bisection beside."""
     load = load_of(header_flow=feed, drum_flow=feed, rotor_flow=0.4 * feed)
     engine = settle(HydrostatPowertrain(Params(), SITE), load, 2.0)
-    p = powers(load, propulsion_power(pull(state(0, 0.0, 2.0), 0.0, 0.0, DYNAMICS), 2.0, 0.7), 12.0, WORKS)
+    p = powers(
+        load, propulsion_power(pull(state(0, 0.0, 2.0), 0.0, 0.0, DYNAMICS), 2.0, 0.7), 12.0, DRIVETRAIN
+    )
     low, high = 100.0, 1.05 * E.rated_speed
     for _ in range(80):
         middle = 0.5 * (low + high)
@@ -154,7 +156,7 @@ def test_an_overloaded_engine_takes_the_speed_away_and_gives_it_back():
         here = state(i * STEP, 0.0, speed)
         engine = drive.step(i * STEP, STEP, {"state": here, "load": overload})["engine"]
         limits.append(engine.speed_limit)
-    assert engine.speed < WORKS.hydrostat.relief_start
+    assert engine.speed < DRIVETRAIN.hydrostat.relief_start
     assert limits[-1] == 0.0
     for i in range(600):
         engine = drive.step(i * STEP, STEP, {"state": state(0, 0.0, 0.0), "load": load_of()})["engine"]
@@ -171,7 +173,7 @@ def test_the_drive_has_its_own_limits():
             here = state(i * STEP, 0.0, 1.0, pitch=pitch)
             limit = drive.step(i * STEP, STEP, {"state": here, "load": load_of()})["engine"].speed_limit
         force = pull(here, 0.0, 0.0, DYNAMICS)
-        assert limit == pytest.approx(WORKS.hydrostat.power / force if expected is None else expected)
+        assert limit == pytest.approx(DRIVETRAIN.hydrostat.power / force if expected is None else expected)
 
 
 def test_ideal_adds_up_the_same_powers_at_rated_speed():

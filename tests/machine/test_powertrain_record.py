@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.machine.works_rig import Rig
+from tests.machine.process_rig import Rig
 
 RECORD = 7.35 / 3.6
 

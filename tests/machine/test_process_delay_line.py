@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from swath.core.errors import InputError
 from swath.machine.process.delay_line import DelayLineProcess, Params
 from tests.machine.machine_fakes import STREAM, Ground, site
-from tests.machine.works_rig import flow, state
+from tests.machine.process_rig import flow, state
 
 STEP = 100_000_000
 

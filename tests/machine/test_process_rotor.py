@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import load_machine
 from swath.machine.process.rotor import Rotor, coupled, coupled_one
 
@@ -52,7 +52,7 @@ def test_a_steady_rotor_loses_what_the_closed_form_says(dt):
     rotor = Rotor(4.5, 4.3, 1.1, 3.0)
     for _ in range(round(10.0 / dt) + 8):
         separated, out = rotor.advance(
-            (0.2 * dt, 3.0 * dt, 10.0 * dt, 9.0 * dt), layer=1.2, dt=dt, ratio=1.0, ease=1.0
+            (0.2 * dt, 3.0 * dt, 10.0 * dt, 9.0 * dt), layer=1.2, dt=dt, ratio=1.0, threshability=1.0
         )
     scale = 1.2**-1.1
     expected = coupled_one(0.2, 3.0, 4.5 * scale, 4.3 * scale)
@@ -67,7 +67,7 @@ def test_straw_leaves_a_slower_rotor_without_lumps():
         rotor, out = Rotor(4.5, 4.3, 1.1, 3.0), []
         for _ in range(120):
             crop = (0.02, 0.3, 1.0, 0.9)
-            out.append(rotor.advance(crop, layer=1.0, dt=0.1, ratio=ratio, ease=1.0)[1][2])
+            out.append(rotor.advance(crop, layer=1.0, dt=0.1, ratio=ratio, threshability=1.0)[1][2])
         assert np.ptp(out[60:]) < 1e-9
         first = next(i for i, straw in enumerate(out) if straw > 0.0)
         assert abs((first + 1) * 0.1 - 3.0 / ratio) <= 0.1 + 1e-9
@@ -86,15 +86,15 @@ def test_grain_and_straw_are_kept_through_stops(steps):
     for grain, straw, ratio, layer in steps:
         fed += (grain, straw)
         through, out = rotor.advance(
-            (0.1 * grain, 0.9 * grain, straw, grain), layer=layer, dt=0.2, ratio=ratio, ease=1.0
+            (0.1 * grain, 0.9 * grain, straw, grain), layer=layer, dt=0.2, ratio=ratio, threshability=1.0
         )
         gone += (through + out[0] + out[1], out[2])
     assert gone + rotor.held() == pytest.approx(fed, rel=1e-12, abs=1e-12)
 
 
 def drum_and_rotor(share):
-    """Loss of drum and rotors at a share of the nominal straw flow, from the card's numbers alone."""
-    d = works_of(load_machine("lexion-700")).threshing
+    """Loss of drum and rotors at a share of the nominal straw flow, from the sheet's numbers alone."""
+    d = drivetrain_of(load_machine("lexion-700")).threshing
     drum, rotor = share**-d.drum_exponent, share**-d.rotor_exponent
     u, f = coupled_one(1.0, 0.0, d.drum_threshing * drum, d.drum_separation * drum)
     return sum(coupled_one(u, f, d.rotor_threshing * rotor, d.rotor_separation * rotor))

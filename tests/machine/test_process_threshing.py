@@ -8,16 +8,16 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.process.rotor import coupled_one
 from swath.machine.process.threshing import Params, ThreshingProcess, shoe_load, shoe_loss
 from swath.signals import EngineState
 from swath.signals.setup import MachineGeometry
 from tests.machine.machine_fakes import STREAM, site
-from tests.machine.works_rig import GRAIN, STRAW, WIDTH, Rig, flow, state
+from tests.machine.process_rig import GRAIN, STRAW, WIDTH, Rig, flow, state
 
 RECORD = 7.35 / 3.6
-WORKS = works_of(site().machine)
+DRIVETRAIN = drivetrain_of(site().machine)
 
 
 def turning(ratio, t=0):
@@ -25,9 +25,9 @@ def turning(ratio, t=0):
 
 
 def test_steady_losses_are_the_closed_forms():
-    """Drum, rotors and shoe from the card's numbers, with the returns that go round."""
+    """Drum, rotors and shoe from the sheet's numbers, with the returns that go round."""
     load = Rig(engine=False).run(RECORD, 60.0)
-    d, c = WORKS.threshing, WORKS.cleaning
+    d, c = DRIVETRAIN.threshing, DRIVETRAIN.cleaning
     grain, straw = GRAIN * WIDTH * RECORD, STRAW * WIDTH * RECORD
     back_grain = back_straw = 0.0
     for _ in range(100):
@@ -149,7 +149,7 @@ def test_loss_follows_nyborgs_law():
 
 
 def test_moist_straw_costs_two_to_four_times_the_loss():
-    dry, moist = (Rig(engine=False, ease=e).run(RECORD, 40.0) for e in (1.0, 0.8))
+    dry, moist = (Rig(engine=False, threshability=e).run(RECORD, 40.0) for e in (1.0, 0.8))
     assert 2.0 < moist.loss_share / dry.loss_share < 4.0
 
 
@@ -171,7 +171,7 @@ def test_a_slower_engine_threshes_and_separates_worse():
 
 
 def test_slopes_load_the_shoe():
-    c = WORKS.cleaning
+    c = DRIVETRAIN.cleaning
     level = shoe_load(c.flow, c, state(0, 0.0, 2.0))
     assert level == pytest.approx(1.0)
     for roll in (0.1, -0.1):
@@ -199,7 +199,7 @@ def test_the_swath_lies_where_and_when_the_straw_left():
     out = np.array([load.straw_flow for load, _, _ in rig.rows])
     late = np.dot([load.t * 1e-9 for load, _, _ in rig.rows], out) / out.sum() - 5.0  # cut from 0 to 10 s
     assert middle == pytest.approx(outlet + 2.0 * (5.0 + late), abs=0.3)
-    t = WORKS.transport
+    t = DRIVETRAIN.transport
     assert late == pytest.approx(t.header + t.header_spread + t.feeder + t.rotor, abs=1.0)
     assert np.ptp(np.concatenate([p for p, _ in rig.ground.straw])[:, 1]) == pytest.approx(1.4)
 
@@ -220,10 +220,10 @@ def test_the_tank_is_emptied_while_driving():
     assert max(levels) == pytest.approx(0.80, abs=0.01)
     assert min(levels) < 0.01
     pumped = max(load.unload_flow for load, _, _ in rig.rows)
-    assert pumped == pytest.approx(WORKS.unloading)
+    assert pumped == pytest.approx(DRIVETRAIN.unloading)
     last = rig.load
-    content = 0.79 * WORKS.tank + last.tank_grain - last.unloaded_grain
-    assert last.tank_level * WORKS.tank == pytest.approx(content)
+    content = 0.79 * DRIVETRAIN.tank + last.tank_grain - last.unloaded_grain
+    assert last.tank_level * DRIVETRAIN.tank == pytest.approx(content)
     x, y, poured = np.array(rig.ground.grain).T
     assert poured.sum() == pytest.approx(last.unloaded_grain, rel=1e-12)
     assert np.all(y > 0.5 * WIDTH)

@@ -12,14 +12,14 @@ from swath.machine.motion import kinematic, single_track
 from swath.signals import SpeedCommand, SteerState
 from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope
 
-CARD = load_machine("tractor-grain-cart")
-D, L, G = CARD.dynamics, CARD.wheelbase, 9.81
+SHEET = load_machine("tractor-grain-cart")
+D, L, G = SHEET.dynamics, SHEET.wheelbase, 9.81
 FRONT, REAR = L - D.cg_behind, D.cg_behind  # axles from the centre of gravity, as in a car
 
 
 def make(level=single_track.SingleTrack, params=None, ground=None):
     params = params or single_track.Params(rolling_resistance=0.0, friction=1.5, start_speed_kmh=18.0)
-    motion = level(params, site(ground, CARD))
+    motion = level(params, site(ground, SHEET))
     motion.reset(STREAM)
     return motion
 
@@ -30,24 +30,24 @@ def run(motion, seconds, *, steer=0.0, speed=5.0):
 
 
 def test_it_is_steered_ahead():
-    assert CARD.steers_ahead
-    assert CARD.steered_x == L
+    assert SHEET.steers_ahead
+    assert SHEET.steered_x == L
     assert not load_machine("lexion-700").steers_ahead
 
 
 def test_a_wrong_axle_is_named(tmp_path):
     text = "steers: middle\n" + "".join(
-        line for line in open_card().splitlines(keepends=True) if not line.startswith("steers")
+        line for line in open_sheet().splitlines(keepends=True) if not line.startswith("steers")
     )
     (tmp_path / "own.yaml").write_text(text)
-    with pytest.raises(InputError, match=r"steers.*front or rear"):
+    with pytest.raises(InputError, match=r"steers = middle: expected one of front, rear"):
         load_machine("own.yaml", base=tmp_path)
 
 
-def open_card():
-    from swath.documents.data_sheets import find_card
+def open_sheet():
+    from swath.documents.data_sheets import find_sheet
 
-    return find_card("machines", "tractor-grain-cart").read_text()
+    return find_sheet("machines", "tractor-grain-cart").read_text()
 
 
 def test_kinematic_circle():
@@ -106,7 +106,7 @@ def test_its_lateral_dynamics_are_those_of_the_bicycle_with_lagging_tyres():
 
 @pytest.mark.parametrize(("along", "left"), [(0.1, 0.0), (-0.06, 0.05)])
 def test_stands_on_slopes(along, left):
-    follower = TerrainFollower(slope(along, left), CARD)
+    follower = TerrainFollower(slope(along, left), SHEET)
     for yaw in (0.0, 1.0, -2.5):
         follower.at(3.0, -2.0, yaw)
         normal = np.array([-along, -left, 1.0]) / math.sqrt(1.0 + along**2 + left**2)
@@ -115,7 +115,7 @@ def test_stands_on_slopes(along, left):
 
 def test_its_front_axle_is_ahead_on_the_ground():
     """A step up under the front axle only: nose up, and the fixed axle stays down."""
-    follower = TerrainFollower(Ground(lambda x, y: 0.1 * (np.asarray(x) > 1.0)), CARD)
+    follower = TerrainFollower(Ground(lambda x, y: 0.1 * (np.asarray(x) > 1.0)), SHEET)
     stance = follower.at(0.0, 0.0, 0.0)
     assert stance.z == 0.0
     assert stance.pitch == pytest.approx(-math.atan(0.1 / L))
@@ -125,7 +125,7 @@ def test_its_front_axle_is_ahead_on_the_ground():
 def test_uphill_loads_the_rear_axle(grade):
     motion = make(ground=slope(grade, 0.0), params=single_track.Params(rolling_resistance=0.0))
     run(motion, 0.005, speed=0.0)
-    _, _, rear, front, _, _ = motion._moment.read()  # fixed axle first
+    rear, front = motion.axle_loads
     normal = D.mass * G * math.cos(math.atan(grade))
     assert front + rear == pytest.approx(normal)
     assert front == pytest.approx(normal * (REAR - D.cg_height * grade) / L)

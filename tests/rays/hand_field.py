@@ -94,7 +94,7 @@ def set_bumps(pages: Pages, tile_size: float) -> None:
 
 
 def wheat(**changes: object) -> Crop:
-    """The wheat card, sections changed by keyword: stem={'diameter_cv': 0}."""
+    """The wheat sheet, sections changed by keyword: stem={'diameter_cv': 0}."""
     crop = load_crop("wheat")
     parts = {name: replace(getattr(crop, name), **values) for name, values in changes.items()}
     return replace(crop, **parts)

@@ -9,14 +9,14 @@ import pytest
 
 from swath.field.memory_layout import STANDING, Organ
 from swath.rays.engine import RayCaster
-from swath.rays.triangles import (
+from tests.rays.hand_field import HandField, make_pages, small_library
+from tests.rays.reference import cell_code
+from tests.rays.triangles import (
     capsule_triangles,
     own_primitives,
     ribbon_triangles,
     to_stand,
 )
-from tests.rays.hand_field import HandField, make_pages, small_library
-from tests.rays.reference import cell_code
 
 rtcore = pytest.importorskip("embreex.rtcore_scene", reason="embreex is not installed")
 

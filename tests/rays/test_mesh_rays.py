@@ -30,7 +30,7 @@ def library_of(density, crop=CROP, **options):
 
 
 def changed(folder, *pairs):
-    """The sunflower's card with pieces of its text replaced, meshes where they are."""
+    """The sunflower's data sheet with pieces of its text replaced, meshes where they are."""
     text = (
         (MESHES / "sunflower.yaml").read_text(encoding="utf-8").replace("sunflower-", f"{MESHES}/sunflower-")
     )

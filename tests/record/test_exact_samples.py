@@ -13,7 +13,7 @@ from swath.record.mcap_file import McapFile
 from swath.record.read.feed import exact_samples, exact_topic, own_outputs
 from swath.record.read.mcap_log import McapLog
 from swath.record.recorder import Recorder
-from swath.record.samples import can_keep, signal_type, unpack
+from swath.record.samples import is_recordable, signal_type, unpack
 from swath.signals import F64, Scan, ScanTruth, Signal
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
@@ -195,7 +195,7 @@ def test_what_cannot_be_kept_is_not(tmp_path):
     class Worded(Signal):
         word: str
 
-    assert not can_keep(Worded(0, "x"))
+    assert not is_recordable(Worded(0, "x"))
     with Recorder(tmp_path, [machine()]) as recorder:
         recorder("combine.word", 0, {"word": Worded(0, "x")})
     assert own_outputs(McapLog(tmp_path / "run.mcap"), "combine.word") == {"word": False}

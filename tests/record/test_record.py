@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swath.record.mcap_file import definition
-from swath.record.messages import is_laser_scan
+from swath.record.message_factory import definition
 from swath.record.recorder import Recorder
+from swath.record.scan_messages import is_laser_scan
 from swath.record.tracks import Column, read_tracks
 from swath.signals import F64, MachineState, Scan, Signal
 from tests.fake_run import MOUNTING, ArcEdge, GridField, drive, machine

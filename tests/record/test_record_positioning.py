@@ -9,7 +9,8 @@ from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.frames import Pose
 from swath.field.projection import Origin
-from swath.record.read.messages import Context, maker_for
+from swath.record.read.fields import Context
+from swath.record.read.messages import maker_for
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.signals import FIX_QUALITIES, Fix, Inertial
@@ -32,7 +33,9 @@ def decoded(folder, *topics):
 
 def record(folder, slot, samples, output, **about):
     """A drive with the samples of one more slot; each comes out 50 ms after it was valid."""
-    sensor = replace(machine(), mounting={slot: ANTENNA}, slots=("motion", slot), **about)
+    sensor = replace(
+        machine(), mounting={slot: ANTENNA}, outputs={f"{slot}.{output}": type(samples[0])}, **about
+    )
     with Recorder(folder, [sensor]) as recorder:
         drive([recorder], GridField(ArcEdge(40.0)), seconds=0.5)
         for sample in samples:

@@ -6,7 +6,10 @@ from swath.scenario.defaults import default_lines, defaults, paragraphs
 from swath.scenario.scenario import parse_scenario
 from tests.fake_levels import FAKE, GOOD
 
-SHORT = "{format: swath scenario 2, name: a, field: {edge: {shape: straight}}, machines: {combine: {lidar: plants}}}"
+SHORT = (
+    "{format: swath scenario 2, name: a, field: {edge: {shape: straight}}, "
+    "machines: {combine: {lidar: plants}}}"
+)
 
 
 def read(text=GOOD, sets=()):

@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import card_names, find_card
+from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.sensing.beam import (
     FWHM_TO_E2,
     Beam,
     full_angle,
     random_pattern,
     spot_pattern,
-    sub_rays,
+    spots,
     turned_pattern,
 )
 from swath.sensing.lidar_sheet import load_lidar
@@ -117,7 +117,7 @@ def test_spot_grows_from_the_exit_with_the_full_divergence():
     assert beam.diameter(10.0)[0] == pytest.approx(0.060)  # data sheet arithmetic: 13 mm + 47 mm
     ring = np.stack([np.cos(np.linspace(0, 6, 9)), np.sin(np.linspace(0, 6, 9))], axis=1)
     axes = np.eye(3)[None]
-    start, direction = sub_rays(np.zeros((1, 3)), axes, beam, ring[None])
+    start, direction = spots(np.zeros((1, 3)), axes, beam, ring[None]).rays()
     at_10 = start + direction * (10.0 / direction[..., :1])
     assert np.allclose(np.linalg.norm(at_10[0, :, 1:], axis=1), 0.030, atol=1e-6)
 
@@ -151,8 +151,8 @@ def test_any_count_of_sub_rays_works(count, profile):
     ],
 )
 def test_bundled_scanners_have_their_published_spots(name, spot_mm_at_8_m):
-    card = load_lidar(name)
-    assert np.allclose(card.beam.diameter(8.0) * 1e3, spot_mm_at_8_m, atol=1.0)
+    sheet = load_lidar(name)
+    assert np.allclose(sheet.beam.diameter(8.0) * 1e3, spot_mm_at_8_m, atol=1.0)
 
 
 def test_ouster_spot_is_converted_from_its_half_width():
@@ -162,26 +162,26 @@ def test_ouster_spot_is_converted_from_its_half_width():
 
 
 def test_every_bundled_scanner_loads_with_a_source_for_each_number():
-    names = card_names("sensors")
+    names = sheet_names("sensors")
     assert len(names) >= 10
     for name in names:
-        card = load_lidar(name)
-        assert card.noise[:, 1].max() < 0.11
-        assert card.echo_count >= 1
-        assert 1e-9 < card.pulse < 20e-9
+        sheet = load_lidar(name)
+        assert sheet.noise[:, 1].max() < 0.11
+        assert sheet.echo_count >= 1
+        assert 1e-9 < sheet.pulse < 20e-9
 
 
-def test_faulty_card_names_key_and_file(tmp_path):
-    text = find_card("sensors", "sick-lms111").read_text()
+def test_faulty_sheet_names_key_and_file(tmp_path):
+    text = find_sheet("sensors", "sick-lms111").read_text()
     bad = tmp_path / "mine.yaml"
     bad.write_text(text.replace("[15.0, 15.0]", "[15.0]"))
-    with pytest.raises(InputError, match=r"beam.divergence_mrad = \[15.0\].*mine.yaml"):
+    with pytest.raises(InputError, match=r"beam.divergence_mrad.1: expected a value.*mine.yaml"):
         load_lidar("mine.yaml", tmp_path)
     bad.write_text(text.replace("  convention: full_angle\n", ""))
     with pytest.raises(InputError, match=r"beam.convention.*missing.*mine.yaml"):
         load_lidar("mine.yaml", tmp_path)
     bad.write_text(text.replace("contour: edge", "contour: 1/e"))
-    with pytest.raises(InputError, match=r"beam.contour = '?1/e'?: expected 1/e2, FWHM, edge"):
+    with pytest.raises(InputError, match=r"beam.contour = '?1/e'?: expected one of 1/e2, FWHM, edge"):
         load_lidar("mine.yaml", tmp_path)
     bad.write_text(text.replace("tag: S", "tag: sure"))
     with pytest.raises(InputError, match="tag and a source"):
@@ -193,20 +193,31 @@ def test_faulty_card_names_key_and_file(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("divergence_mrad", "divergance_mrad", r"beam.divergence_mrad: missing, there is 'divergance_mrad'"),
-        ("  count:", "  cuont:", r"echo.cuont: unknown key, did you mean 'echo.count'\?"),
-        ("divergence_mrad: {value: [15.0", "divergence_mrad: {value: [860", "both 0 to 100"),
         (
-            "step_deg: {value: 0.5, unit: deg",
-            "step_deg: {value: 0.5, unit: rad",
-            "step_deg.unit = rad: expected deg",
+            "divergence_mrad",
+            "divergance_mrad",
+            r"beam.divergance_mrad: unknown key, .*'divergence_mrad'",
         ),
-        ("kind: lidar", "kind: radar", "kind = radar: expected lidar"),
-        ("noise_mm: {value:", "noise_mm: {vale:", r"expected \{value: 4.7, unit: mrad, tag: S"),
+        ("  count:", "  cuont:", r"echo.cuont: unknown key, did you mean 'count'\?"),
+        ("divergence_mrad: {value: [15.0", "divergence_mrad: {value: [860", "<= 100"),
+        ("step_deg", "step_rad", "scan.step_rad: unknown key, did you mean 'step_deg'.* expected in deg"),
+        (
+            "step_deg: {value: 0.5",
+            "step_deg: {unit: deg, value: 0.5",
+            "step_deg.unit = deg: unknown key",
+        ),
+        ("kind: lidar", "kind: radar", "kind = radar: expected one of lidar"),
+        ("noise_mm: {value:", "noise_mm: {vale:", r"expected \{value: 4.7, tag: S"),
+        ("[5, 12.0], [20", "[25, 12.0], [20", "range.noise_mm.*whose first numbers rise"),
+        (
+            "step_deg: {value: 0.5",
+            "step_deg: 0.5 #",
+            "step_deg = 0.5: every number needs a tag",
+        ),
     ],
 )
-def test_a_slip_in_an_own_card_is_named_with_its_line(tmp_path, old, new, message):
-    text = find_card("sensors", "sick-lms111").read_text()
+def test_a_slip_in_an_own_sheet_is_named_with_its_line(tmp_path, old, new, message):
+    text = find_sheet("sensors", "sick-lms111").read_text()
     assert old in text
     path = tmp_path / "mine.yaml"
     path.write_text(text.replace(old, new))

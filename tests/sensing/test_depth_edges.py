@@ -12,7 +12,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import load_machine
-from swath.rays.engine import Hits
+from swath.rays.hits import Hits
 from swath.sensing.echo import EchoRule
 from swath.sensing.lidar.plants import Params, PlantsLidar
 from swath.sensing.lidar_sheet import load_lidar
@@ -31,7 +31,7 @@ class Walls:
     def __init__(self, far):
         self.far = far
 
-    def cast_spots(self, spots, *, range_max, solids, t):
+    def cast_bundles(self, spots, *, range_max, solids, t):
         origins, directions = spots.rays()
         near, far = ((wall - origins[..., 0]) / directions[..., 0] for wall in (NEAR, self.far))
         meets = origins[..., 1] + near * directions[..., 1] > 0.0
@@ -71,7 +71,7 @@ def test_nearest_reaches_half_a_spot_over_the_edge_and_the_median_none():
         counts[name] = int((abs(x[:, 0] - NEAR) < 0.1).sum())
     lidar = scanner()
     pattern = lidar.pattern.outermost
-    half_spot = np.degrees(0.5 * lidar.card.beam.diameter(NEAR)[0] * pattern / NEAR)
+    half_spot = np.degrees(0.5 * lidar.sheet.beam.diameter(NEAR)[0] * pattern / NEAR)
     assert (counts["nearest"] - counts["median"]) * 0.05 == pytest.approx(half_spot, abs=0.06)
     # on the far wall the outermost sub-ray alone is too weak to be seen: a little less
     assert 0.8 * half_spot < (counts["median"] - counts["farthest"]) * 0.05 < half_spot + 0.06
@@ -81,7 +81,7 @@ def test_mean_gives_ranges_between_the_walls_where_the_spot_meets_both():
     lidar = scanner(echo="mean")
     x, _ = look(lidar)
     between = (x > NEAR + 0.05) & (x < FAR - 0.05)
-    spot = np.degrees(lidar.card.beam.diameter(NEAR)[0] / NEAR)
+    spot = np.degrees(lidar.sheet.beam.diameter(NEAR)[0] / NEAR)
     assert 1 <= between.sum() <= np.ceil(spot / 0.5)  # beams stand 0.5 deg apart, the spot is 1.0 deg wide
     assert not ((look(scanner(echo="percentile"))[0] > NEAR + 0.05) & (x < FAR - 0.05) & ~between).any()
 
@@ -126,7 +126,7 @@ def test_drop_outs_and_dust_reach_the_scan():
 class Sky:
     """Nothing to hit."""
 
-    def cast_spots(self, spots, *, range_max, solids, t):
+    def cast_bundles(self, spots, *, range_max, solids, t):
         n = spots.shape
         none = np.zeros(n, np.float32)
         return Hits(np.full(n, np.nan, np.float32), np.zeros(n, np.uint8), none, none)
@@ -164,7 +164,7 @@ def static():
 def test_range_noise_is_that_of_a_real_scanner(static):
     """The model's spread of each beam against the recorded one, 175 scans, by range."""
     middle = np.nanmedian(static, axis=0)
-    noise = Noise(load_lidar("sick-lms111"), is_on=True, angle=None, drop_out=0.0)
+    noise = Noise(load_lidar("sick-lms111"), is_on=True, angle=None, dropout=0.0)
     noise.reset(Stream(1, "lidar"))
     rng = np.random.default_rng(1)
     made = np.stack([noise.measure(middle, rng) for _ in range(len(static))])

@@ -116,7 +116,7 @@ def test_an_even_stand_gives_the_table_back(echo):
     """All the way up: high returns lie where the silhouette is thin and bends most, nearest ones above it."""
     setup = site(600)
     _, cheap = pair(setup, sensor="sick-lms511-sr", step_deg=1.0, sector_deg=(-1.0, 1.0), echo=echo)
-    height, beam, share = load_crop("wheat").stand.height, cheap.card.beam, np.array([0.5, 0.75, 0.9, 0.95])
+    height, beam, share = load_crop("wheat").stand.height, cheap.sheet.beam, np.array([0.5, 0.75, 0.9, 0.95])
     for pitch in (10.0, 25.0, 50.0):
         far = (2.4 - 0.9 * height) / np.sin(np.radians(pitch))
         spot = float(np.mean(beam.exit_diameter) + np.mean(beam.divergence) * far)
@@ -195,12 +195,12 @@ def test_neighbours_correlate_as_told_along_every_line():
     )
     lidar.reset(Stream(2, "lidar"))
     lines, count = lidar.scanner.line_count, len(lidar.azimuth)
-    table, beam = lidar.table, lidar.card.beam
+    table, beam = lidar.table, lidar.sheet.beam
     drawn = []
     for k in range(60):
         pose = Pose.from_euler((25.0 + k, 50.0, 3.0), 0.0, np.radians(20.0), 0.3)
         scan(lidar, pose, 10**9 + k)
-        drawn.append(lidar.rays.desk.score[:count].reshape(-1, lines).copy())
+        drawn.append(lidar.rays.beams.score[:count].reshape(-1, lines).copy())
     z = np.array(drawn)
     assert z.std() == pytest.approx(1.0, abs=0.02)
     assert abs(np.mean(z[:, :, 0] * z[:, :, 1])) < 0.03

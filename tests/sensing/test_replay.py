@@ -19,8 +19,9 @@ from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive as run
 from swath.scenario.scenario import parse_scenario
-from swath.sensing.lidar.replay import Params, ReplayLidar, _mixed
+from swath.sensing.lidar.replay import Params, ReplayLidar, scan_seed
 from swath.tools.height_map.build import build_replay
+from tests.rays.height_rays import cast_beams, cast_heights
 from tests.sensing.replay_rig import (
     SHARES,
     TEXT,
@@ -47,7 +48,7 @@ def test_even_heights_are_hit_where_geometry_says(yaw, down):
     grid = hand_grid(heights=0.8, origin=(100.0, -50.0, 7.0), yaw=yaw)
     x, y = grid.to_world(6.0, 4.0)
     o, d = ray(float(x), float(y), 7.0 + 2.4, yaw + 0.3, down)
-    hits = HeightCaster(grid).cast(o, d, range_max=40.0, seed=1)
+    hits = cast_heights(HeightCaster(grid), o, d, range_max=40.0, seed=1)
     assert hits.what[0] == MEASURED
     assert hits.distance[0] == pytest.approx(1.6 / np.sin(np.radians(down)), abs=2e-3)
 
@@ -55,7 +56,7 @@ def test_even_heights_are_hit_where_geometry_says(yaw, down):
 def test_sloping_ground_carries_the_heights():
     grid = hand_grid(heights=0.5, slope=0.05)
     o, d = ray(1.0, 6.0, 2.0, 0.0, 20.0)
-    hits = HeightCaster(grid).cast(o, d, range_max=40.0)
+    hits = cast_heights(HeightCaster(grid), o, d, range_max=40.0)
     # 2 - t sin = 0.5 + 0.05 (1 + t cos)
     b = np.radians(20.0)
     assert hits.distance[0] == pytest.approx((1.5 - 0.05) / (np.sin(b) + 0.05 * np.cos(b)), abs=3e-3)
@@ -65,10 +66,10 @@ def test_rays_under_the_measured_ground_or_of_no_range_are_refused():
     caster = HeightCaster(hand_grid(heights=0.5, slope=0.05))
     o, d = ray(10.0, 6.0, 0.3, 0.0, 20.0)
     with pytest.raises(InputError, match=r"origin = \[10, 6, 0.3\]: .* it is 0.2 m below"):
-        caster.cast(o, d, range_max=40.0)
-    assert caster.cast(o + np.array([0.0, 0.0, 1.0]), d, range_max=40.0).what[0] == MEASURED
+        cast_heights(caster, o, d, range_max=40.0)
+    assert cast_heights(caster, o + np.array([0.0, 0.0, 1.0]), d, range_max=40.0).what[0] == MEASURED
     with pytest.raises(InputError, match="range_max = nan: expected a finite range > 0 m"):
-        caster.cast(o + np.array([0.0, 0.0, 1.0]), d, range_max=float("nan"))
+        cast_heights(caster, o + np.array([0.0, 0.0, 1.0]), d, range_max=float("nan"))
 
 
 def test_wall_shadow_and_what_was_never_measured():
@@ -77,19 +78,19 @@ def test_wall_shadow_and_what_was_never_measured():
     set_where(grid, lambda u, v: (u > 6.0) & (u < 9.0), None)  # its shadow when it was measured
     caster = HeightCaster(grid)
     o, d = ray(2.0, 6.0, 1.2, 0.0, 11.0)
-    hit = caster.cast(o, d, range_max=40.0)
+    hit = cast_heights(caster, o, d, range_max=40.0)
     assert hit.what[0] == MEASURED
     assert o[0, 0] + hit.distance[0] * d[0, 0] == pytest.approx(5.0, abs=2e-3)  # the face of the wall
     o, d = ray(2.0, 6.0, 3.0, 0.0, 25.0)  # over the wall, into the shadow
-    over = caster.cast(o, d, range_max=40.0)
+    over = cast_heights(caster, o, d, range_max=40.0)
     assert over.what[0] == UNMEASURED
     o, d = ray(2.0, 6.0, 3.0, 0.0, 17.0)  # over both, onto the ground behind
-    assert caster.cast(o, d, range_max=40.0).what[0] == MEASURED
+    assert cast_heights(caster, o, d, range_max=40.0).what[0] == MEASURED
     o, d = ray(2.0, 6.0, 3.0, 0.0, 3.0)  # beyond the box
-    assert caster.cast(o, d, range_max=80.0).what[0] == UNMEASURED
-    assert caster.cast(o, d, range_max=20.0).what[0] == NOTHING
+    assert cast_heights(caster, o, d, range_max=80.0).what[0] == UNMEASURED
+    assert cast_heights(caster, o, d, range_max=20.0).what[0] == NOTHING
     o, d = ray(2.0, 6.0, 3.0, 0.0, -10.0)
-    assert caster.cast(o, d, range_max=80.0).what[0] == NOTHING
+    assert cast_heights(caster, o, d, range_max=80.0).what[0] == NOTHING
 
 
 @pytest.mark.parametrize("down", [10.0, 30.0, 70.0])
@@ -101,7 +102,7 @@ def test_an_even_stand_gives_back_the_distribution_that_was_measured(down):
     n = 3000
     o = np.column_stack([rng.uniform(2, 4, n), rng.uniform(4, 12, n), np.full(n, 2.4)])
     d = np.repeat(ray(0, 0, 0, 0.2, down)[1], n, axis=0)
-    hits = HeightCaster(grid).cast(o, d, range_max=40.0, seed=9)
+    hits = cast_heights(HeightCaster(grid), o, d, range_max=40.0, seed=9)
     z = o[:, 2] + hits.distance * d[:, 2]
     assert wasserstein(z, measured) < 0.015
     assert np.mean(z < 0.3) == pytest.approx(0.2, abs=0.03)
@@ -111,7 +112,7 @@ def test_a_fixed_share_is_that_quantile_and_higher_shares_are_met_earlier():
     grid = hand_grid(heights=np.linspace(0.4, 0.9, EVEN))
     o, d = ray(2.0, 6.0, 2.4, 0.0, 30.0)
     caster = HeightCaster(grid)
-    z = [2.4 - 0.5 * caster.cast(o, d, range_max=40, share=s).distance[0] for s in (0.1, 0.5, 0.9)]
+    z = [2.4 - 0.5 * cast_heights(caster, o, d, range_max=40, share=s).distance[0] for s in (0.1, 0.5, 0.9)]
     assert np.allclose(z, np.interp([0.1, 0.5, 0.9], SHARES, np.linspace(0.4, 0.9, EVEN)), atol=0.01)
 
 
@@ -121,23 +122,25 @@ def test_each_ray_is_drawn_alone_and_anew_in_every_scan():
     o = np.column_stack([rng.uniform(2, 4, 50), rng.uniform(4, 8, 50), np.full(50, 2.4)])
     d = np.repeat(ray(0, 0, 0, 0.0, 20.0)[1], 50, axis=0)
     caster = HeightCaster(grid)
-    all_ = caster.cast(o, d, range_max=40, seed=5).distance
-    assert np.array_equal(all_[::-1], caster.cast(o[::-1], d, range_max=40, seed=5).distance)
-    assert np.array_equal(all_[:7], HeightCaster(grid).cast(o[:7], d[:7], range_max=40, seed=5).distance)
-    assert np.mean(all_ == caster.cast(o, d, range_max=40, seed=6).distance) < 0.2
+    all_ = cast_heights(caster, o, d, range_max=40, seed=5).distance
+    assert np.array_equal(all_[::-1], cast_heights(caster, o[::-1], d, range_max=40, seed=5).distance)
+    assert np.array_equal(
+        all_[:7], cast_heights(HeightCaster(grid), o[:7], d[:7], range_max=40, seed=5).distance
+    )
+    assert np.mean(all_ == cast_heights(caster, o, d, range_max=40, seed=6).distance) < 0.2
 
 
 def test_solids_stand_before_and_shade_what_is_behind():
     grid = hand_grid(heights=0.8)
     o, d = ray(2.0, 6.0, 2.4, 0.0, 16.0)
     caster = HeightCaster(grid)
-    free = caster.cast(o, d, range_max=40)
+    free = cast_heights(caster, o, d, range_max=40)
     pole = post([5.0, 6.0, 0.0], 3.0, 0.2)
-    hit = caster.cast(o, d, range_max=40, solids=pole)
+    hit = cast_heights(caster, o, d, range_max=40, solids=pole)
     assert free.what[0] == MEASURED
     assert hit.what[0] == SOLID
     assert hit.distance[0] == pytest.approx(2.9 / np.cos(np.radians(16.0)), abs=2e-3)
-    behind = caster.cast(o, d, range_max=40, solids=post([9.0, 6.0, 0.0], 3.0, 0.2))
+    behind = cast_heights(caster, o, d, range_max=40, solids=post([9.0, 6.0, 0.0], 3.0, 0.2))
     assert behind.distance[0] == free.distance[0]  # the crop hides it
 
 
@@ -209,11 +212,11 @@ def test_one_launch_gives_what_three_give(world, recorded, noise):
         parts.rays.aim(k * 40_000_000, *poses)
         wanted = {
             "range_max": 40.0,
-            "seed": _mixed(parts._seed, k * 40_000_000),
+            "seed": scan_seed(parts._seed, k * 40_000_000),
             "share": -1.0,
             "grain": 0.05,
         }
-        parts.caster.cast_beams(parts.rays.desk, **wanted)
+        cast_beams(parts.caster, parts.rays.beams, **wanted)
         three = parts.rays.report(k * 40_000_000, poses[0])
         for name in ("ranges", "intensity"):
             assert getattr(one["scan"], name).tobytes() == getattr(three["scan"], name).tobytes()

@@ -8,6 +8,7 @@ import pytest
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import DEEP, EVEN, NODE_CELLS, NODES, PER_THICKNESS, TILE
 from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster
+from tests.rays.height_rays import cast_heights
 from tests.sensing.replay_rig import hand_grid, levels, set_where
 
 
@@ -61,16 +62,16 @@ def test_stepping_over_blocks_changes_no_bit(yaw, share):
     caster, plain = HeightCaster(grid), HeightCaster(grid, skips=False)
     o, d = rays(grid, rng, 4000)
     at = {"range_max": 30.0, "seed": 9, "share": share}
-    first = caster.cast(o, d, **at)
-    assert bits(first) == bits(plain.cast(o, d, **at))
+    first = cast_heights(caster, o, d, **at)
+    assert bits(first) == bits(cast_heights(plain, o, d, **at))
     assert np.bincount(first.what, minlength=3)[[MEASURED, UNMEASURED]].min() > 200
     cell = rng.choice(grid.count.size, grid.count.size // 3, replace=False)
     stubble = rng.choice([0, 8, 20, UNTOUCHED], len(cell)).astype(np.uint8)
     for one in (caster, plain):
         one.cells.lower(cell, stubble)
         assert np.array_equal(one.cells.cut_at(cell), stubble)
-    lower = caster.cast(o, d, **at)
-    assert bits(lower) == bits(plain.cast(o, d, **at))
+    lower = cast_heights(caster, o, d, **at)
+    assert bits(lower) == bits(cast_heights(plain, o, d, **at))
     assert bits(lower) != bits(first)
     ends = (o + lower.distance[:, None] * d)[lower.what == MEASURED]
     above = ends[:, 2] - grid.ground_height(ends[:, 0], ends[:, 1])
@@ -79,9 +80,9 @@ def test_stepping_over_blocks_changes_no_bit(yaw, share):
     assert np.count_nonzero(steep & (cut == 8)) > 10
     assert above[steep & (cut == 8)].max() < 0.081
     caster.cells.lower(cell, np.full(len(cell), UNTOUCHED, np.uint8))
-    assert bits(caster.cast(o, d, **at)) == bits(first)
+    assert bits(cast_heights(caster, o, d, **at)) == bits(first)
     plain.cells.restore()
-    assert bits(plain.cast(o, d, **at)) == bits(first)
+    assert bits(cast_heights(plain, o, d, **at)) == bits(first)
 
 
 def test_cells_of_one_height_are_met_at_it_whatever_the_step_of_their_heads():
@@ -90,5 +91,5 @@ def test_cells_of_one_height_are_met_at_it_whatever_the_step_of_their_heads():
         caster = HeightCaster(hand_grid(heights=height))
         n = 50
         o = np.stack([rng.uniform(2.0, 17.0, n), rng.uniform(2.0, 11.0, n), np.full(n, 3.0)], axis=1)
-        hits = caster.cast(o, np.tile([0.0, 0.0, -1.0], (n, 1)), range_max=10.0, seed=1)
+        hits = cast_heights(caster, o, np.tile([0.0, 0.0, -1.0], (n, 1)), range_max=10.0, seed=1)
         np.testing.assert_allclose(hits.distance, 3.0 - height, atol=1e-3)

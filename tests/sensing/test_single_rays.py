@@ -10,6 +10,7 @@ from swath.core.random import Stream
 from swath.sensing.lidar import empirical
 from swath.sensing.mount import poses_at
 from swath.sensing.sweep import ROOM, Sweep
+from swath.sensing.weather import Weather
 from swath.signals import MachineState
 from tests.sensing.test_empirical import scan, site
 
@@ -25,12 +26,12 @@ def lidar_of(**keys):
 def test_random_numbers_are_those_of_the_stream_four_words_a_beam():
     lidar, t = lidar_of(), 123_456_789_012
     scan(lidar, POSE, t)
-    desk = lidar.rays.desk
-    words = Stream(7, "combine.lidar").at(t).bit_generator.random_raw(4 * desk.count).reshape(-1, 4)
+    beams = lidar.rays.beams
+    words = Stream(7, "combine.lidar").at(t).bit_generator.random_raw(4 * beams.count).reshape(-1, 4)
     u = ((words[:, :2] >> np.uint64(40)).astype(float) + 0.5) / 2**24
     far = np.sqrt(-2.0 * np.log(u[:, 0]))
     wanted = np.stack([far * np.cos(2 * np.pi * u[:, 1]), far * np.sin(2 * np.pi * u[:, 1])])
-    assert np.allclose(desk.normal[:, : desk.count], wanted, atol=5e-6)
+    assert np.allclose(beams.normal[:, : beams.count], wanted, atol=5e-6)
 
 
 def test_normal_numbers_are_normal():
@@ -38,7 +39,7 @@ def test_normal_numbers_are_normal():
     drawn = []
     for k in range(300):
         scan(lidar, POSE, 10**9 + k)
-        drawn.append(lidar.rays.desk.normal[:, : lidar.rays.desk.count].copy())
+        drawn.append(lidar.rays.beams.normal[:, : lidar.rays.beams.count].copy())
     z = np.concatenate(drawn, axis=1)
     assert abs(z.mean()) < 0.01
     assert z.std() == pytest.approx(1.0, abs=0.01)
@@ -50,14 +51,14 @@ def test_normal_numbers_are_normal():
 def test_what_is_reported_follows_the_data_sheet(sensor):
     lidar = lidar_of(sensor=sensor)
     out = scan(lidar, POSE)
-    desk, card, n = lidar.rays.desk, lidar.card, lidar.rays.desk.count
-    true = desk.distance[:n].astype(float)
-    albedo = (desk.cosine * desk.reflectance)[:n].astype(float)
-    signal = albedo / true**2 / (0.1 / card.range_10**2)
-    seen = (desk.kind[:n] > 0) & (true >= card.range_min) & (signal >= 1.0)
-    sigma = card.noise_sigma(true, signal)
-    wanted = true + lidar.scanner.noise.bias + sigma * desk.normal[1, :n]
-    step = card.resolution
+    beams, sheet, n = lidar.rays.beams, lidar.sheet, lidar.rays.beams.count
+    true = beams.distance[:n].astype(float)
+    albedo = (beams.cosine * beams.reflectance)[:n].astype(float)
+    signal = albedo / true**2 / (0.1 / sheet.range_10**2)
+    seen = (beams.kind[:n] > 0) & (true >= sheet.range_min) & (signal >= 1.0)
+    sigma = sheet.noise_sigma(true, signal)
+    wanted = true + lidar.scanner.noise.bias + sigma * beams.normal[1, :n]
+    step = sheet.resolution
     wanted = np.round(wanted / step) * step if step > 0 else wanted
     ranges = out["scan"].ranges[:, 0]
     assert 30 < seen.sum() < len(seen)
@@ -65,10 +66,10 @@ def test_what_is_reported_follows_the_data_sheet(sensor):
     assert np.abs(ranges[seen] - wanted[seen]).max() <= step + 1e-5  # the step next to it, by rounding
     assert (np.abs(ranges[seen] - wanted[seen]) < 1e-5).mean() > 0.97
     assert np.allclose(out["scan"].intensity[seen, 0], albedo[seen])
-    points = POSE.position + true[:, None] * desk.directions[:n]
+    points = POSE.position + true[:, None] * beams.directions[:n]
     assert np.allclose(out["truth"].points[seen, 0], points[seen], atol=1e-9)
     assert np.isnan(out["truth"].points[~seen]).all()
-    assert np.allclose(desk.directions[:n], (POSE.rotation @ lidar.scanner.axes)[:, :, 0])
+    assert np.allclose(beams.directions[:n], (POSE.rotation @ lidar.scanner.axes)[:, :, 0])
 
 
 @pytest.mark.parametrize("swing", [0.01, 0.5])
@@ -95,7 +96,7 @@ def test_beams_start_where_the_machine_was_at_their_time(swing):
 
 
 def test_dust_and_puffs_reach_the_scan():
-    weather = empirical.Weather(extinction_per_m=0.5, near_returns=0.5, near_reach_m=0.5)
+    weather = Weather(extinction_per_m=0.5, near_returns=0.5, near_reach_m=0.5)
     clear, dusty = lidar_of(noise="none"), lidar_of(noise="none", weather=weather)
     a, b = (scan(lidar, POSE) for lidar in (clear, dusty))
     near = b["scan"].ranges[:, 0] < 3.0

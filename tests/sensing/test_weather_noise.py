@@ -87,7 +87,7 @@ def test_weather_depends_on_the_counter_alone():
 
 
 def noise_of(name, **options):
-    noise = Noise(load_lidar(name), **({"is_on": True, "angle": None, "drop_out": 0.0} | options))
+    noise = Noise(load_lidar(name), **({"is_on": True, "angle": None, "dropout": 0.0} | options))
     noise.reset(Stream(1, "lidar"))
     return noise
 
@@ -95,29 +95,29 @@ def noise_of(name, **options):
 def test_noise_grows_as_the_signal_falls_where_the_sheet_says_so():
     noise = noise_of("ouster-os1-64")
     for ratio, sigma in ((250, 0.015), (1e4, 0.015), (100, 0.030), (12, 0.100), (1, 0.100)):
-        signal = np.full(20_000, ratio / noise.card.signal_at_reach)
+        signal = np.full(20_000, ratio / noise.sheet.signal_at_reach)
         reported = noise.measure(np.full(20_000, 10.0), rng(), signal)
         assert reported.std() == pytest.approx(sigma, rel=0.03)
-    plain = noise_of("sick-lms511-hr").card
+    plain = noise_of("sick-lms511-hr").sheet
     assert plain.noise_sigma(np.array([5.0]), np.array([1.0])) == pytest.approx(0.007)
 
 
 def test_bias_is_constant_per_instance_and_within_the_band():
-    card = load_lidar("sick-lms111")
+    sheet = load_lidar("sick-lms111")
     biases = []
     for seed in range(200):
-        noise = Noise(card, is_on=True, angle=None, drop_out=0.0)
+        noise = Noise(sheet, is_on=True, angle=None, dropout=0.0)
         noise.reset(Stream(seed, "lidar"))
         biases.append(noise.bias)
-    assert np.abs(biases).max() <= card.systematic
-    assert np.std(biases) == pytest.approx(card.systematic / np.sqrt(3), rel=0.15)
+    assert np.abs(biases).max() <= sheet.systematic
+    assert np.std(biases) == pytest.approx(sheet.systematic / np.sqrt(3), rel=0.15)
     quiet = noise_of("sick-lms111", is_on=False)
     assert quiet.bias == 0.0
     assert quiet.measure(np.array([1.2345]), rng())[0] == 1.2345
 
 
 def test_angle_noise_and_drop_outs_have_their_size():
-    noise = noise_of("sick-lms111", angle=0.01, drop_out=0.05)
+    noise = noise_of("sick-lms111", angle=0.01, dropout=0.05)
     swing = np.concatenate([noise.swing(t, 500) for t in range(20)])
     assert swing.std() == pytest.approx(0.01, rel=0.03)
     assert np.mean([noise.dropped(t, 500).mean() for t in range(40)]) == pytest.approx(0.05, abs=0.005)

@@ -12,13 +12,12 @@ pytest.importorskip("scipy")
 
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.documents.data_sheets import Card
+from swath.core.units import RPM
 from swath.field_io.machine_log import read_machine_log
-from swath.machine.drivetrain_sheet import RPM
-from swath.machine.machine_sheet import find_machine, load_machine, read_machine
+from swath.machine.machine_sheet import load_machine, open_machine, read_machine
 from swath.machine.powertrain.power_balance import full_torque, governed_torque
 from swath.tools.compare_log.along_log import Drive, simulate
-from swath.tools.compare_log.compare import changed, compare_log
+from swath.tools.compare_log.compare import compare_log
 from swath.tools.compare_log.figures import best_lag, judge, steady_speed, usable
 
 DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -51,10 +50,10 @@ def write_log(path, machines=2, count=900, pause=None):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A log whose engine columns come from a card with other numbers, and those numbers."""
+    """A log whose engine columns come from a sheet with other numbers, and those numbers."""
     true = {"power.auxiliary_kw": 55.0, "power.drum_kj_per_kg": 6.5, "transport.feeder_s": 2.4}
     log = read_machine_log(write_log(tmp_path_factory.mktemp("log") / "log.csv"))
-    machine = read_machine(changed(Card(find_machine("lexion-700")), true))
+    machine = read_machine(open_machine("lexion-700").changed(true))
     series = simulate(machine, log, Drive())
     rng = np.random.default_rng(1)
     noisy = {q: series[q] * (1.0 + rng.normal(0.0, 0.005, len(log))) for q in log.measured}
@@ -88,7 +87,7 @@ def test_a_fit_finds_the_numbers_that_made_the_log(made):
     assert judged.r2 > 0.98
     assert abs(judged.lag_s) < 0.3
     assert found.figures["engine_load"]["machine 2"]["regression"].r2 < judged.r2 - 0.1
-    assert found.card["power"]["auxiliary_kw"]["value"] == pytest.approx(55.0, rel=0.03)
+    assert found.sheet["power"]["auxiliary_kw"]["value"] == pytest.approx(55.0, rel=0.03)
 
 
 def test_the_lag_of_a_shifted_series_is_found(made):
@@ -115,7 +114,7 @@ def test_figures_are_those_of_their_definitions(made):
 
 def test_the_settled_speed_balances_the_torques():
     machine = load_machine("forage-harvester")
-    e = machine.works.engine
+    e = machine.drivetrain.engine
     loads = np.array([15.0, 40.0, 80.0, 86.0, 92.0, 96.0])
     speeds = steady_speed(machine, {"engine_load": loads}, CHOPPED) * RPM
     peak = (1.0 + e.torque_rise) * e.rated_power / e.rated_speed

@@ -6,10 +6,10 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.rays.height_grid import load_height_grid
-from swath.rays.heights import surface
 from swath.tools.height_map.build import Settings, build_replay, open_source
 from swath.tools.height_map.source import Wanted
 from tests.bags import KINDS, MOUNT, PLANE, START, write_bag
+from tests.rays.height_rays import surface
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.units import DEG
 from swath.rays.height_grid import DEEP, EVEN, LEVELS, NONE, THICK, load_height_grid
-from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster, surface
+from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster
 from swath.record.mcap_file import McapFile
 from swath.record.read.mcap_log import CUT_OFF
 from swath.tools.height_map.build import Settings, build_replay, open_source
@@ -21,6 +21,7 @@ from swath.tools.height_map.gather import Gatherer, Samples, pool
 from swath.tools.height_map.passing import Passing, thicknesses
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
 from swath.tools.height_map.source import Wanted
+from tests.rays.height_rays import cast_heights, surface
 
 DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 VINEYARD = DATA / "lms200_vineyard_protolidar" / "lms200_scans.npz"
@@ -373,8 +374,12 @@ def test_a_curtain_stops_level_beams_and_those_that_rise_as_often_as_it_did(tmp_
         d = mount.turn(np.stack([np.cos(angle * DEG), np.sin(angle * DEG), 0 * angle], axis=1))
         found = []
         for x in np.arange(0.5, 3.5, 0.05):
-            hits = HeightCaster(grid).cast(
-                np.tile([x, 0.0, 1.0], (len(angle), 1)), d, range_max=8.0, seed=int(1000 * x)
+            hits = cast_heights(
+                HeightCaster(grid),
+                np.tile([x, 0.0, 1.0], (len(angle), 1)),
+                d,
+                range_max=8.0,
+                seed=int(1000 * x),
             )
             at = 1.0 + hits.distance * d[:, 2]
             found.append((hits.what == MEASURED) & (hits.distance * d[:, 1] < 1.1) & (at > 0.3))
@@ -455,7 +460,7 @@ def test_real_scans_of_a_vineyard_are_driven_past():
     d = mount.turn(np.stack([np.cos(angle * DEG), np.sin(angle * DEG), 0 * angle], axis=1))
 
     def scan(x, y):
-        return caster.cast(np.tile([x, y, 0.9], (361, 1)), d, range_max=8.0, seed=int(1000 * x))
+        return cast_heights(caster, np.tile([x, y, 0.9], (361, 1)), d, range_max=8.0, seed=int(1000 * x))
 
     # where it was measured: most beams find what they found then
     again = [scan(x, 0.0) for x in place]

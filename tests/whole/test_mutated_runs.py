@@ -3,18 +3,18 @@
 import copy
 
 import numpy as np
-import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import SwathError
+from swath.documents.yaml_document import dump, parse
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.signals import MachineState
 from tests.whole.small import TEXT
 
-BASE = yaml.safe_load(TEXT)
+BASE = parse(TEXT).data
 SHORT = ["run.max_duration_s=0.09", "combine.lidar.sub_rays=1", "combine.lidar.step_deg=4"]
 
 
@@ -63,7 +63,7 @@ def test_a_valid_run_or_one_error(changes, extras):
         if isinstance(node, dict):
             node[path[-1]] = value
     try:
-        world = assemble(parse_scenario(yaml.safe_dump(data), sets=SHORT))
+        world = assemble(parse_scenario(dump(data), sets=SHORT))
         drive(world)
     except SwathError as error:
         refusal = str(error)

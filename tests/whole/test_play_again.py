@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import yaml
 
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.registry import Level
+from swath.documents.yaml_document import read_document
 from swath.record.read.mcap_log import McapLog
 from swath.runtime.job import run_job
 from swath.scenario.machine_types import MACHINE_TYPES
@@ -144,7 +144,7 @@ def test_on_the_command_line(recorded, tmp_path, capsys):
     assert "played from the log: combine.lidar" in text
     assert text.count("identical") == 8
     assert {p.name for p in (tmp_path / "a").iterdir()} >= {"summary.json", "run.mcap", "report.html"}
-    written = yaml.safe_load((tmp_path / "a" / "scenario.yaml").read_text())
+    written = read_document(tmp_path / "a" / "scenario.yaml").data
     assert written["combine"]["lidar"]["level"] == "log"
     assert written["combine"]["lidar"]["rate_hz"] == 25
 

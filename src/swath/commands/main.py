@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import cards, levels, metrics, ros2, run, scenarios, schema
+from swath.commands import levels, metrics, ros2, run, scenarios, schema, sheets
 from swath.core.errors import SwathError
 from swath.core.registry import user_line
 from swath.field_io import command as field
@@ -26,7 +26,7 @@ COMMANDS = (
     scenarios,
     levels,
     metrics,
-    cards,
+    sheets,
     field,
     lab,
     replay,

@@ -1,6 +1,97 @@
-"""The base of everything that flows between components."""
+"""The base of everything that flows between components, and how a sample type declares what it carries.
+
+    @frozen
+    class Moisture(Signal, about=About(frame="sensor")):
+        "Water in the grain as a sensor reads it."
+
+        share: Annotated[float, Quantity("", "water, share of the wet mass", column="moisture_share")]
+
+From this follow its flat numbers, columns of tracks.parquet, ROS 2 message, exact samples, FMI variables and
+its entry in docs/signals.md.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any, ClassVar, Literal, TypeVar, cast, get_type_hints
 
 from swath.core.frozen import frozen
+
+T = TypeVar("T")
+Frame = Literal["base", "sensor", "optical", "world"]
+
+
+@dataclass(frozen=True)
+class TrackColumn:
+    """A column of tracks.parquet made from a field.
+
+    name: with its unit, e.g. `x_m`; unit: as in the name; value: the number from what the field holds
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    value: Callable[[Any], float]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a field of a signal holds; stands in its `Annotated`.
+
+    unit: of the SI, "" = a plain number; meaning: one line, with the sign
+    shape: names or lengths of an array's dimensions
+    nan: what nan means; "" = the field is never nan
+    is_amount: belongs to the step of the sample (kg in that step), adds up over steps; otherwise a state
+    column: name under which it is a column of tracks.parquet as it is; columns: those that are made from it
+    """
+
+    unit: str
+    meaning: str
+    shape: tuple[str | int, ...] = ()
+    nan: str = ""
+    is_amount: bool = False
+    column: str = ""
+    columns: tuple[TrackColumn, ...] = ()
+
+    @property
+    def tracks(self) -> tuple[TrackColumn, ...]:
+        """All columns of tracks.parquet that come from the field."""
+        own = (TrackColumn(self.column, self.unit or "-", self.meaning, float),) if self.column else ()
+        return own + self.columns
+
+
+@dataclass(frozen=True)
+class Message:
+    """A ROS 2 message that a sample becomes. type: e.g. `nav_msgs/Odometry`; meaning: of what, and when.
+
+    topic: as the name of an output of a slot; frame: "" = that of the signal
+    """
+
+    type: str
+    meaning: str = ""
+    topic: str = "/machine/slot/output"
+    frame: str = ""
+
+
+@dataclass(frozen=True)
+class About:
+    """What holds of a signal as a whole.
+
+    frame: `base` (machine), `sensor`, `optical` (of a camera) or `world`
+    messages: () = one `swath_msgs/<Class>` with all its fields in that frame
+    is_thinned: messages come at the rate of tracks.parquet, not sample by sample
+    samples: recorded bit for bit with `record: exact`, only with `full` (large truth, for metrics and
+    pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit
+    track_order: place of its columns in every tracks.parquet; None = at the end, of machines that publish it
+    time_column: column of tracks.parquet for the time that the newest sample is valid for [s]
+    """
+
+    frame: Frame = "base"
+    messages: tuple[Message, ...] = ()
+    is_thinned: bool = False
+    samples: Literal["exact", "full", "messages"] = "exact"
+    track_order: int | None = None
+    time_column: str = ""
 
 
 @frozen
@@ -8,3 +99,41 @@ class Signal:
     """Base of all samples. t: simulated time [ns]."""
 
     t: int
+    about: ClassVar[About] = About()
+
+    def __init_subclass__(cls, about: About | None = None, **rest: Any) -> None:
+        super().__init_subclass__(**rest)
+        if about is not None:
+            cls.about = about
+
+
+def per_signal(function: Callable[[type[Signal]], T]) -> Callable[[type[Signal]], T]:
+    """Remember what a function says of each sample type."""
+    kept: Any = cache(function)
+    return cast("Callable[[type[Signal]], T]", kept)
+
+
+@per_signal
+def quantities(signal: type[Signal]) -> dict[str, Quantity]:
+    """What each field of a sample type but `t` holds; one that declares nothing is a plain number."""
+    hints = get_type_hints(signal, include_extras=True)
+    found = {}
+    for field in fields(signal):
+        notes = getattr(hints[field.name], "__metadata__", ())
+        declared = [note for note in notes if isinstance(note, Quantity)]
+        found[field.name] = declared[0] if declared else Quantity("", field.name.replace("_", " "))
+    del found["t"]
+    return found
+
+
+def signal_types() -> list[type[Signal]]:
+    """All sample types by order of definition; a user's own are there once their file has been loaded."""
+    found: list[type[Signal]] = []
+
+    def add(kind: type[Signal]) -> None:
+        for sub in kind.__subclasses__():
+            found.append(sub)
+            add(sub)
+
+    add(Signal)
+    return found

@@ -1,23 +1,35 @@
-"""Data cards: YAML files of numbers with their source.
+"""Data sheets: YAML files of numbers with their source.
 
-    divergence: {value: 4.7, unit: mrad, tag: S, source: "maker's manual 8013796"}
+    format: swath sensor 2
+    divergence_mrad: {value: 4.7, tag: S, source: "maker's manual 8013796"}
 
-tag: S seen in the source, M from memory, D derived, E estimate; a trailing + or - says how sure.
+The key carries the unit. A remark on what exactly is meant goes to `note`. The tags are `TAGS`.
 """
 
+import copy
 import difflib
-import math
-import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from swath.core.errors import InputError
+from swath.documents.sheet_fields import Entry, build, entries, model_of
+from swath.documents.validation import validate
+from swath.documents.yaml_document import Document, KeyPath, key_path, read_document
 
-FORM = '{value: 4.7, unit: mrad, tag: S, source: "the maker\'s manual"}'
-SUFFIXES = {"deg", "mrad", "mm", "nm", "ns", "hz", "kg"}  # a unit that contradicts its key is refused
-TAGS = {"S", "M", "M+", "M-", "D", "E", "S/D", "M/E", "D/E"}
+FORM = '{value: 4.7, tag: S, source: "the maker\'s manual"}'
+TAGS = {
+    "S": "seen in the source",
+    "D": "derived from other numbers",
+    "E": "estimate, for the reason given",
+    "U": "uncited estimate: usual in the trade, nothing seen that says so",
+}
+"""What a number rests on. `S/D` and the like: between two of them."""
+KINDS = {"sensors": "sensor", "machines": "machine", "crops": "crop"}  # folder -> word of the format line
+VERSION = 2
+T = TypeVar("T")
 
 
 def viewer_layout() -> Path:
@@ -25,138 +37,152 @@ def viewer_layout() -> Path:
     return Path(str(files("swath.data") / "foxglove" / "swath.json"))
 
 
-def card_names(kind: str) -> list[str]:
-    """Names of the bundled cards of a kind: `sensors`, `machines`, `crops`."""
+def sheet_names(kind: str) -> list[str]:
+    """Names of the bundled files of a kind: `sensors`, `machines`, `crops`, `scenarios`."""
     folder = Path(str(files("swath.data") / kind))
     return sorted(p.stem for p in folder.glob("*.yaml"))
 
 
-def find_card(kind: str, name: str, base: Path | None = None) -> Path:
-    """Path of a bundled card by name, or of the user's own file (relative to `base`)."""
+def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
+    """Path of a bundled file by name, or of the user's own file (relative to `base`)."""
     if name.endswith((".yaml", ".yml")):
         path = Path(name) if Path(name).is_absolute() else (base or Path.cwd()) / name
     else:
         path = Path(str(files("swath.data") / kind / f"{name}.yaml"))
     if path.is_file():
         return path
-    names = card_names(kind)
+    names = sheet_names(kind)
     near = difflib.get_close_matches(name, names, n=1)
     hint = f", did you mean {near[0]!r}?" if near else ""
     raise InputError(kind, name, f"expected a file or one of {', '.join(names)}{hint}")
 
 
-class Card:
-    """A read card; numbers are taken by dotted key and checked. It remembers which keys were asked for."""
+@dataclass(frozen=True)
+class Sheet:
+    """A data sheet as written (`document`), and its plain values without tags and sources (`values`)."""
 
-    def __init__(self, path: Path) -> None:
-        import yaml
+    path: Path
+    document: Document
+    values: dict[str, Any]
 
-        self.path = path
-        try:
-            text = path.read_text(encoding="utf-8")
-            data, node = yaml.safe_load(text), yaml.compose(text, Loader=yaml.SafeLoader)
-        except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
-            mark = getattr(error, "problem_mark", None)
-            expected = f"expected a YAML card, {str(error).splitlines()[0]}"
-            raise InputError(
-                "card", None, expected, file=path, line=None if mark is None else mark.line + 1
-            ) from error
-        if not isinstance(data, dict):
-            raise InputError(str(path), None, "expected a mapping of keys")
-        self.data: dict[str, Any] = data
-        self._lines = dict(_lines(node, ""))
-        self._asked: set[str] = set()
-
-    def entry(self, key: str) -> Any:
-        """Raw entry of a dotted key. InputError when it is missing."""
-        self._asked.add(key)
-        node, rest = self.data, key
-        while rest:
-            names = node if isinstance(node, Mapping) else {}
-            fits = [n for n in map(str, names) if rest == n or rest.startswith(f"{n}.")]
-            if not fits:
-                near = difflib.get_close_matches(rest, map(str, names), n=1, cutoff=0.7)
-                hint = f", there is {near[0]!r}" if near else ""
-                above = key[: len(key) - len(rest) - 1]
-                raise self.error(key, None, f"missing{hint}", at=f"{above}.{near[0]}" if near else above)
-            part = max(fits, key=len)  # a name may have dots itself
-            node, rest = names[part], rest[len(part) + 1 :]
-        return node
-
-    def error(self, key: str, value: Any, expected: str, *, at: str | None = None) -> InputError:
-        """The error about a key, with file and line. at: the key that is there instead."""
-        line = self._lines.get(key if at is None else at.lstrip("."))
-        return InputError(key, value, expected, file=self.path, line=line)
-
-    def refuse_unknown(self, *free: str) -> None:
-        """Raise InputError for the first key that nobody has asked for yet. free: keys that are only read by
-        people.
-        """
-        for key in self._unread(self.data, ""):
-            if key.split(".")[0] not in free:
-                near = difflib.get_close_matches(key, self._asked, n=1, cutoff=0.8)
-                hint = f", did you mean {near[0]!r}?" if near else ""
-                raise self.error(key, None, f"unknown key{hint}")
-
-    def _unread(self, node: Mapping[Any, Any], above: str) -> Iterator[str]:
-        for name, value in node.items():
-            key = f"{above}{name}"
-            if key in self._asked:
-                continue
-            if isinstance(value, Mapping) and "value" not in value:
-                yield from self._unread(value, f"{key}.")
-            else:
-                yield key
-
-    def has(self, key: str) -> bool:
-        """True when the key is there."""
-        try:
-            self.entry(key)
-        except InputError:
-            return False
-        return True
+    def __contains__(self, key: str) -> bool:
+        return self.value(key) is not None
 
     def value(self, key: str) -> Any:
-        """The value of a cited entry {value, tag, source}, whatever its type."""
-        entry = self.entry(key)
-        if not isinstance(entry, Mapping) or "value" not in entry:
-            raise self.error(key, entry, f"expected {FORM}")
-        if str(entry.get("tag")) not in TAGS or not entry.get("source"):
-            tags = "S seen in the source, M from memory, D derived, E estimate"
-            raise self.error(key, entry, f"every number needs a tag and a source: {FORM} (tags: {tags})")
-        unit, wanted = str(entry.get("unit") or ""), key.rpartition("_")[2]
-        if unit and wanted in SUFFIXES and wanted not in re.findall(r"[a-z]+", unit.lower()):
-            raise self.error(f"{key}.unit", unit, f"expected {wanted}, as the key says")
-        return entry["value"]
+        """Plain value or section at a dotted key, in the unit of the sheet; None where there is none."""
+        node: Any = self.values
+        for part in key_path(key):
+            node = node.get(part) if isinstance(node, Mapping) else None
+        return node
 
-    def number(self, key: str, *, low: float = -math.inf, high: float = math.inf) -> float:
-        """A finite number within [low, high], in the card's unit."""
+    def number(self, key: str) -> float:
+        """The number at a dotted key, in the unit of the sheet. InputError when there is none."""
         value = self.value(key)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise self.error(key, value, "expected a finite number")
-        if not low <= value <= high:
-            raise self.error(key, value, f"expected {low:g} to {high:g}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            near = difflib.get_close_matches(key, self.numbers(), n=1)
+            hint = f", did you mean {near[0]!r}?" if near else ""
+            raise InputError(key, None, f"expected a number of the data sheet{hint}", file=self.path)
         return float(value)
 
-    def numbers(self, key: str) -> list[Any]:
-        """A list of numbers, or of lists of numbers."""
+    def error(self, key: str, expected: str) -> InputError:
+        """The error about a dotted key, with its value, file and line."""
         value = self.value(key)
-        if not isinstance(value, list):
-            raise self.error(key, value, "expected a list of numbers")
-        return value
+        return self.document.error(key_path(key), None if isinstance(value, dict) else value, expected)
 
-    def text(self, key: str) -> str:
-        """A plain string entry."""
-        value = self.entry(key)
-        if not isinstance(value, str):
-            raise self.error(key, value, "expected text")
-        return value
+    def read(self, kind: type[T]) -> T:
+        """The object, in SI, of the class whose fields say how they stand in the sheet (`sheet_fields.py`).
+
+        Raises InputError unless the sheet has the keys of this class, within their limits, and no others.
+        """
+        self.check(*entries(kind, self.__contains__))
+        return self.build(kind)
+
+    def check(self, *entries: Entry) -> None:
+        """Raise InputError unless the sheet has these keys, within their limits, and no others."""
+        _, errors = validate(model_of(entries), self.values, (), self.document)
+        if errors:
+            raise errors[0]
+
+    def build(self, kind: type[T], prefix: str = "") -> T:
+        """The object of a class whose keys were checked; `prefix` stands before each."""
+        try:
+            made: T = build(kind, prefix, self.value)
+        except InputError as error:  # raised by a __post_init__
+            raise self.error(error.key, error.expected) from error
+        return made
+
+    def changed(self, values: Mapping[str, float]) -> "Sheet":
+        """A copy with other numbers, by dotted key. Raises InputError for a key that it has not."""
+        data = copy.deepcopy(self.document.data)
+        for key, value in values.items():
+            self.number(key)
+            section, _, name = key.rpartition(".")
+            (data[section] if section else data)[name]["value"] = float(value)
+        document = replace(self.document, data=data)
+        return Sheet(self.path, document, plain_values(document))
+
+    def numbers(self) -> dict[str, dict[str, Any]]:
+        """Dotted key -> its entry {value, tag, source} of everything that has a source, in file order."""
+        return {".".join(map(str, path)): entry for path, entry in _cited(self.document.data, ())}
 
 
-def _lines(node: Any, above: str) -> Iterator[tuple[str, int]]:
-    """(dotted key, line from 1) of every key of a YAML mapping."""
-    import yaml
+def read_sheet(kind: str, name: str, base: Path | None = None) -> Sheet:
+    """A bundled data sheet by name or the user's own file (relative to `base`). kind: as in `KINDS`.
 
-    for name, value in node.value if isinstance(node, yaml.MappingNode) else ():
-        yield f"{above}{name.value}", name.start_mark.line + 1
-        yield from _lines(value, f"{above}{name.value}.")
+    Raises InputError for what is no data sheet of that kind and for a number without tag or source.
+    """
+    path = find_sheet(kind, name, base)
+    document = read_document(path)
+    document.kind = "data sheet"
+    if not isinstance(document.data, dict):
+        raise document.error((), None, "expected a mapping of keys")
+    wanted, given = f"swath {KINDS[kind]} {VERSION}", document.data.get("format")
+    if given is None:
+        text = f"expected `{wanted}`; `swath migrate {path}` rewrites a data sheet of version 0.1"
+        raise document.error(("format",), None, text)
+    if given != wanted:
+        raise document.error(("format",), given, f"expected {wanted}")
+    return Sheet(path, document, plain_values(document))
+
+
+def plain_values(document: Document) -> dict[str, Any]:
+    """The values of a data sheet without tags and sources. InputError for a number without them."""
+    return {key: _plain(value, (key,), document) for key, value in document.data.items()}
+
+
+def _plain(node: Any, path: KeyPath, document: Document) -> Any:
+    if isinstance(node, dict):
+        if not {"value", "tag", "source"} & set(node):
+            return {key: _plain(value, (*path, key), document) for key, value in node.items()}
+        return _checked(node, path, document)
+    if _has_number(node):
+        raise document.error(path, node, f"every number needs a tag and a source: {FORM}")
+    return node
+
+
+def _checked(entry: dict[str, Any], path: KeyPath, document: Document) -> Any:
+    if "value" not in entry:
+        raise document.error(path, None, f"expected {FORM}")
+    for key in entry:
+        if key not in ("value", "tag", "source", "note"):
+            hint = ": the key carries the unit, a remark goes to `note`" if key == "unit" else ""
+            raise document.error((*path, key), entry[key], f"unknown key, expected {FORM}{hint}")
+    tag = entry.get("tag")
+    if not isinstance(tag, str) or not set(tag.split("/")) <= set(TAGS) or not entry.get("source"):
+        tags = ", ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items())
+        raise document.error(path, entry, f"every number needs a tag and a source: {FORM} (tags: {tags})")
+    return entry["value"]
+
+
+def _has_number(value: Any) -> bool:
+    if isinstance(value, list):
+        return any(map(_has_number, value))
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _cited(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
+    if isinstance(node, dict) and "value" in node:
+        yield path, node
+    elif isinstance(node, dict):
+        for key, value in node.items():
+            yield from _cited(value, (*path, key))

@@ -5,82 +5,15 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-UNITS = {
-    "deg_s": "deg/s",
-    "rad_s": "rad/s",
-    "deg_s2": "deg/s2",
-    "m_s": "m/s",
-    "m_s2": "m/s2",
-    "kg_s": "kg/s",
-    "kg_m2": "kg/m2",
-    "kg_m3": "kg/m3",
-    "kg_ha": "kg/ha",
-    "t_ha": "t/ha",
-    "g_m2": "g/m2",
-    "per_m2": "1/m2",
-    "per_ha": "1/ha",
-    "per_m": "1/m",
-    "per_s": "1/s",
-    "per_s2": "1/s2",
-    "per_rad": "1/rad",
-    "percent": "%",
-    "kmh": "km/h",
-    "mph": "mile/h",
-    "knots": "kn",
-    "fraction": "share 0 to 1",
-    "mrad": "mrad",
-    "rad": "rad",
-    "deg": "deg",
-    "khz": "kHz",
-    "hz": "Hz",
-    "rpm": "1/min",
-    "ms": "ms",
-    "us": "us",
-    "ns": "ns",
-    "min": "min",
-    "h": "h",
-    "s": "s",
-    "km": "km",
-    "cm": "cm",
-    "mm": "mm",
-    "mm_h": "mm/h",
-    "nm": "nm",
-    "um": "um",
-    "m": "m",
-    "m2": "m2",
-    "m3": "m3",
-    "ha": "ha",
-    "ft": "ft",
-    "feet": "ft",
-    "in": "inch",
-    "inch": "inch",
-    "acre": "acre",
-    "kg": "kg",
-    "g": "g",
-    "t": "t",
-    "lb": "lb",
-    "kn": "kN",
-    "n": "N",
-    "kw": "kW",
-    "kpa": "kPa",
-    "bar": "bar",
-}
+from swath.core.units import split_unit
+
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"
 WIRE_PATTERN = r"^([A-Za-z_][A-Za-z0-9_-]*\.){1,2}[A-Za-z_][A-Za-z0-9_]*$"
 PATTERNS = {
     NAME_PATTERN: "at most 64 letters, digits, dots, - and _",
     WIRE_PATTERN: "slot.output or machine.slot.output",
 }
-_SUFFIXES = sorted(UNITS, key=len, reverse=True)
 _NUMBER_AND_UNIT = re.compile(r"^\s*[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?\s*([A-Za-z°%µ].*)?$")
-
-
-def split_unit(key: str) -> tuple[str, str]:
-    """A file key as (quantity, unit): `speed_kmh` -> ("speed", "km/h"); no unit -> (key, "")."""
-    for suffix in _SUFFIXES:
-        if key.endswith("_" + suffix) and len(key) > len(suffix) + 1:
-            return key[: -len(suffix) - 1], UNITS[suffix]
-    return key, ""
 
 
 def unknown_key(key: str, known: Iterable[str], what: str = "unknown key") -> str:

@@ -5,13 +5,18 @@ aliases and `<<` are understood; what is refused: duplicate keys, keys that are 
 are not finite, text that is not Unicode, and files too large or too deep to be meant.
 """
 
+import io
 import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
+from ruamel.yaml.representer import SafeRepresenter
 
 from swath.core.errors import InputError
 
@@ -44,6 +49,7 @@ class Document:
     data: Any
     file: Path | None = None
     places: dict[KeyPath, Place] = field(default_factory=dict)
+    kind: str = "scenario"  # what an error about the whole of it calls it
 
     def place(self, path: KeyPath) -> Place | None:
         """Place of a key path, or of its nearest parent that was written."""
@@ -51,6 +57,11 @@ class Document:
             if path[:end] in self.places:
                 return self.places[path[:end]]
         return None
+
+    def line(self, path: KeyPath) -> int | None:
+        """Line of a key path, or of its nearest parent that was written."""
+        place = self.place(path)
+        return None if place is None else place.line
 
     def value(self, path: KeyPath) -> Any:
         """What was written at a key path; None where there is nothing."""
@@ -76,11 +87,11 @@ class Document:
         """The error about a key path, with its place."""
         place = self.place(path)
         return InputError(
-            dotted(path),
+            dotted(path) if path else self.kind,
             value,
             expected,
             file=None if place is None else place.file,
-            line=None if place is None else place.line,
+            line=self.line(path),
         )
 
 
@@ -113,21 +124,24 @@ def read_document(file: Path) -> Document:
 
 def parse(text: str, name: str = "text", file: Path | None = None) -> Document:
     """Parse YAML text; `name` stands for the file in error messages."""
+    reader = YAML(typ="safe", pure=True)
+    reader.version = (1, 2)
+    reader.allow_duplicate_keys = True  # _Builder refuses them, with both lines
     try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.MarkedYAMLError as error:
+        node = reader.compose(io.StringIO(text))
+    except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = " ".join(filter(None, (error.context, error.problem)))
         where = f", column {mark.column + 1}" if mark else ""
         raise InputError(
             "YAML", None, f"{problem}{where}", file=name, line=mark.line + 1 if mark else None
         ) from error
-    except yaml.reader.ReaderError as error:
+    except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise InputError(
             "YAML", None, "a character that YAML does not allow", file=name, line=line
         ) from error
-    except (yaml.YAMLError, ValueError) as error:
+    except (YAMLError, ValueError) as error:
         raise InputError("YAML", None, str(error), file=name) from error
     except RecursionError as error:
         raise InputError("YAML", None, f"nested deeper than {MAX_DEPTH}", file=name) from error
@@ -150,27 +164,27 @@ class _Builder:
     def __init__(self, document: Document, name: str) -> None:
         self.document, self.name, self.count = document, name, 0
 
-    def build(self, node: yaml.Node, path: KeyPath) -> Any:
+    def build(self, node: Node, path: KeyPath) -> Any:
         self.count += 1
         if len(path) > MAX_DEPTH:
             raise self._error(node, path[:4], None, f"nested deeper than {MAX_DEPTH}")
         if self.count > MAX_VALUES:
             raise self._error(node, path, None, f"more than {MAX_VALUES} values, aliases expanded")
         self.document.places.setdefault(path, Place(self.name, node.start_mark.line + 1))
-        if isinstance(node, yaml.MappingNode):
+        if isinstance(node, MappingNode):
             self._check_tag(node, path, _YAML + "map")
             return self._mapping(node, path)
-        if isinstance(node, yaml.SequenceNode):
+        if isinstance(node, SequenceNode):
             self._check_tag(node, path, _YAML + "seq")
             return [self.build(item, (*path, index)) for index, item in enumerate(node.value)]
         return self._scalar(node, path)
 
-    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+    def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, Any]:
         merges = [v for k, v in node.value if k.tag == _MERGE]
-        merged = [item for v in merges for item in (v.value if isinstance(v, yaml.SequenceNode) else [v])]
+        merged = [item for v in merges for item in (v.value if isinstance(v, SequenceNode) else [v])]
         result: dict[str, Any] = {}
         for source in reversed(merged):
-            if not isinstance(source, yaml.MappingNode):
+            if not isinstance(source, MappingNode):
                 raise self._error(source, path, None, "expected `<<` to name a mapping")
             result |= self.build(source, path)
         first: dict[str, int] = {}
@@ -186,13 +200,13 @@ class _Builder:
             result[key] = self.build(value_node, (*path, key))
         return result
 
-    def _key(self, node: yaml.Node, path: KeyPath) -> str:
-        if not isinstance(node, yaml.ScalarNode) or not node.value:
+    def _key(self, node: Node, path: KeyPath) -> str:
+        if not isinstance(node, ScalarNode) or not node.value:
             raise self._error(node, path, None, "expected a name before the colon")
         self._check_text(node, path)
         return str(node.value)
 
-    def _scalar(self, node: yaml.Node, path: KeyPath) -> Any:
+    def _scalar(self, node: Node, path: KeyPath) -> Any:
         text = str(node.value)
         self._check_text(node, path)
         if getattr(node, "style", None) is not None:
@@ -210,22 +224,22 @@ class _Builder:
             return self._finite(node, path, text, float(text))
         return text
 
-    def _finite(self, node: yaml.Node, path: KeyPath, text: str, value: int | float | None) -> int | float:
+    def _finite(self, node: Node, path: KeyPath, text: str, value: int | float | None) -> int | float:
         if value is None or not math.isfinite(value):
             raise self._error(node, path, text, "expected a finite number")
         return value
 
-    def _check_tag(self, node: yaml.Node, path: KeyPath, plain: str) -> None:
+    def _check_tag(self, node: Node, path: KeyPath, plain: str) -> None:
         if node.tag != plain:
             raise self._error(node, path, None, f"the tag {node.tag} is not understood here")
 
-    def _check_text(self, node: yaml.Node, path: KeyPath) -> None:
+    def _check_text(self, node: Node, path: KeyPath) -> None:
         try:
             str(node.value).encode()
         except UnicodeEncodeError as error:
             raise self._error(node, path, None, "expected text in Unicode") from error
 
-    def _error(self, node: yaml.Node, path: KeyPath, value: Any, expected: str) -> InputError:
+    def _error(self, node: Node, path: KeyPath, value: Any, expected: str) -> InputError:
         return InputError(dotted(path), value, expected, file=self.name, line=node.start_mark.line + 1)
 
 
@@ -237,22 +251,30 @@ def _integer(text: str) -> int | None:
     return value if abs(value) < 1 << 63 else None
 
 
-class _Dumper(yaml.SafeDumper):
+class _Representer(SafeRepresenter):
     """Writes what `parse` reads: text that YAML 1.2 would take for something else is quoted."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
 
-
-def _write_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    ambiguous = text in _WORDS or any(p.match(text) for p in (_INT, _FLOAT, _SPECIAL))
-    return dumper.represent_scalar(_YAML + "str", text, style="'" if ambiguous else None)
-
-
-_Dumper.add_representer(str, _write_text)
+    def text(self, text: str) -> ScalarNode:
+        ambiguous = text in _WORDS or any(p.match(text) for p in (_INT, _FLOAT, _SPECIAL))
+        return self.represent_scalar(_YAML + "str", text, style="'" if ambiguous else None)
 
 
-def dump(data: Any) -> str:
-    """YAML text of plain data, keys in the given order; `parse` gives the same data back."""
-    text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
-    return text
+_Representer.add_representer(str, _Representer.text)
+
+
+def dump(data: Any, *, flow: bool = False, width: int = 100) -> str:
+    """YAML text of plain data, keys in the given order; `parse` gives the same data back.
+
+    flow: on one line, `{a: 1, b: [2, 3]}`
+    """
+    writer = YAML(typ="safe", pure=True)
+    writer.Representer = _Representer
+    writer.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    writer.default_flow_style = flow
+    writer.allow_unicode, writer.width = True, width
+    out = io.StringIO()
+    writer.dump(data, out)
+    return out.getvalue()

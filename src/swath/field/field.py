@@ -13,14 +13,14 @@ from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
 from swath.field.cut_result import Cut, StemIndex, check_polygon
 from swath.field.edge_defects import BrokenEdge
-from swath.field.field_setup import Stand, Terrain
+from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
 from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import Change, Key, PageStore
-from swath.field.straw import Spreader, write_depth
+from swath.field.straw import spread, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
 from swath.field.weeds import weed_crop
@@ -66,7 +66,6 @@ class Field:
         self.maker = PageMaker(terrain, stand, edges, boundary, library, seed)
         self.store = PageStore(self.maker.make, self._finish, tile_size=library.tile_size, limit=page_limit)
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
-        self._spreader = Spreader()
         self.grain = GrainPiles()
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
 
@@ -112,8 +111,16 @@ class Field:
         inside = np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)
         if self.boundary is not None:
             inside &= self.boundary.contains(x, y)
-        known = getattr(self.terrain, "covers", None)
-        return inside if known is None else inside & known(x, y)
+        return inside & self.terrain.covers(x, y) if isinstance(self.terrain, HasExtent) else inside
+
+    def why_outside(self, x: Any, y: Any) -> str:
+        """Why none of these world points [m] is in the field, empty where one is: `beyond its boundary`."""
+        if self.boundary is not None and not self.boundary.contains(x, y).any():
+            return "beyond its boundary"
+        for part, what in ((self.terrain, "terrain"), (self.stand, "stand")):
+            if isinstance(part, HasExtent) and not part.covers(x, y).any():
+                return f"beyond the map of its {what}"
+        return ""
 
     def ground_height(self, x: Any, y: Any) -> Array:
         """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""
@@ -199,7 +206,7 @@ class Field:
         _check_near(points[:, 0], points[:, 1])
         heading = None if heading is None else heading - self.stand_yaw
         corners = np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.node
-        self._spreader.spread(self.store, corners, mass_kg, heading, self._depth_per_kg)
+        spread(self.store, corners, mass_kg, heading, self._depth_per_kg)
 
     def deposit_grain(self, x: float, y: float, mass_kg: float) -> None:
         """Lay grain [kg] on the ground at a world point [m]. It is counted; rays do not meet it."""

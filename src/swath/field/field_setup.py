@@ -9,7 +9,7 @@ directions are counter-clockwise from east.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from swath.field.crop import load_crop
 from swath.field.weeds import Weeds
 
 Array = NDArray[np.float64]
-Detail = Literal["full", "reduced"]  # of the plants that rays meet
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def from_azimuth(azimuth_deg: float) -> float:
 def drilled(
     crop: str, stems_per_m2: float | None, row_spacing_m: float | None, folder: Path
 ) -> tuple[float, float]:
-    """Density [stems/m2] and row spacing [m] of a stand; what is None is that of the crop's card."""
+    """Density [stems/m2] and row spacing [m] of a stand; what is None is that of the crop's sheet."""
     if stems_per_m2 is not None and row_spacing_m is not None:
         return stems_per_m2, row_spacing_m
     stand = load_crop(crop, folder).stand
@@ -54,6 +53,15 @@ def drilled(
         stand.density if stems_per_m2 is None else stems_per_m2,
         stand.row_spacing if row_spacing_m is None else row_spacing_m,
     )
+
+
+@runtime_checkable
+class HasExtent(Protocol):
+    """A terrain or a stand that is known from a map, which ends somewhere."""
+
+    def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """True on the map, for world points [m], in the shape of x and y broadcast."""
+        ...
 
 
 class Terrain(Protocol):

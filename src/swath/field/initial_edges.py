@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.field.boundary import Region
 from swath.field.edge_defects import BrokenEdge
-from swath.field.field_setup import Stand, Terrain
+from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.memory_layout import STANDING
 from swath.field.track import EdgeShape
 
@@ -73,8 +73,7 @@ def _check_edge(edge: EdgeShape, key: str, terrain: Terrain, stand: Stand, bound
     x, y = edge.point_at(np.linspace(0.0, edge.length, SAMPLES)).T
     if boundary is not None and not boundary.contains(x, y).any():
         raise InputError(key, None, "expected an edge inside the boundary of the field")
-    covers = getattr(terrain, "covers", None)
-    if covers is not None and not covers(x, y).any():
+    if isinstance(terrain, HasExtent) and not terrain.covers(x, y).any():
         raise InputError(key, None, "expected an edge on the map of the terrain")
     if not (stand.density(*_beside(edge, INWARDS[0])) > 0.0).any():
         raise InputError(key, None, "expected an edge with crop beside it on the map of the stand")

@@ -31,7 +31,7 @@ UP = {  # rows: x, y, z of the world from those of the file, right-handed
 
 @dataclass(frozen=True)
 class MeshPart:
-    """Triangles with one material. names: what a card may call it by, first choice first; corners: (n, 3, 3)
+    """Triangles with one material. names: what a sheet may call it by, first choice first; corners: (n, 3, 3)
     in the units and axes of the file.
     """
 
@@ -42,7 +42,7 @@ class MeshPart:
 def read_mesh(path: Path, *, key: str, file: Path | None = None) -> tuple[MeshPart, ...]:
     """Parts of a mesh file, in the order of their names.
 
-    Triangles without an area are left out. Raises InputError with this key (of the card or scenario `file`)
+    Triangles without an area are left out. Raises InputError with this key (of the sheet or scenario `file`)
     for a file that is missing, cannot be read, or holds no triangle, a corner that is no number, or
     coordinates beyond SIZE_MAX; MissingExtra without trimesh.
     """

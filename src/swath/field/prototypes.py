@@ -1,4 +1,4 @@
-"""Tile prototypes full of plants, with the search index that rays walk through."""
+"""Tile prototypes full of plants, with the search index that rays traverse."""
 
 import math
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.field_setup import Detail
 from swath.field.memory_layout import Organ, PlantLibrary, Shape, primitive_rows
-from swath.field.plants import Plants, leaf_parts_of, make_plants
+from swath.field.plants import Drawing, Plants, leaf_parts_of, make_plants
+from swath.field.plants.drawing import Detail
 from swath.field.plants.parts import joined
 
 Array = NDArray[np.float64]
@@ -65,7 +65,8 @@ def make_library(
     order = np.argsort(rng.random((tile_count, per_tile)), axis=1)
     rank = ((order + rng.random((tile_count, 1))) / per_tile).ravel()
     leaf_parts = leaf_parts_of(crop, detail)
-    plants = make_plants(crop, count, rng, leaves=leaves, ears=ears, upright=upright, leaf_parts=leaf_parts)
+    how = Drawing(leaves=leaves, ears=ears, upright=upright, leaf_parts=leaf_parts)
+    plants = make_plants(crop, count, rng, how)
     tile = np.repeat(np.arange(tile_count), per_tile)
     if weeds is not None:
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
@@ -155,8 +156,8 @@ def resolution(
 ) -> tuple[int, int, int]:
     """Prototypes, columns and bins for so many plants per tile; what is given stays. See `make_library`."""
     usual = (16, 20, 16)
-    if crop.mesh is not None:
-        mean = float(np.mean([len(v.organ) for v in crop.mesh.variants]))
+    if crop.habit.pieces is not None:
+        mean = crop.habit.pieces(crop)
         triangles = per_tile * mean
         if MESH_TILES_MIN * triangles > MESH_TRIANGLES_MAX:
             limit = MESH_TRIANGLES_MAX / MESH_TILES_MIN / per_tile

@@ -1,6 +1,7 @@
 """What the parts of a machine that touch the world are given: field, machine, what stands around."""
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.field.contact import Parts, joined, nearest, overlaps, parts_of
+from swath.field.convex import Vector
 from swath.field.field import Field
 from swath.field.grain import GrainReceiver, GroundReceiver
 from swath.field.memory_layout import Solids
@@ -18,26 +21,58 @@ from swath.field.track import EdgeShape
 from swath.signals.setup import MachineGeometry
 
 
-class Bodies:
-    """The bodies of all machines by name, where they stand now. One such list is shared by all sites.
+@dataclass(frozen=True)
+class Contact:
+    """Two bodies that overlap. point: in both of them, world (3,) [m]."""
 
-    Whoever moves a machine places it anew after every step, and after `load`.
+    first: str
+    second: str
+    point: Vector
+
+
+class Bodies:
+    """The bodies of all machines by name, where they stand now, and the obstacles around them.
+
+    One such list is shared by all sites. Whoever moves a machine places it anew after every step, and after
+    `load`. obstacles: in the world, by name. Wheels are no part of a body: the ground is never in contact.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, obstacles: Mapping[str, Solids] | None = None) -> None:
         self._solids: dict[str, Solids] = {}
         self._poses: dict[str, Pose] = {}
         self._starts: dict[str, Pose] = {}
+        self._parts: dict[str, Parts] = {}
+        self._standing: set[str] = set()  # bodies that are no machines
+        self._hitched: set[frozenset[str]] = set()
+        self._known: dict[str, tuple[Pose, Parts]] = {}
+        self.set_obstacles(obstacles or {})
 
-    def add(self, name: str, solids: Solids, pose: Pose) -> None:
-        """A machine's solids in its own frame, and where it starts."""
+    def set_obstacles(self, obstacles: Mapping[str, Solids]) -> None:
+        """The obstacles that stand around from now on, by name."""
+        self._obstacles = {name: parts_of(solids) for name, solids in obstacles.items()}
+
+    def add(self, name: str, solids: Solids, pose: Pose, *, is_machine: bool = True) -> None:
+        """A machine's solids in its own frame, and where it starts; or a thing that sensors see beside the
+        obstacles of the field, and that touches machines alone.
+        """
+        if name in self._obstacles:
+            raise InputError("field.obstacles", name, "expected obstacles with other names than bodies")
         self._solids[name] = solids
         self._poses[name] = self._starts[name] = pose
+        self._parts[name] = parts_of(solids)
+        self._known.pop(name, None)
+        if not is_machine:
+            self._standing.add(name)
+
+    def hitch(self, first: str, second: str) -> None:
+        """Two machines hang together: they never count as touching."""
+        self._hitched.add(frozenset((first, second)))
 
     def remove(self, name: str) -> None:
         """Take one away; nothing where there is none of that name."""
-        self._solids.pop(name, None)
-        self._poses.pop(name, None)
+        for known in (self._solids, self._poses, self._starts, self._parts, self._known):
+            known.pop(name, None)
+        self._standing.discard(name)
 
     def place(self, name: str, pose: Pose) -> None:
         """Move a machine. Raises InputError for a name that was not added."""
@@ -49,6 +84,30 @@ class Bodies:
         """Solids of all machines but one, in the world."""
         rest = sorted(n for n in self._solids if n != name)
         return merge(*(moved(self._solids[n], self._poses[n]) for n in rest))
+
+    def clearance(self, name: str) -> tuple[float, str]:
+        """Distance [m] of a machine from the nearest obstacle or other machine, and the name of that one.
+
+        0 where they overlap, (inf, "") where there is nothing else. A distance above `contact.NEAR` may be a
+        lower bound.
+        """
+        around = self._around(name)
+        found = nearest(self._in_world(name), joined(list(around.values())))
+        if found is None:
+            return float("inf"), ""
+        return found.distance, _owner(around, found.second)
+
+    def contacts(self, name: str = "") -> list[Contact]:
+        """Everything that a machine overlaps, or any machine does, each pair of names once, in order."""
+        pairs: dict[tuple[str, str], Contact] = {}
+        for machine in [name] if name else [n for n in self._solids if n not in self._standing]:
+            around = self._around(machine)
+            for found in overlaps(self._in_world(machine), joined(list(around.values()))):
+                other = _owner(around, found.second)
+                is_machine = other in self._solids and other not in self._standing
+                first, second = sorted((machine, other)) if is_machine and not name else (machine, other)
+                pairs.setdefault((first, second), Contact(first, second, found.point))
+        return [pairs[key] for key in sorted(pairs)]
 
     def reset(self) -> None:
         """All of them where they were added."""
@@ -62,6 +121,38 @@ class Bodies:
         """Put all machines back."""
         for name, rows in state.items():
             self.place(name, Pose(np.array(rows[0]), np.array(rows[1:])))
+
+    def _around(self, name: str) -> dict[str, Parts]:
+        """What a machine may touch: the other machines that it is not hitched to, and all that stands."""
+        rest = [n for n in self._solids if n != name and frozenset((n, name)) not in self._hitched]
+        return {n: self._in_world(n) for n in rest} | self._obstacles
+
+    def _in_world(self, name: str) -> Parts:
+        """The parts of a body where it stands now."""
+        pose, known = self._poses[name], self._known.get(name)
+        if known is None or known[0] is not pose:
+            known = self._known[name] = pose, self._parts[name].moved(pose)
+        return known[1]
+
+
+def _owner(bodies: Mapping[str, Parts], index: int) -> str:
+    """Whose part has this number among the parts of all."""
+    for name, parts in bodies.items():
+        if index < len(parts.kind):
+            return name
+        index -= len(parts.kind)
+    raise IndexError(index)
+
+
+def why_outside(field: Field, machine: MachineGeometry, start: Pose) -> str:
+    """Why a machine that is to cut would start outside the field, empty where it does not.
+
+    It starts inside when the middle of its fixed axle, or the middle or an end of its knife does.
+    """
+    ends = [machine.header_end(side) for side in ("left", "right")]
+    points = np.array([[0.0, 0.0], [machine.knife_x, machine.header_y], *ends])
+    x, y, _ = start.apply(np.column_stack([points, np.zeros(4)])).T
+    return field.why_outside(x, y)
 
 
 @dataclass(frozen=True)

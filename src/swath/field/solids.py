@@ -1,11 +1,12 @@
 """Obstacles and machine bodies: boxes, posts and stones that a ray can hit."""
 
+from collections import Counter
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, MaxLen, MinLen
 from numpy.typing import NDArray
 from pydantic import Field as PydanticField
 
@@ -25,11 +26,12 @@ KNIFE_CLEARANCE = 0.1  # of the header's body above ground [m], assumed
 Metres = Annotated[float, Ge(-PLACE), Le(PLACE)]
 Size = Annotated[float, Gt(0.0), Le(100.0)]
 Share = Annotated[float, Ge(0.0), Le(1.0)]
+ObstacleName = Annotated[str, MinLen(1), MaxLen(40)]
 
 
 @dataclass(frozen=True)
 class PostObstacle:
-    """An upright round post. x_m, y_m: its foot on the ground."""
+    """An upright round post. x_m, y_m: its foot on the ground; name: in reports, none = kind and number."""
 
     x_m: Metres
     y_m: Metres
@@ -37,11 +39,14 @@ class PostObstacle:
     height_m: Size = 2.0
     diameter_m: Size = 0.15
     reflectance: Share = WOOD
+    name: ObstacleName | None = None
 
 
 @dataclass(frozen=True)
 class BoxObstacle:
-    """A box on the ground. x_m, y_m: its middle; heading_deg: of its length, from east to the left."""
+    """A box on the ground. x_m, y_m: its middle; heading_deg: of its length, from east to the left
+    name: in reports, none = its kind and number
+    """
 
     x_m: Metres
     y_m: Metres
@@ -51,11 +56,14 @@ class BoxObstacle:
     height_m: Size = 2.0
     heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
     reflectance: Share = PAINT
+    name: ObstacleName | None = None
 
 
 @dataclass(frozen=True)
 class StoneObstacle:
-    """An ellipsoid, half of its height above ground. x_m, y_m: its middle."""
+    """An ellipsoid, half of its height above ground. x_m, y_m: its middle
+    name: in reports, none = its kind and number
+    """
 
     x_m: Metres
     y_m: Metres
@@ -65,6 +73,7 @@ class StoneObstacle:
     height_m: Size = 0.5
     heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
     reflectance: Share = STONE
+    name: ObstacleName | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,7 @@ class MeshObstacle:
     scale: on top of the unit; foot: what stands at x_m, y_m: the middle of the mesh's `base` or its `origin`
     z_m: of the foot above ground; heading_deg, pitch_deg, roll_deg: of its x axis from east to the left, nose
     down, right side down, about the foot
+    name: in reports, none = its kind and number
     """
 
     x_m: Metres
@@ -90,6 +100,7 @@ class MeshObstacle:
     pitch_deg: Annotated[float, Ge(-90.0), Le(90.0)] = 0.0
     roll_deg: Annotated[float, Ge(-180.0), Le(180.0)] = 0.0
     reflectance: Share = PAINT
+    name: ObstacleName | None = None
 
 
 Obstacle = Annotated[
@@ -98,27 +109,39 @@ Obstacle = Annotated[
 
 
 def make_obstacles(obstacles: Any, field: Any) -> Solids:
-    """Solids of obstacle parameters, each standing on the ground of a field (its `ground_height` is asked).
+    """Solids of obstacle parameters, see `named_obstacles`, together."""
+    return merge(*named_obstacles(obstacles, field).values())
 
-    Raises InputError for an obstacle outside the boundary of the field, or whose mesh cannot be used.
+
+def named_obstacles(obstacles: Any, field: Any) -> dict[str, Solids]:
+    """Solids of obstacle parameters by name, each standing on the ground of a field (its `ground_height` is
+    asked). One without a name has its kind and its number among all of that kind, such as `post 1`.
+
+    Raises InputError for an obstacle outside the boundary of the field, whose mesh cannot be used, or whose
+    name another one has.
     """
-    made = []
+    made: dict[str, Solids] = {}
+    counts: Counter[str] = Counter()
     for index, o in enumerate(obstacles):
+        key = f"field.obstacles.{index}"
         region = getattr(field, "boundary", None)
         if region is not None and not bool(region.contains(o.x_m, o.y_m)):
-            place = f"[{o.x_m:g}, {o.y_m:g}]"
-            raise InputError(f"field.obstacles.{index}", place, "expected a place inside the boundary")
-        foot = np.array([o.x_m, o.y_m, float(field.ground_height(o.x_m, o.y_m))])
-        if isinstance(o, PostObstacle):
-            made.append(post(foot, o.height_m, o.diameter_m, o.reflectance))
-            continue
-        if isinstance(o, MeshObstacle):
-            made.append(_mesh_obstacle(o, foot, f"field.obstacles.{index}.file"))
-            continue
-        size = (o.length_m, o.width_m, o.height_m)
-        shape = box_on_ground if isinstance(o, BoxObstacle) else stone
-        made.append(shape(foot, size, o.heading_deg * DEG, o.reflectance))
-    return merge(*made)
+            raise InputError(key, f"[{o.x_m:g}, {o.y_m:g}]", "expected a place inside the boundary")
+        counts[o.kind] += 1
+        name = o.name or f"{o.kind} {counts[o.kind]}"
+        if name in made:
+            raise InputError(f"{key}.name", name, "expected a name that no other obstacle has")
+        made[name] = _obstacle(o, np.array([o.x_m, o.y_m, float(field.ground_height(o.x_m, o.y_m))]), key)
+    return made
+
+
+def _obstacle(o: Any, foot: Array, key: str) -> Solids:
+    if isinstance(o, PostObstacle):
+        return post(foot, o.height_m, o.diameter_m, o.reflectance)
+    if isinstance(o, MeshObstacle):
+        return _mesh_obstacle(o, foot, f"{key}.file")
+    shape = box_on_ground if isinstance(o, BoxObstacle) else stone
+    return shape(foot, (o.length_m, o.width_m, o.height_m), o.heading_deg * DEG, o.reflectance)
 
 
 def post(foot: Any, height: float, diameter: float, reflectance: float = WOOD) -> Solids:
@@ -188,13 +211,15 @@ def _mesh_obstacle(o: MeshObstacle, ground: Array, key: str) -> Solids:
 
 
 def machine_body(machine: MachineGeometry, reflectance: float = PAINT) -> Solids:
-    """Chassis and header of a machine as two boxes in the machine frame."""
+    """Chassis of a machine, and its header if it has one, as boxes in the machine frame."""
     rear, front, half_width, bottom, top = machine.body
     chassis = box_on_ground(
         [0.5 * (rear + front), 0.0, bottom],
         [front - rear, 2.0 * half_width, top - bottom],
         reflectance=reflectance,
     )
+    if not machine.has_header:
+        return chassis
     header = box_on_ground(
         [machine.knife_x - 0.5 * machine.header_depth, machine.header_y, KNIFE_CLEARANCE],
         [machine.header_depth, machine.header_width, machine.header_height],

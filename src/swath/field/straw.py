@@ -4,7 +4,9 @@ Masses are float64 and each node belongs to one page (its lower-left ones), so t
 that rays see is float32 and written to every page that shows the node.
 """
 
-from math import cos, sin
+from functools import lru_cache
+from itertools import pairwise
+from math import ceil, cos, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,56 +14,67 @@ from numpy.typing import NDArray
 from swath.field.height_bounds import update_bumps, update_bumps_within
 from swath.field.memory_layout import PAGE_NODES
 from swath.field.pages import Key, PageStore
-from swath.kernels import Row, numbers, repeatable, start_warp
 
 Array = NDArray[np.float64]
 SPACING = 0.5  # of the points that straw is laid from, in nodes
-CORNERS, ROOM = 8, 64  # corners of a polygon, nodes along it: more room is made where it is needed
 
 
-class Spreader:
-    """Lays straw on the nodes of pages; what it works in is made once."""
+def spread(store: PageStore, polygon: Array, mass: float, heading: float | None, depth_per_kg: float) -> None:
+    """Lay a mass [kg] on the nodes in and around a convex polygon (n, 2) in node units of the stand frame.
 
-    def __init__(self) -> None:
-        self._make(CORNERS, ROOM)
+    heading [rad] in that frame: straw lies as a ridge along it, a parabola across; None: even. Every point of
+    a lattice over the polygon, less than SPACING apart, lays its share on the four nodes around it.
+    """
+    if mass == 0.0:
+        return
+    points, weight = _points(polygon)
+    if heading is not None:
+        c, s = cos(heading), sin(heading)
+        across = [c * y - s * x for x, y in polygon.tolist()]
+        middle, half = 0.5 * (max(across) + min(across)), max(0.5 * (max(across) - min(across)), 1e-9)
+        off = (c * points[:, 1] - s * points[:, 0] - middle) / half
+        weight = weight * np.maximum(1.0 - off * off, 0.0)
+    whole = float(np.add.accumulate(weight)[-1])
+    if whole <= 0.0:
+        return
+    share = weight * (mass / whole)
+    node = np.floor(points)
+    u0, v0 = node.min(axis=0).astype(int).tolist()
+    u1, v1 = node.max(axis=0).astype(int).tolist()
+    (fx, fy), columns = (points - node).T, u1 - u0 + 2
+    first = (node[:, 1].astype(int) - v0) * columns + node[:, 0].astype(int) - u0
+    at = first[:, None] + np.array([0, 1, columns, columns + 1])
+    corner = ((1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy)
+    laid = np.zeros((v1 - v0 + 2) * columns)
+    np.add.at(laid, at.ravel(), (np.stack(corner, axis=1) * share[:, None]).ravel())
+    _add(store, laid.reshape(-1, columns), u0, v0, depth_per_kg)
 
-    def spread(
-        self, store: PageStore, polygon: Array, mass: float, heading: float | None, depth_per_kg: float
-    ) -> None:
-        """Lay a mass [kg] on the nodes in and around a convex polygon given in node units of the stand frame.
 
-        heading [rad] in that frame: straw lies as a ridge along it; None: even. Every point of a lattice over
-        the polygon, less than SPACING apart, lays its share on the four nodes around it.
-        """
-        corners = polygon.tolist()
-        xs, ys = [x for x, _ in corners], [y for _, y in corners]
-        rows, columns = int(max(ys) - min(ys)) + 4, int(max(xs) - min(xs)) + 4
-        if mass == 0.0:
-            return
-        if len(corners) > len(self._corners) or max(rows, columns) > len(self._laid):
-            self._make(max(len(corners), CORNERS), max(rows, columns, ROOM))
-        c, s, middle, half = 1.0, 0.0, 0.0, 0.0
-        if heading is not None:
-            c, s = cos(heading), sin(heading)
-            across = [c * y - s * x for x, y in corners]
-            middle, half = 0.5 * (max(across) + min(across)), max(0.5 * (max(across) - min(across)), 1e-9)
-        self._corners[: len(corners)] = polygon
-        self._laid[:rows, :columns] = 0.0
-        self._heap.write(len(corners), mass, c, s, middle, half, SPACING, 0.0, 0.0, 0.0, 0.0)
-        self._launch()
-        u0, v0, u1, v1 = (int(v) for v in self._heap.read()[-4:])
-        laid = self._laid[: v1 - v0 + 2, : u1 - u0 + 2].copy()
-        if laid.any():
-            _add(store, laid, u0, v0, depth_per_kg)
+def _points(polygon: Array) -> tuple[Array, Array]:
+    """Middles (n, 2) of equal parts of the triangles of a convex polygon, and the area of each part (n,)."""
+    places, areas = [], []
+    a = polygon[0]
+    for b, d in pairwise(polygon[1:]):
+        e, f = b - a, d - a
+        longest = max(sqrt(float(side @ side)) for side in (e, f, f - e))
+        n = max(ceil(longest / SPACING), 1)
+        part = _parts(n)
+        places.append(a + e * part[:, :1] + f * part[:, 1:])
+        areas.append(np.full(len(part), 0.5 * abs(float(e[0] * f[1] - e[1] * f[0])) / (n * n)))
+    return np.concatenate(places), np.concatenate(areas)
 
-    def _make(self, corners: int, room: int) -> None:
-        from swath.field.straw_kernel import Heap, spread
 
-        wp = start_warp()
-        self._heap = Row(Heap)
-        points, laid = wp.zeros(corners, dtype=wp.vec2d, device="cpu"), numbers(room, room)
-        self._corners, self._laid = points.numpy(), laid.numpy()
-        self._launch = repeatable(spread, [self._heap.array, points, laid]).launch
+@lru_cache(maxsize=64)
+def _parts(n: int) -> Array:
+    """Middles of the n * n equal parts of a triangle, as shares of its two sides, (n * n, 2)."""
+    middles = [
+        ((i + (1 + up) / 3) / n, (j + (1 + up) / 3) / n)
+        for j in range(n)
+        for i in range(n - j)
+        for up in (0, 1)
+        if up == 0 or i + j < n - 1
+    ]
+    return np.array(middles)
 
 
 def write_depth(store: PageStore, keys: list[Key], depth_per_kg: float) -> None:

@@ -1,4 +1,4 @@
-"""Weeds under a crop: how many, how tall, and the plants for it from a weed's card."""
+"""Weeds under a crop: how many, how tall, and the plants for it from a weed's sheet."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,12 +8,13 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import InputError
 from swath.field.crop import Crop, load_crop
+from swath.field.plants.parts import LeafFacts
 
 
 @dataclass(frozen=True, kw_only=True)
 class Weeds:
     """Weeds wherever the crop was sown, its stubble included. plants_per_m2; height_m: mean, ground to the
-    highest leaf; crop: name of the weed's card.
+    highest leaf; crop: name of the weed's sheet.
     """
 
     plants_per_m2: Annotated[float, Ge(0.0), Le(1000.0)] = 20.0
@@ -22,12 +23,12 @@ class Weeds:
 
 
 def weed_crop(weeds: Weeds, folder: Path | None = None) -> Crop:
-    """The weed's card, its plants grown to the wanted height: widths and leaves with the square root of it,
+    """The weed's sheet, its plants grown to the wanted height: widths and leaves with the square root of it,
     so that mass goes with the square (length times width squared).
     """
     crop = load_crop(weeds.crop, folder)
-    if crop.mesh is not None:
-        raise InputError("weeds.crop", weeds.crop, "expected a card of another habit than mesh")
+    if not crop.habit.has_stem:
+        raise InputError("weeds.crop", weeds.crop, "expected a crop whose plants have a stem")
     ratio = weeds.height_m / crop.stand.height
     wide = ratio**0.5
     stem = replace(
@@ -35,13 +36,13 @@ def weed_crop(weeds: Weeds, folder: Path | None = None) -> Crop:
         diameter_base=crop.stem.diameter_base * wide,
         diameter_top=crop.stem.diameter_top * wide,
     )
-    leaf = crop.leaf
+    organs, leaf = crop.organs, crop.organs.of(LeafFacts)
     if leaf is not None:
-        leaf = replace(leaf, length=leaf.length * wide, width=leaf.width * wide)
+        organs = organs.replaced(replace(leaf, length=leaf.length * wide, width=leaf.width * wide))
     return replace(
         crop,
         stand=replace(crop.stand, density=weeds.plants_per_m2, height=weeds.height_m),
         stem=stem,
-        leaf=leaf,
+        organs=organs,
         yields=replace(crop.yields, bare_mass=crop.yields.bare_mass * ratio**2),
     )

@@ -24,7 +24,7 @@ from swath.field.field_setup import from_azimuth
 
 GUST_SHARE = 0.3  # of the amplitude that the second wave has [E]
 GUST_LENGTH = 4  # of the second wave, in wavelengths and in periods of the first [E]
-GUST_TURN = 30.0 * DEG  # of the second wave's way against the wind [E]
+GUST_TURN = 30.0 * DEG  # of the second wave's direction against the wind [E]
 SWAY_PER_SPEED2 = 0.2  # deg per (m/s)^2: drag and so small leans grow with the square of speed [E]
 SWAY_MAX = 15.0  # the most that a speed alone gives [deg] [E]
 

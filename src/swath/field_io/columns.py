@@ -9,36 +9,26 @@ everything by hand:
 """
 
 import difflib
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
+from swath.core import units
 from swath.core.errors import InputError
+from swath.core.units import ACRE, DEG, POUND, SUFFIXES, factors, split_unit
+from swath.documents.yaml_document import Document, read_document
 
 WHEAT_LB_PER_BUSHEL = 60.0  # legal weight of a bushel of wheat in the USA
-_LB, _FT, _ACRE = 0.45359237, 0.3048, 4046.8564224  # exact, international pound, foot and acre
-_TONNE = 1000.0
 
 UNITS: dict[str, dict[str, float]] = {
-    "length": {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": _FT, "in": 0.0254},
-    "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704, "kn": 1852 / 3600, "ft/s": _FT},
-    "time": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0, "d": 86400.0},
-    "degrees": {"deg": 1.0, "rad": 180.0 / math.pi},
-    "mass flow": {"kg/s": 1.0, "t/h": _TONNE / 3600, "kg/h": 1 / 3600, "lb/s": _LB},
-    "yield": {
-        "kg/ha": 1e-4, "t/ha": 0.1, "dt/ha": 0.01, "kg/m2": 1.0, "lb/ac": _LB / _ACRE,
-        "bu/ac": WHEAT_LB_PER_BUSHEL * _LB / _ACRE,
-    },
+    **{kind: factors(kind) for kind in ("length", "speed", "time", "mass flow", "rotation", "volume flow")},
+    "degrees": {symbol: factor / DEG for symbol, factor in factors("angle").items()},
+    "yield": {**factors("mass per area"), "bu/ac": WHEAT_LB_PER_BUSHEL * POUND / ACRE},
     "share": {"%": 0.01, "1": 1.0},
-    "rotation": {"rad/s": 1.0, "rpm": math.pi / 30.0},
-    "volume flow": {"l/h": 1e-3 / 3600.0, "l/s": 1e-3, "gal/h": 3.785411784e-3 / 3600.0},
     "number": {"1": 1.0},
     "text": {"text": 1.0},
-}  # fmt: skip
+}
 """Factor from each unit to the one used inside: m, m/s, s, deg, kg/s, kg/m2, share, rad/s, m3/s."""
 
 QUANTITIES: dict[str, str] = {
@@ -133,15 +123,16 @@ _USUAL: dict[str, tuple[str, str]] = {  # canonical -> (default unit, pattern on
     "engine_speed": ("rpm", r"engine_?(speed|rpm)"),
     "fuel": ("l/h", r"fuel(_?(rate|flow|consumption))?"),
 }
-_SUFFIX_UNITS = {
-    "m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "in": "in", "m_s": "m/s", "ms": "m/s", "km_h": "km/h",
-    "kmh": "km/h", "kph": "km/h", "mph": "mph", "kn": "kn", "s": "s", "sec": "s", "h": "h", "min": "min",
-    "kg_s": "kg/s", "kgs": "kg/s", "t_h": "t/h", "th": "t/h", "kg_h": "kg/h", "lb_s": "lb/s", "lbs_s": "lb/s",
-    "kg_ha": "kg/ha", "kgha": "kg/ha", "t_ha": "t/ha", "tha": "t/ha", "dt_ha": "dt/ha", "kg_m2": "kg/m2",
-    "lb_ac": "lb/ac", "lbs_ac": "lb/ac", "bu_ac": "bu/ac", "buac": "bu/ac", "pct": "%", "percent": "%",
-    "deg": "deg", "rad": "rad", "rpm": "rpm", "rad_s": "rad/s", "l_h": "l/h", "lh": "l/h", "l_s": "l/s",
-    "gal_h": "gal/h",
+_LOG_SUFFIXES = {
+    "ms": "m/s", "km_h": "km/h", "kph": "km/h", "kn": "kn", "sec": "s", "kgs": "kg/s", "th": "t/h",
+    "lbs_s": "lb/s", "kgha": "kg/ha", "tha": "t/ha", "lbs_ac": "lb/ac", "bu_ac": "bu/ac", "buac": "bu/ac",
+    "pct": "%", "lh": "l/h",
 }  # fmt: skip
+"""Further ends of names in logs; `ms` and `kn` are not what they are in keys."""
+_SYMBOLS = {symbol for kind in UNITS.values() for symbol in kind}
+_ENDS = sorted(
+    {s for s in SUFFIXES if units.UNITS[s].symbol in _SYMBOLS} | {*_LOG_SUFFIXES}, key=len, reverse=True
+)
 
 _NAME_IT = "; say which with --columns MAP.yaml, in it lines like {}: {{column: Name, unit: {}}}"
 
@@ -183,44 +174,35 @@ def guess(header: Sequence[str], path: Path) -> ColumnMap:
 
 def read_map(path: Path, header: Sequence[str]) -> ColumnMap:
     """Column map from a YAML file; every name, column and unit is checked. Raises InputError."""
-    try:
-        raw = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            "columns", None, f"expected a readable YAML file: {error.strerror}", file=path
-        ) from error
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = None if mark is None else mark.line + 1
-        raise InputError(
-            "columns", None, "expected YAML: canonical name -> column and unit", file=path, line=line
-        ) from error
+    document = read_document(path)
+    raw = document.data
     if not isinstance(raw, dict) or not raw:
         raise InputError("columns", raw, "expected canonical names, each with a column and a unit", file=path)
-    crs = raw.pop("crs", "")
+    crs = raw.get("crs", "")
     if not isinstance(crs, str):
-        raise InputError("crs", crs, "expected text like EPSG:32612", file=path)
-    found = {str(key): _entry(str(key), value, header, path) for key, value in raw.items()}
+        raise document.error(("crs",), crs, "expected text like EPSG:32612")
+    found = {key: _entry(key, value, header, document) for key, value in raw.items() if key != "crs"}
     return ColumnMap(found, f"map {path.name}", crs)
 
 
-def _entry(key: str, value: object, header: Sequence[str], path: Path) -> Column:
+def _entry(key: str, value: object, header: Sequence[str], document: Document) -> Column:
     if key not in QUANTITIES:
         near = difflib.get_close_matches(key, QUANTITIES, 1)
         hint = f" (did you mean {near[0]}?)" if near else ""
-        raise InputError("column name", key, f"expected one of {', '.join(QUANTITIES)}{hint}", file=path)
+        expected = f"expected one of {', '.join(QUANTITIES)}{hint}"
+        raise InputError("column name", key, expected, file=document.file, line=document.line((key,)))
     if isinstance(value, str):
         value = {"column": value}
     if not isinstance(value, dict) or not set(value) <= {"column", "unit"} or "column" not in value:
-        raise InputError(key, value, "expected {column: name, unit: unit}", file=path)
+        raise document.error((key,), value, "expected {column: name, unit: unit}")
     column, unit = str(value["column"]), str(value.get("unit", _USUAL[key][0]))
     if column not in header:
         near = difflib.get_close_matches(column, header, 1)
         hint = f", nearest is {near[0]!r}" if near else ""
-        raise InputError(f"{key}.column", column, f"expected a column of the log{hint}", file=path)
+        raise document.error((key, "column"), column, f"expected a column of the log{hint}")
     known = UNITS[QUANTITIES[key]]
     if unit not in known:
-        raise InputError(f"{key}.unit", unit, f"expected one of {', '.join(known)}", file=path)
+        raise document.error((key, "unit"), unit, f"expected one of {', '.join(known)}")
     return Column(column, unit)
 
 
@@ -246,7 +228,7 @@ def _split_unit(name: str) -> tuple[str, str | None]:
         unit = {"°": "deg", "percent": "%", "kph": "km/h", "kmh": "km/h"}.get(unit, unit)
         return re.sub(r"[\s\-.()\[\]]+", "_", bracket[1]).strip("_"), unit
     bare = re.sub(r"[\s\-./]+", "_", text).strip("_")
-    for suffix in sorted(_SUFFIX_UNITS, key=len, reverse=True):
-        if bare.endswith("_" + suffix) and len(bare) > len(suffix) + 1:
-            return bare[: -len(suffix) - 1], _SUFFIX_UNITS[suffix]
+    for end in _ENDS:
+        if bare.endswith("_" + end) and len(bare) > len(end) + 1:
+            return bare[: -len(end) - 1], _LOG_SUFFIXES.get(end) or split_unit(bare)[1]
     return bare, None

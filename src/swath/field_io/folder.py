@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.yaml_document import dump, read_document
 from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field_io.passes import Track, from_feature, to_geojson
@@ -173,7 +173,7 @@ def _write_parts(field: FieldFolder, folder: Path) -> None:
         "row_azimuth_deg": round(float(np.degrees(field.row_azimuth)), 4),
     }
     rest = {k: v for k, v in field.info.items() if k not in head}
-    text = yaml.safe_dump({**head, **rest}, sort_keys=False, allow_unicode=True, width=110)
+    text = dump({**head, **rest}, width=110)
     (folder / "field.yaml").write_text(text, encoding="utf-8")
 
 
@@ -186,12 +186,7 @@ def _read_info(path: Path) -> dict[str, Any]:
         raise InputError("field folder", str(path.parent), "expected a folder, there is none")
     if not path.is_file():
         raise InputError("field folder", str(path.parent), "expected a field folder, it has no field.yaml")
-    try:
-        info = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, OSError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = None if mark is None else mark.line + 1
-        raise InputError("field.yaml", None, "expected readable YAML", file=path, line=line) from error
+    info = read_document(path).data
     if not isinstance(info, dict) or info.get("format") != FORMAT:
         found = info.get("format") if isinstance(info, dict) else info
         raise InputError("format", found, f"expected {FORMAT!r}", file=path)

@@ -90,6 +90,7 @@ class EvaluatorSetup:
 
     field: the truth; machines: all of the run, by name; name: of the machine to judge, "" for the whole field
     settling_m: driven before it judges [m]; 0 in a window
+    contact_ends_run: whether a machine that touches something ends the run
     overlap: how far the machine's header end is meant to be out over the cut ground [m]
     gaps: of the machine's edge; obstacles: solids in the world; bodies: of all machines, where they stand now
     """
@@ -98,6 +99,7 @@ class EvaluatorSetup:
     machines: Mapping[str, RecordedMachine]
     name: str = ""
     settling_m: float = SETTLING_M
+    contact_ends_run: bool = True
     overlap: float = 0.0
     gaps: Sequence[Gap] = ()
     obstacles: Solids = dataclasses.field(default_factory=Solids)

@@ -11,8 +11,9 @@ from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.record import positioning_messages as positioning
 from swath.record.read import feed as feeds
+from swath.record.read.fields import Context
 from swath.record.read.files import Log
-from swath.record.read.messages import Context, maker_for, message_names
+from swath.record.read.messages import maker_for, message_names
 from swath.record.read.tangent_plane import TangentPlane, ToLocal, field_plane
 from swath.sensing.mount import Mount
 from swath.signals import Fix, MachineState, Scan, Signal

@@ -1,1 +1,1 @@
-"""The machine: motion, steering, header, process; what the data card says about it."""
+"""The machine: motion, steering, header, process; what the data sheet says about it."""

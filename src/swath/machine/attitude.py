@@ -5,15 +5,14 @@ but does not roll the body. A tyre bridges what is shorter than itself: it stand
 over its contact patch, so a wave of length l along the path is damped by sinc(patch_length / l).
 """
 
-from math import cos, isfinite, sin
-from typing import Any, NamedTuple, Protocol
+from math import atan, atan2, copysign, cos, isfinite, sin
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.footprint import Footprint, make_ground
-from swath.kernels import Row, numbers, repeatable, start_warp
+from swath.field.footprint import Footprint
 from swath.machine.machine_sheet import Axle, dynamics_of
 from swath.signals.setup import MachineGeometry
 
@@ -26,6 +25,15 @@ class Ground(Protocol):
 
     def ground_height(self, x: Any, y: Any, /) -> Any:
         """Height of the ground [m] at world x, y [m]."""
+        ...
+
+
+@runtime_checkable
+class PagedGround(Ground, Protocol):
+    """Ground that is quicker to read under the same points again and again, as `Field`."""
+
+    def footprint(self, points: Any, /, *, groups: int = 1) -> Footprint:
+        """Reader of the heights under points (n, 2) [m] of a body."""
         ...
 
 
@@ -43,58 +51,47 @@ class Stance(NamedTuple):
 
 
 class TerrainFollower:
-    """Reads the ground under four tyres; compiled where the ground is a field's.
-
-    gear: for kernels of others, which call `_attitude.stand_at`
-    """
+    """Reads the ground under four tyres. stance: the last one"""
 
     def __init__(self, ground: Ground, machine: MachineGeometry) -> None:
-        from swath.machine.attitude_kernel import Gear, Stand, stand
-
         self._ground, self._points = ground, _tyre_points(machine)
-        quick = getattr(ground, "footprint", None)
-        self._footprint: Footprint | None = None if quick is None else quick(self._points, groups=4)
-        under = self._footprint.ground if self._footprint else make_ground(np.zeros((0, 2)), 4, 2)
-        self.gear = Gear()
-        self.gear.wheelbase = -machine.steered_x
-        self.gear.front_track, self.gear.rear_track = machine.front_track, machine.rear_track
-        self._stand, self._place = Row(Stand), Row(start_warp().vec3d)
-        self.gear.ground, self.gear.stand = under, self._stand.array
-        self.gear.position, self.gear.rotation = numbers(3), numbers(3, 3)
-        shared = under.means, self.gear.position, self.gear.rotation
-        self._means, self._position, self._rotation = (a.numpy() for a in shared)
-        self._launch = repeatable(stand, [self._place.array, self.gear]).launch
+        self._footprint: Footprint | None = None
+        if isinstance(ground, PagedGround):
+            self._footprint = ground.footprint(self._points, groups=4)
+        self._wheelbase = -machine.steered_x  # < 0 where the steered axle is ahead
+        self._front_track, self._rear_track = machine.front_track, machine.rear_track
+        self.stance, self._place = Stance(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
     def at(self, x: float, y: float, yaw: float) -> Stance:
-        """Stance at a place [m] and heading [rad]."""
+        """Stance at a place [m] and heading [rad].
+
+        pitch = atan((rear - front) / wheelbase), roll = atan(front slope * cos(pitch)): on a plane the body's
+        z axis is then exactly the plane's normal (intrinsic z-y'-x'' angles).
+        """
         if not (isfinite(x) and isfinite(y) and isfinite(yaw)):
             raise InputError("place", (x, y, yaw), "expected a finite place and heading")
-        if self._footprint is None:
-            self._look(x, y, yaw)
-        self.hold(x, y)
-        self._place.write(x, y, yaw)
-        self._launch()
-        return Stance(*self._stand.read())
-
-    def hold(self, x: float, y: float) -> None:
-        """Have the ground around x, y [m] at hand for a kernel that calls `stand_at` soon."""
-        if self._footprint is not None:
-            self._footprint.hold(x, y)
-
-    def arrive(self, x: float, y: float, yaw: float) -> None:
-        """After a kernel that called `stand_at` for this very place: complete where there are no pages."""
-        if self._footprint is None or not isfinite(yaw):
-            self.at(x, y, yaw)
+        means = self._look if self._footprint is None else self._footprint.means
+        left, right, rear_left, rear_right = means(x, y, yaw)
+        z = 0.5 * (left + right)
+        fall = 0.5 * (rear_left + rear_right) - z
+        pitch = atan2(copysign(1.0, self._wheelbase) * fall, abs(self._wheelbase))
+        front_slope = (left - right) / self._front_track
+        roll = atan(front_slope * cos(pitch))
+        rear_slope = (rear_left - rear_right) / self._rear_track
+        self.stance, self._place = Stance(z, roll, pitch, front_slope, rear_slope), (x, y, yaw)
+        return self.stance
 
     def pose(self) -> Pose:
         """pose_world_machine of the last stance."""
-        return Pose(self._position.copy(), self._rotation.copy())
+        (x, y, yaw), a = self._place, self.stance
+        return Pose.from_euler((x, y, a.z), a.roll, a.pitch, yaw)
 
-    def _look(self, x: float, y: float, yaw: float) -> None:
+    def _look(self, x: float, y: float, yaw: float) -> list[float]:
         """Mean heights under the tyres from a ground that has no pages."""
         (px, py), c, s = self._points.T, cos(yaw), sin(yaw)
         found = self._ground.ground_height(x + c * px - s * py, y + s * px + c * py)
-        self._means[:] = np.asarray(found, dtype=float).reshape(4, SAMPLES).mean(axis=1)
+        means: list[float] = np.asarray(found, dtype=float).reshape(4, SAMPLES).mean(axis=1).tolist()
+        return means
 
 
 def _tyre_points(machine: MachineGeometry) -> np.ndarray:

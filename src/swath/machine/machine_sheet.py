@@ -1,27 +1,32 @@
-"""Machine cards: `data/machines/*.yaml` as validated objects in SI."""
+"""Machine data sheets: `data/machines/*.yaml` as validated objects in SI."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
 from swath.core.errors import InputError
-from swath.core.units import DEG, KMH, PERCENT
-from swath.documents.data_sheets import Card, card_names, find_card
-from swath.machine.drivetrain_sheet import Works, read_works
-from swath.machine.masses import Masses, Tank, read_masses
+from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
+from swath.documents.sheet_fields import Quantity, Section
+from swath.machine.drivetrain_sheet import Drivetrain, check_drivetrain
+from swath.machine.masses import Masses, Tank
 from swath.signals.setup import MachineGeometry
 
+MachineType = Literal["combine", "forage_harvester", "tractor", "tractor_with_trailer", "truck"]
+HARVESTERS = ("combine", "forage_harvester")  # types that cut: they have a header
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class Axle:
     """An axle's tyres. radius: loaded; patch_length, patch_width: of one tyre; relaxation length; all [m]."""
 
-    radius: float
-    patch_length: float
-    patch_width: float
-    relaxation: float
+    radius: Annotated[float, Quantity("m", 0.1, 3)]
+    patch_length: Annotated[float, Quantity("m", 0.05, 3)]
+    patch_width: Annotated[float, Quantity("m", 0.05, 3)]
+    relaxation: Annotated[float, Quantity("m", 0.05, 5)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Dynamics:
     """How heavy and how quick the machine is. Header on, grain tank empty.
 
@@ -32,100 +37,181 @@ class Dynamics:
     steer_rate [rad/s], steer_dead_time, steer_lag [s], steer_dead_band: share of the valve's opening
     """
 
-    mass: float
-    yaw_inertia: float
-    cg_behind: float
-    cg_height: float
-    front: Axle
-    rear: Axle
-    stiffness: float
-    friction: float
-    rolling_resistance: float
-    speed_lag: float
-    accel: float
-    decel: float
-    max_speed: float
-    steer_rate: float
-    steer_dead_time: float
-    steer_lag: float
-    steer_dead_band: float
+    mass: Annotated[float, Quantity("kg", 100, 1e5, key="mass.total")]
+    yaw_inertia: Annotated[float, Quantity("kg_m2", 10, 1e7, key="mass.yaw_inertia")]
+    cg_behind: Annotated[float, Quantity("m", 0.01, 10, key="mass.cg_behind_axle")]
+    cg_height: Annotated[float, Quantity("m", 0.1, 5, key="mass.cg_height")]
+    front: Annotated[Axle, Section("tyres.front_")]
+    rear: Annotated[Axle, Section("tyres.rear_")]
+    stiffness: Annotated[float, Quantity("per_rad", 0.5, 20, key="tyres.stiffness")]
+    friction: Annotated[float, Quantity("", 0.05, 1.5, key="tyres.friction")]
+    rolling_resistance: Annotated[float, Quantity("", 0, 0.3, key="tyres.rolling_resistance")]
+    speed_lag: Annotated[float, Quantity("s", 0.01, 20, key="drive.time_constant")]
+    accel: Annotated[float, Quantity("m_s2", 0.01, 10, key="drive.accel")]
+    decel: Annotated[float, Quantity("m_s2", 0.01, 10, key="drive.decel")]
+    max_speed: Annotated[float, Quantity("kmh", 0.1, 80, key="drive.max_speed")]
+    steer_rate: Annotated[float, Quantity("deg_s", 0.1, 200, key="steering.rate")]
+    steer_dead_time: Annotated[float, Quantity("s", 0, 5, key="steering.dead_time")]
+    steer_lag: Annotated[float, Quantity("s", 0.001, 5, key="steering.lag")]
+    steer_dead_band: Annotated[float, Quantity("percent", 0, 50, key="steering.dead_band")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chassis:
+    """Axles and the box of the body: rear, front end [m ahead of the fixed axle], bottom, top [m]."""
+
+    wheelbase: Annotated[float, Quantity("m", 0.5, 20)]
+    front_track: Annotated[float, Quantity("m", 0.5, 10)]
+    rear_track: Annotated[float, Quantity("m", 0.5, 10)]
+    max_steer: Annotated[float, Quantity("deg", 1, 75)]
+    rear_x: Annotated[float, Quantity("m", -30, 0)]
+    front_x: Annotated[float, Quantity("m", 0, 30)]
+    half_width: Annotated[float, Quantity("m", 0.1, 5)]
+    bottom: Annotated[float, Quantity("m", 0, 10)]
+    top: Annotated[float, Quantity("m", 0, 10)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Header:
+    """knife_x: ahead of the fixed axle; offset: leftward; body: above and behind the knife; all [m]."""
+
+    width: Annotated[float, Quantity("m", 0.5, 30)]
+    knife_x: Annotated[float, Quantity("m", 0.1, 15)]
+    offset: Annotated[float, Quantity("m", -10, 10)]
+    body_height: Annotated[float, Quantity("m", 0, 5)]
+    body_depth: Annotated[float, Quantity("m", 0, 5)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trailer:
+    """What is hitched to a tractor. hitch_x: pin ahead of the fixed axle; drawbar: from the pin to the axle;
+    length: from the pin to the rear end; height: of the rim [m]; empty [kg]; volume [m3].
+    """
+
+    hitch_x: Annotated[float, Quantity("m", -15, 5)]
+    drawbar: Annotated[float, Quantity("m", 0.5, 20)]
+    track: Annotated[float, Quantity("m", 0.5, 10)]
+    width: Annotated[float, Quantity("m", 0.5, 10)]
+    length: Annotated[float, Quantity("m", 0.5, 30)]
+    height: Annotated[float, Quantity("m", 0.5, 6)]
+    empty: Annotated[float, Quantity("kg", 100, 1e5)]
+    volume: Annotated[float, Quantity("m3", 0.1, 200)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sections:
+    """What stands in a machine's data sheet, section by section."""
+
+    format: str
+    name: str
+    type: MachineType
+    steers: Literal["front", "rear"] = "rear"
+    slots: dict[str, str] = field(default_factory=dict)
+    note: str = ""
+    chassis: Annotated[Chassis, Section("chassis.")]
+    header: Annotated[Header | None, Section("header.", when="header")]
+    dynamics: Annotated[Dynamics, Section("")]
+    masses: Annotated[Masses | None, Section("", when="bodies")]
+    drivetrain: Annotated[Drivetrain | None, Section("", when="engine")]
+    trailer: Annotated[Trailer | None, Section("trailer.", when="trailer")]
 
 
 @dataclass(frozen=True)
-class MachineCard(MachineGeometry):
+class MachineSheet(MachineGeometry):
     """A machine's geometry with its dynamics. It fits wherever the geometry is asked for.
 
-    masses: of its parts, None for a card without the section `bodies`
-    works: what turns and threshes, None for a card without the section `engine`
+    type: which slots it has by itself; slots: name of a slot -> level, or `off`, instead of the type's own
+    masses: of its parts, None for a sheet without the section `bodies`
+    drivetrain: engine, threshing and cleaning, None for a sheet without the section `engine`
+    trailer: what is hitched to it; no level of motion moves it
     """
 
     name: str
     dynamics: Dynamics
     masses: Masses | None = None
-    works: Works | None = None
+    drivetrain: Drivetrain | None = None
+    type: MachineType = "combine"
+    slots: Mapping[str, str] = field(default_factory=dict)
+    trailer: Trailer | None = None
 
 
-def load_machine(name: str, *, base: Path | None = None, header_width_m: float | None = None) -> MachineCard:
+def load_machine(name: str, *, base: Path | None = None, header_width_m: float | None = None) -> MachineSheet:
     """A bundled machine by name (`lexion-700` also finds `lexion-700-class`), or the user's own YAML file.
 
     base: folder that a relative path starts from; header_width_m: another header on the same machine, the
     mass and inertia kept. Raises InputError with key and file.
     """
-    machine = read_machine(Card(find_machine(name, base)))
+    machine = read_machine(open_machine(name, base))
     if header_width_m is None:
         return machine
+    if not machine.has_header:
+        raise InputError("header_width_m", header_width_m, f"expected none, {machine.name} has no header")
     if not 0.5 <= header_width_m <= 30.0:
         raise InputError("header_width_m", header_width_m, "expected 0.5 to 30")
     return replace(machine, header_width=float(header_width_m))
 
 
-def find_machine(name: str, base: Path | None = None) -> Path:
-    """Path of a bundled machine's card by name, or of the user's own file."""
-    bundled = card_names("machines")
-    return find_card("machines", f"{name}-class" if f"{name}-class" in bundled else name, base)
+def open_machine(name: str, base: Path | None = None) -> Sheet:
+    """The data sheet of a machine by name, or the user's own file, not yet checked."""
+    bundled = sheet_names("machines")
+    return read_sheet("machines", f"{name}-class" if f"{name}-class" in bundled else name, base)
 
 
-def read_machine(card: Card) -> MachineCard:
-    """The machine of a card. Raises InputError with key and file."""
-    geometry = _geometry(card)
-    dynamics = _dynamics(card)
-    if dynamics.cg_behind >= geometry["wheelbase"]:
-        raise card.error("mass.cg_behind_axle_m", dynamics.cg_behind, "expected less than the wheelbase")
-    made = MachineCard(
-        **geometry,
-        steers_ahead=_steers_ahead(card),
-        body=_body(card),
-        name=card.text("name"),
-        dynamics=dynamics,
-        masses=read_masses(card),
-        works=read_works(card),
+def read_machine(sheet: Sheet) -> MachineSheet:
+    """The machine of a data sheet. Raises InputError with key and file."""
+    s = sheet.read(Sections)
+    chassis, header = s.chassis, s.header
+    if s.dynamics.cg_behind >= chassis.wheelbase:
+        raise sheet.error("mass.cg_behind_axle_m", "expected less than the wheelbase")
+    if chassis.bottom >= chassis.top:
+        raise sheet.error("chassis.top_m", f"expected more than bottom_m = {chassis.bottom:g}")
+    for key, there, types in (
+        ("header", header, HARVESTERS),
+        ("trailer", s.trailer, ("tractor_with_trailer",)),
+    ):
+        if (there is not None) != (s.type in types):
+            expected = f"expected {'a' if s.type in types else 'no'} section `{key}` for type {s.type}"
+            raise sheet.error(key, expected)
+    check_drivetrain(sheet)
+    return MachineSheet(
+        wheelbase=chassis.wheelbase,
+        front_track=chassis.front_track,
+        rear_track=chassis.rear_track,
+        max_steer=chassis.max_steer,
+        header_width=header.width if header else 0.0,
+        knife_x=header.knife_x if header else chassis.front_x,
+        header_y=header.offset if header else 0.0,
+        header_height=header.body_height if header else 0.0,
+        header_depth=header.body_depth if header else 0.0,
+        body=(chassis.rear_x, chassis.front_x, chassis.half_width, chassis.bottom, chassis.top),
+        steers_ahead=s.steers == "front",
+        name=s.name,
+        dynamics=s.dynamics,
+        masses=s.masses,
+        drivetrain=s.drivetrain,
+        type=s.type,
+        slots=s.slots,
+        trailer=s.trailer,
     )
-    free = [] if made.masses else ["mass", "tyres", "suspension", "tank"]
-    free += (
-        []
-        if made.works
-        else ["tank", "power", "hydrostat", "transport", "threshing", "cleaning", "unloading"]
-    )
-    card.refuse_unknown("kind", "note", "cart", *free)
-    return made
 
 
 def dynamics_of(machine: MachineGeometry) -> Dynamics:
-    """The dynamics that come with a card. InputError for a bare geometry."""
-    if not isinstance(machine, MachineCard):
-        raise InputError("machine", type(machine).__name__, "expected a machine card with masses and tyres")
+    """The dynamics that come with a data sheet. InputError for a bare geometry."""
+    if not isinstance(machine, MachineSheet):
+        expected = "expected a machine data sheet with masses and tyres"
+        raise InputError("machine", type(machine).__name__, expected)
     return machine.dynamics
 
 
 def masses_of(machine: MachineGeometry) -> Masses:
-    """The parts of a machine. InputError for a card without them."""
-    if not isinstance(machine, MachineCard) or machine.masses is None:
+    """The parts of a machine. InputError for a data sheet without them."""
+    if not isinstance(machine, MachineSheet) or machine.masses is None:
         name = getattr(machine, "name", type(machine).__name__)
-        raise InputError("machine", name, "expected a machine card with `bodies`")
+        raise InputError("machine", name, "expected a machine data sheet with `bodies`")
     return machine.masses
 
 
-def with_grain(machine: MachineCard, grain: float) -> MachineCard:
+def with_grain(machine: MachineSheet, grain: float) -> MachineSheet:
     """The machine with grain [kg] in its tank as one rigid mass: mass, centre of gravity, yaw inertia."""
     return replace(machine, dynamics=loaded(machine.dynamics, masses_of(machine).tank, grain))
 
@@ -138,65 +224,3 @@ def loaded(d: Dynamics, tank: Tank, grain: float) -> Dynamics:
     own = grain * (tank.length**2 + tank.width**2) / 12.0
     apart = d.mass * grain / mass * (d.cg_behind + tank.x) ** 2
     return replace(d, mass=mass, cg_behind=behind, cg_height=height, yaw_inertia=d.yaw_inertia + own + apart)
-
-
-def _geometry(card: Card) -> dict[str, float]:
-    return {
-        "wheelbase": card.number("chassis.wheelbase_m", low=0.5, high=20),
-        "front_track": card.number("chassis.front_track_m", low=0.5, high=10),
-        "rear_track": card.number("chassis.rear_track_m", low=0.5, high=10),
-        "max_steer": card.number("chassis.max_steer_deg", low=1, high=75) * DEG,
-        "header_width": card.number("header.width_m", low=0.5, high=30),
-        "knife_x": card.number("header.knife_x_m", low=0.1, high=15),
-        "header_y": card.number("header.offset_m", low=-10, high=10),
-        "header_height": card.number("header.body_height_m", low=0, high=5),
-        "header_depth": card.number("header.body_depth_m", low=0, high=5),
-    }
-
-
-def _steers_ahead(card: Card) -> bool:
-    if "steers" not in card.data:
-        return False
-    axle = card.text("steers")
-    if axle not in ("front", "rear"):
-        raise card.error("steers", axle, "expected front or rear")
-    return axle == "front"
-
-
-def _body(card: Card) -> tuple[float, float, float, float, float]:
-    rear, front = card.number("chassis.rear_x_m", high=0), card.number("chassis.front_x_m", low=0)
-    bottom, top = card.number("chassis.bottom_m", low=0), card.number("chassis.top_m", high=10)
-    if bottom >= top:
-        raise card.error("chassis.top_m", top, f"expected more than bottom_m = {bottom:g}")
-    return rear, front, card.number("chassis.half_width_m", low=0.1, high=5), bottom, top
-
-
-def _axle(card: Card, end: str) -> Axle:
-    return Axle(
-        radius=card.number(f"tyres.{end}_radius_m", low=0.1, high=3),
-        patch_length=card.number(f"tyres.{end}_patch_length_m", low=0.05, high=3),
-        patch_width=card.number(f"tyres.{end}_patch_width_m", low=0.05, high=3),
-        relaxation=card.number(f"tyres.{end}_relaxation_m", low=0.05, high=5),
-    )
-
-
-def _dynamics(card: Card) -> Dynamics:
-    return Dynamics(
-        mass=card.number("mass.total_kg", low=100, high=1e5),
-        yaw_inertia=card.number("mass.yaw_inertia_kg_m2", low=10, high=1e7),
-        cg_behind=card.number("mass.cg_behind_axle_m", low=0.01, high=10),
-        cg_height=card.number("mass.cg_height_m", low=0.1, high=5),
-        front=_axle(card, "front"),
-        rear=_axle(card, "rear"),
-        stiffness=card.number("tyres.stiffness_per_rad", low=0.5, high=20),
-        friction=card.number("tyres.friction", low=0.05, high=1.5),
-        rolling_resistance=card.number("tyres.rolling_resistance", low=0, high=0.3),
-        speed_lag=card.number("drive.time_constant_s", low=0.01, high=20),
-        accel=card.number("drive.accel_m_s2", low=0.01, high=10),
-        decel=card.number("drive.decel_m_s2", low=0.01, high=10),
-        max_speed=card.number("drive.max_speed_kmh", low=0.1, high=80) * KMH,
-        steer_rate=card.number("steering.rate_deg_s", low=0.1, high=200) * DEG,
-        steer_dead_time=card.number("steering.dead_time_s", low=0, high=5),
-        steer_lag=card.number("steering.lag_s", low=0.001, high=5),
-        steer_dead_band=card.number("steering.dead_band_percent", low=0, high=50) * PERCENT,
-    )

@@ -1,8 +1,8 @@
 """What a tyre can take from the soil under a load: firm ground, or soil of a cone index after Brixius.
 
-Firm: numbers of the card; cornering and slip stiffness over load fall with load^-load_sensitivity.
+Firm: numbers of the sheet; cornering and slip stiffness over load fall with load^-load_sensitivity.
 
-Brixius (1987, ASAE paper 87-1622; in ASAE D497), written from memory:
+Brixius (1987, ASAE paper 87-1622; in ASAE D497), not compared with the printed text:
 
     Bn  = (CI b d / W) (1 + 5 delta / h) / (1 + 3 b / d)           mobility number
     GT/W = 0.88 (1 - exp(-0.1 Bn)) (1 - exp(-7.5 s)) + 0.04        gross traction
@@ -10,7 +10,7 @@ Brixius (1987, ASAE paper 87-1622; in ASAE D497), written from memory:
 
 CI cone index, b width, d diameter, h section height, delta deflection of the tyre, W its load, s slip. Here
 the slip is counted from the wheel that rolls without torque, so the 0.04 of the gross traction is left out.
-Side stiffness and side friction are those of the card times 1 - exp(-0.1 Bn): an estimate, D497 has none.
+Side stiffness and side friction are those of the sheet times 1 - exp(-0.1 Bn): an estimate, D497 has none.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Grip(NamedTuple):
 
 @dataclass(frozen=True)
 class Firm:
-    """Ground that does not give way. load: the load [N] for which the numbers of `grip` hold."""
+    """Rigid ground. load: the load [N] for which the numbers of `grip` hold."""
 
     grip: Grip
     load: float

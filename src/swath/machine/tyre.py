@@ -10,7 +10,7 @@ The slip that the tread feels lags behind the slip of the wheel over the relaxat
 sigma dF/dt + |v| F = |v| F_ss; kept as slip it still holds the machine on a side slope at standstill.
 """
 
-from math import cbrt, cos, pi, sqrt
+from math import cos, pi, sqrt
 
 GRAVITY = 9.81  # [m/s2]
 CREEP_SPEED = 0.5  # below this the carcass damps (Pacejka 2012, section 8.6, there 2.5 m/s) [m/s]
@@ -31,11 +31,6 @@ def brush(slip: float, stiffness: float, friction: float) -> float:
 def slide_slip(stiffness: float, friction: float) -> float:
     """Slip tan(alpha) from which the whole patch slides."""
     return 3.0 * friction / stiffness
-
-
-def slip_for(force_over_load: float, stiffness: float, friction: float) -> float:
-    """Slip tan(alpha) that gives a side force over load in [0, friction): the brush formula turned round."""
-    return slide_slip(stiffness, friction) * (1.0 - cbrt(1.0 - force_over_load / friction))
 
 
 def creep_damping(speed: float, stiffness: float, relaxation: float) -> float:

@@ -10,19 +10,19 @@ from swath.field.memory_layout import Solids
 from swath.rays.device import start_warp
 from swath.rays.field_arrays import Castable, LiveScene
 from swath.rays.refusals import check_origins, check_range
-from swath.rays.single.buffers import ASTRAY, CLAMPED, PACK, Desk
+from swath.rays.single.buffers import CLAMPED, MISPLACED, PACKET, BeamBuffer
 from swath.rays.spread import SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
-EMPTY = 2e-6  # less silhouette than this above a height stops no beam [m2]
+EMPTY = 2e-6  # less projected area than this above a height stops no beam [m2]
 STRIDE = 7  # between the drawn stems that neighbouring beams look for
 
 
 class BodyCaster:
-    """Casts the beams of a desk, one ray each; how deep one goes into crop is drawn by its normal number.
+    """Casts the beams of a buffer, one ray each; how deep one goes into crop is drawn by its normal number.
 
-    desk: the beams; apart: angle to the neighbour on the line [rad], (count,); line_count: lines of the
+    beams: their memory; apart: angle to the neighbour on the line [rad], (count,); line_count: lines of the
     scanner, beams ordered by azimuth, then by line; 0 = neighbours draw independently
     table: of the spread; crop_height: of the field's crop at scale 1 [m]; exit [m], divergence [rad]: of the
     beam, mean of both directions; pitch: step through crop [m]
@@ -32,7 +32,7 @@ class BodyCaster:
         self,
         field: Castable,
         table: SpreadTable,
-        desk: Desk,
+        beams: BeamBuffer,
         apart: Any,
         *,
         line_count: int,
@@ -42,9 +42,9 @@ class BodyCaster:
         pitch: float = PITCH,
     ) -> None:
         self.field, self.scene = field, LiveScene(field, "cpu", top_room=TOP_ROOM + 1e-3)
-        self.table, self.desk, self.line_count = table, desk, line_count
-        self._apart = np.zeros(len(desk.score), np.float32)
-        self._apart[: desk.count] = apart
+        self.table, self.beams, self.line_count = table, beams, line_count
+        self._apart = np.zeros(len(beams.score), np.float32)
+        self._apart[: beams.count] = apart
         self._numbers = (crop_height, exit_diameter, divergence, pitch)
         self._launch: Any = None
         self._made_for = -1  # version of the scene
@@ -58,35 +58,31 @@ class BodyCaster:
         `RayCaster.cast`.
         """
         check_range(range_max)
-        if self.desk.count == 0:
+        if self.beams.count == 0:
             return 0
         wp = start_warp()
         scene = self.scene.refresh(wp)
-        has_solids = int(self.desk.meet(solids, range_max))
+        has_solids = int(self.beams.meet(solids, range_max))
         if self._made_for != self.scene.version:
             self._prepare(wp, scene, range_max, has_solids)
         elif self._called != (range_max, has_solids):
-            self._launch.set_param_at_index(7, range_max)
-            self._launch.set_param_at_index(9, has_solids)
+            self._launch.set_param_at_index(5, range_max)
+            self._launch.set_param_at_index(6, has_solids)
         self._called = range_max, has_solids
         self._launch.launch()
-        found = self.desk.take_fault()
-        if found & ASTRAY:
-            check_origins(self.field, self.desk.origins[: self.desk.count])
+        found = self.beams.take_flags()
+        if found & MISPLACED:
+            check_origins(self.field, self.beams.origins[: self.beams.count])
         return found >> CLAMPED
 
     def _prepare(self, wp: Any, scene: Any, range_max: float, has_solids: int) -> None:
         """The launch that is repeated until the field's memory moves."""
         from swath.rays.single.kernel import cast_bodies
 
-        desk = self.desk
         self._kept = []
-        rays = desk.shared("origins", "directions", "normal")
-        out = desk.shared("score", "distance", "kind", "cosine", "reflectance", "fault")
         apart = self._keep(wp, self._apart)
-        told = [self.line_count, range_max, desk.count, has_solids]
-        inputs = [scene, self._pack(wp), *rays, apart, *told, *out]
-        self._launch = wp.launch(cast_bodies, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        inputs = [scene, self._pack(wp), self.beams.struct(), apart, self.line_count, range_max, has_solids]
+        self._launch = self.beams.record(cast_bodies, inputs, threads=1)
         self._made_for = self.scene.version
 
     def _pack(self, wp: Any) -> Any:
@@ -100,10 +96,10 @@ class BodyCaster:
         canopy.ground = self._keep(wp, double_log(table.ground_share).ravel())
         canopy.lift = self._keep(wp, table.ground_lift.ravel())
         canopy.node_count = table.quantile.shape[-1]
-        depth, crest = below_crest(table)
-        canopy.depth, canopy.crest = self._keep(wp, depth), self._numbers[0] * crest
+        depth, top_bound = below_top_bound(table)
+        canopy.depth, canopy.top_bound = self._keep(wp, depth), self._numbers[0] * top_bound
         canopy.fine = table.fine
-        canopy.lean = self._keep(wp, lean_of_packs(table.lean).ravel())
+        canopy.lean = self._keep(wp, lean_of_packets(table.lean).ravel())
         canopy.height, canopy.exit, canopy.divergence, canopy.pitch = self._numbers
         canopy.density_max = self.field.library.density_max
         canopy.cosine = table.cosine
@@ -117,20 +113,20 @@ class BodyCaster:
         return self.scene.share(wp, kept, wp.float32)
 
 
-def below_crest(table: SpreadTable) -> tuple[NDArray[np.float64], float]:
-    """Silhouette of a stem above equal steps of the relative height [m2], 0 from the crest on; the crest.
+def below_top_bound(table: SpreadTable) -> tuple[NDArray[np.float64], float]:
+    """Projected area of a stem above equal steps of the relative height [m2], 0 from its bound on; the bound.
 
-    No echo of the table lies above the crest, relative to the crop's height, and what a beam passes counts
+    No echo of the table lies above the bound, relative to the crop's height, and what a beam passes counts
     from there.
     """
     last = len(table.silhouette) - 1
     reached = 1 + int(np.flatnonzero(table.silhouette > EMPTY).max())
     highest = math.ceil(float(table.quantile.max()) / table.fine - 1e-6)
-    crest = min(max(reached, highest), last)
-    return np.maximum(table.silhouette - table.silhouette[crest], 0.0), table.fine * crest
+    top_bound = min(max(reached, highest), last)
+    return np.maximum(table.silhouette - table.silhouette[top_bound], 0.0), table.fine * top_bound
 
 
-def lean_of_packs(lean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Places of tips (n, 2) for the beams of a pack, (n, 2, PACK): row k holds their k-th stems."""
-    stem = np.arange(len(lean))[:, None] + STRIDE * np.arange(PACK)
+def lean_of_packets(lean: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places of tips (n, 2) for the beams of a packet, (n, 2, PACKET): row k holds their k-th stems."""
+    stem = np.arange(len(lean))[:, None] + STRIDE * np.arange(PACKET)
     return np.ascontiguousarray(lean[stem % len(lean)].transpose(0, 2, 1))

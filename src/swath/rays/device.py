@@ -1,11 +1,36 @@
-"""What rays run on."""
+"""What rays run on: threads of the CPU, or another device of Warp."""
 
 import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 from swath.core.errors import SwathError
 from swath.kernels import start_warp
 
-__all__ = ["ray_device", "start_warp", "thread_count"]
+__all__ = ["ThreadPool", "ray_device", "start_warp", "thread_count"]
+
+
+class ThreadPool:
+    """Threads that share the work of one cast; one thread is the caller's own."""
+
+    def __init__(self, threads: int) -> None:
+        self.threads = threads
+        self._executor = ThreadPoolExecutor(threads) if threads > 1 else None
+
+    def repeat(self, work: Callable[[], None], times: int) -> None:
+        """Call `work` so many times, at once where there are threads; less than twice: here and now."""
+        if self._executor is None or times < 2:
+            work()
+        else:
+            list(self._executor.map(lambda _: work(), range(times)))
+
+    def split(self, count: int, least: int, work: Callable[[int, int], None]) -> None:
+        """Call `work(first, size)` for parts of `count` items, none smaller than `least` but the last."""
+        if self._executor is None or count < 2 * least:
+            work(0, count)
+            return
+        size = max(least, -(-count // (8 * self.threads)))
+        list(self._executor.map(lambda at: work(at, min(size, count - at)), range(0, count, size)))
 
 
 def thread_count() -> int:
@@ -19,7 +44,7 @@ def thread_count() -> int:
 
 
 def ray_device() -> str:
-    """Where rays through crop are walked: SWATH_DEVICE, else `cpu`; SwathError if it is not there."""
+    """Where rays through crop are cast: SWATH_DEVICE, else `cpu`; SwathError if it is not there."""
     name = os.environ.get("SWATH_DEVICE") or "cpu"
     if name != "cpu":
         known = [device.alias for device in start_warp().get_devices()]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swath.field.memory_layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
 from swath.field.wind import GUST_SHARE, Sway
-from swath.rays.geometry import make_things
+from swath.rays.geometry import make_solid_arrays
 from swath.rays.refusals import Place
 
 F32 = NDArray[np.float32]
@@ -42,11 +42,11 @@ class LiveScene:
         """The array for Warp: the same memory on the CPU, a copy elsewhere."""
         return wp.array(array, dtype=dtype, device=self.device, copy=self.device != "cpu")
 
-    def things(self, wp: Any, solids: Solids) -> Any:
+    def solid_arrays(self, wp: Any, solids: Solids) -> Any:
         """Solids as kernels read them."""
-        return make_things(wp, solids, self.device)
+        return make_solid_arrays(wp, solids, self.device)
 
-    def blow(self, wp: Any, t: int) -> None:
+    def set_wind(self, wp: Any, t: int) -> None:
         """The wind at a time [ns]; the scene must be fresh."""
         scene = self._scene
         wind = self.field.wind

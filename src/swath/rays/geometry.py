@@ -74,15 +74,15 @@ def pack_solids(solids: Solids) -> SolidList:
     )
 
 
-def make_things(wp: Any, solids: Solids, device: str) -> Any:
+def make_solid_arrays(wp: Any, solids: Solids, device: str) -> Any:
     """Solids as the kernels read them; on the CPU the arrays are those of the list, elsewhere copies."""
-    from swath.rays.kernel.scene import Things
+    from swath.rays.kernel.scene import SolidArrays
 
-    things = Things()
+    arrays = SolidArrays()
     packed = pack_solids(solids)
-    things.count = len(packed.kind)
-    if things.count == 0:
-        return things
+    arrays.count = len(packed.kind)
+    if arrays.count == 0:
+        return arrays
     tree = np.array([0 if m is None else _tree(wp, m, device).id for m in packed.mesh], np.uint64)
     for name, array, dtype in (
         ("kind", packed.kind, wp.int32),
@@ -93,8 +93,8 @@ def make_things(wp: Any, solids: Solids, device: str) -> Any:
         ("reflectance", packed.reflectance, wp.float32),
         ("tree", tree, wp.uint64),
     ):
-        setattr(things, name, wp.array(array, dtype=dtype, device=device, copy=device != "cpu"))
-    return things
+        setattr(arrays, name, wp.array(array, dtype=dtype, device=device, copy=device != "cpu"))
+    return arrays
 
 
 def _tree(wp: Any, mesh: SolidMesh, device: str) -> Any:

@@ -9,7 +9,7 @@ from swath.rays.height_grid import DEEP, NODE_CELLS, NODES, NONE, THICK, TILE, H
 
 FLATTEST = 0.18  # as in `beams/heights.cpp`
 UNTOUCHED = 255  # stubble height of a cell that is as it was measured
-TOLD, CLOSED = 1, 2  # bits of `lid`: `passed` counts; nothing goes on below the quantiles
+HAS_PASSED, CLOSED = 1, 2  # bits of `lid`: `passed` counts; nothing goes on below the quantiles
 UNSEEN = np.float32(1e-30)  # size of `passed` in cut cells where it was 0
 REST = np.dtype([("deep", np.int16, DEEP), ("thickness", np.float32), ("passed", np.float32)])
 
@@ -36,7 +36,7 @@ class Cells:
     def restore(self) -> None:
         """All cells as they were measured."""
         self.cut[:] = UNTOUCHED
-        self._tell(slice(None))
+        self._summarise(slice(None))
 
     def cut_at(self, cell: NDArray[np.int64]) -> NDArray[np.uint8]:
         """Stubble height [cm] of cells of the flattened pools, UNTOUCHED where they are as measured."""
@@ -46,12 +46,12 @@ class Cells:
         """Cut cells of the flattened pools to a height [cm]; UNTOUCHED: they are as measured."""
         at = place_of(cell)
         self.cut[at] = stubble
-        self._tell(at)
+        self._summarise(at)
 
-    def _tell(self, at: Any) -> None:
+    def _summarise(self, at: Any) -> None:
         is_cut, passed, lid = self.cut[at] != UNTOUCHED, self._passed[at], self._lid[at]
         self.rest["passed"][at] = np.where(is_cut, -np.maximum(passed, UNSEEN), passed)
-        self.lid[at] = np.where((lid != NONE) & (is_cut | (passed != 0.0)), lid | TOLD, lid)
+        self.lid[at] = np.where((lid != NONE) & (is_cut | (passed != 0.0)), lid | HAS_PASSED, lid)
 
 
 def by_blocks(cells: NDArray[Any]) -> NDArray[Any]:

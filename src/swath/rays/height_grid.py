@@ -1,6 +1,6 @@
 """Measured plant heights in a position grid: what a replay looks at, and its file.
 
-Local frame: the world turned by `yaw` about z and moved to `origin`, x along the way that was driven while
+Local frame: the world turned by `yaw` about z and moved to `origin`, x along the path that was driven while
 measuring. Square cells, TILE x TILE of them to a tile; only tiles with echoes are held. A cell keeps the
 distribution of the heights that were measured in and around it as LEVELS quantiles, so a canopy with gaps
 stays a canopy with gaps. The EVEN upper of the levels are quantiles of what beams from above see. What stands
@@ -42,7 +42,7 @@ class HeightGrid:
     table: (ty, tx) row of the pools, -1 = nothing measured there
     quantiles: (m, TILE, TILE, LEVELS) int16. First the lowest height above ground [mm], NONE = never
     measured; from DEEP on the heights at SHARES [mm], rising; between the two the thickness times
-    PER_THICKNESS at the heights that cut the way from the lowest to that at DEEP into equal parts
+    PER_THICKNESS at the heights that cut the range from the lowest to that at DEEP into equal parts
     thickness: (m, TILE, TILE) at the lowest height; < 0: nobody looked further down, its size counts
     count: (m, TILE, TILE) echoes in the cell itself (neighbours lend to cells with 0 of them)
     intensity: (m, TILE, TILE) mean of the echoes, nan = none

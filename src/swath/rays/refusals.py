@@ -1,4 +1,4 @@
-"""What rays cannot be asked: numbers that are none, sensors under ground, places that are not in memory."""
+"""Checks of rays: a finite range > 0, origins above the ground and over pages that are in memory."""
 
 from math import cos, floor, isfinite, sin
 from typing import Protocol

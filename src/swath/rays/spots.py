@@ -10,7 +10,7 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Spots:
-    """Beams with sub-rays; what `RayCaster.cast_spots` takes.
+    """Beams with sub-rays; what `RayCaster.cast_bundles` takes.
 
     origins: (n, 3) [m]; axes: (n, 3, 3), columns = beam direction, across, along, a frame
     offsets: (1 or n, s, 5) of each sub-ray: where it leaves, across and along [m]; its slope, across and

@@ -32,8 +32,8 @@ class SpreadTable:
 
     quantile: (i, j, k, l, node_count) height over crop height at `quantile_nodes`, falling; nan nowhere
     ground_share: (i, j, k, l); ground_lift: (i, j, k, l) mean measured height of ground returns [m]: crop in
-    the spot hides its far part; silhouette: (m,) silhouette per stem above equal steps `fine` of the relative
-    height [m2]: how crop adds up along a beam; lean: (n, 2) sideways place of tips per height
+    the spot hides its far part; silhouette: (m,) projected area per stem above equal steps `fine` of the
+    relative height [m2]: how crop adds up along a beam; lean: (n, 2) sideways place of tips per height
     cosine: mean |cos| of incidence on crop, sets the intensity
     correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
     about: source, range of validity, fit quality, as in the YAML beside the npz

@@ -9,48 +9,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.record.mcap_file import McapFile
+from swath.record.messages import Sent, Source
 from swath.signals import Image
 
-ENCODINGS = {"colour": "rgb8", "depth": "32FC1", "label": "mono8"}
-SUFFIXES = {"colour": "", "depth": "_depth", "label": "_label"}  # after the topic of the output
 
-
-def picture_messages(file: McapFile, topic: str, image: Image, frame: str) -> Iterator[tuple[str, Any]]:
-    """(topic, message) of every channel the image has, then its CameraInfo beside them.
-
-    frame: the optical one, x right, y down, z forward (REP 103)
-    """
-    for channel, encoding in ENCODINGS.items():
-        pixels = getattr(image, channel)
+def image_messages(source: Source, image: Image) -> Iterator[Sent]:
+    """Every channel the image has, then its CameraInfo; in the optical frame (REP 103)."""
+    depth, label = ("_depth", "32FC1", image.depth), ("_label", "mono8", image.label)
+    for suffix, encoding, pixels in (("", "rgb8", image.colour), depth, label):
         if pixels.size:
-            yield topic + SUFFIXES[channel], _picture(file, image.t, frame, encoding, pixels)
-    yield f"{topic.rpartition('/')[0]}/camera_info", _camera_info(file, image, frame)
+            yield Sent(source.topic + suffix, _picture(source, image.t, encoding, pixels))
+    yield Sent(f"{source.slot_topic}/camera_info", _camera_info(source, image))
 
 
-def _picture(file: McapFile, t: int, frame: str, encoding: str, pixels: NDArray[Any]) -> Any:
+def _picture(source: Source, t: int, encoding: str, pixels: NDArray[Any]) -> Any:
     little = np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder("<"))
-    return file.make(
+    return source.make(
         "sensor_msgs/msg/Image",
-        header=file.header(t, frame),
+        header=source.make.header(t, source.frame_of(Image)),
         height=pixels.shape[0],
         width=pixels.shape[1],
         encoding=encoding,
-        is_bigendian=0,
         step=little.nbytes // pixels.shape[0],
         data=np.frombuffer(little.tobytes(), dtype=np.uint8),
     )
 
 
-def _camera_info(file: McapFile, image: Image, frame: str) -> Any:
+def _camera_info(source: Source, image: Image) -> Any:
     """Of a rectified camera without distortion: P is K beside a column of zeros."""
     k = np.array([[image.focal, 0.0, image.centre_x], [0.0, image.focal, image.centre_y], [0.0, 0.0, 1.0]])
-    whole = file.make(
-        "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
-    )
-    return file.make(
+    return source.make(
         "sensor_msgs/msg/CameraInfo",
-        header=file.header(image.t, frame),
+        header=source.make.header(image.t, source.frame_of(Image)),
         height=image.height,
         width=image.width,
         distortion_model="plumb_bob",
@@ -58,7 +48,4 @@ def _camera_info(file: McapFile, image: Image, frame: str) -> Any:
         k=k.ravel(),
         r=np.eye(3).ravel(),
         p=np.column_stack([k, np.zeros(3)]).ravel(),
-        binning_x=0,
-        binning_y=0,
-        roi=whole,
     )

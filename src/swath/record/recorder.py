@@ -7,15 +7,15 @@ from types import TracebackType
 
 from swath import __version__
 from swath.core.schedule import NS
+from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
-from swath.record.messages import Messenger, RecordedMachine
-from swath.record.samples import Blocks, can_keep
+from swath.record.messages import RecordedMachine
+from swath.record.messenger import Messenger
+from swath.record.samples import Blocks, is_recordable
 from swath.record.tracks import Column, Tracks, write_tracks
-from swath.signals import Image, MachineState, ScanTruth, Signal, SteerState
+from swath.signals import Signal
 
-THINNED = (MachineState, SteerState)  # fast, smooth signals: their messages come at the track rate
-ABOUT, SCENARIO = "recording.json", "scenario.yaml"  # attachments of run.mcap
-FORMAT = "swath recording 1"
+SCENARIO = "scenario.yaml"  # attachment of run.mcap
 
 
 class Recorder:
@@ -24,7 +24,7 @@ class Recorder:
     folder: exists already. machines: whose slots (`name.slot`) are recorded; slots of other names are not
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
-    detail: `standard` messages only, `exact` samples beside them, `full`: of ScanTruth too
+    detail: `standard` messages only, `exact` samples beside them, `full`: of the large truth too
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -63,13 +63,13 @@ class Recorder:
         if name not in self.tracks:
             return
         for output, signal in outputs.items():
-            self.tracks[name].take(t, signal)
+            self.tracks[name].take(t, f"{part}.{output}", signal)
             if name not in self._messengers:
                 continue
             if self._is_due(slot, output, t, signal):
                 self._messengers[name].write(part, output, t, signal)
             if self._detail != "standard":
-                self._keep(slot, output, t, signal)
+                self._add_exact(slot, output, t, signal)
 
     def close(self) -> None:
         """Complete both files. Calling it again does nothing."""
@@ -95,19 +95,18 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def _keep(self, slot: str, output: str, t: int, signal: Signal) -> None:
-        """The sample as it is, into its block."""
+    def _add_exact(self, slot: str, output: str, t: int, signal: Signal) -> None:
+        """Add the sample as it is to its block."""
         key = (slot, output)
         if key not in self._blocks:
-            left_out = (Image,) if self._detail == "full" else (Image, ScanTruth)  # images are exact anyway
-            is_kept = can_keep(signal) and not isinstance(signal, left_out)
+            is_wanted = signal.about.samples in ("exact", self._detail) and is_recordable(signal)
             topic = f"/{slot.replace('.', '/')}/{output}"
-            self._blocks[key] = Blocks(self.file, topic) if is_kept else None
+            self._blocks[key] = Blocks(self.file, topic) if is_wanted else None
         if (blocks := self._blocks[key]) is not None:
             blocks.add(t, signal)
 
     def _is_due(self, slot: str, output: str, t: int, signal: Signal) -> bool:
-        if not isinstance(signal, THINNED):
+        if not signal.about.is_thinned:
             return True
         if t < self._due.get((slot, output), 0):
             return False
@@ -122,5 +121,5 @@ def _about(machines: Sequence[RecordedMachine], detail: str) -> str:
         for m in machines
         for slot, pose in m.mounting.items()
     }
-    about = {"format": FORMAT, "swath": __version__, "detail": detail, "mounting": mounting}
+    about = {"format": RECORDING, "swath": __version__, "detail": detail, "mounting": mounting}
     return json.dumps(about, indent=2)

@@ -14,6 +14,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
+from swath.core.signal import signal_types
 from swath.signals import Signal
 
 MSGTYPE = "swath_msgs/msg/Samples"
@@ -29,7 +30,7 @@ CODES = {"float": "<f8", "int": "<i8", "bool": "|b1"}
 
 
 class Blocks:
-    """The samples of one output on their way into a file, an `McapFile`."""
+    """The samples of one output, collected into blocks of a file, an `McapFile`."""
 
     def __init__(self, file: Any, topic: str) -> None:
         self.file, self.topic = file, topic + SUFFIX
@@ -40,9 +41,9 @@ class Blocks:
         self._size = 0
 
     def add(self, t: int, signal: Signal) -> None:
-        """Take in a sample published at t [ns]; a full block is written.
+        """Add a sample published at t [ns]; a full block is written.
 
-        Raises TypeError for a field that cannot be kept.
+        Raises TypeError for a field that cannot be recorded.
         """
         if type(signal) is not self._signal:
             self.flush()
@@ -61,7 +62,7 @@ class Blocks:
         self._size += sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
 
     def flush(self) -> None:
-        """Write what has been taken in."""
+        """Write what has been added."""
         if not self._rows or self._signal is None:
             return
         rows, times, self._rows, self._times, self._size = self._rows, self._times, [], [], 0
@@ -69,7 +70,7 @@ class Blocks:
         at = np.array(times, dtype=np.int64)
         message = self.file.make(
             MSGTYPE,
-            header=self.file.header(times[-1][1], ""),
+            header=self.file.make.header(times[-1][1], ""),
             signal=self._signal.__name__,
             published=np.ascontiguousarray(at[:, 0]),
             t=np.ascontiguousarray(at[:, 1]),
@@ -82,7 +83,7 @@ class Blocks:
 
 
 def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
-    """(time it was published [ns], sample) of a block. InputError where a block is not one of ours."""
+    """(time it was published [ns], sample) of a block. InputError where it is not such a block."""
     try:
         kind = signal_type(message.signal)
         count, data, at = len(message.t), bytes(message.data), 0
@@ -109,7 +110,7 @@ def leaf_names(signal: Signal) -> list[str]:
     return [name for name in _leaves(signal) if name != "t"]
 
 
-def can_keep(signal: Signal) -> bool:
+def is_recordable(signal: Signal) -> bool:
     """True when every field is a number, a flag or an array of such."""
     try:
         for name in leaf_names(signal):
@@ -121,13 +122,7 @@ def can_keep(signal: Signal) -> bool:
 
 def signal_type(name: str) -> type[Signal]:
     """The sample type of a name; also of a user's own, once its file has been loaded. KeyError otherwise."""
-    found: dict[str, type[Signal]] = {}
-    rest: list[type[Signal]] = [Signal]
-    while rest:
-        kind = rest.pop()
-        rest += kind.__subclasses__()
-        found[kind.__name__] = kind
-    return found[name]
+    return {kind.__name__: kind for kind in signal_types()}[name]
 
 
 def _leaves(value: Any, prefix: str = "") -> list[str]:
@@ -146,7 +141,7 @@ def _kind(value: Any) -> str:
         return plain
     if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiub":
         return f"{value.dtype.newbyteorder('<').str} {','.join(map(str, value.shape))}"
-    raise TypeError(f"a sample field of type {type(value).__name__} cannot be kept")
+    raise TypeError(f"a sample field of type {type(value).__name__} cannot be recorded")
 
 
 def _column(values: tuple[Any, ...], kind: str) -> tuple[bool, bytes]:

@@ -184,7 +184,7 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[page.Figure]:
     if len(own.tracks.get("t_s", ())) > 1:
         yield _drive(own)
         if np.isfinite(np.asarray(own.tracks.get("engine_load", np.nan))).any():
-            yield _works(own)
+            yield _drivetrain(own)
 
 
 def _map(data: ReportData, picture: FieldMap) -> page.Figure:
@@ -267,7 +267,7 @@ def _drive(own: MachineReport) -> page.Figure:
     return page.Figure("Driving", plots.as_image(fig), "Speed, steering and use of the header's width.")
 
 
-def _works(own: MachineReport) -> page.Figure:
+def _drivetrain(own: MachineReport) -> page.Figure:
     fig = plots.works_figure(dict(own.tracks))
     caption = (
         "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; "

@@ -27,7 +27,7 @@ from swath.field.projection import Origin
 from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solids import machine_body
 from swath.field.track import EdgeShape
-from swath.machine.machine_sheet import MachineCard, load_machine
+from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.field_setup import build_field
 from swath.runtime.placing import check_room, check_side, edge_of, start_pose
@@ -53,7 +53,7 @@ def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> Worl
 def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
     base = _base(scenario)
     ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
-    site = _Site(ground.field, ground.obstacles, Bodies(), base, ground.origin)
+    site = _Site(ground.field, ground.obstacles, Bodies(ground.named_obstacles), base, ground.origin)
     machines, nodes = {}, []
     for section in scenario.machines.values():
         machine, own_nodes = _build_machine(_reduced(section, only), site)
@@ -120,7 +120,7 @@ class _Place:
     """A machine that is being built: where it stands, on which edge, and what its sensors told so far."""
 
     section: MachineSection
-    card: MachineCard
+    card: MachineSheet
     edge: EdgeShape
     start: Pose
     mountings: Mapping[str, Pose]

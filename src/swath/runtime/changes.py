@@ -21,7 +21,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field.memory_layout import Solids
-from swath.field.solids import make_obstacles
+from swath.field.solids import make_obstacles, merge, named_obstacles
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
 from swath.scenario.resolved import SlotChoice
@@ -117,12 +117,14 @@ class Interventions:
         text = _text(value)
         read = _freshly_read(self._now, [f"field.{OBSTACLES}=[{text}]"]).field.obstacles
         bodies.remove(key)
-        bodies.add(key, make_obstacles(read, self.world.field), Pose.identity())
+        bodies.add(key, make_obstacles(read, self.world.field), Pose.identity(), is_machine=False)
         self._added[name] = text
 
     def _keep_fixed(self) -> None:
         """The solids of the scenario that are left, in place: every sensor holds the same object."""
-        left = make_obstacles(tuple(self._fixed.values()), self.world.field)
+        named = named_obstacles(tuple(self._fixed.values()), self.world.field)
+        self.world.bodies.set_obstacles(named)
+        left = merge(*named.values())
         for field in dataclasses.fields(Solids):
             setattr(self.world.obstacles, field.name, getattr(left, field.name))
 

@@ -13,7 +13,7 @@ from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
 from swath.field.site_setup import Bodies
 from swath.field.track import EdgeShape
-from swath.machine.machine_sheet import MachineCard
+from swath.machine.machine_sheet import MachineSheet
 from swath.record.messages import RecordedMachine
 from swath.scenario.resolved import MachineSection
 from swath.scenario.scenario import Scenario
@@ -31,7 +31,7 @@ class Machine:
     """
 
     section: MachineSection
-    card: MachineCard
+    card: MachineSheet
     edge: EdgeShape
     start: Pose
     parts: dict[str, Any]
@@ -82,8 +82,9 @@ class Machine:
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
+        outputs = {f"{slot}.{p.name}": p.signal for slot, part in self.parts.items() for p in part.outputs}
         return RecordedMachine(
-            self.name, self.card, self.edge_side, self.mountings, self.origin, tuple(self.parts), self.edge
+            self.name, self.card, self.edge_side, self.mountings, self.origin, outputs, self.edge
         )
 
 

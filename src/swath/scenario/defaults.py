@@ -41,7 +41,7 @@ def paragraphs(scenario: Scenario) -> list[tuple[str, str]]:
     """(title, text) per section and slot that has defaults: `("lidar plants", "sub_rays 19, spot fixed")`.
 
     A machine's slots are named with it where there are several machines. Values without a default of their
-    own (null: the data sheet's, the machine card's or none) close a text by their keys alone. Key and value
+    own (null: the data sheet's or none) close a text by their keys alone. Key and value
     are joined by NO_BREAK.
     """
     rest, whole = defaults(scenario), scenario.lifted()

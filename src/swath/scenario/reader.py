@@ -8,7 +8,7 @@ from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.core.registry import Level
-from swath.documents.data_sheets import find_card
+from swath.documents.data_sheets import find_sheet
 from swath.documents.hints import near_miss, unknown_key
 from swath.documents.validation import known_keys, validate
 from swath.documents.yaml_document import Document, KeyPath, read_document
@@ -67,7 +67,7 @@ class Reader:
         parts["machines"] = self._machines({name: data[name] for name in machines})
         parts["realtime"] = self._realtime(data["realtime"]) if "realtime" in data else None
         parts["evaluators"], judged = read_evaluators(self, data.get("evaluators", []))
-        parts["expect"] = read_expect(self, data.get("expect", {}), judged, machines)
+        parts["expect"] = read_expect(self, data.get("expect", {}), judged, machines, parts["machines"])
         if self.errors:
             raise ScenarioError(self.errors)
         return parts
@@ -246,7 +246,7 @@ class Reader:
         if common is None:
             return None
         try:
-            sheet = find_card("machines", common.machine)
+            sheet = find_sheet("machines", common.machine)
         except (InputError, OSError, ValueError):
             return None  # noted when its path was looked at
         unasked = self._slots_of_type(sheet, (name, "machine"))
@@ -393,9 +393,9 @@ class Reader:
         return value
 
     def _card(self, kind: str, value: str, path: KeyPath) -> str:
-        """A bundled card's name as it is, the user's own file as an absolute path."""
+        """A bundled data sheet's name as it is, the user's own file as an absolute path."""
         try:
-            file = find_card(kind, value, self.base(path))
+            file = find_sheet(kind, value, self.base(path))
         except InputError as error:
             self.note(path, value, error.expected)
             return value

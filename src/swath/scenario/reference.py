@@ -2,8 +2,7 @@
 
 from typing import Any
 
-import yaml
-
+from swath.documents.yaml_document import dump
 from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.schema import adopt
 from swath.scenario.sections import (
@@ -63,9 +62,9 @@ has the stubble of the nearest of them.
 
 def reference(catalogue: Catalogue = CATALOGUE) -> str:
     """The whole page."""
-    from swath.documents.data_sheets import find_card
+    from swath.documents.data_sheets import find_sheet
 
-    example = find_card("scenarios", "straight").read_text(encoding="utf-8")
+    example = find_sheet("scenarios", "straight").read_text(encoding="utf-8")
     parts = [HEADER.format(example=example)]
     parts.append(_section("## Top level", Head))
     parts.append(
@@ -208,8 +207,7 @@ def _target(entry: dict[str, Any], defs: dict[str, Any]) -> dict[str, Any]:
 
 
 def _yaml(value: Any) -> str:
-    text: str = yaml.safe_dump(value, default_flow_style=True, width=1000)
-    return text.removesuffix("\n").removesuffix("\n...").strip()
+    return dump(value, flow=True, width=1000).removesuffix("\n").removesuffix("\n...").strip()
 
 
 def _value(entry: dict[str, Any], defs: dict[str, Any]) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import card_names, find_card
+from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.documents.hints import near_miss
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
 from swath.scenario.catalogue import CATALOGUE, Catalogue
@@ -146,7 +146,7 @@ def read_scenario(
 
 def scenario_names() -> list[str]:
     """Names of the bundled scenarios."""
-    return card_names("scenarios")
+    return sheet_names("scenarios")
 
 
 def find_scenario(source: str | Path) -> Path:
@@ -157,13 +157,13 @@ def find_scenario(source: str | Path) -> Path:
     path = Path(source)
     try:
         if isinstance(source, str) and source in scenario_names():
-            return find_card("scenarios", source)
+            return find_sheet("scenarios", source)
         if path.is_dir() and (path / "scenario.yaml").is_file():
             return path / "scenario.yaml"
         if path.is_file():
             return path
         if isinstance(source, str) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
-            return find_card("scenarios", source)
+            return find_sheet("scenarios", source)
     except (InputError, OSError, ValueError):
         names = scenario_names()
         expected = f"expected a file or one of {', '.join(names)}{near_miss(source, names)}"

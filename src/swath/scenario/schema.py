@@ -10,7 +10,7 @@ import re
 import typing
 from typing import Any
 
-from swath.documents.hints import split_unit
+from swath.core.units import split_unit
 from swath.documents.validation import schema_of
 from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.sections import (

@@ -149,7 +149,7 @@ def _radius_of_energy(share: F64, profile: Profile) -> F64:
 
 
 def spots(origins: F64, axes: F64, beam: Beam, pattern: F64) -> Spots:
-    """Sub-rays of every beam, for `RayCaster.cast_spots`.
+    """Sub-rays of every beam, for `RayCaster.cast_bundles`.
 
     origins: (beam_count, 3) [m]; axes: (beam_count, 3, 3), columns = beam direction, across, along;
     pattern: (beam_count or 1, sub_count, 2) on the unit disc. A sub-ray leaves at its place in the
@@ -161,8 +161,3 @@ def spots(origins: F64, axes: F64, beam: Beam, pattern: F64) -> Spots:
     length = np.sqrt(1.0 + (u * half_angle[0]) ** 2 + (v * half_angle[1]) ** 2)  # the axes are a frame
     offsets = (u * half_exit[0], v * half_exit[1], u * half_angle[0], v * half_angle[1], 1.0 / length)
     return Spots(origins, axes, np.stack(offsets, axis=-1))
-
-
-def sub_rays(origins: F64, axes: F64, beam: Beam, pattern: F64) -> tuple[F64, F64]:
-    """As `spots`, as rays: origins and unit directions, each shape (beam_count, sub_count, 3)."""
-    return spots(origins, axes, beam, pattern).rays()

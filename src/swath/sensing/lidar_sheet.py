@@ -1,49 +1,94 @@
 """LiDAR data sheets: `data/sensors/*.yaml` as validated objects in SI."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
-from swath.core.units import DEG, MM, MRAD
-from swath.documents.data_sheets import Card, find_card
+from swath.core.units import MM, MRAD
+from swath.documents.data_sheets import read_sheet
+from swath.documents.sheet_fields import Key, Quantity, Section
 from swath.sensing.beam import Beam, Contour, Convention, Profile, full_angle
 from swath.signals import F64
 
+Pairs = list[tuple[float, Annotated[float, Field(ge=0)]]]
 
-@dataclass(frozen=True)
-class LidarCard:
+
+@dataclass(frozen=True, kw_only=True)
+class BeamSection:
+    """As the maker says it: exit and divergence across and along, by the convention of `sensing/beam.py`."""
+
+    profile: Profile
+    convention: Convention
+    contour: Contour
+    exit_mm: Annotated[tuple[float, float], Quantity("", 0, 200)]
+    divergence_mrad: Annotated[tuple[float, float], Quantity("", 0, 100)]
+
+    def pair(self, values: tuple[float, float], unit: float) -> tuple[float, float]:
+        """Two diameters or angles as full ones of the contour inside, in SI."""
+        across, along = (full_angle(v, self.convention, self.contour, self.profile) * unit for v in values)
+        return across, along
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarSheet:
     """What the maker says about a scanner.
 
-    beam: spot, by the convention of sensing/beam.py; line_elevation [rad], (line_count,), 0 for a 2-D scanner
-    fov: (first, last) azimuth [rad]; step: azimuth between beams [rad]; rate_hz: default scan rate
+    fov: (first, last) azimuth [rad]; step: azimuth between beams [rad]; rates_hz: the first is the default
+    elevations: of the lines [rad], (0,) for a 2-D scanner
     range_min, range_max [m]; range_10: reach on a 10 % diffuse target [m]
-    noise: rows (range [m], one-sigma [m]); systematic: half width of the constant error band [m]
+    noise_mm: rows (range [m], one-sigma [mm]); systematic: half width of the constant error band [m]
     resolution: step of the reported range [m]; wavelength [m]
     echo_count: most echoes per beam; pulse: length [s]; angle_noise: one sigma in the scan plane [rad]
-    signal_noise: rows (signal to noise ratio, one-sigma [m]), rising ratio, none for most
+    noise_by_signal_mm: rows (signal to noise ratio, one-sigma [mm]), rising ratio, none for most
     signal_at_reach: signal to noise ratio of the weakest echo that is still detected
     """
 
+    format: str
+    kind: Literal["lidar"] = "lidar"
     name: str
-    beam: Beam
-    line_elevation: F64
-    fov: tuple[float, float]
-    step: float
-    rates_hz: tuple[float, ...]
-    range_min: float
-    range_max: float
-    range_10: float
-    noise: F64
-    systematic: float
-    resolution: float
-    wavelength: float
-    echo_count: int
-    pulse: float
-    angle_noise: float
-    signal_noise: F64
-    signal_at_reach: float
+    note: str = ""
+    wavelength: Annotated[float, Quantity("nm", 300, 2000)]
+    spot: Annotated[BeamSection, Section("beam.")]
+    fov: Annotated[tuple[float, float], Quantity("deg", -360, 360, key="scan.field_of_view")]
+    step: Annotated[float, Quantity("deg", 1e-3, 10, key="scan.step")]
+    rates_hz: Annotated[tuple[float, ...], Quantity("", 0.01, 10_000, key="scan.rates_hz")]
+    elevations: Annotated[tuple[float, ...], Quantity("deg", -90, 90, key="scan.line_elevation")]
+    angle_noise: Annotated[float, Quantity("deg", 0, 5, key="scan.angle_noise")] = 0.0
+    range_min: Annotated[float, Quantity("m", 0, 10, key="range.min")]
+    range_max: Annotated[float, Quantity("m", 1, 1000, key="range.max")]
+    range_10: Annotated[float, Quantity("m", 1, 1000, key="range.reach_10_percent")]
+    noise_mm: Annotated[Pairs, Key("range.noise_mm")]
+    noise_by_signal_mm: Annotated[Pairs, Key("range.noise_by_signal_mm")] = field(default_factory=list)
+    signal_at_reach: Annotated[float, Quantity("", 1e-3, 1e6, key="range.signal_at_reach")] = 1.0
+    systematic: Annotated[float, Quantity("mm", 0, 1000, key="range.systematic")]
+    resolution: Annotated[float, Quantity("mm", 0, 100, key="range.resolution")]
+    echo_count: Annotated[int, Quantity("", 1, 16, key="echo.count")] = 1
+    pulse: Annotated[float, Quantity("ns", 0.01, 1000, key="echo.pulse")] = 5e-9
+
+    @cached_property
+    def beam(self) -> Beam:
+        """The spot."""
+        s = self.spot
+        return Beam(s.pair(s.exit_mm, MM), s.pair(s.divergence_mrad, MRAD), s.profile)
+
+    @cached_property
+    def line_elevation(self) -> F64:
+        """Elevation of each line [rad], shape (line_count,)."""
+        return np.array(self.elevations)
+
+    @cached_property
+    def noise(self) -> F64:
+        """Rows (range [m], one-sigma [m])."""
+        return _in_metres(self.noise_mm)
+
+    @cached_property
+    def signal_noise(self) -> F64:
+        """Rows (signal to noise ratio, one-sigma [m])."""
+        return _in_metres(self.noise_by_signal_mm)
 
     def noise_sigma(self, distance: F64, signal: F64 | None = None) -> F64:
         """One-sigma range noise [m] at distances [m]: linear between the data sheet's points.
@@ -66,78 +111,21 @@ class LidarCard:
         return np.asarray(0.5 * (first + last) - 0.5 * span + step * np.arange(count), dtype=np.float64)
 
 
-def load_lidar(name: str, base: Path | None = None) -> LidarCard:
-    """A bundled scanner by name, or the user's own YAML file. InputError names key and file."""
-    path = find_card("sensors", name, base)
-    card = Card(path)
-    noise = _rows(card, "range.noise_mm", "[[range_m, sigma_mm], ...]")
-    by_signal = np.zeros((0, 2))
-    if card.has("range.noise_by_signal"):
-        by_signal = _rows(card, "range.noise_by_signal", "[[signal_to_noise, sigma_mm], ...]", low=1e-3)
-    fov = card.numbers("scan.field_of_view_deg")
-    if card.data.get("kind", "lidar") != "lidar":
-        raise card.error("kind", card.data["kind"], "expected lidar")
-    made = LidarCard(
-        name=card.text("name"),
-        beam=_beam(card),
-        line_elevation=np.asarray(card.numbers("scan.line_elevation_deg"), dtype=float) * DEG,
-        fov=(float(fov[0]) * DEG, float(fov[1]) * DEG),
-        step=card.number("scan.step_deg", low=1e-3, high=10) * DEG,
-        rates_hz=tuple(float(r) for r in card.numbers("scan.rates_hz")),
-        range_min=card.number("range.min_m", low=0, high=10),
-        range_max=card.number("range.max_m", low=1, high=1000),
-        range_10=card.number("range.reach_10_percent_m", low=1, high=1000),
-        noise=noise * np.array([1.0, MM]),
-        systematic=card.number("range.systematic_mm", low=0, high=1000) * MM,
-        resolution=card.number("range.resolution_mm", low=0, high=100) * MM,
-        wavelength=card.number("wavelength_nm", low=300, high=2000) * 1e-9,
-        echo_count=int(_optional(card, "echo.count", 1.0, low=1, high=16)),
-        pulse=_optional(card, "echo.pulse_ns", 5.0, low=0.01, high=1000) * 1e-9,
-        angle_noise=_optional(card, "scan.angle_noise_deg", 0.0, low=0, high=5) * DEG,
-        signal_noise=by_signal * np.array([1.0, MM]),
-        signal_at_reach=_optional(card, "range.signal_at_reach", 1.0, low=1e-3, high=1e6),
+def _in_metres(pairs: Pairs) -> F64:
+    """Rows whose second number is in mm, in metres."""
+    return np.asarray(
+        np.array(pairs, dtype=np.float64).reshape(-1, 2) * np.array([1.0, MM]), dtype=np.float64
     )
-    card.refuse_unknown("kind", "note")
+
+
+def load_lidar(name: str, base: Path | None = None) -> LidarSheet:
+    """A bundled scanner by name, or the user's own YAML file. InputError names key and file."""
+    sheet = read_sheet("sensors", name, base)
+    made = sheet.read(LidarSheet)
+    for key, rows, low in (
+        ("range.noise_mm", made.noise, 0.0),
+        ("range.noise_by_signal_mm", made.signal_noise, 1e-3),
+    ):
+        if np.any(np.diff(rows[:, 0]) <= 0) or np.any(rows[:, 0] < low):
+            raise sheet.error(key, f"expected pairs whose first numbers rise, all >= {low:g}")
     return made
-
-
-def _beam(card: Card) -> Beam:
-    profile: Profile = _choice(card, "beam.profile", get_args(Profile))
-    convention: Convention = _choice(card, "beam.convention", get_args(Convention))
-    contour: Contour = _choice(card, "beam.contour", get_args(Contour))
-
-    def pair(key: str, unit: float, most: float) -> tuple[float, float]:
-        across, along = (full_angle(v, convention, contour, profile) * unit for v in _pair(card, key, most))
-        return across, along
-
-    return Beam(pair("beam.exit_mm", MM, 200.0), pair("beam.divergence_mrad", MRAD, 100.0), profile)
-
-
-def _choice(card: Card, key: str, allowed: tuple[str, ...]) -> Any:
-    value = card.text(key)
-    if value not in allowed:
-        raise card.error(key, value, f"expected {', '.join(allowed)}")
-    return value
-
-
-def _optional(card: Card, key: str, default: float, *, low: float, high: float) -> float:
-    return card.number(key, low=low, high=high) if card.has(key) else default
-
-
-def _rows(card: Card, key: str, form: str, *, low: float = 0.0) -> F64:
-    """Rows of two numbers, the first rising, the second >= low."""
-    try:
-        rows = np.asarray(card.numbers(key), dtype=float)
-    except (TypeError, ValueError):
-        rows = np.zeros(0)
-    good = rows.ndim == 2 and rows.shape[1] == 2 and bool(np.isfinite(rows).all())
-    if not good or np.any(np.diff(rows[:, 0]) <= 0) or np.any(rows < low):
-        raise card.error(key, card.value(key), f"expected {form}, the first rising")
-    return rows
-
-
-def _pair(card: Card, key: str, most: float) -> tuple[float, float]:
-    values = card.numbers(key)
-    if len(values) != 2 or any(not isinstance(v, int | float) or not 0 <= v <= most for v in values):
-        raise card.error(key, values, f"expected [across, along], both 0 to {most:g}")
-    return float(values[0]), float(values[1])

@@ -20,13 +20,14 @@ Angle = Annotated[float, Ge(-180), Le(180)]
 class Mount:
     """Mounting of a sensor.
 
-    at: the point the offsets count from. `edge_end`: the knife's end on the edge side, y_m then counts
-    outward, away from the machine; `axle`: the origin of the machine frame, y_m leftward
+    at: the point the offsets count from. `edge_end`: the knife's end on the edge side, `left_end` and
+    `right_end`: the knife's ends, y_m then counts outward, away from the machine; `axle`: the origin of the
+    machine frame, y_m leftward
     x_m, y_m, z_m [m]: forward, sideways, above ground; roll_deg, pitch_deg (> 0 nose down), yaw_deg
-    (for `edge_end` > 0 outward)
+    (> 0 outward; for `axle` > 0 to the left)
     """
 
-    at: Literal["edge_end", "axle"] = "edge_end"
+    at: Literal["edge_end", "left_end", "right_end", "axle"] = "edge_end"
     x_m: Length = 0.0
     y_m: Length = 0.0
     z_m: Length = 2.4
@@ -37,9 +38,10 @@ class Mount:
     def pose(self, machine: MachineGeometry, edge_side: str) -> Pose:
         """pose_machine_sensor."""
         x, y, yaw = self.x_m, self.y_m, self.yaw_deg
-        if self.at == "edge_end":
-            outward = 1.0 if edge_side == "left" else -1.0
-            end = machine.header_end(edge_side)
+        if self.at != "axle":
+            side = edge_side if self.at == "edge_end" else self.at.removesuffix("_end")
+            outward = 1.0 if side == "left" else -1.0
+            end = machine.header_end(side)
             x, y, yaw = x + end[0], end[1] + outward * y, outward * yaw
         return Pose.from_euler((x, y, self.z_m), self.roll_deg * DEG, self.pitch_deg * DEG, yaw * DEG)
 

@@ -4,27 +4,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.random import Stream
-from swath.sensing.lidar_sheet import LidarCard
+from swath.sensing.lidar_sheet import LidarSheet
 from swath.signals import F64
 
 
 class Noise:
     """What one instance of a scanner adds.
 
-    is_on: False = no range noise, bias, resolution and angle noise of the card
-    angle: one sigma of the direction in the scan plane [rad], None = the card's
-    drop_out: chance that a beam is lost
+    is_on: False = no range noise, bias, resolution and angle noise of the sheet
+    angle: one sigma of the direction in the scan plane [rad], None = the sheet's
+    dropout: chance that a beam is lost
     """
 
-    def __init__(self, card: LidarCard, *, is_on: bool, angle: float | None, drop_out: float) -> None:
-        self.card, self.is_on, self.drop_out = card, is_on, drop_out
-        self.angle = angle if angle is not None else card.angle_noise if is_on else 0.0
+    def __init__(self, sheet: LidarSheet, *, is_on: bool, angle: float | None, dropout: float) -> None:
+        self.sheet, self.is_on, self.dropout = sheet, is_on, dropout
+        self.angle = angle if angle is not None else sheet.angle_noise if is_on else 0.0
         self.bias = 0.0
         self._stream = Stream(0, "noise")
 
     def reset(self, stream: Stream) -> None:
         """Draws the constant range bias [m] of this instance, uniform in the data sheet's band."""
-        band = self.card.systematic if self.is_on else 0.0
+        band = self.sheet.systematic if self.is_on else 0.0
         self.bias = float(stream.at(0).uniform(-band, band))
         self._stream = stream
 
@@ -35,9 +35,9 @@ class Noise:
         """
         if not self.is_on:
             return distance
-        sigma = self.card.noise_sigma(distance, signal)
+        sigma = self.sheet.noise_sigma(distance, signal)
         noisy = distance + self.bias + sigma * rng.standard_normal(distance.shape)
-        step = self.card.resolution
+        step = self.sheet.resolution
         return np.round(noisy / step) * step if step > 0 else noisy
 
     def swing(self, t: int, count: int) -> F64 | None:
@@ -48,6 +48,6 @@ class Noise:
 
     def dropped(self, t: int, count: int) -> NDArray[np.bool_] | None:
         """Which beams of the sweep that ends at t are lost, (count,), None = none ever."""
-        if self.drop_out == 0.0:
+        if self.dropout == 0.0:
             return None
-        return np.asarray(self._stream.child("drop_out").at(t).uniform(size=count) < self.drop_out)
+        return np.asarray(self._stream.child("drop_out").at(t).uniform(size=count) < self.dropout)

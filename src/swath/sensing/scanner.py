@@ -4,9 +4,11 @@ Beams of a sweep, where each starts, ports, and what the electronics add to a di
 which distance a beam has.
 """
 
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Gt, Le
 
 from swath.core.component import Outputs, Port
 from swath.core.errors import InputError
@@ -19,44 +21,32 @@ from swath.sensing.noise import Noise
 from swath.sensing.sweep import Sweep
 from swath.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
 
-WHITE_SHARE = 0.1  # diffuse reflectance that the data sheet's reach refers to
 
+@dataclass(frozen=True)
+class ScannerParams:
+    """sensor: name in data/sensors, or the user's own YAML; mount: where it sits.
 
-class ScannerParams(Protocol):
-    """The parameters that all LiDAR levels have; their meaning as in `lidar/plants.py`."""
+    sector_deg: first and last azimuth used; none = the sensor's whole field of view
+    step_deg: angle between beams; none = the data sheet's
+    reach_m: rays are not followed further than this
+    noise: range noise and constant bias as in the data sheet, or none
+    """
 
-    @property
-    def sensor(self) -> str:
-        """Card of the scanner."""
-
-    @property
-    def mount(self) -> Mount:
-        """Where it sits."""
-
-    @property
-    def sector_deg(self) -> tuple[float, float] | None:
-        """First and last azimuth."""
-
-    @property
-    def step_deg(self) -> float | None:
-        """Angle between beams."""
-
-    @property
-    def reach_m(self) -> float:
-        """Rays are not followed further."""
-
-    @property
-    def noise(self) -> str:
-        """`data_sheet` or `none`."""
+    sensor: str = "sick-lms511-hr"
+    mount: Mount = field(default_factory=Mount)
+    sector_deg: tuple[float, float] | None = None
+    step_deg: Annotated[float, Gt(0), Le(10)] | None = None
+    reach_m: Annotated[float, Gt(0), Le(200)] = 40.0
+    noise: Literal["data_sheet", "none"] = "data_sheet"
 
 
 class Scanner:
-    """card: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,)
+    """sheet: data sheet; mounting: pose_machine_sensor; azimuth, elevation [rad], beam_t [s]: (beam_count,)
 
     axes: beam frames in the sensor frame, (beam_count, 3, 3), columns beam direction, across (left), along
     line_count: beams that share an azimuth; reach: no echo comes from further away [m]
     echo_count: echoes per beam of a scan; angle_noise: one sigma of the beams' direction [rad], None = the
-    card's; drop_out: chance that a beam is lost
+    sheet's; dropout: chance that a beam is lost
     noise: what the electronics add
     """
 
@@ -67,24 +57,24 @@ class Scanner:
         *,
         echo_count: int = 1,
         angle_noise: float | None = None,
-        drop_out: float = 0.0,
+        dropout: float = 0.0,
     ) -> None:
         self.params, self.setup = params, setup
         self.echo_count = echo_count
-        self.card = load_lidar(params.sensor, setup.base)
+        self.sheet = load_lidar(params.sensor, setup.base)
         self.mounting = params.mount.pose(setup.machine, setup.edge_side)
         if self.mounting.position[2] <= 0:
             raise InputError("mount.z_m", params.mount.z_m, "expected a sensor above the ground")
-        first, last = _sector(params.sector_deg, self.card.fov)
-        self.step = self.card.step if params.step_deg is None else params.step_deg * DEG
-        azimuth = self.card.azimuths(first, last, self.step)
-        lines = self.card.line_elevation
+        first, last = _sector(params.sector_deg, self.sheet.fov)
+        self.step = self.sheet.step if params.step_deg is None else params.step_deg * DEG
+        azimuth = self.sheet.azimuths(first, last, self.step)
+        lines = self.sheet.line_elevation
         self.line_count = len(lines)
         self.azimuth = np.repeat(azimuth, len(lines))
         self.elevation = np.tile(lines, len(azimuth))
         self.beam_t = (self.azimuth - azimuth[-1]) / (2 * np.pi) * setup.period
         self.axes = _beam_axes(self.azimuth, self.elevation)
-        self.reach = min(params.reach_m, self.card.range_max)
+        self.reach = min(params.reach_m, self.sheet.range_max)
         self.inputs = (Port("state", MachineState, history=True),)
         self.outputs = (
             Port("scan", Scan, unit="m", shape=(len(self.azimuth),)),
@@ -92,18 +82,16 @@ class Scanner:
         )
         self._sweep = Sweep(self.mounting, self.beam_t)
         self._blind_scans, self._has_echo = 0, False
-        self.noise = Noise(
-            self.card, is_on=params.noise == "data_sheet", angle=angle_noise, drop_out=drop_out
-        )
+        self.noise = Noise(self.sheet, is_on=params.noise == "data_sheet", angle=angle_noise, dropout=dropout)
 
     @property
     def notes(self) -> list[str]:
         """What a user should know: a rate that the sheet does not offer, a sensor that saw nothing at all."""
-        found, rates = [], self.card.rates_hz
+        found, rates = [], self.sheet.rates_hz
         rate = 1.0 / self.setup.period
         if not any(abs(rate - offered) < 1e-3 * offered for offered in rates):
             offer = ", ".join(f"{r:g}" for r in rates)
-            found.append(f"lidar: {rate:.4g} Hz is not a rate of the {self.card.name}, which has {offer} Hz")
+            found.append(f"lidar: {rate:.4g} Hz is not a rate of the {self.sheet.name}, which has {offer} Hz")
         if self._blind_scans > 0:
             hint = "see mount (pitch_deg > 0 looks down), sector_deg and reach_m"
             found.append(f"lidar: no beam met anything in the whole run; {hint}")
@@ -131,12 +119,6 @@ class Scanner:
         """Sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world, each beam at its own
         time of the sweep that ends at `end` [ns]."""
         return self._sweep(states, end)
-
-    def is_seen(self, true_range: F64, intensity: F64) -> np.ndarray:
-        """Does enough light come back? Reach goes with the root of the intensity."""
-        with np.errstate(invalid="ignore"):
-            seen = intensity / WHITE_SHARE * (self.card.range_10 / true_range) ** 2 >= 1.0
-        return np.asarray(seen)
 
     def measure(self, true_range: F64, rng: np.random.Generator, signal: F64 | None = None) -> F64:
         """True ranges [m] as reported: constant bias, noise, resolution; any shape, nan stays nan.

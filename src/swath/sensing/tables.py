@@ -8,6 +8,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.units import DEG
+from swath.documents.yaml_document import dump, read_document
 from swath.rays.spread import SpreadTable
 
 ARRAYS = (
@@ -43,18 +44,15 @@ def load_table(name: str, base: Path | None = None) -> SpreadTable:
 
 def save_table(table: SpreadTable, path: Path) -> list[Path]:
     """Write `path` (.npz) and its YAML. The same table gives the same bytes."""
-    import yaml
-
     path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {k: np.asarray(getattr(table, k), dtype=np.float32) for k in ARRAYS}
     arrays["quantile"] = arrays["quantile"].astype(np.float16)  # to 0.3 mm of a crop of 1 m
     extra = {"fine": np.float64(table.fine), "cosine": np.float64(table.cosine)}
     _write_npz(path, {**arrays, **extra, "correlation": np.array(table.correlation)})
     about = {**table.about, "range": valid_range(table)}
-    text = yaml.safe_dump(about, sort_keys=False, allow_unicode=True, width=100)
-    card = path.with_suffix(".yaml")
-    card.write_text(text, encoding="utf-8")
-    return [path, card]
+    sheet = path.with_suffix(".yaml")
+    sheet.write_text(dump(about), encoding="utf-8")
+    return [path, sheet]
 
 
 def valid_range(table: SpreadTable) -> dict[str, list[float]]:
@@ -81,14 +79,12 @@ def _write_npz(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def _about(path: Path) -> dict[str, object]:
-    import yaml
-
-    card = path.with_suffix(".yaml")
-    if not card.is_file():
+    sheet = path.with_suffix(".yaml")
+    if not sheet.is_file():
         return {}
-    about = yaml.safe_load(card.read_text(encoding="utf-8"))
+    about = read_document(sheet).data
     if not isinstance(about, dict):
-        raise InputError("table", str(card), "expected a mapping of keys", file=card)
+        raise InputError("table", str(sheet), "expected a mapping of keys", file=sheet)
     return about
 
 

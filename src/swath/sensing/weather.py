@@ -21,7 +21,7 @@ class Weather:
 
     extinction_per_m: of the dust [1/m], 0.05 light to 1 dense
     rain_mm_h: adds 0.01 R^0.6 [1/m] (Goodin et al. 2019, doi:10.3390/electronics8010089)
-    near_returns: puffs of dust, chaff or drops that a beam would meet on a free way, mean number per scan
+    near_returns: puffs of dust, chaff or drops that a beam would meet on a free path, mean number per scan
     near_reach_m: how far they reach, mean distance beyond the sensor's least range
     near_share: of a beam's energy that meets the puff; near_reflectance: of the puff
     """
@@ -50,7 +50,7 @@ def disturb(
     """Distances [m] and albedos of sub-rays, (n, s), with the air between: new arrays.
 
     Puffs come at rate near_returns / near_reach * exp(-r / near_reach) per metre behind range_min; only the
-    nearest of a beam counts, and only where the way there is free.
+    nearest of a beam counts, and only where the path there is free.
     """
     distance, albedo = distance.copy(), albedo.copy()
     n, s = distance.shape

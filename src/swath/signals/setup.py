@@ -16,7 +16,8 @@ class MachineGeometry:
     wheelbase, front_track (fixed axle), rear_track (steered axle) [m]; the steered axle lies `wheelbase`
     BEHIND the fixed one, or ahead of it where `steers_ahead` (tractors)
     max_steer: equivalent single-wheel angle limit [rad]
-    header_width [m]; knife_x: knife ahead of the fixed axle [m]; header_y: centre of the header, leftward [m]
+    header_width [m], 0 for a machine without a header, whose front end then stands for the knife
+    knife_x: knife ahead of the fixed axle [m]; header_y: centre of the header, leftward [m]
     header_height: of its body above the knife [m]; header_depth: of its body behind the knife [m]
     body: rear end x, front end x, half width, bottom z, top z of the chassis box [m]
     """
@@ -32,6 +33,11 @@ class MachineGeometry:
     header_depth: float
     body: tuple[float, float, float, float, float]
     steers_ahead: bool = field(default=False, kw_only=True)
+
+    @property
+    def has_header(self) -> bool:
+        """Whether it carries a header."""
+        return self.header_width > 0.0
 
     @property
     def steered_x(self) -> float:

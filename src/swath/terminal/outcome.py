@@ -77,8 +77,8 @@ def _rows(
     rows = []
     for name in known:
         if name in metrics:
-            entry = own.get(name)
-            limit, result = (limit_text(entry), entry["result"]) if entry else ("", "")
+            held = own.get(name)
+            limit, result = ("", "") if held is None else (limit_text(held), str(held["result"]))
             rows.append((name, number(metrics[name]), limit, result))
     for entry in expect:
         if entry is not own.get(entry["name"]) or entry["name"] not in metrics:

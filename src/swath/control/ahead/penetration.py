@@ -1,6 +1,6 @@
 """Level `penetration`: how tall and how dense the crop ahead stands, from how far a laser gets into it.
 
-Where stems stand at random, the way of a beam through the canopy to its first hit is exponential; some beams
+Where stems stand at random, the path of a beam through the canopy to its first hit is exponential; some beams
 reach the ground without one. The most likely extinction then is hits / sum of all ways (exponential sample
 with censoring). The top of a canopy is ragged, so ways count from a plane within it: an exponential has no
 memory.
@@ -85,9 +85,9 @@ class Penetration:
         if hits < self._p.least_echoes // 2:
             return _nothing(t)
         share = (plane - deeper[:, 2]) / (origin[2] - deeper[:, 2])  # of the beam that lies below the plane
-        way = share * np.linalg.norm(deeper - origin, axis=1)
+        path = share * np.linalg.norm(deeper - origin, axis=1)
         entry = deeper[:, 0] - share * (deeper[:, 0] - origin[0])
-        return CropAhead(t, float(np.median(entry)), top, hits / float(way.sum()))
+        return CropAhead(t, float(np.median(entry)), top, hits / float(path.sum()))
 
 
 def _nothing(t: int) -> CropAhead:

@@ -1,9 +1,9 @@
-"""How far the canopy hangs over the feet of its stems, learned from the scans themselves.
+"""How far the edge of the canopy lies beyond the stem bases, learned from the scans themselves.
 
 The step that the detector finds is where the outermost stems stop half of the rays: in dense crop those that
-lean out furthest, in thin crop hardly any. It is a sharp mark to follow, but lies beside the feet by
-centimetres in wheat and by decimetres in rape. The feet end where half of the stand is there. That can be
-seen without knowing the crop, because the stand within is its own measure: nine of ten of its rays are
+lean out furthest, in thin crop hardly any. It is a sharp mark to follow, but lies off the stem bases by
+centimetres in wheat and by decimetres in rape. The stem bases end where half of the stand is there. That can
+be seen without knowing the crop, because the stand within is its own measure: nine of ten of its rays are
 stopped above a certain height; where half of the stand is there, a known smaller share is (`stopped`). Each
 ray counts once, at the lateral place where it crosses the middle height of the echoes within.
 
@@ -25,7 +25,7 @@ INSIDE = (0.4, 1.5)  # m behind the step: the stand within
 TALLEST, LAYER = 4.0, 0.02  # m, of the heights counted within
 FEWEST = 60.0  # echoes within, before their heights count
 STRAY = 0.02  # share of rays on the wrong side whatever the edge
-LOOKS = 4.0  # scans that see the same stems: so many rays count as one
+SCANS_PER_SAMPLE = 4.0  # scans see the same stems: rays per independent sample
 CLOSE = 0.12  # m: scans whose edge point is further from the line than this show a notch, not the edge
 GUESS = 0.05  # m, standard deviation of the shift about the guess
 OFTEN = 0.5  # m of travel from fit to fit
@@ -35,7 +35,7 @@ _MET = np.linspace(0.0, 60.0, 3001)
 _PHI = np.array([0.5 * (1.0 + erf(z / np.sqrt(2.0))) for z in _Z])
 
 
-class Overhang:
+class CanopyOffset:
     """Counts the rays that are stopped in the canopy, across the edge and within the stand.
 
     memory_m: travel after which old rays count 1/e; 0 = nothing is learned and `shift` is the guess
@@ -48,8 +48,8 @@ class Overhang:
         self._middle = np.arange(FROM + 0.5 * BIN, TO, BIN)
         self._spreads = np.geomspace(0.02, 0.3, 8)
         self._shifts = np.arange(-0.1, 0.45, 0.01)
-        beside = (self._middle - self._shifts[:, None]) / self._spreads[:, None, None]
-        self._there = np.interp(beside, _Z, _PHI)  # share of the stand, [spread, shift, place]
+        lateral = (self._middle - self._shifts[:, None]) / self._spreads[:, None, None]
+        self._there = np.interp(lateral, _Z, _PHI)  # share of the stand, [spread, shift, place]
         self._chance = stopped(_MET, parts)
         self.clear()
 
@@ -68,9 +68,9 @@ class Overhang:
             self._heights *= keep
             self._since += distance
 
-    def add(self, step: Step, beside: float, height: float) -> None:
-        """Count the rays of a scan that shows the edge `beside` the line [m]; crop height [m]."""
-        if self._memory <= 0.0 or abs(beside) > CLOSE:
+    def add(self, step: Step, lateral: float, height: float) -> None:
+        """Count the rays of a scan that shows the edge `lateral` the line [m]; crop height [m]."""
+        if self._memory <= 0.0 or abs(lateral) > CLOSE:
             return
         rays = step.rays
         place = rays.at(0.5 * (rays.limit + rays.top))
@@ -109,7 +109,7 @@ class Overhang:
         bins = np.floor((rays.at(float(middle)) - FROM) / BIN).astype(np.int64)
         ok = (bins >= 0) & (bins < len(self._middle))
         is_stopped = rays.height > max(float(low), rays.limit)
-        np.add.at(self._seen, (is_stopped[ok].astype(np.int64), bins[ok]), 1.0 / LOOKS)
+        np.add.at(self._seen, (is_stopped[ok].astype(np.int64), bins[ok]), 1.0 / SCANS_PER_SAMPLE)
 
     def _fit(self, height: float) -> float:
         """Mean shift under the likelihood of the counts and the guess [m]."""

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.edge.canopy_offset import Overhang
+from swath.control.edge.canopy_offset import CanopyOffset
 from swath.control.edge.height_step import Gates, SplitRule, Step, find_step
 from swath.control.edge.line_fit import Line, Prior
 from swath.control.edge.profile import Profile, Reach, crop_sign, make_profile
@@ -36,7 +36,7 @@ class EdgeParams:
     jump_s: seen for so long when it lies beside the one just lost
     lean_deg: mean lean of the stems off the vertical; lean_share: part of it by which the canopy seems to
     hang over the edge: a first guess, wheat that is not lodged leans 5 to 8 deg
-    learn_m: travel over which the overhang is learned from the scans; 0 = the guess holds throughout
+    learn_m: travel over which the canopy offset is learned from the scans; 0 = the guess holds throughout
     echo_parts: stems, ears or pods that make an echo together: as many as cover half of the spot when it is
     the median of the spot, 1 when the nearest counts
     spot_mm: spot diameter at the crop when the echo is the nearest of the spot (data sheet: at the cover plus
@@ -76,7 +76,7 @@ class EdgeDetector:
         self._sign = crop_sign(setup.edge_side)
         self._centre = self._sign * setup.machine.header_end(setup.edge_side)[1]
         lean = p.lean_share * float(np.tan(p.lean_deg * DEG))
-        self._overhang = Overhang(p.learn_m, lean, 0.5 * p.spot_mm * MM, parts=p.echo_parts)
+        self._canopy_offset = CanopyOffset(p.learn_m, lean, 0.5 * p.spot_mm * MM, parts=p.echo_parts)
         self._gates = Gates(
             min_step=p.min_step_m,
             min_gain=p.min_gain,
@@ -95,7 +95,7 @@ class EdgeDetector:
     def reset(self, stream: Stream) -> Outputs:
         """No edge at t = 0: nothing was seen yet."""
         self._track.clear()
-        self._overhang.clear()
+        self._canopy_offset.clear()
         self._time = 0
         self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0
         return {"edge": self._no_edge(0)}
@@ -109,11 +109,11 @@ class EdgeDetector:
         return {"edge": self._report(t + dt, speed, yaw_rate)}
 
     def save(self) -> State:
-        """The track, its time, the heights and the overhang."""
+        """The track, its time, the heights and the canopy offset."""
         heights = (self._crop, self._stubble, self._ground)
         return {
             "track": self._track.save(),
-            "overhang": self._overhang.save(),
+            "canopy_offset": self._canopy_offset.save(),
             "time": self._time,
             "heights": heights,
         }
@@ -121,7 +121,7 @@ class EdgeDetector:
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._track.load(state["track"])
-        self._overhang.load(state["overhang"])
+        self._canopy_offset.load(state["canopy_offset"])
         self._time = state["time"]
         self._crop, self._stubble, self._ground = state["heights"]
 
@@ -129,7 +129,7 @@ class EdgeDetector:
         elapsed = (scan.t - self._time) / NS
         self._time = scan.t
         self._track.move(speed * elapsed, self._sign * yaw_rate * elapsed, elapsed)
-        self._overhang.move(speed * elapsed)
+        self._canopy_offset.move(speed * elapsed)
         profile = make_profile(scan, self._mounting, self._sign, speed, yaw_rate, self._reach)
         line = self._track.line if self._track.is_found else None
         found = self._look(profile)
@@ -137,7 +137,7 @@ class EdgeDetector:
         if found is not None:
             self._remember_heights(found)
             if line is not None:
-                self._overhang.add(found, found.u - float(line.at(found.x)), self._crop)
+                self._canopy_offset.add(found, found.u - float(line.at(found.x)), self._crop)
 
     def _look(self, profile: Profile) -> Step | None:
         """The step of a profile without what hangs above the crop: dust near the scanner.
@@ -171,7 +171,7 @@ class EdgeDetector:
 
     def _as_edge(self, now: int, line: Line) -> CropEdge:
         sign, steep = self._sign, 1.0 + line.slope**2
-        shift = self._overhang.shift(self._crop)
+        shift = self._canopy_offset.shift(self._crop)
         return CropEdge(
             t=now,
             offset=sign * (line.offset + shift * float(np.sqrt(steep))),

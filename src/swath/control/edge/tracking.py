@@ -15,7 +15,7 @@ from swath.core.component import State
 from swath.signals import F64
 
 X, U, VARIANCE, QUALITY, AGE, IS_USED, SLOPE, COLUMNS = range(8)
-LOOKS = 8.0  # scans in a row that see the same stems: so many edge points count as one
+SCANS_PER_SAMPLE = 8.0  # successive scans see the same stems: edge points per independent sample
 LEVER = 1.2  # m, by which the place of an edge point in its scan is unsure along the assumed heading
 
 
@@ -120,7 +120,7 @@ class EdgeTrack:
     def _fit(self) -> None:
         used = self._rows[self._rows[:, IS_USED] > 0.0]
         slope = 0.0 if self.line is None else self.line.slope_at(used[:, X])
-        variance = LOOKS * used[:, VARIANCE] + (LEVER * (used[:, SLOPE] - slope)) ** 2
+        variance = SCANS_PER_SAMPLE * used[:, VARIANCE] + (LEVER * (used[:, SLOPE] - slope)) ** 2
         self.line, _ = fit_line(used[:, X], used[:, U], variance, self._x0, self._prior, self.line)
 
     def _acquire(self) -> None:

@@ -77,5 +77,5 @@ LEVEL = Level(
     Params,
     summary="constant measured throughput, held back by the engine's load",
     cost="5 us per step",
-    tolerance="no error in steady state; late by the way from the knife to the sensor",
+    tolerance="no error in steady state; late by the travel from the knife to the sensor",
 )

@@ -28,7 +28,7 @@ SPACING = 0.25  # between remembered places [m]
 @dataclass(frozen=True, kw_only=True)
 class Params(Common):
     """sensor_delay_s: from the knife to the throughput sensor; lead_s: how much earlier to act, for the drive
-    smooth_m: way over which what is seen is averaged; learn_m: way over which the factor is learned
+    smooth_m: distance over which what is seen is averaged; learn_m: distance over which the factor is learned
     power: throughput goes with amount^power, above 1 where dense crop hides itself
     """
 
@@ -58,8 +58,8 @@ class LookAhead:
     def reset(self, stream: Stream) -> Outputs:
         """Entry speed, nothing seen, nothing learned."""
         self._speed = self._p.entry_speed_kmh * KMH
-        self._way, self._seen_t = 0.0, -1
-        self._raw: deque[tuple[float, float]] = deque(maxlen=KEPT)  # way of the knife, amount there
+        self._distance, self._seen_t = 0.0, -1
+        self._raw: deque[tuple[float, float]] = deque(maxlen=KEPT)  # distance of the knife, amount there
         self._places: deque[tuple[float, float]] = deque(maxlen=KEPT)  # the same, smoothed
         self._past: deque[tuple[int, float]] = deque(maxlen=KEPT)  # time, amount cut per second
         self._sums = (0.0, 0.0)
@@ -69,7 +69,7 @@ class LookAhead:
         """The next command, valid at t + dt."""
         p, h = self._p, dt / NS
         odometry: Odometry = inputs["odometry"]
-        self._way += odometry.speed * h
+        self._distance += odometry.speed * h
         self._look(t + dt, inputs["ahead"], inputs["edge"], odometry.speed)
         self._learn(t + dt, odometry.speed, inputs["feed"], h)
         wanted = self._wanted(inputs["feed"], inputs["engine"])
@@ -80,7 +80,7 @@ class LookAhead:
         """Way, what was seen and cut, what was learned, the command."""
         return {
             "speed": self._speed,
-            "way": self._way,
+            "distance": self._distance,
             "seen_t": self._seen_t,
             "raw": np.array(self._raw, dtype=float).reshape(-1, 2),
             "places": np.array(self._places, dtype=float).reshape(-1, 2),
@@ -91,7 +91,7 @@ class LookAhead:
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._speed, self._way, self._seen_t = state["speed"], state["way"], state["seen_t"]
+        self._speed, self._distance, self._seen_t = state["speed"], state["distance"], state["seen_t"]
         self._raw = deque(((a, b) for a, b in state["raw"].tolist()), maxlen=KEPT)
         self._places = deque(((a, b) for a, b in state["places"].tolist()), maxlen=KEPT)
         past = zip(state["past_t"].tolist(), state["past"].tolist(), strict=True)
@@ -113,7 +113,7 @@ class LookAhead:
         if not isfinite(amount) or t == self._seen_t:
             return
         self._seen_t = t
-        place = self._way - speed * (now - t) / NS + at - self._knife
+        place = self._distance - speed * (now - t) / NS + at - self._knife
         if self._raw and place - self._raw[-1][0] < SPACING:
             return
         self._raw.append((place, max(amount, 0.0) ** self._p.power))
@@ -122,7 +122,7 @@ class LookAhead:
 
     def _learn(self, t: int, speed: float, feed: FeedReading | None, h: float) -> None:
         """Compare what is measured now with what was cut when that crop came in."""
-        amount = self._amount_at(self._way)
+        amount = self._amount_at(self._distance)
         self._past.append((t, amount * speed if isfinite(amount) else float("nan")))
         if feed is None or not has_crop(self._p, feed):
             return
@@ -132,9 +132,9 @@ class LookAhead:
             kept = exp(-speed * h / self._p.learn_m)
             self._sums = self._sums[0] * kept + cut * cut, self._sums[1] * kept + cut * feed.flow
 
-    def _amount_at(self, way: float) -> float:
-        """Amount at a way of the knife, the nearest place before it; nan = not seen."""
-        return next((a for place, a in reversed(self._places) if place <= way), float("nan"))
+    def _amount_at(self, distance: float) -> float:
+        """Amount at a distance travelled by the knife, the nearest place before it; nan = not seen."""
+        return next((a for place, a in reversed(self._places) if place <= distance), float("nan"))
 
     def _wanted(self, feed: FeedReading | None, engine: EngineState | None) -> float:
         """Speed [m/s] that keeps the throughput now and at every place ahead, slowing down in time."""
@@ -143,13 +143,13 @@ class LookAhead:
         if factor <= 0.0:
             free = room(p, feed, engine)
             return entry if free is None or not has_crop(p, feed) else self._speed
-        begin = self._way + self._speed * p.lead_s
+        begin = self._distance + self._speed * p.lead_s
         fall = p.slow_kmh_s * KMH
         now = self._amount_at(begin)
         places = [(0.0, now)] + [(s - begin, a) for s, a in self._places if s > begin]
         speeds = [
-            sqrt((p.throughput_kg_s / (factor * a)) ** 2 + 2.0 * fall * way)
-            for way, a in places
+            sqrt((p.throughput_kg_s / (factor * a)) ** 2 + 2.0 * fall * gap)
+            for gap, a in places
             if isfinite(a) and a > 0.0
         ]
         wanted = min(speeds, default=entry)

@@ -37,7 +37,8 @@ class ActuatorModel:
     def ahead(self, speed: float, slip: float) -> Place:
         """Where the machine will stand when the next command has taken hold: dead time and lag later.
 
-        speed [m/s]; slip [rad]: by which its course deviates to the left of what the steering explains.
+        speed [m/s]; slip [rad]: its direction of travel to the left of what the steering
+        explains.
         """
         x = y = heading = 0.0
         curvature = self.curvature
@@ -60,10 +61,10 @@ class ActuatorModel:
 
 
 class SlipObserver:
-    """Side slip of the header end: how much its course deviates from what the steering explains [rad].
+    """Side slip of the header end: its direction of travel against what the steering explains [rad].
 
     On a side slope a combine crabs by about slope / normalised cornering stiffness, 1.4 deg on 10 %. Observer
-    of lateral error e and slip c over the travelled distance s, de/ds = angle - course - c, both poles at
+    of lateral error e and slip c over the travelled distance s, de/ds = angle - direction - c, both poles at
     1 / `distance` [1/m]; innovations are clipped to +-`clip` [m] so that a step of the edge is not taken for
     slip.
     """

@@ -2,7 +2,7 @@
 
 The reference point O is the middle of the fixed axle, kappa = psi' / v there. The header end E lies at (a, b)
 in the machine frame, a = knife ahead of the axle, b = +-half the header. E moves with
-v (1 - b kappa, a kappa): its course deviates from the heading by beta = atan2(a kappa, 1 - b kappa).
+v (1 - b kappa, a kappa): its direction deviates from the heading by beta = atan2(a kappa, 1 - b kappa).
 
 Let e be the lateral distance from E to its target line (the edge, moved out of the crop by the overlap) and
 theta the direction of that line abreast of E. The law aims E at the point of the target's tangent that lies
@@ -137,7 +137,7 @@ class Preview:
         now = self._moved(speed * max(age, 0.0))
         if speed > CRAWL:
             error, angle = self._target(edge, now)
-            self._slip.update(error, angle - self._course(self._actuator.curvature), speed * seconds)
+            self._slip.update(error, angle - self._direction(self._actuator.curvature), speed * seconds)
         error, angle = self._target(edge, _chain(now, self._actuator.ahead(speed, self._slip.slip)))
         preview = max(p.lookahead_m, p.lookahead_s * speed)
         steepest = p.approach_deg * DEG
@@ -152,15 +152,15 @@ class Preview:
         heading = distance * self._actuator.curvature
         return Place(distance, distance * (0.5 * heading + self._slip.slip), heading)
 
-    def _course(self, curvature: float) -> float:
-        """Course of E against the machine's heading [rad] at a curvature [1/m]."""
+    def _direction(self, curvature: float) -> float:
+        """E's direction of travel against the machine's heading [rad] at a curvature [1/m]."""
         a, b = self._end
         return atan2(a * curvature, max(0.1, 1.0 - b * curvature))
 
-    def _curvature(self, course: float) -> float:
-        """Curvature [1/m] that gives E a course [rad]; the other way round of `_course`."""
+    def _curvature(self, direction: float) -> float:
+        """Curvature [1/m] that gives E a direction of travel [rad]; the other way round of `_direction`."""
         a, b = self._end
-        slope = tan(min(max(course, -1.2), 1.2))
+        slope = tan(min(max(direction, -1.2), 1.2))
         if a + b * slope < 0.1 * abs(a):
             return self._limit if slope > 0.0 else -self._limit
         return slope / (a + b * slope)
@@ -172,8 +172,8 @@ class Preview:
         slope, bend = tan(edge.heading), edge.curvature / cos(edge.heading) ** 3
         ahead = end.x - edge.reference_x
         angle = atan(slope + bend * ahead)
-        beside = edge.offset + ahead * (slope + 0.5 * bend * ahead) - end.y
-        return beside * cos(angle) + self._outward, angle - place.heading
+        lateral = edge.offset + ahead * (slope + 0.5 * bend * ahead) - end.y
+        return lateral * cos(angle) + self._outward, angle - place.heading
 
 
 def _chain(first: Place, then: Place) -> Place:

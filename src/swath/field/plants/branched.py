@@ -1,11 +1,15 @@
 """Branched plants (oilseed rape): a main stem, branches that curve upwards into a layer, pods along them."""
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.crop import Crop
+from swath.documents.sheet_fields import Quantity
+from swath.field.crop import CV, Crop, GrainYield, Habit, Organs
 from swath.field.memory_layout import Organ
-from swath.field.organs import BranchFacts, PodFacts
+from swath.field.plants.drawing import Drawing
 from swath.field.plants.parts import (
     Array,
     Part,
@@ -26,23 +30,70 @@ GOLDEN = 2.4  # from a branch to the next around the stem [rad]: 137.5 deg
 UPRIGHT_TOP = 0.98  # of the height: the main stem ends a little below the tip of its topmost pod
 
 
-def make(
-    crop: Crop, count: int, rng: np.random.Generator, *, ears: bool, upright: bool, stalk_parts: int
-) -> Plants:
+@dataclass(frozen=True, kw_only=True)
+class BranchFacts:
+    """Branches of a main stem, curved upwards.
+
+    count_min, count_max; foot_min, foot_max: where they leave the stem, tip_min, tip_max: how high they
+    reach [share of the stem's length]; angle_foot, angle_tip [rad] from vertical; diameter_foot,
+    diameter_tip [m]
+    """
+
+    count_min: Annotated[int, Quantity("", 0, 30)]
+    count_max: Annotated[int, Quantity("", 0, 30)]
+    foot_min: Annotated[float, Quantity("percent", 2, 95)]
+    foot_max: Annotated[float, Quantity("percent", 2, 95)]
+    tip_min: Annotated[float, Quantity("percent", 10, 120)]
+    tip_max: Annotated[float, Quantity("percent", 10, 120)]
+    angle_foot: Annotated[float, Quantity("deg", 0, 85)]
+    angle_tip: Annotated[float, Quantity("deg", 0, 75)]
+    diameter_foot: Annotated[float, Quantity("mm", 0.2, 30)]
+    diameter_tip: Annotated[float, Quantity("mm", 0.2, 30)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PodFacts:
+    """per_plant, per_plant_cv; along: share of a branch, from its tip, that bears pods; main: length of the
+    main stem's own pod-bearing top [share of the stem]; length, diameter [m]; length_cv; inclination_mean,
+    inclination_sd [rad] from vertical.
+    """
+
+    per_plant: Annotated[int, Quantity("", 1, 2000)]
+    per_plant_cv: Annotated[float, CV]
+    along: Annotated[float, Quantity("percent", 5, 100)]
+    main: Annotated[float, Quantity("percent", 2, 80)]
+    length: Annotated[float, Quantity("mm", 5, 300)]
+    length_cv: Annotated[float, CV]
+    diameter: Annotated[float, Quantity("mm", 0.5, 50)]
+    inclination_mean: Annotated[float, Quantity("deg", 0, 170)]
+    inclination_sd: Annotated[float, Quantity("deg", 0, 60)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PodYield(GrainYield):
+    """seeds_per_pod: mean."""
+
+    seeds_per_pod: Annotated[float, Quantity("", 1, 5000)]
+
+    def grains(self, organs: Organs) -> float:
+        """Seeds of a mean plant."""
+        return self.seeds_per_pod * organs[PodFacts].per_plant
+
+
+def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
     """Grain is shared out by the length of a plant's pods, straw by the volume of its main stem."""
-    assert crop.branch is not None
-    assert crop.pod is not None
     height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
     scale = normal(rng, 1.0, crop.stem.diameter_cv, count)
     lean = np.maximum(normal(rng, crop.stem.lean_mean, crop.stem.lean_sd, count), 0.0)
-    if upright:
+    if how.upright:
         lean = np.zeros(count)
     length = UPRIGHT_TOP * height
     stalks = Stalks(length, np.tan(lean) * length, rng.uniform(-np.pi, np.pi, count), scale)
-    lines, owner = _branches(crop.branch, stalks, rng)
-    pods, weight = _pods(crop.pod, stalks, lines, owner, rng, limit=height)
-    parts = [stalk_capsules(crop.stem, stalks, stalk_parts), _rods(crop.branch, lines, owner, scale)]
-    if ears:
+    lines, owner = _branches(crop.organs[BranchFacts], stalks, rng)
+    pods, weight = _pods(crop.organs[PodFacts], stalks, lines, owner, rng, limit=height)
+    stalk = stalk_capsules(crop.stem, stalks, 2 * how.stalk_parts)
+    parts = [stalk, _rods(crop.organs[BranchFacts], lines, owner, scale)]
+    if how.ears:
         parts.append(pods)
     grain = shared(weight, crop.yields.grain_mass)
     straw = shared(length * scale**2, crop.yields.straw_mass)
@@ -120,3 +171,11 @@ def _along(lines: Array, which: Ints, share: Array) -> Array:
     index = np.minimum((share * parts).astype(np.int64), parts - 1)
     rest = (share * parts - index)[:, None]
     return np.asarray(lines[which, index] * (1.0 - rest) + lines[which, index + 1] * rest)
+
+
+HABIT = Habit(
+    make,
+    yields=PodYield,
+    organs={"branch": BranchFacts, "pod": PodFacts},
+    reflective=("stem", "branch", "pod"),
+)

@@ -1,14 +1,19 @@
 """Cereals: a stalk, an ear that may nod on a bent neck, awns, dried leaves. Also stubble: the stalk alone."""
 
+import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from swath.field.crop import Crop, EarFacts
+from swath.core.errors import InputError
+from swath.documents.sheet_fields import Quantity
+from swath.field.crop import CV, Crop, GrainYield, Habit, Organs
 from swath.field.memory_layout import Organ, Shape
-from swath.field.organs import AwnFacts
+from swath.field.plants.drawing import Drawing
 from swath.field.plants.parts import (
     Array,
+    LeafFacts,
     Leafing,
     Part,
     Plants,
@@ -25,6 +30,64 @@ from swath.field.plants.parts import (
 )
 
 NECK_PARTS = 3  # capsules of the bend below a nodding ear
+
+
+@dataclass(frozen=True, kw_only=True)
+class EarFacts:
+    """length, width, thickness [m], length_cv; inclination_mean, inclination_sd [rad] from vertical."""
+
+    length: Annotated[float, Quantity("mm", 5, 500)]
+    length_cv: Annotated[float, CV]
+    width: Annotated[float, Quantity("mm", 1, 200)]
+    thickness: Annotated[float, Quantity("mm", 1, 200)]
+    inclination_mean: Annotated[float, Quantity("deg", 0, 170)]
+    inclination_sd: Annotated[float, Quantity("deg", 0, 90)]
+
+    @property
+    def diameter(self) -> float:
+        """Mean silhouette width over all view azimuths [m].
+
+        Cauchy: perimeter / pi, of the ellipse width x thickness (Ramanujan's first approximation).
+        """
+        a, b = 0.5 * self.width, 0.5 * self.thickness
+        return 3.0 * (a + b) - math.sqrt((3.0 * a + b) * (a + 3.0 * b))
+
+    def __post_init__(self) -> None:
+        if self.length <= self.diameter:
+            raise InputError("ear.length_mm", None, "expected longer than wide")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeckFacts:
+    """The bend between an upright stalk and a nodding ear. length [m], length_cv."""
+
+    length: Annotated[float, Quantity("mm", 5, 400)]
+    length_cv: Annotated[float, CV]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AwnFacts:
+    """per_ear: awns of an ear; drawn: how many thicker ones stand for them, with the same silhouette
+    length, diameter [m], length_cv; spread [rad]: between an awn and its ear.
+    """
+
+    per_ear: Annotated[int, Quantity("", 1, 200)]
+    drawn: Annotated[int, Quantity("", 1, 60)]
+    length: Annotated[float, Quantity("mm", 5, 300)]
+    length_cv: Annotated[float, CV]
+    diameter: Annotated[float, Quantity("mm", 0.05, 3)]
+    spread: Annotated[float, Quantity("deg", 0, 90)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CerealYield(GrainYield):
+    """grains_per_ear: of a mean stem."""
+
+    grains_per_ear: Annotated[float, Quantity("", 1, 5000)]
+
+    def grains(self, organs: Organs) -> float:
+        """Grains of a mean stem."""
+        return self.grains_per_ear
 
 
 @dataclass(frozen=True)
@@ -51,19 +114,9 @@ class _Ears:
         return arc(top, self.neck, np.zeros_like(self.tilt), self.tilt, self.nod, NECK_PARTS)
 
 
-def make(
-    crop: Crop,
-    count: int,
-    rng: np.random.Generator,
-    *,
-    leaves: bool,
-    ears: bool,
-    upright: bool,
-    stalk_parts: int,
-    leaf_parts: int,
-) -> Plants:
+def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
     """Grain is shared out by ear length, straw by stalk volume. See `make_plants`."""
-    facts = crop.ear
+    facts, bend, leaf = crop.organs.of(EarFacts), crop.organs.of(NeckFacts), crop.organs.of(LeafFacts)
     height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
     ear_length = np.zeros(count)
     if facts is not None:
@@ -75,20 +128,20 @@ def make(
         tilt = np.maximum(normal(rng, facts.inclination_mean, facts.inclination_sd, count), 0.0)
     heading, nod = rng.uniform(-np.pi, np.pi, (2, count))
     neck = np.zeros(count)
-    if crop.neck is not None:
-        neck = normal(rng, crop.neck.length, crop.neck.length * crop.neck.length_cv, count)
-    if upright:
+    if bend is not None:
+        neck = normal(rng, bend.length, bend.length * bend.length_cv, count)
+    if how.upright:
         lean, tilt, neck = np.zeros(count), np.zeros(count), np.zeros(count)
     heads = None
-    if ears and facts is not None:
+    if how.ears and facts is not None:
         heads = _Ears(ear_length, _radius(facts, ear_length), tilt, nod, neck)
     length = np.maximum(height - (heads.rise() if heads is not None else 0.0), 0.1 * height)
     stalks = Stalks(length, np.tan(lean) * length, heading, scale)
-    parts = [stalk_capsules(crop.stem, stalks, stalk_parts)]
+    parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts)]
     if heads is not None:
-        parts += _heads(crop, stalks, heads, rng, awns=not upright)
-    if leaves and crop.leaf is not None:
-        parts.append(blades(crop.leaf, stalks, leaf_parts, rng, Leafing()))
+        parts += _heads(crop, stalks, heads, rng, awns=not how.upright)
+    if how.leaves and leaf is not None:
+        parts.append(blades(leaf, stalks, how.leaf_parts, rng, Leafing()))
     grain = shared(ear_length, crop.yields.grain_mass) if facts is not None else np.zeros(count)
     straw = shared(length * scale**2, crop.yields.straw_mass)
     return assemble(height, grain, straw, parts)
@@ -112,8 +165,9 @@ def _heads(crop: Crop, stalks: Stalks, ears: _Ears, rng: np.random.Generator, *,
     a = foot + ears.radius[:, None] * direction
     b = foot + (ears.length - ears.radius)[:, None] * direction
     parts.append(Part(Shape.CAPSULE, Organ.EAR, a, b, ears.radius, np.zeros_like(a), owner))
-    if crop.awn is not None and awns:
-        parts.append(_awns(crop.awn, a, b, direction, ears, rng))
+    awn = crop.organs.of(AwnFacts)
+    if awn is not None and awns:
+        parts.append(_awns(awn, a, b, direction, ears, rng))
     return parts
 
 
@@ -127,3 +181,13 @@ def _awns(facts: AwnFacts, a: Array, b: Array, axis: Array, ears: _Ears, rng: np
     start = a[owner] + along[:, None] * (b - a)[owner] + 0.5 * ears.radius[owner, None] * direction
     radius = np.full(count, 0.5 * facts.diameter * facts.per_ear / facts.drawn)
     return rods(Organ.AWN, start, start + length[:, None] * direction, radius, owner)
+
+
+HABIT = Habit(
+    make,
+    yields=CerealYield,
+    organs={"ear": EarFacts, "leaf": LeafFacts, "neck": NeckFacts, "awn": AwnFacts},
+    optional=("neck", "awn"),
+    reflective=("stem", "ear", "leaf", "awn"),
+    reduced_leaf_parts=2,
+)

@@ -1,12 +1,17 @@
 """Maize: a thick stalk, broad leaves in one plane, a tassel on top, one cob at its node."""
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 
-from swath.field.crop import Crop
+from swath.documents.sheet_fields import Quantity
+from swath.field.crop import CV, Crop, GrainYield, Habit, Organs
 from swath.field.memory_layout import Organ
-from swath.field.organs import CobFacts, TasselFacts
+from swath.field.plants.drawing import Drawing
 from swath.field.plants.parts import (
     Array,
+    LeafFacts,
     Leafing,
     Part,
     Plants,
@@ -25,36 +30,60 @@ TAPER = (0.9, 1.1, 1.0, 0.4)  # width of a blade from its foot to its tip, relat
 PLANE_SD = 0.6  # of the leaves' plane about the direction across the rows [rad]
 
 
-def make(
-    crop: Crop,
-    count: int,
-    rng: np.random.Generator,
-    *,
-    leaves: bool,
-    ears: bool,
-    upright: bool,
-    stalk_parts: int,
-    leaf_parts: int,
-) -> Plants:
+@dataclass(frozen=True, kw_only=True)
+class TasselFacts:
+    """The top of a maize plant. drawn: its spikes; length, diameter [m]; spread [rad] from the stalk."""
+
+    drawn: Annotated[int, Quantity("", 1, 40)]
+    length: Annotated[float, Quantity("mm", 20, 600)]
+    diameter: Annotated[float, Quantity("mm", 0.2, 20)]
+    spread: Annotated[float, Quantity("deg", 0, 90)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CobFacts:
+    """An ear of maize in its husk. height, height_sd: of its foot above ground [m]; length, length_cv,
+    diameter [m]; inclination_mean, inclination_sd [rad] from vertical, above 90 deg it hangs.
+    """
+
+    height: Annotated[float, Quantity("cm", 20, 250)]
+    height_sd: Annotated[float, Quantity("cm", 0, 50)]
+    length: Annotated[float, Quantity("mm", 50, 500)]
+    length_cv: Annotated[float, CV]
+    diameter: Annotated[float, Quantity("mm", 10, 120)]
+    inclination_mean: Annotated[float, Quantity("deg", 0, 170)]
+    inclination_sd: Annotated[float, Quantity("deg", 0, 60)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CobYield(GrainYield):
+    """grains_per_cob: mean."""
+
+    grains_per_cob: Annotated[float, Quantity("", 1, 5000)]
+
+    def grains(self, organs: Organs) -> float:
+        """Grains of a mean plant, which has one cob."""
+        return self.grains_per_cob
+
+
+def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
     """Grain is shared out by cob volume, straw by stalk volume."""
-    assert crop.leaf is not None
-    assert crop.tassel is not None
-    assert crop.cob is not None
+    tassel = crop.organs[TasselFacts]
     height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
     scale = normal(rng, 1.0, crop.stem.diameter_cv, count)
     lean = np.maximum(normal(rng, crop.stem.lean_mean, crop.stem.lean_sd, count), 0.0)
-    if upright:
+    if how.upright:
         lean = np.zeros(count)
-    length = np.maximum(height - crop.tassel.length, 0.1 * height)
+    length = np.maximum(height - tassel.length, 0.1 * height)
     stalks = Stalks(length, np.tan(lean) * length, rng.uniform(-np.pi, np.pi, count), scale)
     plane = 0.5 * np.pi + normal(rng, 0.0, PLANE_SD, count)
-    cobs, volume = _cobs(crop.cob, stalks, plane, rng)
-    parts = [stalk_capsules(crop.stem, stalks, stalk_parts), _tassels(crop.tassel, stalks, rng)]
-    if ears:
+    cobs, volume = _cobs(crop.organs[CobFacts], stalks, plane, rng)
+    parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts), _tassels(tassel, stalks, rng)]
+    if how.ears:
         parts.append(cobs)
-    if leaves:
-        how = Leafing(plane=plane, taper=TAPER)
-        parts.append(blades(crop.leaf, stalks, leaf_parts + 1, rng, how))
+    if how.leaves:
+        leafing = Leafing(plane=plane, taper=TAPER)
+        parts.append(blades(crop.organs[LeafFacts], stalks, how.leaf_parts + 1, rng, leafing))
     grain = shared(volume, crop.yields.grain_mass)
     straw = shared(length * scale**2, crop.yields.straw_mass)
     return assemble(height, grain, straw, parts)
@@ -89,3 +118,11 @@ def _cobs(facts: CobFacts, stalks: Stalks, plane: Array, rng: np.random.Generato
     direction = pointing(tilt, azimuth)
     a, b = foot + radius[:, None] * direction, foot + (length - radius)[:, None] * direction
     return rods(Organ.COB, a, b, radius, owner), length * radius**2
+
+
+HABIT = Habit(
+    make,
+    yields=CobYield,
+    organs={"leaf": LeafFacts, "tassel": TasselFacts, "cob": CobFacts},
+    reflective=("stem", "leaf", "branch", "cob"),
+)

@@ -1,16 +1,36 @@
 """What plants are made of: stalks, rods along a line, blades; drawn for all stems at once."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.crop import LeafFacts, StemFacts
+from swath.documents.sheet_fields import Quantity
+from swath.field.crop import CV, StemFacts
 from swath.field.memory_layout import Organ, Shape
 
 Array = NDArray[np.float64]
 CUTOFF = 3.0  # normal distributions are cut at this many standard deviations
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafFacts:
+    """Leaves: count_min, count_max; node_top: foot of the highest, node_step: down to the next [share of the
+    stem's length]; length, width [m] with cv; elevation_start, elevation_end [rad] of the blade above
+    horizontal at its foot and its tip, elevation_sd [rad]."""
+
+    count_min: Annotated[int, Quantity("", 0, 20)]
+    count_max: Annotated[int, Quantity("", 0, 20)]
+    node_top: Annotated[float, Quantity("percent", 5, 100)]
+    node_step: Annotated[float, Quantity("percent", 0, 50)]
+    length: Annotated[float, Quantity("mm", 5, 1000)]
+    length_cv: Annotated[float, CV]
+    width: Annotated[float, Quantity("mm", 0.2, 200)]
+    width_cv: Annotated[float, CV]
+    elevation_start: Annotated[float, Quantity("deg", -90, 90)]
+    elevation_end: Annotated[float, Quantity("deg", -90, 90)]
+    elevation_sd: Annotated[float, Quantity("deg", 0, 60)]
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,9 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
 from swath.field.crop import load_crop
-from swath.field.field_setup import Detail, FieldSetup, drilled, from_azimuth
+from swath.field.field_setup import FieldSetup, drilled, from_azimuth
 from swath.field.hashing import hash_uniform
+from swath.field.plants.drawing import Detail
 from swath.field.raster import Raster
 from swath.field.waves import Waves, make_random_field
 from swath.field.weeds import Weeds
@@ -158,6 +159,14 @@ class Maps:
             base = np.nan_to_num(self._density.sample(x, y))
         changed = base * (1.0 + self._density_waves.height(x, y))
         return np.clip(changed, 0.0, self.density_max)
+
+    def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:
+        """True on the maps of density and height, where the stand has them."""
+        known = np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)
+        for raster in (self._density, self._height):
+            if raster is not None:
+                known &= np.isfinite(raster.sample(x, y))
+        return known
 
     def height_factor(self, x: Any, y: Any) -> Array:
         """Plant length relative to the crop's own."""

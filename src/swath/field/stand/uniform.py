@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from swath.core.registry import Level
 from swath.core.units import DEG
-from swath.field.field_setup import Detail, FieldSetup, drilled, from_azimuth
+from swath.field.field_setup import FieldSetup, drilled, from_azimuth
+from swath.field.plants.drawing import Detail
 from swath.field.weeds import Weeds
 from swath.field.wind import Wind
 
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Params:
-    """crop: a bundled card or your own file, whose plants may be meshes (docs/crops.md)
+    """crop: a bundled sheet or your own file, whose plants may be meshes (docs/crops.md)
     stems_per_m2: of plants with one stem the plants, none = the crop's own;
     row_spacing_m: 0 = no rows, none = the crop's own; row_azimuth_deg: direction of the rows, clockwise from
     north; height_factor: plant length relative to the crop's own; lean_deg, lean_azimuth_deg: mean lean of

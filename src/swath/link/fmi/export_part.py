@@ -18,10 +18,9 @@ from swath.core.component import Outputs, State
 from swath.core.errors import InputError
 from swath.core.graph import Graph
 from swath.core.schedule import NS, Slot
-from swath.link.fmi.export_variables import AMOUNTS
 from swath.runtime.world import World
 from swath.signals import MachineState, Signal
-from swath.signals.flat import build, read
+from swath.signals.flat import amounts, build, read
 
 MICRO = 1_000
 Source = tuple[str, str]  # slot, output
@@ -52,7 +51,7 @@ class Feed:
         self.held, self._graph, self._source = held, graph, source
         self._signal = graph.outside[source[0]][source[1]].signal
         self._readers, self._is_queued = readers, is_queued
-        self._amounts = AMOUNTS.get(self._signal, ()) if is_queued else ()
+        self._amounts = _sums(self._signal) if is_queued else ()
         self._since, self._step = 0, 1
         self._sample: Signal | None = None
         self.start()
@@ -178,10 +177,10 @@ class Part:
         sample = self.world.graph.latest(slot, output)
         if sample is None:
             return None
-        if type(sample) in AMOUNTS and self._origin is not None:
+        if (names := _sums(type(sample))) and self._origin is not None:
             if name == "dt":
                 return self._step_s
-            if name in AMOUNTS[type(sample)]:
+            if name in names:
                 summed = self._sums.get((slot, output))
                 return 0.0 if summed is None else read(summed, name)
         return sample.t / NS if name == "t" else read(sample, name)
@@ -215,14 +214,19 @@ class Part:
         if not self._is_counting:
             return
         for output, sample in outputs.items():
-            names = AMOUNTS.get(type(sample))
-            if names is None:
+            names = _sums(type(sample))
+            if not names:
                 continue
             before = self._sums.get((slot, output))
             if before is not None:
                 sums = {n: getattr(before, n) + getattr(sample, n) for n in names}
                 sample = dataclasses.replace(sample, **sums)
             self._sums[(slot, output)] = sample
+
+
+def _sums(signal: type[Signal]) -> tuple[str, ...]:
+    """Amounts of a sample; the time that they belong to counts apart."""
+    return tuple(name for name in amounts(signal) if name != "dt")
 
 
 def _readers(graph: Graph, source: Source) -> tuple[list[Slot], bool]:

@@ -6,9 +6,8 @@ feeds them in the machine: `header.flow.grain`. With several machines the machin
 named as their key in the scenario: `process.loss_percent`.
 """
 
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,14 +18,8 @@ from swath.core.graph import Node
 from swath.runtime.assembly import assemble, outside_of
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
-from swath.signals import CropFlow, ScanTruth, Signal
-from swath.signals.flat import flat_fields, read
+from swath.signals.flat import amounts, flat_fields, read
 
-# Amounts within a sample's own length of time: they add up over several samples.
-AMOUNTS: dict[type[Signal], tuple[str, ...]] = {
-    CropFlow: ("grain", "straw", "area", "stem_count", "lost_grain", "left_grain"),
-}
-HIDDEN = (ScanTruth,)  # for pictures and metrics, large, and nothing that a machine has
 UNITS_OF_KEYS = {u: u for u in ("deg", "mm", "cm", "m", "ms", "s", "kg", "t", "mrad")} | {
     "kmh": "km/h",
     "percent": "%",
@@ -87,7 +80,7 @@ def list_variables(
         for node in nodes:
             slot = node.slot.name
             for port in node.component.outputs:
-                if not issubclass(port.signal, HIDDEN):
+                if port.signal.about.samples != "full":
                     name = port.name if len(slots) == 1 else f"{names[slot]}.{port.name}"
                     found += _sample(name, slot, port.name, port, whole, "output")
     finally:
@@ -125,7 +118,7 @@ def _sample(name: str, slot: str, output: str, port: Port, world: World, causali
     """The numbers of one input or output; what there is at t = 0 gives starts and lengths of arrays."""
     sample = world.graph.latest(slot, output)
     signal = type(sample) if sample is not None else port.signal
-    amounts = AMOUNTS.get(signal, ())
+    has_amounts = bool(amounts(signal))
     made = []
     for field in flat_fields(signal).values():
         start = _zero(field.kind) if field.default is None else field.default
@@ -139,18 +132,18 @@ def _sample(name: str, slot: str, output: str, port: Port, world: World, causali
             shape, start = start.shape, start.ravel().tolist()
             if sample is None or 0 in shape:
                 continue
-        text = describe(signal, field.name.partition(".")[0])
-        if amounts and field.name == "dt":
+        text = f"{field.name.partition('.')[0].replace('_', ' ')}: {field.quantity.meaning}"
+        if has_amounts and field.name == "dt":
             start = 0.0 if causality == "input" else start
             text = "time that the amounts belong to" + (
                 ", 0 = the communication step" if causality == "input" else ": the communication step"
             )
-        elif field.name in amounts:
+        elif field.quantity.is_amount:
             text = f"{text}, within dt"
         kind = "real" if field.kind == "array" else field.kind
         key = (slot, output, field.name)
         made.append(Variable(f"{name}.{field.name}", causality, kind, field.unit, text, shape, start, key))
-    if not amounts:
+    if not has_amounts:
         text = "when the sample was valid" + (", < 0 = now" if causality == "input" else "")
         start = -1.0 if causality == "input" else 0.0
         key = (slot, output, "t")
@@ -226,18 +219,3 @@ def _unique(variables: list[Variable]) -> list[Variable]:
             raise InputError("--parameter", variable.name, "there is another variable of this name")
         seen.add(variable.name)
     return variables
-
-
-def describe(signal: type[Signal], field: str) -> str:
-    """What a field of a sample is, from its docstring; its name where that says nothing of it."""
-    words = field.replace("_", " ")
-    names = "|".join(sorted((f.name for f in fields(signal)), key=len, reverse=True))
-    text = "\n".join(line.strip() for line in (signal.__doc__ or "").splitlines())
-    text = re.sub(r"\s*\[[^\]\n]*\]|, shape \([^)]*\)", "", text)
-    for clause in re.split(rf"(?:[;.:]\s+|\n)(?=(?:{names})\b)", text):
-        head = re.match(rf"(?:(?:{names})\b(?: \([^)]*\))?(?:,\s+)?)+", clause)
-        if head is not None and re.search(rf"\b{field}\b", head[0]):
-            meaning = " ".join(clause[head.end() :].strip(" :.\n").split("\n\n")[0].split())
-            if meaning:
-                return f"{words}: {meaning}"
-    return words

@@ -10,14 +10,9 @@ from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.units import Scale, Unit, describe, parse_unit, scale
-from swath.signals import CropFlow, Signal
-from swath.signals.flat import FlatField, flat_fields
+from swath.signals.flat import FlatField, amounts, flat_fields
 from swath.signals.setup import LinkSetup
 
-# What adds up over time: samples of these are amounts of one step, not states.
-AMOUNTS: dict[type[Signal], tuple[str, ...]] = {
-    CropFlow: ("grain", "straw", "area", "stem_count", "dt", "lost_grain", "left_grain")
-}
 RATES = ("/s", " per second")
 Value = Any  # number, boolean, list of numbers
 
@@ -87,7 +82,7 @@ class _Maker:
             outputs=tuple(sorted(outputs, key=lambda o: (o.variable.type, o.variable.variability))),
             constants=constants,
             input_ports=tuple(
-                replace(p, history=True) if p.signal in AMOUNTS else p
+                replace(p, history=True) if amounts(p.signal) else p
                 for p in self.setup.inputs
                 if p.name in used
             ),
@@ -158,7 +153,7 @@ class _Maker:
         hits = []
         for port in self.setup.inputs:
             for name in flat_fields(port.signal):
-                names = [name] if port.signal not in AMOUNTS else [name, f"{name}/s"]
+                names = [name] if not amounts(port.signal) else [name, f"{name}/s"]
                 for target in names:
                     spellings = _spellings(port.name, target)
                     if wanted in spellings:
@@ -182,7 +177,7 @@ class _Maker:
         if variable.is_array != (field.kind == "array"):
             what = "an array" if variable.is_array else "a single number"
             raise InputError(key, target, f"expected {what}, like {variable.name} of the FMU")
-        adds_up = field.name in AMOUNTS.get(port.signal, ())
+        adds_up = field.quantity.is_amount
         if bare != target and not adds_up:
             raise InputError(key, target, f"expected {bare}: only amounts have a rate")
         mode = "rate" if bare != target else "sum" if adds_up else "last"

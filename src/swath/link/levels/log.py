@@ -21,10 +21,11 @@ from swath.core.schedule import NS
 from swath.link.log_sources import FIX, Params, Source, choose_sources, recording_path, to_local
 from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Timed
+from swath.record.read.fields import Context, number_at, stamp_of
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import read_fixes, states_of_fixes
 from swath.record.read.frames import own_mounting, static_mounting
-from swath.record.read.messages import Context, maker_for, number_at, stamp_of
+from swath.record.read.messages import maker_for
 from swath.signals import MachineState, Scan, Signal
 from swath.signals.flat import build, flat_fields
 from swath.signals.setup import LinkSetup

@@ -12,7 +12,7 @@ import numpy as np
 from swath.core.errors import MissingExtra
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.machine.machine_sheet import MachineCard, dynamics_of
+from swath.machine.machine_sheet import MachineSheet, dynamics_of
 from swath.signals import MachineState, Scan
 
 TYPES = {"sd": "SensorData", "sv": "SensorView"}
@@ -47,7 +47,7 @@ class Writer:
     pose_machine_sensor
     """
 
-    def __init__(self, host: str, cards: Mapping[str, MachineCard], mounting: Pose) -> None:
+    def __init__(self, host: str, cards: Mapping[str, MachineSheet], mounting: Pose) -> None:
         self._osi = load_osi()
         self._host, self._cards = host, dict(cards)
         self._ids = {name: k + 1 for k, name in enumerate(self._cards)}
@@ -149,7 +149,7 @@ class Writer:
         _vector(found.vehicle_attributes.bbcenter_to_front, axle - centre)
 
 
-def _rear_axle(card: MachineCard) -> Any:
+def _rear_axle(card: MachineSheet) -> Any:
     """Middle of the rear axle in swath's machine frame [m]."""
     return np.array([-card.wheelbase, 0.0, dynamics_of(card).rear.radius])
 

@@ -13,11 +13,9 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
-from swath.signals import Image, Scan, ScanTruth, Signal
-from swath.signals.flat import build, flat_fields, read
+from swath.signals import Signal
+from swath.signals.flat import build, flat_fields, is_bulky, read
 from swath.signals.setup import LinkSetup
-
-CLOUDS = (Scan, ScanTruth, Image)  # too long for a list of names: messages of their own
 
 
 def numbers_of(prefix: str, sample: Signal) -> dict[str, float]:
@@ -44,7 +42,7 @@ def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
         samples = value if isinstance(value, tuple) else ((value,) if value is not None else ())
         if not samples:
             continue
-        if isinstance(samples[-1], CLOUDS):
+        if is_bulky(type(samples[-1])):
             found[f"{port}.t_ns"] = float(samples[-1].t)
             continue
         found |= numbers_of(port, samples[-1])

@@ -85,9 +85,9 @@ class FixedHeightHeader:
             if self._ends is None:
                 self._ends = ends
                 continue
-            way = float(np.hypot(*(ends - self._ends).T).max())
+            travel = float(np.hypot(*(ends - self._ends).T).max())
             is_last = index == len(states) - 1
-            if way < 1e-6 or (way < self._params.sweep_step_m and not is_last):
+            if travel < 1e-6 or (travel < self._params.sweep_step_m and not is_last):
                 continue
             polygons += swept(self._ends, ends)
             self._ends = ends

@@ -1,26 +1,26 @@
-"""How the header hangs on the machine: points of it for any angle of feeder and header."""
+"""Header kinematics: points of it for any angle of feeder and header."""
 
 from math import cos, sin
 
 import numpy as np
 
 from swath.core.frames import Array
-from swath.machine.machine_sheet import MachineCard
+from swath.machine.machine_sheet import MachineSheet
 from swath.signals.setup import MachineGeometry
 
-PIVOT = (0.0, 1.5)  # feeder pivot of a card without masses: x [m ahead of the fixed axle], z [m]
-TILT_Z = 0.8  # height of the header's tilt pivot of such a card [m]
+PIVOT = (0.0, 1.5)  # feeder pivot of a sheet without masses: x [m ahead of the fixed axle], z [m]
+TILT_Z = 0.8  # height of the header's tilt pivot of such a sheet [m]
 
 
-class Hang:
+class HeaderKinematics:
     """Feeder turning about a cross axis, header turning about a long axis in front of it.
 
-    With both angles 0 the knife lies level in the machine frame at its place on the card and at `height` [m].
+    With both angles 0 the knife lies level in the machine frame at the sheet's place and at `height` [m].
     arm: from the feeder pivot to the knife, along x [m]; knife_x: ahead of the fixed axle [m]
     """
 
     def __init__(self, machine: MachineGeometry, height: float) -> None:
-        masses = machine.masses if isinstance(machine, MachineCard) else None
+        masses = machine.masses if isinstance(machine, MachineSheet) else None
         self._pivot = PIVOT if masses is None else (masses.feeder_x, masses.feeder_z)
         self._tilt_z = TILT_Z if masses is None else masses.header_z
         self.knife_x, self._y, self._height = machine.knife_x, machine.header_y, height

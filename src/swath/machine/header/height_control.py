@@ -19,9 +19,9 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.machine.header.header_kinematics import Hang
+from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
-from swath.machine.header.predictor import Lead
+from swath.machine.header.predictor import Predictor
 from swath.machine.sweep import signed_area, swept
 from swath.signals import CropFlow, HeaderState, MachineState
 
@@ -32,7 +32,7 @@ BEST_INDEX, INDEX_WIDTH = (
 NOMINAL_SPEED = 7.0 * KMH  # of the loss
 LOSS_MAX = 0.1
 HIGHEST = 2.5  # the field takes no higher cut [m]
-GAIN, GAIN_WITH_LEAD = 3.0, 6.0  # rate of the knife over its error [1/s]
+GAIN, GAIN_WITH_PREDICTOR = 3.0, 6.0  # rate of the knife over its error [1/s]
 SLIDING = 0.3  # a feeler that skids is read at its front, middle and rear [m]
 
 
@@ -124,8 +124,8 @@ class HeightControlHeader:
             expected = f"expected more than cutting_height_m = {p.cutting_height_m:g}"
             raise InputError("feeler_range_m", p.feeler_range_m, expected)
         self._field: Ground = setup.field
-        self._hang = Hang(setup.machine, p.cutting_height_m)
-        half, count = self._hang.half, 2 * p.sections + 1
+        self._kinematics = HeaderKinematics(setup.machine, p.cutting_height_m)
+        half, count = self._kinematics.half, 2 * p.sections + 1
         knife = np.linspace(half, -half, count)
         self._feeler_y = half * np.linspace(0.9, -0.9, p.feelers)
         skid = np.repeat(p.feeler_behind_m + SLIDING * np.array([-0.5, 0.0, 0.5]), p.feelers)
@@ -139,14 +139,14 @@ class HeightControlHeader:
         start = np.full(p.feelers, p.cutting_height_m)
         delay, dead_time = round(p.feeler_delay_s * NS), round(p.dead_time_s * NS)
         self._feelers = Feelers(start, p.feeler_lag_s, delay, p.feeler_range_m)
-        self._lead = Lead(p.feeler_lag_s, delay, p.valve_lag_s, dead_time, self._hang.knife_x)
+        self._predictor = Predictor(p.feeler_lag_s, delay, p.valve_lag_s, dead_time, self._kinematics.knife_x)
         stop = p.tilt_max_deg * DEG
         self._lift = Cylinder(dead_time, p.valve_lag_s, (p.lift_low_m, p.lift_high_m))
         self._tilt = Cylinder(dead_time, p.valve_lag_s, (-stop, stop))
-        gain = p.gain_per_s if p.gain_per_s is not None else GAIN_WITH_LEAD if p.lead else GAIN
+        gain = p.gain_per_s if p.gain_per_s is not None else GAIN_WITH_PREDICTOR if p.lead else GAIN
         gains, band = (gain, p.integral_per_s2), p.dead_band_m
         self._raising = Controller(*gains, band, (-p.lower_m_s, p.raise_m_s), self._period)
-        self._leaning = Controller(*gains, band / self._hang.half, (-limit, limit), self._period)
+        self._leaning = Controller(*gains, band / self._kinematics.half, (-limit, limit), self._period)
         self._knife: Array | None = None
         self._pose: Pose | None = None
         self._speed = 0.0
@@ -156,8 +156,8 @@ class HeightControlHeader:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Move the cylinders, look where the knife is over the ground, cut, and want new rates."""
         states: tuple[MachineState, ...] = inputs["state"]
-        lift, tilt = self._lift.advance(t, dt) / self._hang.arm, self._tilt.advance(t, dt)
-        points = self._hang.points(self._behind, self._across, lift, tilt)
+        lift, tilt = self._lift.advance(t, dt) / self._kinematics.arm, self._tilt.advance(t, dt)
+        points = self._kinematics.points(self._behind, self._across, lift, tilt)
         if states:
             self._pose, self._speed = states[-1].pose, states[-1].speed
         if self._pose is None:
@@ -186,7 +186,7 @@ class HeightControlHeader:
             "lift": self._lift.save(),
             "tilt": self._tilt.save(),
             "sums": (self._raising.sum, self._leaning.sum),
-            "lead": self._lead.save(),
+            "predictor": self._predictor.save(),
         }
 
     def load(self, state: State) -> None:
@@ -199,11 +199,11 @@ class HeightControlHeader:
         self._lift.load(state["lift"])
         self._tilt.load(state["tilt"])
         self._raising.sum, self._leaning.sum = state["sums"]
-        self._lead.load(state["lead"])
+        self._predictor.load(state["predictor"])
 
     def _control(self, t: int, dt: int, reading: Array, pose: Pose) -> None:
         """Mean of the feelers to the lift; what they differ by from side to side to the tilt."""
-        up, lean = self._lead.look(t, dt, self._lift, self._tilt, pose) if self._p.lead else (0.0, 0.0)
+        up, lean = self._predictor.look(t, dt, self._lift, self._tilt, pose) if self._p.lead else (0.0, 0.0)
         height = float(reading.mean()) + up
         self._lift.command(t, self._raising.rate(self._p.cutting_height_m - height))
         if self._p.lateral:
@@ -219,8 +219,8 @@ class HeightControlHeader:
             if self._knife is None:
                 self._knife = now
                 continue
-            way = float(np.hypot(*(now - self._knife).T).max())
-            if way < 1e-6 or (way < self._p.sweep_step_m and index < len(states) - 1):
+            travel = float(np.hypot(*(now - self._knife).T).max())
+            if travel < 1e-6 or (travel < self._p.sweep_step_m and index < len(states) - 1):
                 continue
             for first, last, height in self._runs(heights):
                 for polygon in swept(self._knife[[first, last]], now[[first, last]]):
@@ -263,7 +263,7 @@ class HeightControlHeader:
             reading,
             p.cutting_height_m,
             p.band_m,
-            self._lift.place / self._hang.arm,
+            self._lift.place / self._kinematics.arm,
             self._tilt.place,
             float(np.mean(heights <= 0.0)),
         )

@@ -1,7 +1,7 @@
 """What the header's controller knows before its feelers do: its own commands, and the machine's turning.
 
 A Smith predictor (O. J. M. Smith 1957, Chemical Engineering Progress 53): what the cylinders have done since
-the feelers looked, and will do from commands on their way, is added to the reading; the loop then is one
+the feelers looked, and will do from commands under way, is added to the reading; the loop then is one
 without delay. To that comes how far the machine rolls and pitches over the same time at its present rates.
 """
 
@@ -17,7 +17,7 @@ from swath.machine.header.hydraulics import Cylinder, Delayed
 GYRO_LAG = 0.03  # smoothing of the rates of roll and pitch [s], estimate
 
 
-class Lead:
+class Predictor:
     """feeler_lag, valve_lag [s]; feeler_delay, dead_time [ns]; knife_x: ahead of the fixed axle [m]"""
 
     def __init__(

@@ -58,14 +58,14 @@ class Kinematic:
         """Drive one arc."""
         steer: float = inputs["steering"].angle
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
-        self._speed, way = self._loop.advance(self._speed, wanted, dt / NS)
-        turn = way * tan(steer) / self._wheelbase
+        self._speed, travel = self._loop.advance(self._speed, wanted, dt / NS)
+        turn = travel * tan(steer) / self._wheelbase
         half = 0.5 * turn
-        chord = way * (sin(half) / half if abs(half) > 1e-8 else 1.0)
+        chord = travel * (sin(half) / half if abs(half) > 1e-8 else 1.0)
         self._x += chord * cos(self._yaw + half)
         self._y += chord * sin(self._yaw + half)
         self._yaw += turn
-        self._distance += abs(way)
+        self._distance += abs(travel)
         return self._output(t + dt, steer)
 
     def save(self) -> State:
@@ -88,6 +88,6 @@ LEVEL = Level(
     Kinematic,
     Params,
     summary="rolls where the wheels point, on the terrain",
-    cost="about 5 us per step",
-    tolerance="against multibody up to 2.5 m/s: yaw gain 2 to 4 % high, way aside after 30 deg -3 to +18 %",
+    cost="about 12 us per step",
+    tolerance="against multibody up to 2.5 m/s: yaw gain 2 to 4 % high, offset after 30 deg -3 to +18 %",
 )

@@ -21,7 +21,7 @@ from swath.core.units import KMH, MS
 from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
-from swath.machine.machine_sheet import Axle, MachineCard, dynamics_of, masses_of
+from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, masses_of
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
@@ -37,7 +37,7 @@ SETTLE_STEP = 0.0025  # [s]
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's card.
+    """What is left out comes from the machine's sheet.
 
     stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
     rolling_resistance: over load, on firm soil
@@ -76,7 +76,7 @@ class Multibody:
         mujoco = _engine()
         machine = setup.machine
         d, masses = dynamics_of(machine), masses_of(machine)
-        assert isinstance(machine, MachineCard)
+        assert isinstance(machine, MachineSheet)
         self._mj, self._params, self._start = mujoco, params, setup.start
         self._wheelbase, self._tank = machine.wheelbase, masses.tank
         self._kingpin = 0.5 * machine.rear_track - masses.kingpin
@@ -87,29 +87,29 @@ class Multibody:
         self._radius = wheels[0].rolling_radius
         self._thrust, self._brake = (0.5 * f * d.front.radius for f in (masses.thrust, masses.brake))
         text = mjcf(machine, header=params.header, suspension=params.suspension)
-        self._model = mujoco.MjModel.from_xml_string(text)
-        self._data, self._spare = mujoco.MjData(self._model), mujoco.MjData(self._model)
+        self.model = mujoco.MjModel.from_xml_string(text)
+        self.data, self._spare = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._find()
 
     def _find(self) -> None:
         """Numbers of bodies and joints in the model."""
-        m = self._model
-        self._bodies = np.array([m.body(n).id for n in WHEELS])
-        self._carriers = m.body_parentid[self._bodies]
+        m = self.model
+        self.bodies = np.array([m.body(n).id for n in WHEELS])
+        self._carriers = m.body_parentid[self.bodies]
         self._spin = np.array([m.joint(n).dofadr[0] for n in WHEELS])
         self._spin_q = np.array([m.joint(n).qposadr[0] for n in WHEELS[:2]])
         driven = ("kingpin_left", "kingpin_right", "lift", "tilt")
         self._driven = np.array([m.joint(n).dofadr[0] for n in driven])
         self._driven_q = np.array([m.joint(n).qposadr[0] for n in driven])
         self._chassis, self._grain_body = m.body("chassis").id, m.body("grain").id
-        inertia = float(m.body_inertia[self._bodies[0]][1])
+        inertia = float(m.body_inertia[self.bodies[0]][1])
         self._drive_rate = inertia * DRIVE_FREQUENCY**2
         self._drive_damping = 2.0 * DRIVE_DAMPING * inertia * DRIVE_FREQUENCY
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, sunk into the tyres."""
-        mj, d, p = self._mj, self._data, self._params
-        mj.mj_resetData(self._model, d)
+        mj, d, p = self._mj, self.data, self._params
+        mj.mj_resetData(self.model, d)
         self.wheels.reset()
         self._fill(p.grain_kg, force=True)
         self._lift = self._tilt = self._distance = 0.0
@@ -129,16 +129,16 @@ class Multibody:
         """Let the machine sink until it rests; then back to x, y [m]."""
         for _ in range(SETTLE):
             self._substep(SETTLE_STEP, 0.0)
-            self._data.qvel *= 0.96
-        self._data.qvel[:] = 0.0
-        self._data.qpos[:2] = x, y
+            self.data.qvel *= 0.96
+        self.data.qvel[:] = 0.0
+        self.data.qpos[:2] = x, y
         self._unseen = LOOK
 
     def _roll(self, speed: float) -> None:
         """Move straight on at a speed [m/s]."""
         if speed == 0.0 and self._params.engine:
             return
-        d = self._data
+        d = self.data
         self._aim = speed
         d.qvel[:3] = speed * self._rotation()[:, 0]
         radii = np.array([w.rolling_radius for w in self.wheels.wheels])
@@ -160,8 +160,8 @@ class Multibody:
             self.hold_header(header.lift, header.tilt)
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
-        self._data.qpos[self._driven_q] = (*self._ackermann(steer), self._lift, self._tilt)
-        self._data.qvel[self._driven] = 0.0
+        self.data.qpos[self._driven_q] = (*self._ackermann(steer), self._lift, self._tilt)
+        self.data.qvel[self._driven] = 0.0
         before = self._ground_speed()
         for _ in range(count):
             self._substep(h, wanted)
@@ -186,7 +186,7 @@ class Multibody:
         """Back to a saved moment."""
         self._fill(state["grain"], force=True)
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
-        self._mj.mj_setState(self._model, self._data, state["mujoco"], kind)
+        self._mj.mj_setState(self.model, self.data, state["mujoco"], kind)
         self.wheels.load(state["wheels"])
         self._aim, self._parked, self._angles = state["aim"], state["parked"], list(state["angles"])
         self._lift, self._tilt = state["header"]
@@ -194,8 +194,8 @@ class Multibody:
 
     def _state(self) -> Any:
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
-        kept = np.empty(self._mj.mj_stateSize(self._model, kind))
-        self._mj.mj_getState(self._model, self._data, kept, kind)
+        kept = np.empty(self._mj.mj_stateSize(self.model, kind))
+        self._mj.mj_getState(self.model, self.data, kept, kind)
         return kept
 
     def _ackermann(self, steer: float) -> tuple[float, float]:
@@ -207,7 +207,7 @@ class Multibody:
         """Put so much grain [kg] into the tank."""
         if not force and abs(grain - getattr(self, "_grain", -9.0)) < GRAIN_STEP:
             return
-        m, body, tank = self._model, self._grain_body, self._tank
+        m, body, tank = self.model, self._grain_body, self._tank
         self._grain = grain
         mass, height = grain + LEAST, 2.0 * (tank.centre(grain) - tank.floor)
         l2, w2, h2 = tank.length**2, tank.width**2, height**2
@@ -217,10 +217,10 @@ class Multibody:
         self._mj.mj_setConst(m, self._spare)
 
     def _substep(self, h: float, wanted: float) -> None:
-        mj, m, d = self._mj, self._model, self._data
+        mj, m, d = self._mj, self.model, self.data
         m.opt.timestep = h
         mj.mj_step1(m, d)
-        middles, axes = d.xpos[self._bodies], d.xmat[self._bodies][:, 1::3]
+        middles, axes = d.xpos[self.bodies], d.xmat[self.bodies][:, 1::3]
         if self._unseen >= LOOK - 1e-9:
             self._unseen = 0.0
             self.wheels.look(middles, axes)
@@ -229,7 +229,7 @@ class Multibody:
         turns, arms = motion[:, :3], middles - d.subtree_com[self._chassis]
         speeds = motion[:, 3:] + _cross(turns, arms)
         spins = d.qvel[self._spin].tolist()
-        d.xfrc_applied[self._bodies] = self.wheels.push(h, middles, axes, speeds, turns, spins)
+        d.xfrc_applied[self.bodies] = self.wheels.push(h, middles, axes, speeds, turns, spins)
         d.qfrc_applied[self._spin[:2]] = self._drive(h, wanted, spins)
         mj.mj_step2(m, d)
 
@@ -240,15 +240,15 @@ class Multibody:
         """
         if not self._params.engine:
             return 0.0, 0.0
-        self._aim, way = self._loop.advance(self._aim, wanted, h)
-        left, right = self._data.qpos[self._spin_q].tolist()
+        self._aim, travel = self._loop.advance(self._aim, wanted, h)
+        left, right = self.data.qpos[self._spin_q].tolist()
         if wanted != 0.0 or abs(self._aim) > 1e-3:
             if self._parked:
                 self._parked, self._angles = False, [0.5 * sum(self._angles)] * 2
             middle, spin = 0.5 * (left + right), 0.5 * (spins[0] + spins[1])
             slide = self._aim / self._radius - spin
             off, torque = self._spring(self._angles[0] - middle, slide, self._thrust)
-            self._angles[0] = middle + off + way / self._radius
+            self._angles[0] = middle + off + travel / self._radius
             return torque, torque
         if not self._parked:
             held = self._angles[0] - 0.5 * (left + right)
@@ -265,7 +265,7 @@ class Multibody:
         return off, min(max(torque, -most), most)
 
     def _rotation(self) -> Any:
-        w, x, y, z = self._data.qpos[3:7].tolist()
+        w, x, y, z = self.data.qpos[3:7].tolist()
         return np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -275,10 +275,10 @@ class Multibody:
         )
 
     def _ground_speed(self) -> float:
-        return hypot(self._data.qvel[0], self._data.qvel[1])
+        return hypot(self.data.qvel[0], self.data.qvel[1])
 
     def _output(self, t: int, steer: float) -> Outputs:
-        d, rotation = self._data, self._rotation()
+        d, rotation = self.data, self._rotation()
         pose = Pose(d.qpos[:3].copy(), rotation)
         forward, left, _ = (d.qvel[:3] @ rotation).tolist()
         turn = rotation @ d.qvel[3:6]
@@ -287,20 +287,20 @@ class Multibody:
 
     def energy(self) -> float:
         """Kinetic energy, gravity and the vertical tyre springs [J]; not the slip of the tyres."""
-        mj, m, d = self._mj, self._model, self._data
+        mj, m, d = self._mj, self.model, self.data
         mj.mj_fwdPosition(m, d)
         mj.mj_energyPos(m, d)
         mj.mj_energyVel(m, d)
-        middles, axes = d.xpos[self._bodies], d.xmat[self._bodies][:, 1::3]
+        middles, axes = d.xpos[self.bodies], d.xmat[self.bodies][:, 1::3]
         return float(d.energy.sum()) + self.wheels.energy(middles, axes)
 
     @property
     def mass(self) -> float:
         """Of the whole machine [kg]."""
-        return float(self._model.body_mass.sum())
+        return float(self.model.body_mass.sum())
 
 
-def wheels_of(machine: MachineCard, params: Params) -> list[Wheel]:
+def wheels_of(machine: MachineSheet, params: Params) -> list[Wheel]:
     """The four wheels (front left, front right, rear left, rear right) on their soil."""
     d, m = dynamics_of(machine), masses_of(machine)
     share = d.cg_behind / machine.wheelbase
@@ -311,7 +311,7 @@ def wheels_of(machine: MachineCard, params: Params) -> list[Wheel]:
 
 
 def _wheel(
-    machine: MachineCard, params: Params, axle: Axle, load: float, deflection: float, section: float
+    machine: MachineSheet, params: Params, axle: Axle, load: float, deflection: float, section: float
 ) -> Wheel:
     d, m = dynamics_of(machine), masses_of(machine)
     grip = Grip(

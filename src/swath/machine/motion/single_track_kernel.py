@@ -5,7 +5,6 @@ from math import pi
 import warp as wp
 
 from swath.machine import tyre
-from swath.machine.attitude_kernel import Gear, Stand, stand_at
 
 real = wp.float64
 CREEP_SPEED = wp.constant(real(tyre.CREEP_SPEED))
@@ -41,7 +40,7 @@ class Car:
 @wp.struct
 class Drive:
     """Length of the step [s]; forward speed at its start, middle and end [m/s]; angle of the steered
-    wheel to the right [rad].
+    wheel to the right [rad]; how the machine stands, as `attitude.Stance`.
     """
 
     h: wp.float64
@@ -49,6 +48,10 @@ class Drive:
     middle: wp.float64
     end: wp.float64
     steer: wp.float64
+    roll: wp.float64
+    pitch: wp.float64
+    front_slope: wp.float64
+    rear_slope: wp.float64
 
 
 @wp.struct
@@ -87,25 +90,25 @@ def soft_sign(speed: wp.float64) -> wp.float64:
 
 
 @wp.func
-def held(car: Car, d: Drive, a: Stand) -> Moment:
+def held(car: Car, d: Drive) -> Moment:
     """Loads by moments about the contact points: rolling resistance is a load that acts ahead of the wheel's
     centre by rolling * radius.
     """
     weight = car.mass * GRAVITY
-    normal = weight * wp.cos(a.pitch) * wp.cos(a.roll)
-    lead = car.rolling * soft_sign(d.start)
-    tilt = car.cg_height * (car.mass * ((d.end - d.start) / d.h) - weight * wp.sin(a.pitch))
+    normal = weight * wp.cos(d.pitch) * wp.cos(d.roll)
+    shift = car.rolling * soft_sign(d.start)
+    tilt = car.cg_height * (car.mass * ((d.end - d.start) / d.h) - weight * wp.sin(d.pitch))
     wheelbase = car.ahead + car.behind
-    rear = normal * (car.ahead + lead * car.front_radius) + tilt
-    rear = rear / (wheelbase + lead * car.front_radius - lead * car.rear_radius)
-    pull = -normal * wp.cos(a.pitch) / wheelbase
+    rear = normal * (car.ahead + shift * car.front_radius) + tilt
+    rear = rear / (wheelbase + shift * car.front_radius - shift * car.rear_radius)
+    pull = -normal * wp.cos(d.pitch) / wheelbase
     m = Moment()
     m.steer_cos = wp.cos(d.steer)
     m.steer_sin = wp.sin(d.steer)
     m.rear_load = wp.clamp(rear, LEAST_LOAD * normal, (ONE - LEAST_LOAD) * normal)
     m.front_load = normal - m.rear_load
-    m.front_pull = pull * car.behind * a.front_slope
-    m.rear_pull = pull * car.ahead * a.rear_slope
+    m.front_pull = pull * car.behind * d.front_slope
+    m.rear_pull = pull * car.ahead * d.rear_slope
     return m
 
 
@@ -172,13 +175,12 @@ def advance(
     drives: wp.array(dtype=Drive),
     moments: wp.array(dtype=Moment),
     tracks: wp.array(dtype=Track),
-    gear: Gear,
 ):
-    """One step in place, and how the machine then stands; the slips end at full sliding."""
+    """One step in place; the slips end at full sliding."""
     car = cars[0]
     d = drives[0]
     q = tracks[0]
-    m = held(car, d, gear.stand[0])
+    m = held(car, d)
     k1 = rates(q, d.start, car, m)
     k2 = rates(moved(q, k1, HALF * d.h), d.middle, car, m)
     k3 = rates(moved(q, k2, HALF * d.h), d.middle, car, m)
@@ -189,4 +191,3 @@ def advance(
     q.rear_slip = wp.clamp(q.rear_slip, -sliding, sliding)
     moments[0] = m
     tracks[0] = q
-    stand_at(wp.vec3d(q.x, q.y, q.yaw), gear)

@@ -1,7 +1,7 @@
-"""The machine as bodies and joints: an MJCF text made from the machine card.
+"""The machine as bodies and joints: an MJCF text made from the machine sheet.
 
 Frame of the chassis: the machine frame (middle of the fixed axle, on the ground when the empty machine
-stands). Total mass, centre of gravity and the three inertias are those of the card: the chassis is what the
+stands). Total mass, centre of gravity and the three inertias are those of the sheet: the chassis is what the
 other parts leave over. Joints that are driven (kingpins, feeder, header tilt) carry a huge armature: their
 angle is set, what presses on them does not move them and goes into the next body.
 """
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import pi
 
 from swath.core.errors import InputError
-from swath.machine.machine_sheet import MachineCard, masses_of
+from swath.machine.machine_sheet import MachineSheet, masses_of
 from swath.machine.masses import Masses
 from swath.machine.tyre import GRAVITY
 
@@ -39,7 +39,7 @@ class Part:
         )
 
 
-def parts_of(machine: MachineCard, *, header: bool = True) -> dict[str, Part]:
+def parts_of(machine: MachineSheet, *, header: bool = True) -> dict[str, Part]:
     """All parts by name, `chassis` among them. InputError when they weigh more than the whole machine."""
     d, m = machine.dynamics, masses_of(machine)
     back, half_f, half_r = -machine.wheelbase, 0.5 * machine.front_track, 0.5 * machine.rear_track
@@ -80,7 +80,7 @@ def _wheel(mass: float, radius: float) -> Vec:
     return 0.35 * mass * radius**2, 0.6 * mass * radius**2, 0.35 * mass * radius**2
 
 
-def _rest(machine: MachineCard, m: Masses, parts: dict[str, Part]) -> Part:
+def _rest(machine: MachineSheet, m: Masses, parts: dict[str, Part]) -> Part:
     """The chassis: whole machine less its parts."""
     d = machine.dynamics
     whole = (-d.cg_behind, 0.0, d.cg_height)
@@ -99,7 +99,7 @@ def _rest(machine: MachineCard, m: Masses, parts: dict[str, Part]) -> Part:
     return Part(mass, (x, y, z), (a, b, c))
 
 
-def mjcf(machine: MachineCard, *, header: bool = True, suspension: bool = False) -> str:
+def mjcf(machine: MachineSheet, *, header: bool = True, suspension: bool = False) -> str:
     """The model as MJCF. Native contacts are off: the wheels are force elements (see wheels.py)."""
     m, parts = masses_of(machine), parts_of(machine, header=header)
     back = -machine.wheelbase
@@ -149,7 +149,7 @@ def _knuckle(side: str, parts: dict[str, Part], pivot: Vec) -> str:
     return _body(f"knuckle_{side}", part, pivot, pin, wheel)
 
 
-def _axle(machine: MachineCard, m: Masses, parts: dict[str, Part], wheels: str) -> str:
+def _axle(machine: MachineSheet, m: Masses, parts: dict[str, Part], wheels: str) -> str:
     """The front axle on springs: heave and roll. Its beam stays a part of the chassis."""
     d = machine.dynamics
     load = d.mass * GRAVITY * (1 - d.cg_behind / machine.wheelbase) - 2 * m.front_wheel * GRAVITY

@@ -14,7 +14,7 @@ on soil after Brixius G = 1 - exp(-Q). The relaxation length along is sigma (n_x
 the force of the resting tyre has a potential, a machine that rocks on its tyres gains no energy.
 
 Rolling resistance is a torque on the wheel, drag * load * rolling radius: the load acts ahead of the wheel's
-middle. The rolling radius is the free one less a third of the deflection (memory).
+middle. The rolling radius is the free one less a third of the deflection (uncited).
 """
 
 from dataclasses import dataclass

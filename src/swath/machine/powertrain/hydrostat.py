@@ -1,4 +1,4 @@
-"""Powertrain level `hydrostat`: an engine that loses speed under load, and a drive that gives way to it.
+"""Powertrain level `hydrostat`: an engine that loses speed under load, and a drive that yields to it.
 
 J dw/dt = T - T_load, lag dT/dt = governed torque - T; belts take torque, the hydrostat takes power. Equations
 and sources: docs/process.md.
@@ -17,7 +17,7 @@ from swath.core.schedule import NS
 from swath.core.units import MS
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.powertrain.power_balance import (
     Powers,
@@ -33,7 +33,7 @@ from swath.machine.powertrain.power_balance import (
 from swath.signals import EngineState, MachineLoad, MachineState
 
 STALL_SHARE = 0.3  # the engine does not fall below this share of rated speed: it would stall [-]
-HEADROOM = 0.2  # a drive that gives way starts from this much above the present speed [m/s]
+HEADROOM = 0.2  # a drive that yields starts from this much above the present speed [m/s]
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,13 @@ class HydrostatPowertrain:
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self._p = params
-        self._works, self._dynamics = works_of(setup.machine), dynamics_of(setup.machine)
+        self._drivetrain, self._dynamics = drivetrain_of(setup.machine), dynamics_of(setup.machine)
         self._width = setup.machine.header_width
 
     def reset(self, stream: Stream) -> Outputs:
         """Running without crop, as its governor holds it."""
-        e = self._works.engine
-        taken = powers(MachineLoad(0, *[0.0] * 7), 0.0, self._width, self._works)
+        e = self._drivetrain.engine
+        taken = powers(MachineLoad(0, *[0.0] * 7), 0.0, self._width, self._drivetrain)
         self._torque = taken.total / e.rated_speed
         self._speed = governed_speed(self._torque, e)
         self._fuel, self._limit = Total(), self._dynamics.max_speed
@@ -71,7 +71,7 @@ class HydrostatPowertrain:
         """Integrate engine and limit over dt; the powers are held."""
         state: MachineState = inputs["state"]
         load: MachineLoad = inputs["load"]
-        h, w = dt / NS, self._works
+        h, w = dt / NS, self._drivetrain
         accel = 0.0 if self._before is None else (state.speed - self._before) / h
         self._before = state.speed
         force = pull(state, accel, load.tank_content, self._dynamics)
@@ -102,7 +102,7 @@ class HydrostatPowertrain:
         self._fuel = Total(*state["fuel"])
 
     def _rates(self, speed: float, torque: float, belts: float, power: float) -> tuple[float, float]:
-        e, k = self._works.engine, self._works.consumers.speed_exponent
+        e, k = self._drivetrain.engine, self._drivetrain.consumers.speed_exponent
         if k > 0.0:
             belts *= (speed / e.rated_speed) ** k
         return (
@@ -121,12 +121,12 @@ class HydrostatPowertrain:
         d = self._rates(n + h * c[0], m + h * c[1], belts, power)
         n += h / 6.0 * (a[0] + 2.0 * (b[0] + c[0]) + d[0])
         m += h / 6.0 * (a[1] + 2.0 * (b[1] + c[1]) + d[1])
-        self._speed = max(n, STALL_SHARE * self._works.engine.rated_speed)
+        self._speed = max(n, STALL_SHARE * self._drivetrain.engine.rated_speed)
         self._torque = max(m, 0.0)
 
     def _new_limit(self, ground: float, force: float, h: float) -> float:
         """Largest ground speed [m/s]: pump flow, power and pull of the drive, and what the engine bears."""
-        e, d = self._works.engine, self._works.hydrostat
+        e, d = self._drivetrain.engine, self._drivetrain.hydrostat
         ratio = min(self._speed / e.rated_speed, 1.0)
         limit = self._dynamics.max_speed * ratio
         if force > 0.0:
@@ -140,12 +140,14 @@ class HydrostatPowertrain:
         return max(0.0, min(limit, held))
 
     def _sample(self, t: int, taken: Powers) -> EngineState:
-        e = self._works.engine
-        belts = taken.belts * (self._speed / e.rated_speed) ** self._works.consumers.speed_exponent
+        e = self._drivetrain.engine
+        belts = taken.belts * (self._speed / e.rated_speed) ** self._drivetrain.consumers.speed_exponent
         asked = belts / e.rated_speed + taken.propulsion / self._speed
         load = asked / full_torque(min(self._speed, e.rated_speed), e)
         power = self._torque * self._speed
-        return engine_state(t, taken, self._speed, power, load, self._fuel.value, self._limit, self._works)
+        return engine_state(
+            t, taken, self._speed, power, load, self._fuel.value, self._limit, self._drivetrain
+        )
 
 
 LEVEL = Level(

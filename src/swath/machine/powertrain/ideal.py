@@ -8,7 +8,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
-from swath.machine.drivetrain_sheet import works_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.powertrain.power_balance import (
     Powers,
@@ -23,7 +23,7 @@ from swath.signals import EngineState, MachineLoad, MachineState
 
 @dataclass(frozen=True)
 class Params:
-    """There is nothing to choose: everything is on the machine's card."""
+    """There is nothing to choose: everything is on the machine's sheet."""
 
 
 class IdealPowertrain:
@@ -33,7 +33,7 @@ class IdealPowertrain:
     outputs = (Port("engine", EngineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._works, self._dynamics = works_of(setup.machine), dynamics_of(setup.machine)
+        self._drivetrain, self._dynamics = drivetrain_of(setup.machine), dynamics_of(setup.machine)
         self._width = setup.machine.header_width
 
     def reset(self, stream: Stream) -> Outputs:
@@ -41,7 +41,7 @@ class IdealPowertrain:
         self._fuel = Total()
         self._before: float | None = None
         nothing = MachineLoad(0, *[0.0] * 7)
-        return {"engine": self._sample(0, powers(nothing, 0.0, self._width, self._works))}
+        return {"engine": self._sample(0, powers(nothing, 0.0, self._width, self._drivetrain))}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Powers at t + dt."""
@@ -50,9 +50,11 @@ class IdealPowertrain:
         accel = 0.0 if self._before is None else (state.speed - self._before) * NS / dt
         self._before = state.speed
         force = pull(state, accel, load.tank_content, self._dynamics)
-        driving = propulsion_power(force, state.speed, self._works.hydrostat.efficiency)
-        taken = powers(load, driving, self._width, self._works)
-        self._fuel.add(fuel_rate(taken.total, self._works.engine.rated_speed, self._works.engine) * dt / NS)
+        driving = propulsion_power(force, state.speed, self._drivetrain.hydrostat.efficiency)
+        taken = powers(load, driving, self._width, self._drivetrain)
+        self._fuel.add(
+            fuel_rate(taken.total, self._drivetrain.engine.rated_speed, self._drivetrain.engine) * dt / NS
+        )
         return {"engine": self._sample(t + dt, taken)}
 
     def save(self) -> State:
@@ -64,9 +66,11 @@ class IdealPowertrain:
         self._fuel, self._before = Total(*state["fuel"]), state["before"]
 
     def _sample(self, t: int, taken: Powers) -> EngineState:
-        e = self._works.engine
+        e = self._drivetrain.engine
         load, limit = taken.total / e.rated_power, self._dynamics.max_speed
-        return engine_state(t, taken, e.rated_speed, taken.total, load, self._fuel.value, limit, self._works)
+        return engine_state(
+            t, taken, e.rated_speed, taken.total, load, self._fuel.value, limit, self._drivetrain
+        )
 
 
 LEVEL = Level(

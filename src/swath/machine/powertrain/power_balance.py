@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from swath.machine.drivetrain_sheet import Engine, Works
+from swath.machine.drivetrain_sheet import Drivetrain, Engine
 from swath.machine.machine_sheet import Dynamics
 from swath.machine.tyre import GRAVITY
 from swath.signals import EngineState, MachineLoad, MachineState
@@ -35,9 +35,9 @@ class Powers:
         return self.belts + self.propulsion
 
 
-def powers(load: MachineLoad, propulsion: float, width: float, works: Works) -> Powers:
+def powers(load: MachineLoad, propulsion: float, width: float, drivetrain: Drivetrain) -> Powers:
     """Power at rated speed from the flows of the crop; header width [m], propulsion [W] at the engine."""
-    c = works.consumers
+    c = drivetrain.consumers
     chopper = c.chopper + c.chopper_work * load.chopper_flow if load.chopper_flow > 0.0 else 0.0
     return Powers(
         header=c.header_width * width + c.header_work * load.header_flow,
@@ -94,12 +94,19 @@ def fuel_rate(power: float, speed: float, e: Engine) -> float:
 
 
 def engine_state(
-    t: int, p: Powers, speed: float, power: float, load: float, used: float, limit: float, works: Works
+    t: int,
+    p: Powers,
+    speed: float,
+    power: float,
+    load: float,
+    used: float,
+    limit: float,
+    drivetrain: Drivetrain,
 ) -> EngineState:
     """The sample: belts scaled to the engine's speed."""
-    e = works.engine
+    e = drivetrain.engine
     ratio = speed / e.rated_speed
-    r = ratio ** (1.0 + works.consumers.speed_exponent)
+    r = ratio ** (1.0 + drivetrain.consumers.speed_exponent)
     return EngineState(
         t,
         speed=speed,

@@ -27,11 +27,11 @@ Delay = Annotated[float, Ge(0), Le(120)]
 
 @dataclass(frozen=True)
 class Params:
-    """feed_delay_s: knife to drum, 2-4 s (memory, estimate); grain_delay_s, grain_lag_s: knife to tank, dead
-    time 10-15 s and time constant 2-5 s in the field (memory, sure); straw_delay_s, straw_lag_s: knife to
-    ground, the drum and 2-5 s more (memory, estimate). Lost grain leaves with the straw.
+    """feed_delay_s: knife to drum, 2-4 s (uncited estimate); grain_delay_s, grain_lag_s: knife to tank, dead
+    time 10-15 s and time constant 2-5 s in the field (uncited); straw_delay_s, straw_lag_s: knife to
+    ground, the drum and 2-5 s more (uncited estimate). Lost grain leaves with the straw.
 
-    loss_percent: share of the grain lost; swath_width_m: of the straw swath; swath_step_m: way after which
+    loss_percent: share of the grain lost; swath_width_m: of the straw swath; swath_step_m: travel after which
     the straw dropped on it is laid down
     """
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from swath.core.component import State
 
 Array = NDArray[np.float64]
-LEAD, WIDTH, EAR, FREE, STRAW, FED, SCALE = range(
+FRONT, WIDTH, EAR, FREE, STRAW, FED, SCALE = range(
     7
-)  # rows: lead and width of the length, kg, factor on rates
+)  # rows: front and width of the length, kg, factor on rates
 
 
 def coupled(ear: Any, free: Any, threshing: Any, separation: Any) -> tuple[Any, Any]:
@@ -44,9 +44,9 @@ def coupled_one(ear: float, free: float, threshing: float, separation: float) ->
 
 
 class Rotor:
-    """Parcels of crop on their way through the rotors; each parcel of one step is exact on its own.
+    """Parcels of crop that pass through the rotors; each parcel of one step is exact on its own.
 
-    A parcel has a lead and a width; it is threshed until its lead comes to the end, then leaves bit by bit.
+    A parcel has a front and a width; it is threshed until its front comes to the end, then leaves bit by bit.
     threshing, separation: rates over the whole length at the nominal layer; exponent: both go with
     layer^-exponent; passage: time through it at nominal speed [s]
     """
@@ -62,30 +62,36 @@ class Rotor:
         self._parcels = np.zeros((7, 0))
 
     def advance(
-        self, crop: tuple[float, float, float, float], *, layer: float, dt: float, ratio: float, ease: float
+        self,
+        crop: tuple[float, float, float, float],
+        *,
+        layer: float,
+        dt: float,
+        ratio: float,
+        threshability: float,
     ) -> tuple[float, list[float]]:
         """Take in a step's crop [kg] and move everything on by dt [s].
 
         crop: grain in the ear, free grain, straw, and the grain it had before the drum [kg]
-        layer: thickness of what enters, 1 = nominal; ratio: rotor speed over nominal; ease: factor on both
-        rates. Returns the grain separated [kg] and what leaves [kg], four as `crop`
+        layer: thickness of what enters, 1 = nominal; ratio: rotor speed over nominal; threshability: factor
+        on both rates. Returns the grain separated [kg] and what leaves [kg], four as `crop`
         """
-        way = dt * ratio / self._passage
+        path = dt * ratio / self._passage
         if any(crop):
             scale = max(layer, 1e-3) ** -self._exponent
-            new = np.array([[0.0], [way], *([m] for m in crop), [scale]])
+            new = np.array([[0.0], [path], *([m] for m in crop), [scale]])
             self._parcels = np.concatenate([self._parcels, new], axis=1)
         p = self._parcels
         if p.shape[1] == 0:
             return 0.0, [0.0] * 4
-        lead = p[LEAD] + way
-        done = (np.minimum(lead, 1.0) - p[LEAD]) * p[SCALE]
+        front = p[FRONT] + path
+        done = (np.minimum(front, 1.0) - p[FRONT]) * p[SCALE]
         threshing, separation = self._rates
-        still, kept = np.exp(done * np.array([[-ease * threshing], [-ease * separation]]))
+        still, kept = np.exp(done * np.array([[-threshability * threshing], [-threshability * separation]]))
         ear = p[EAR] * still
         free = p[FREE] * kept + p[EAR] * (still - kept) * (threshing / (separation - threshing))
         separated = float((p[EAR] + p[FREE] - ear - free).sum())
-        p[LEAD], p[EAR], p[FREE] = lead, ear, free
+        p[FRONT], p[EAR], p[FREE] = front, ear, free
         return separated, self._leave()
 
     def held(self) -> tuple[float, float]:
@@ -102,10 +108,10 @@ class Rotor:
         self._parcels = np.array(state["parcels"])
 
     def _leave(self) -> list[float]:
-        """Take out what is beyond the end; the first parcels lead."""
+        """Take out what is beyond the end; the first parcels first."""
         p, out, whole = self._parcels, np.zeros(4), 0
         for i in range(p.shape[1]):
-            over = float(p[LEAD, i]) - 1.0
+            over = float(p[FRONT, i]) - 1.0
             if over <= 0.0:
                 break
             if over >= float(p[WIDTH, i]) - 1e-12:
@@ -115,7 +121,7 @@ class Rotor:
             gone = p[EAR:SCALE, i] * (over / float(p[WIDTH, i]))
             p[EAR:SCALE, i] -= gone
             p[WIDTH, i] -= over
-            p[LEAD, i] = 1.0
+            p[FRONT, i] = 1.0
             out += gone
         self._parcels = p[:, whole:]
         result: list[float] = out.tolist()

@@ -20,9 +20,9 @@ class StrawGround(Protocol):
 
 
 class StrawOutlet:
-    """Lays straw over the ground that the outlet passed, every `step` [m] of way.
+    """Lays straw over the ground that the outlet passed, every `step` [m] of travel.
 
-    outlet_x: ahead of the fixed axle [m]; width [m]; ridge: heaped along the way, otherwise even
+    outlet_x: ahead of the fixed axle [m]; width [m]; ridge: heaped along the path, otherwise even
     """
 
     def __init__(

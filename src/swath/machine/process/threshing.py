@@ -1,4 +1,4 @@
-"""Process level `threshing`: the way of grain and straw through the machine, and what each part loses.
+"""Process level `threshing`: the path of grain and straw through the machine, and what each part loses.
 
 Header -> feeder house -> drum -> rotors -> straw outlet; what falls through -> shoe -> elevator -> tank, or
 back to the drum. Equations, sources and validation: docs/process.md.
@@ -17,7 +17,7 @@ from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
-from swath.machine.drivetrain_sheet import Cleaning, works_of
+from swath.machine.drivetrain_sheet import Cleaning, drivetrain_of
 from swath.machine.process.rotor import Rotor, coupled_one
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.machine.process.transport import Conveyor, Masses, Mixer, flow_delay
@@ -33,7 +33,8 @@ RETURNS_MAX = 0.3  # of the shoe's grain
 class Params:
     """straw: in a swath, or chopped and spread over the header's width; swath_width_m: of the swath
     swath_step_m, spread_step_m: way after which the straw dropped on it is laid down, in a swath or spread
-    ease: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (loss x2-4)
+    threshability: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (then
+    losses are 2 to 4 times as high)
     tank_start_percent: grain in the tank at the start; unload_at_percent: level at which the tank is emptied
     while driving, none = never
     """
@@ -42,7 +43,7 @@ class Params:
     swath_width_m: Annotated[float, Gt(0), Le(15)] = 1.4
     swath_step_m: Annotated[float, Gt(0), Le(5)] = 0.25
     spread_step_m: Annotated[float, Gt(0), Le(20)] = 1.5
-    ease: Annotated[float, Ge(0.2), Le(3)] = 1.0
+    threshability: Annotated[float, Ge(0.2), Le(3)] = 1.0
     tank_start_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     unload_at_percent: Annotated[float, Gt(0), Le(100)] | None = None
 
@@ -77,8 +78,8 @@ class ThreshingProcess:
     outputs = (Port("load", MachineLoad),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        p, w = params, works_of(setup.machine)
-        self._p, self._works = p, w
+        p, w = params, drivetrain_of(setup.machine)
+        self._p, self._drivetrain = p, w
         rear, is_swath = setup.machine.body[0], p.straw == "swath"
         width, step = p.swath_width_m, p.swath_step_m
         if not is_swath:
@@ -157,7 +158,7 @@ class ThreshingProcess:
 
     def _feed(self, cut: tuple[CropFlow, ...], h: float, ratio: float, flows: Flows) -> Masses:
         """Header and feeder house: grain and straw [kg] that reach the drum."""
-        t = self._works.transport
+        t = self._drivetrain.transport
         masses = [sum(f.grain for f in cut), sum(f.straw for f in cut)]
         flows.header = sum(masses)
         spread = self._spread.advance(masses, h, t.header_spread)
@@ -168,16 +169,16 @@ class ThreshingProcess:
 
     def _thresh(self, fed: Masses, h: float, ratio: float, flows: Flows) -> Masses:
         """Drum and rotors: grain and chaff [kg] that fall through."""
-        d, ease = self._works.threshing, self._p.ease * ratio
+        d, threshability = self._drivetrain.threshing, self._p.threshability * ratio
         back = self._returns.advance(self._back, h * ratio)
         grain, straw = fed[0] + back[0], fed[1] + back[1]
         flows.drum, flows.returns = grain + straw, sum(back)
         layer = straw / h / d.straw / max(ratio, 0.05)
-        scale = ease * max(layer, 1e-3) ** -d.drum_exponent
+        scale = threshability * max(layer, 1e-3) ** -d.drum_exponent
         ear, free = coupled_one(grain, 0.0, d.drum_threshing * scale, d.drum_separation * scale)
         chaff, through = straw * d.chaff, grain - ear - free
         crop = (ear, free, straw - chaff, grain)
-        more, out = self._rotor.advance(crop, layer=layer, dt=h, ratio=ratio, ease=ease)
+        more, out = self._rotor.advance(crop, layer=layer, dt=h, ratio=ratio, threshability=threshability)
         flows.rotor = straw
         flows.unthreshed, flows.separation, flows.straw, leaving = out
         if leaving > 0.0:
@@ -186,7 +187,7 @@ class ThreshingProcess:
 
     def _clean(self, pan: Masses, h: float, ratio: float, state: MachineState, flows: Flows) -> Masses:
         """Shoe: clean grain [kg]; some goes over the rear with the chaff, some back to the drum."""
-        c = self._works.cleaning
+        c = self._drivetrain.cleaning
         grain, chaff = self._shoe.advance(pan, h * ratio)
         flows.shoe = grain + chaff
         load = shoe_load(flows.shoe / h, c, state)
@@ -199,7 +200,7 @@ class ThreshingProcess:
 
     def _store(self, clean: Masses, h: float, ratio: float, flows: Flows) -> None:
         """Elevator and tank."""
-        t, w = self._works.transport, self._works
+        t, w = self._drivetrain.transport, self._drivetrain
         delay = flow_delay(self._elevator.held()[0] + clean[0], t.elevator, t.grain_feed, t.exponent)
         (flows.tank,) = self._lift.advance(
             self._elevator.advance(clean, h * ratio / delay), h, t.elevator_lag
@@ -253,7 +254,7 @@ class ThreshingProcess:
             separation_loss=f.separation / h,
             cleaning_loss=f.cleaning / h,
             loss_share=rotors + (1.0 - rotors) * self._shoe_loss if is_running else 0.0,
-            tank_level=self._content() / self._works.tank if self._works.tank > 0.0 else 0.0,
+            tank_level=self._content() / self._drivetrain.tank if self._drivetrain.tank > 0.0 else 0.0,
         )
 
 

@@ -1,4 +1,4 @@
-"""Crop on its way: plug flow and mixing, exact for any step, several streams side by side."""
+"""Crop in transport: plug flow and mixing, exact for any step, several streams side by side."""
 
 from collections import deque
 from math import exp
@@ -11,10 +11,10 @@ Masses = list[float]
 
 
 class Conveyor:
-    """Plug flow over a length: what enters comes out unchanged after that much way, first in, first out.
+    """Plug flow over a length: what enters comes out unchanged after that much path, first in, first out.
 
-    length and ways are in one unit of choice: metres, seconds at nominal speed, or shares of the length.
-    What enters during a step lies evenly over the way of that step, so a delay is exact to rounding however
+    length and paths are in one unit of choice: metres, seconds at nominal speed, or shares of the length.
+    What enters during a step lies evenly over the path of that step, so a delay is exact to rounding however
     it falls between steps. Ways shorter than `joined` share a packet.
     """
 
@@ -24,14 +24,14 @@ class Conveyor:
 
     def clear(self) -> None:
         """Empty it."""
-        self._way = 0.0
+        self._path = 0.0
         self._packets: deque[tuple[float, float, Masses]] = deque()
         self._held = [0.0] * self.streams
 
-    def advance(self, masses: Masses, way: float) -> Masses:
-        """Masses [kg] that leave while these enter, evenly over `way` >= 0."""
-        start = self._way
-        self._way = end = start + way
+    def advance(self, masses: Masses, path: float) -> Masses:
+        """Masses [kg] that leave while these enter, evenly over `path` >= 0."""
+        start = self._path
+        self._path = end = start + path
         last = self._packets[-1] if self._packets else None
         if last is not None and end - last[0] <= self._joined:
             joined = [a + b for a, b in zip(last[2], masses, strict=True)]
@@ -61,11 +61,11 @@ class Conveyor:
         """Way and packets."""
         rows = [[a, b, *masses] for a, b, masses in self._packets]
         packets = np.array(rows, dtype=float).reshape(-1, 2 + self.streams)
-        return {"way": self._way, "packets": packets, "held": np.array(self._held)}
+        return {"path": self._path, "packets": packets, "held": np.array(self._held)}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._way = float(state["way"])
+        self._path = float(state["path"])
         self._held = state["held"].tolist()
         self._packets = deque((row[0], row[1], row[2:]) for row in state["packets"].tolist())
 
@@ -124,7 +124,7 @@ class Mixer:
 def flow_delay(held: float, delay: float, flow: float, exponent: float) -> float:
     """Delay [s] of a transport whose delay is delay * (F / flow)^-exponent at a steady flow F [kg/s].
 
-    held: mass on its way [kg], F times the delay in the steady state, so that the delay follows from it
+    held: mass in transport [kg], F times the delay in the steady state, so that the delay follows from it
     without a loop. Bounded to 0.5 and 1.6 times `delay` (8 s at 1.3 kg/s against 5 s at 21 kg/s).
     """
     if held <= 0.0:

@@ -29,7 +29,7 @@ from swath.signals import SteerCommand, SteerState
 
 @dataclass(frozen=True)
 class Params:
-    """What is left out comes from the machine's card.
+    """What is left out comes from the machine's sheet.
 
     rate_deg_s: fastest turn of the equivalent wheel; dead_time_s: from command to first motion; lag_s: time
     constant of the approach; dead_band_percent: of the valve's full opening

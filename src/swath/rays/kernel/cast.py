@@ -2,12 +2,12 @@
 
 import warp as wp
 
-from swath.rays.kernel.crop import Tile, walk_crop
+from swath.rays.kernel.crop import Tile, cross_crop
 from swath.rays.kernel.scene import (
     Hit,
     Ray,
     Scene,
-    Things,
+    SolidArrays,
     floor_div,
     no_hit,
     page_slot,
@@ -27,21 +27,21 @@ SLACK = wp.constant(0.001)  # rounding of tile planes [m]
 
 
 @wp.func
-def hit_things(things: Things, o: wp.vec3d, d: wp.vec3, hit: Hit) -> Hit:
+def hit_solids(solids: SolidArrays, o: wp.vec3d, d: wp.vec3, hit: Hit) -> Hit:
     """Nearest solid."""
-    for i in range(things.count):
-        away = wp.vec3(things.centre[i] - o)
+    for i in range(solids.count):
+        away = wp.vec3(solids.centre[i] - o)
         along = wp.dot(away, d)
         across = away - along * d
-        bound = things.bound[i]
+        bound = solids.bound[i]
         if wp.dot(across, across) <= bound * bound and along + bound > 0.0 and along - bound < hit.t:
-            axes = things.axes[i]
-            half = things.half[i]
+            axes = solids.axes[i]
+            half = solids.half[i]
             p = -(wp.transpose(axes) * away)
             v = wp.transpose(axes) * d
             t = float(MISS)
             n = wp.vec3(0.0, 0.0, 1.0)
-            kind = things.kind[i]
+            kind = solids.kind[i]
             if kind == 0:
                 box = hit_box(p, v, half)
                 t = box[0]
@@ -53,7 +53,7 @@ def hit_things(things: Things, o: wp.vec3d, d: wp.vec3, hit: Hit) -> Hit:
                 q = p + t * v
                 n = q - axis_point(q, a, b)
             elif kind == 3:  # seen from both sides: it need not be closed
-                found = wp.mesh_query_ray(things.tree[i], p, v, wp.min(hit.t, along + bound))
+                found = wp.mesh_query_ray(solids.tree[i], p, v, wp.min(hit.t, along + bound))
                 if found.result:
                     t = found.t
                     n = found.normal
@@ -69,12 +69,12 @@ def hit_things(things: Things, o: wp.vec3d, d: wp.vec3, hit: Hit) -> Hit:
                 hit.t = t
                 hit.organ = SOLID
                 hit.cosine = wp.min(1.0, wp.abs(wp.dot(n, v)) / wp.max(wp.length(n), 1.0e-20))
-                hit.reflectance = things.reflectance[i]
+                hit.reflectance = solids.reflectance[i]
     return hit
 
 
 @wp.func
-def walk_ground(
+def cross_ground(
     scene: Scene, ray: Ray, slot: int, corner: wp.vec2, jx: int, jy: int, t0: float, t1: float, hit: Hit
 ):
     """Nearest ground hit within the tile (jx, jy) of a page with that lower corner, t in [t0, t1].
@@ -163,7 +163,7 @@ def cross_tile(
         elif h1 > 0.0:
             tb = wp.min(tb, (bump - h0) / h1)
         corner = wp.vec2(float(page[0]) * size, float(page[1]) * size)
-        hit = walk_ground(scene, ray, slot, corner, jx, jy, ta, tb, hit)
+        hit = cross_ground(scene, ray, slot, corner, jx, jy, ta, tb, hit)
     if top > MARGIN and lowest <= top:
         ta = t0
         tb = wp.min(t1, hit.t)
@@ -183,7 +183,7 @@ def cross_tile(
                 stand,
                 wp.vec2(h0, h1),
             )
-            hit = walk_crop(scene, ray, found, wp.vec4(t0, t1, ta, tb), hit)
+            hit = cross_crop(scene, ray, found, wp.vec4(t0, t1, ta, tb), hit)
     return hit
 
 
@@ -253,7 +253,7 @@ def cross_field(scene: Scene, ray: Ray, hit: Hit):
 @wp.kernel(enable_backward=False)
 def cast(
     scene: Scene,
-    things: Things,
+    solids: SolidArrays,
     origins: wp.array(dtype=wp.vec3d),
     directions: wp.array(dtype=wp.vec3d),
     range_max: float,
@@ -266,7 +266,7 @@ def cast(
     i = first + wp.tid()
     o = origins[i]
     v = directions[i]
-    hit = hit_things(things, o, wp.vec3(v), no_hit(range_max))
+    hit = hit_solids(solids, o, wp.vec3(v), no_hit(range_max))
     ray = to_stand(scene, o, v)
     hit = cross_field(scene, ray, hit)
     if hit.organ == 0:

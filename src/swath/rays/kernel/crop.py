@@ -1,4 +1,4 @@
-"""A ray through the plants of one tile: a walk through columns and height bins of the prototype."""
+"""A ray through the plants of one tile: a traversal of columns and height bins of the prototype."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ STUBBLE = wp.constant(6)
 MIRROR_X = wp.constant(1 << 16)
 MIRROR_Y = wp.constant(1 << 17)
 PROTOTYPE = wp.constant((1 << 16) - 1)
-LENGTH_MAX = wp.constant(200.0)  # of a way through one tile, in tiles; a stand bent to 80 degrees needs ten
+LENGTH_MAX = wp.constant(200.0)  # of a path through one tile, in tiles; a stand bent to 80 degrees needs ten
 
 
 @wp.struct
@@ -149,7 +149,7 @@ def world_cosine(ray: Ray, tile: Tile, r: Local, n: wp.vec3) -> float:
 
 
 @wp.func
-def walk_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hit:
+def cross_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> Hit:
     """Nearest plant hit in the tile. span: t of entry and exit of the tile, then of the part to search."""
     size = float(scene.tile_size)
     r = to_prototype(ray, tile, size, span[0], span[2])

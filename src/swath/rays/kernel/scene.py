@@ -47,7 +47,7 @@ class Scene:
 
 
 @wp.struct
-class Things:
+class SolidArrays:
     """Solids of all kinds in one list, world frame.
 
     kind: 0 box, 1 capsule along its z axis, 2 ellipsoid, 3 mesh; axes: columns are the axes; half: half sizes

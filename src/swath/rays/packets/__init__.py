@@ -1,1 +1,1 @@
-"""Rays in groups: neighbouring beams walk through the crop together (docs/rays.md)."""
+"""Ray packets: neighbouring beams go through the crop together (docs/rays.md)."""

@@ -1,8 +1,8 @@
-"""The search index of the group walk: every primitive listed once, where its middle is.
+"""The search index of ray packet traversal: every primitive listed once, where its middle is.
 
-The plain kernel lists a primitive in every cell that it reaches into. A group of beams looks at many cells at
-once and would meet it again and again, so here it is listed once and the search is widened by how far a
-primitive can reach around its middle. Long ones are listed in pieces, so that this reach stays small; a
+The plain kernel lists a primitive in every cell that it reaches into. A group of packets looks at many
+cells at once and would meet it again and again, so here it is listed once and the search is widened by how
+far a primitive extends around its middle. Long ones are listed in pieces, so that this extent stays small; a
 piece is only a place to look, what is hit is always the whole primitive.
 """
 
@@ -17,30 +17,30 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 COLUMNS_PER_M = 8.0
 BIN_HEIGHT = 0.066  # aimed at [m]
-PIECE = 0.13  # pieces reach no further than this around their middle, along the primitive [m]
+PIECE = 0.13  # pieces extend no further than this around their middle, along the primitive [m]
 PAD = 2e-5  # as in field/prototypes.py: float32 rays never miss what they hit [m]
-LANES = 16  # the walk reads this many entries at once, so the arrays are longer by as much
+LANES = 16  # the traversal reads this many entries at once, so the arrays are longer by as much
 RANKS = 32767  # steps of the packed rank
 
 
 @dataclass(frozen=True)
-class GroupIndex:
+class PacketIndex:
     """Entries sorted by cell; cell = ((tile * columns + iy) * columns + ix) * bins + iz.
 
     start: (cells + 1,) first entry of a cell; primitive: (n,) what an entry lists
     coarse: (n, 8) ends a and b of a piece in steps of `step` [m], half width, rank (rounded down); the half
     width covers all rounding, so the coarse piece contains the true one
-    reach: (3,) how far pieces extend around their middle [m]; side, bin_height of the cells [m]
-    skirt: the foot of a piece lies at most so many columns from the one that it is listed in
+    extent: (3,) how far pieces extend around their middle [m]; side, bin_height of the cells [m]
+    halo: the foot of a piece lies at most so many columns from the one that it is listed in
     """
 
     columns: int
     bins: int
     side: float
     bin_height: float
-    skirt: int
+    halo: int
     step: float
-    reach: tuple[float, float, float]
+    extent: tuple[float, float, float]
     start: NDArray[np.int32]
     primitive: NDArray[np.int32]
     coarse: NDArray[np.int16]
@@ -51,7 +51,7 @@ class GroupIndex:
         return self.start.nbytes + self.primitive.nbytes + self.coarse.nbytes
 
 
-def make_index(library: PlantLibrary) -> GroupIndex:
+def make_index(library: PlantLibrary) -> PacketIndex:
     """Index of a library."""
     size = library.tile_size
     columns = max(1, round(size * COLUMNS_PER_M))
@@ -78,15 +78,15 @@ def make_index(library: PlantLibrary) -> GroupIndex:
     coarse, step = _coarse(a, b, width, library.stem_rank[library.owner[item]])
     spare = np.zeros(LANES, np.int32)
     away = np.abs(middle[:, :2] - library.base[item]).max(initial=0.0)
-    reach = 0.5 * (high - low).max(axis=0, initial=0.0) + 1e-6
-    return GroupIndex(
+    extent = 0.5 * (high - low).max(axis=0, initial=0.0) + 1e-6
+    return PacketIndex(
         columns=columns,
         bins=bins,
         side=size / columns,
         bin_height=bin_height,
-        skirt=int(np.ceil(away * columns / size + 1e-3)),
+        halo=int(np.ceil(away * columns / size + 1e-3)),
         step=step,
-        reach=(float(reach[0]), float(reach[1]), float(reach[2])),
+        extent=(float(extent[0]), float(extent[1]), float(extent[2])),
         start=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         primitive=np.concatenate([item[order].astype(np.int32), spare]),
         coarse=np.ascontiguousarray(np.concatenate([coarse[:, order].T, np.zeros((LANES, 8), np.int16)])),

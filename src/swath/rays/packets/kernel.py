@@ -1,50 +1,50 @@
-"""The group walk as a Warp kernel: its body is native code, `native/`, explained in docs/rays.md."""
+"""Ray packet traversal as a Warp kernel: its body is native code, `native/`, explained in docs/rays.md."""
 
 from pathlib import Path
 
 import warp as wp
 
-from swath.rays.kernel.cast import hit_things
-from swath.rays.kernel.scene import Scene, Things, no_hit
+from swath.rays.kernel.cast import hit_solids
+from swath.rays.kernel.scene import Scene, SolidArrays, no_hit
 
 # Warp asks LLVM to inline nine times as much, which takes longer to compile and is no faster here.
 # Multiply-adds are fused only where the source says so: else a result could depend on what was inlined.
 wp.set_module_options({"cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=1000", "fuse_fp": False})
-_PARTS = ("lanes", "rays", "tiles", "crop", "walk")  # each built on those before it
-_WALK = "\n".join(
+_PARTS = ("vectors", "rays", "tiles", "crop", "traversal")  # each built on those before it
+_TRAVERSAL = "\n".join(
     (Path(__file__).parent / "native" / f"{part}.cpp").read_text(encoding="utf-8") for part in _PARTS
 )
 
 
 @wp.struct
 class Index:
-    """`index.GroupIndex` for the kernel."""
+    """`index.PacketIndex` for the kernel."""
 
     columns: int
     bins: int
     side: float
     bin_height: float
-    skirt: int
+    halo: int
     step: float
-    reach: wp.vec3
+    extent: wp.vec3
     start: wp.array(dtype=int)
     primitive: wp.array(dtype=int)
     coarse: wp.array2d(dtype=wp.int16)
 
 
-@wp.func_native(_WALK)
-def walk(scene: Scene, index: Index, job_bytes: wp.array(dtype=wp.uint8)): ...
+@wp.func_native(_TRAVERSAL)
+def traverse_groups(scene: Scene, index: Index, job_bytes: wp.array(dtype=wp.uint8)): ...
 
 
 @wp.kernel(enable_backward=False)
-def walk_groups(scene: Scene, index: Index, job: wp.array(dtype=wp.uint8)):
-    """Walks groups of a job (`cast.JOB`) until none is left: launched once on each thread."""
-    walk(scene, index, job)
+def traverse(scene: Scene, index: Index, job: wp.array(dtype=wp.uint8)):
+    """Casts groups of packets of a job (`traversal.JOB`) until none is left: launched once on each thread."""
+    traverse_groups(scene, index, job)
 
 
 @wp.kernel(enable_backward=False)
-def cast_things(
-    things: Things,
+def hit_nearest_solid(
+    solids: SolidArrays,
     origins: wp.array(dtype=wp.vec3d),
     directions: wp.array(dtype=wp.vec3d),
     range_max: float,
@@ -54,9 +54,9 @@ def cast_things(
     cosine: wp.array(dtype=float),
     reflectance: wp.array(dtype=float),
 ):
-    """Nearest solid of each ray, range_max and organ 0 without one: what the walk starts with."""
+    """Nearest solid of each ray, range_max and organ 0 without one: what the traversal starts with."""
     i = first + wp.tid()
-    hit = hit_things(things, origins[i], wp.vec3(directions[i]), no_hit(range_max))
+    hit = hit_solids(solids, origins[i], wp.vec3(directions[i]), no_hit(range_max))
     distance[i] = hit.t
     organ[i] = wp.uint8(hit.organ)
     cosine[i] = hit.cosine

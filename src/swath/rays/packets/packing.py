@@ -1,8 +1,9 @@
-"""Which rays go together: packs of rays side by side, and groups of packs.
+"""Which rays go together: packets of rays side by side, and groups of packets.
 
-A lane holds one ray; 16 lanes make a slice, which is computed at once; a pack is the slices of one bundle of
-sub-rays, or one slice of several bundles or of a patch of an image; a group is some packs side by side. None
-of this depends on the number of threads, and none of it changes what a ray hits: only what it costs.
+A lane holds one ray; 16 lanes make a SIMD vector, which is computed at once; a packet is the vectors of one
+bundle of sub-rays, or one vector of several bundles or of a patch of an image; a group is some packets side
+by side. None of this depends on the number of threads, and none of it changes what a ray hits: only what it
+costs.
 """
 
 from dataclasses import dataclass
@@ -13,18 +14,18 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
-N = 16  # lanes of a slice
-GROUP_LANES = 1024  # the walk's room
-GROUP_PACKS = 32  # of an image
-LINE_PACKS = 48  # of bundles side by side
-SINGLES = 8  # rays of a pack, where bundles are single rays
-SUB_RAYS_MAX = 512  # of a bundle that goes through the walk
+N = 16  # lanes of a vector
+GROUP_LANES = 1024  # the traversal's room
+GROUP_PACKETS = 32  # of an image
+LINE_PACKETS = 48  # of bundles side by side
+SINGLES = 8  # rays of a packet, where bundles are single rays
+SUB_RAYS_MAX = 512  # of a bundle that goes through the traversal
 
 
 @dataclass(frozen=True)
-class Lanes:
-    """table: (packs, width) number of the ray in each lane, -1 = none, width a multiple of 16
-    first: (groups + 1,) first pack of each group
+class Packing:
+    """table: (packets, width) number of the ray in each lane, -1 = none, width a multiple of 16
+    first: (groups + 1,) first packet of each group
     """
 
     table: I32
@@ -36,27 +37,27 @@ class Lanes:
         return len(self.first) - 1
 
     @cached_property
-    def places(self) -> tuple[int, int]:
+    def addresses(self) -> tuple[int, int]:
         """Where table and first lie in memory."""
         return self.table.ctypes.data, self.first.ctypes.data
 
 
-def bundle_lanes(count: int, directions: F64) -> Lanes:
-    """Lanes of `count` bundles of sub-rays side by side; directions (s, 3) of the first bundle.
+def pack_bundles(count: int, directions: F64) -> Packing:
+    """Packets of `count` bundles of sub-rays side by side; directions (s, 3) of the first bundle.
 
-    A bundle is a pack; its slices are sectors of the spot, so that each is compact. Of single rays SINGLES
-    make a pack.
+    A bundle is a packet; its vectors are sectors of the spot, so that each is compact. Of single rays SINGLES
+    make a packet.
     """
     s = len(directions)
     if s <= N:
-        return _bundle_lanes(count, tuple(range(s)))
+        return _pack_in_order(count, tuple(range(s)))
     with np.errstate(invalid="ignore"):  # rays that are none are refused later
         order = np.argsort(_turn(directions), kind="stable")
-    return _bundle_lanes(count, tuple(order.tolist()))
+    return _pack_in_order(count, tuple(order.tolist()))
 
 
 @lru_cache(maxsize=16)
-def _bundle_lanes(count: int, order: tuple[int, ...]) -> Lanes:
+def _pack_in_order(count: int, order: tuple[int, ...]) -> Packing:
     """The same for sub-rays in this order."""
     s = len(order)
     if s == 1:
@@ -64,16 +65,16 @@ def _bundle_lanes(count: int, order: tuple[int, ...]) -> Lanes:
         table[:, :SINGLES] = np.arange(table.shape[0] * SINGLES, dtype=np.int32).reshape(-1, SINGLES)
         table[table >= count] = -1
         return _grouped(table)
-    slices = -(-s // N)
-    parts = np.array_split(np.array(order), slices)
+    vectors = -(-s // N)
+    parts = np.array_split(np.array(order), vectors)
     column = np.concatenate([N * i + np.arange(len(part)) for i, part in enumerate(parts)])
-    table = np.full((count, N * slices), -1, np.int32)
+    table = np.full((count, N * vectors), -1, np.int32)
     table[:, column] = np.arange(count, dtype=np.int32)[:, None] * s + np.array(order, np.int32)
     return _grouped(table)
 
 
-def image_lanes(rows: int, columns: int, pitch: tuple[float, float]) -> Lanes:
-    """Lanes of an image (rows, columns): packs are patches, about square by the pitch [rad] of the pixels."""
+def pack_image(rows: int, columns: int, pitch: tuple[float, float]) -> Packing:
+    """Packets of an image (rows, columns): patches, about square by the pitch [rad] of the pixels."""
     ratio = pitch[0] / pitch[1] if min(pitch) > 0.0 else 1.0
     high = int(2 ** np.clip(np.round(2.0 - 0.5 * np.log2(ratio)), 0, 4))
     patch, group = (high, N // high), _near_square(high, N // high, ratio)
@@ -87,16 +88,16 @@ def image_lanes(rows: int, columns: int, pitch: tuple[float, float]) -> Lanes:
     table = np.where((row < rows) & (column < columns), row * columns + column, -1).astype(np.int32)
     key = (py // group[0]) * (len(x) // group[1] + 1) + px // group[1]
     first = np.concatenate([np.flatnonzero(np.diff(key, prepend=-1)), [len(key)]]).astype(np.int32)
-    return Lanes(table, first)
+    return Packing(table, first)
 
 
 def _near_square(high: int, wide: int, ratio: float) -> tuple[int, int]:
     """Packs along rows and columns of a group, about square in angle."""
-    best, found = np.inf, (1, GROUP_PACKS)
+    best, found = np.inf, (1, GROUP_PACKETS)
     for n in (1, 2, 4, 8, 16, 32):
-        aspect = abs(np.log(max(ratio, 1e-9) * high * n / (wide * GROUP_PACKS / n)))
+        aspect = abs(np.log(max(ratio, 1e-9) * high * n / (wide * GROUP_PACKETS / n)))
         if aspect < best:
-            best, found = float(aspect), (n, GROUP_PACKS // n)
+            best, found = float(aspect), (n, GROUP_PACKETS // n)
     return found
 
 
@@ -109,8 +110,8 @@ def _turn(directions: F64) -> F64:
     return np.asarray(np.arctan2(y - y.mean(), x - x.mean()))
 
 
-def _grouped(table: I32) -> Lanes:
-    packs, width = table.shape
-    step = max(1, min(LINE_PACKS, GROUP_LANES // width))
-    first = np.append(np.arange(0, packs, step), packs).astype(np.int32)
-    return Lanes(table, first)
+def _grouped(table: I32) -> Packing:
+    packets, width = table.shape
+    step = max(1, min(LINE_PACKETS, GROUP_LANES // width))
+    first = np.append(np.arange(0, packets, step), packets).astype(np.int32)
+    return Packing(table, first)

@@ -1,18 +1,20 @@
-// Beams against bodies: the body of one native function (kernel.py), after lanes.cpp. One pack of 16 beams.
+// Beams against bodies: the body of one native function (kernel.py), after vectors.cpp. One packet of 16 beams.
 //
-// In: p, the pack; scene, canopy, origins, directions, score (standard normal numbers, low = high up), reach [m], count.
-// In and out, per beam: distance, kind (organ), cosine, reflectance: with has_solids the nearest solid's, else only out. Out: fault,
+// In: p, the packet; scene, canopy, range_max [m]; of the beams origins, directions, score (standard normal numbers, low = high up).
+// In and out, per beam: distance, kind (organ), cosine, reflectance: with has_solids the nearest solid's, else only out. Out: flags,
 // 2 where a beam starts over no known page or under the ground, 256 << k where one left axis k of the table.
 //
 // Frames as in kernel/scene.py: each beam in the stand frame, from the corner of the tile it starts over.
 
+const int count = beams.count;
+
 constexpr int STANDING = 255, GROUND = 1, STRAW = 2, STEM = 3, EAR = 4, STUBBLE = 6;
 constexpr float EAR_ZONE = 0.85f;      // crop above this share of its height counts as ears
 constexpr float SPOT_AT = 0.9f;        // share of the crop's height where the spot is taken, or lower at a wall
-constexpr float FLAT = 1.0e-3f;        // steps that change the relative height by less use the silhouette itself
+constexpr float FLAT = 1.0e-3f;        // steps that change the relative height by less use the projected area itself
 constexpr float TOP_ROOM = 0.12f;      // as in rays/bodies.py
 constexpr float FALL = 0.025f;         // steps lose no more height than this [m]
-constexpr float THIN = 1.0e-4f, FEW = 1.0e-5f;  // where less silhouette than this lies above, steps are doubled, and again [m2]
+constexpr float THIN = 1.0e-4f, FEW = 1.0e-5f;  // where less projected area than this lies above, steps are doubled, and again [m2]
 constexpr int HALVINGS = 5;            // of the step that holds the echo, which falls 10 cm at most; straight from there
 constexpr float SNAP = 1.0e-4f;        // values so close to a node, in shares of a step, are taken as on it
 constexpr float STRAW_DEPTH = 0.005f;  // as in kernel/cast.py
@@ -30,8 +32,8 @@ struct Visited { I enters, ends, through; };
 const double per_tile = 1.0 / scene.tile_size;
 struct alignas(64) { float ox[N], oy[N], oz[N], dx[N], dy[N], dz[N], z0[N]; int tx[N], ty[N]; } raw = {};
 for (int l = 0; l < N && start + l < count; ++l) {
-  const auto& o = origins.data[start + l];
-  const auto& v = directions.data[start + l];
+  const auto& o = beams.origins.data[start + l];
+  const auto& v = beams.directions.data[start + l];
   const double c = scene.turn[0], s = scene.turn[1], x = c * o[0] + s * o[1], y = c * o[1] - s * o[0];
   const double tx = __builtin_floor(x * per_tile), ty = __builtin_floor(y * per_tile), z0 = __builtin_floor(o[2]);
   raw.tx[l] = (int)tx, raw.ty[l] = (int)ty, raw.z0[l] = (float)z0;
@@ -47,16 +49,16 @@ const F inv_x = slope_of(dx), inv_y = slope_of(dy), off_x = offset_of(ox, dx), o
 const int upper_organ = scene.reflectance.data[EAR] > 0.0f ? EAR : STEM;  // crops without ears reflect as stems do
 
 // ---- What a beam carries
-F hit_t = put(reach), hit_cosine = {}, hit_albedo = {};
+F hit_t = put(range_max), hit_cosine = {}, hit_albedo = {};
 I hit_organ = {}, out_of = {};
 if (has_solids) {
-  hit_t = load(distance.data + start), hit_cosine = load(cosine.data + start), hit_albedo = load(reflectance.data + start);
-  hit_organ = loadi(kind.data + start);
+  hit_t = load(beams.distance.data + start), hit_cosine = load(beams.cosine.data + start), hit_albedo = load(beams.reflectance.data + start);
+  hit_organ = loadi(beams.kind.data + start);
 }
-const F share = normal_share(load(score.data + start));
+const F share = normal_share(load(beams.score.data + start));
 F left = put(-1.0f), spent = {}, full = put(1.0f), lift = {};  // optical depth until the echo (-1 = no crop met yet), passed, of a full canopy
 
-auto silhouette_above = [&](F relative) -> F {  // per stem above a relative height [m2]
+auto area_above = [&](F relative) -> F {  // per stem above a relative height [m2]
   const int last = canopy.depth.shape[0] - 1;
   const F x = within(relative * per_fine, 0.0f, (float)last);
   const I k = leasti(whole(x), puti(last - 1));
@@ -110,7 +112,7 @@ auto draw = [&](I who, F density, F scale, F tangent, F spot) {
     relative += w * (gather(canopy.quantile.data, q, on) * (1.0f - f) + gather(canopy.quantile.data + 1, q, on) * f);
   });
   const F cot = 1.0f / within(tangent, canopy.tangents[0], canopy.tangents[1]), depth = density * scale * cot;
-  left = pick(who, pick(is_crop, depth * silhouette_above(relative), put(MISS)), left);
+  left = pick(who, pick(is_crop, depth * area_above(relative), put(MISS)), left);
   full = pick(who, depth * canopy.depth.data[0], full);
   lift = pick(who, 2.0f * mean_lift * (1.0f - share) / most(1.0f - seen, put(1.0e-9f)), lift);
   out_of |= who & outside;
@@ -126,8 +128,8 @@ auto page_of = [&](I px, I py) -> I {  // slot of a page, -1 where nothing is kn
   return picki(in, gatheri(scene.table.data, j * nx + i, in), puti(-1));
 };
 
-// The ground of the tile between t0 and t1: patch by patch of the lattice, as walk_ground in kernel/cast.py
-auto walk_ground = [&](I who, F t0, F t1) {
+// The ground of the tile between t0 and t1: patch by patch of the lattice, as cross_ground in kernel/cast.py
+auto cross_ground = [&](I who, F t0, F t1) {
   const I low_x = (jx + tile_x - page_x * 8) * 8, low_y = (jy + tile_y - page_y * 8) * 8;
   const F x = (ox - real(page_x * 8 - tile_x) * size) * per_gap, y = (oy - real(page_y * 8 - tile_y) * size) * per_gap, xd = dx * per_gap, yd = dy * per_gap;
   const F gx = slope_of(xd), gy = slope_of(yd), px = offset_of(x, xd), py = offset_of(y, yd);
@@ -169,8 +171,8 @@ auto walk_ground = [&](I who, F t0, F t1) {
 
 // ---- The canopy of a tile, in steps along the beam short enough for what stands around each of them. Of a beam in it:
 // until where, the stand, height over the tile's plane as h0 + h1 t and in crop heights as r0 + r1 t, place in cut cells from
-// the page's corner as x0 + x1 t, optical depth per silhouette, silhouette above
-F stop_from = {}, stop_length = {}, stop_above = {};  // the step in which a beam has its echo, and the silhouette above the echo
+// the page's corner as x0 + x1 t, optical depth per projected area, projected area above
+F stop_from = {}, stop_length = {}, stop_above = {};  // the step in which a beam has its echo, and the projected area above the echo
 F until = {}, density = {}, scale = put(1.0f), lean_x = {}, lean_y = {}, h0 = {}, h1 = {}, r0 = {}, r1 = {}, x0 = {}, x1 = {}, y0 = {}, y1 = {};
 F speed = put(1.0f), pitch = put(1.0f), unit = {}, above = {}, spot = put(1.0f);
 I row = {};
@@ -193,7 +195,7 @@ auto enter = [&](I who, F from, F to, I tile, F scales, F a, F b) {
   r0 = rise * per_height, r1 = rate * per_height;
   x0 = (ox - lean_x * rise) * fine - real(page_x * 8 - tile_x) * 64.0f, x1 = flow_x * fine;
   y0 = (oy - lean_y * rise) * fine - real(page_y * 8 - tile_y) * 64.0f, y1 = flow_y * fine;
-  above = silhouette_above(r0 + r1 * t);
+  above = area_above(r0 + r1 * t);
 };
 auto code_at = [&](I who, I x, I y) -> I {  // of cut cells, counted from the page's corner
   const I inside = ((x | y) & ~511) == 0;
@@ -213,7 +215,7 @@ auto code_at = [&](I who, I x, I y) -> I {  // of cut cells, counted from the pa
 };
 auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   const F dt = least(pick(above < THIN, pick(above < FEW, 4.0f * pitch, 2.0f * pitch), pitch), until - t), middle = t + 0.5f * dt;
-  const F relative = r0 + r1 * middle, below = silhouette_above(r0 + r1 * (t + dt));
+  const F relative = r0 + r1 * middle, below = area_above(r0 + r1 * (t + dt));
   const F bent = least(relative, put(1.2f)), bow = bent * bent * (canopy.height * fine);
   const float* stem = canopy.lean.data + turn * 2 * N;
   turn = turn + 1 == stems ? 0 : turn + 1;
@@ -227,7 +229,7 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   F gain = unit * (below - above);
   const I flat = acts & (I)(size_of(r1 * dt) <= FLAT);
   if (any(flat)) {
-    const F half = put(0.5f * canopy.fine), width = silhouette_above(relative - half) - silhouette_above(relative + half);
+    const F half = put(0.5f * canopy.fine), width = area_above(relative - half) - area_above(relative + half);
     gain = pick(flat, density * speed * dt * width * (per_fine * per_height), gain);
   }
   const I stops = acts & (I)(gain >= left), goes_on = acts & ~stops;
@@ -246,7 +248,7 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   return {first, stops};
 };
 
-// ---- One tile of beams on their way: they end on its ground, enter its canopy, or go on. Says who enters, and who ends
+// ---- One tile of beams under way: they end on its ground, enter its canopy, or go on. Says who enters, and who ends
 auto visit = [&](I who) -> Visited {
   I ends = who & (I)(t >= hit_t), passes = {};
   who &= ~ends;
@@ -283,9 +285,9 @@ auto visit = [&](I who) -> Visited {
   auto from = [&](F high) -> F { return pick(b < 0.0f, most(t, (high - a) * per_b), t); };              // where the beam
   auto to = [&](F high, F far) -> F { return pick(b > 0.0f, least(far, (high - a) * per_b), far); };  // is lower than that
   const F bump = gather(scene.tile_bump.data, tile, who) + SLACK, top = gather(scene.tile_top.data, tile, who), scales = gather((const float*)scene.tile_stand.data, 4 * tile, who);
-  const F crown = least(top + TOP_ROOM * top, scales * canopy.crest);
+  const F crown = least(top + TOP_ROOM * top, scales * canopy.top_bound);
   const I is_low = who & (I)(lowest <= bump), is_in_crop = who & (I)(top > MARGIN) & (I)(lowest <= crown);
-  if (any(is_low)) walk_ground(is_low, from(bump), to(bump, end));
+  if (any(is_low)) cross_ground(is_low, from(bump), to(bump, end));
   const F ta = from(crown), tb = to(crown, least(end, hit_t));
   const I enters = is_in_crop & (I)(ta < tb);
   if (any(enters)) enter(enters, ta, tb, tile, scales, a, b);
@@ -293,10 +295,10 @@ auto visit = [&](I who) -> Visited {
 };
 
 // ---- All beams, each kind of work for as many of them at once as there are
-I walks = number < count, inside = {}, waits = {};
+I travels = number < count, inside = {}, waits = {};
 slot = page_of(tile_x >> 3, tile_y >> 3);
-int wrong = any(walks & (slot < 0)) ? 2 : 0;
-for (unsigned m = bits(walks & (slot >= 0) & (I)(oz + z0 <= gather(scene.page_top.data, slot, slot >= 0))); m; m &= m - 1) {
+int wrong = any(travels & (slot < 0)) ? 2 : 0;
+for (unsigned m = bits(travels & (slot >= 0) & (I)(oz + z0 <= gather(scene.page_top.data, slot, slot >= 0))); m; m &= m - 1) {
   const int l = __builtin_ctz(m);  // lower than something in its page: over the ground?
   const float x = ox[l] * per_gap, y = oy[l] * per_gap;
   const int ix = x < 7.0f ? (int)x : 7, iy = y < 7.0f ? (int)y : 7;
@@ -306,10 +308,10 @@ for (unsigned m = bits(walks & (slot >= 0) & (I)(oz + z0 <= gather(scene.page_to
 slot = puti(-1);
 for (;;) {
   I through = {};  // done with their tile
-  if (__builtin_popcount(bits(walks)) > 2 * __builtin_popcount(bits(inside))) {
-    const Visited v = visit(walks);
+  if (__builtin_popcount(bits(travels)) > 2 * __builtin_popcount(bits(inside))) {
+    const Visited v = visit(travels);
     inside |= v.enters;
-    walks &= ~(v.enters | v.ends | v.through);
+    travels &= ~(v.enters | v.ends | v.through);
     through = v.through;
   } else if (any(inside)) {
     const Stepped s = step(inside);
@@ -328,19 +330,19 @@ for (;;) {
   t = pick(through, leave, t);
   jx += picki(through & along_x, picki(right, puti(1), puti(-1)), I{});
   jy += picki(through & ~along_x, picki(upward, puti(1), puti(-1)), I{});
-  walks |= through;
+  travels |= through;
 }
 
-// ---- Where in its last step a beam has its echo: the silhouette is anything but a straight line there, above all near the top
+// ---- Where in its last step a beam has its echo: the projected area is anything but a straight line there, above all near the top
 if (any(stop_length > 0.0f)) {
   const F falls = pick(r1 < 0.0f, put(1.0f), put(-1.0f));
   F near = stop_from, far = stop_from + stop_length;
   for (int k = 0; k < HALVINGS; ++k) {
     const F middle = 0.5f * (near + far);
-    const I is_far = (falls * (silhouette_above(r0 + r1 * middle) - stop_above) >= 0.0f);
+    const I is_far = (falls * (area_above(r0 + r1 * middle) - stop_above) >= 0.0f);
     far = pick(is_far, middle, far), near = pick(is_far, near, middle);
   }
-  const F a = silhouette_above(r0 + r1 * near), b = silhouette_above(r0 + r1 * far), rise = b - a;
+  const F a = area_above(r0 + r1 * near), b = area_above(r0 + r1 * far), rise = b - a;
   const F part = within(pick(size_of(rise) > 0.0f, (stop_above - a) / rise, put(0.5f)), 0.0f, 1.0f);
   hit_t = pick(stop_length > 0.0f, near + (far - near) * part, hit_t);
 }
@@ -351,9 +353,9 @@ const F raised = lift * least(put(1.0f), spent / most(full, put(1.0e-9f))) / mos
 hit_t = pick(is_ground & (I)(spent > 0.0f), hit_t - raised, hit_t);
 const I is_field = (hit_organ > 0) & (hit_organ < 7);
 hit_albedo = pick(is_field, gather(scene.reflectance.data, hit_organ, is_field), hit_albedo);
-store(distance.data + start, hit_t);
-storei(kind.data + start, hit_organ);
-store(cosine.data + start, hit_cosine);
-store(reflectance.data + start, hit_albedo);
+store(beams.distance.data + start, hit_t);
+storei(beams.kind.data + start, hit_organ);
+store(beams.cosine.data + start, hit_cosine);
+store(beams.reflectance.data + start, hit_albedo);
 for (int axis = 0; axis < 4; ++axis) wrong |= any((out_of & (1 << axis)) != 0) ? 256 << axis : 0;
-fault.data[0] |= wrong;
+beams.flags.data[0] |= wrong;

@@ -1,19 +1,21 @@
-// Rays through a grid of measured heights: the body of one native function (kernel.py), after lanes.cpp. One pack of 16 rays.
+// Rays through a grid of measured heights: the body of one native function (kernel.py), after vectors.cpp. One packet of 16 rays.
 //
 // In a cell F(z) is the share of the heights measured there that lie below z, and -log F(z) the thickness of what stands above
 // z. A ray that sinks from a to b in it goes on with probability F(b) / F(a): it is above a already; one that rises from b to a
-// likewise. It is stopped where the product along its way falls below its own number u in [0, 1). In an even stand the product
+// likewise. It is stopped where the product along its path falls below its own number u in [0, 1). In an even stand the product
 // is F(z): it meets measured heights as often as they were measured.
 //
-// In: p, the pack; g (see `Heights` in kernel.py), seed, share, grain of the draw, origins, directions, reach [m], count.
+// In: p, the packet; g (see `Heights` in kernel.py), seed, share, grain of the draw, range_max [m]; of the beams origins, directions.
 // In and out, per ray: distance, kind, cosine, reflectance: with has_solids the nearest solid's, else only out; kind as in
-// rays/heights.py, of solids SOLID. Out: cell, -1 = none; fault, 2 where a ray starts under the ground.
+// rays/heights.py, of solids SOLID. Out: cell, -1 = none; flags, 2 where a ray starts under the ground.
+
+const int count = beams.count;
 
 typedef short S32 __attribute__((vector_size(64)));
 typedef bool B32 __attribute__((ext_vector_type(32)));
 constexpr int MEASURED = 1, UNMEASURED = 2, SOLID = 3, LEVELS = 32, DEEP = 12, NONE = -32768, UNTOUCHED = 255;
 constexpr int TILE = 32, BLOCK = 8, PER_TILE = TILE / BLOCK;  // cells along a tile and along a patch of the ground
-constexpr int REST = 16;  // numbers of a cell beside its quantiles: DEEP levels, thickness, passed
+constexpr int REST = 16;  // numbers of a cell outside its quantiles: DEEP levels, thickness, passed
 constexpr float PER_THICKNESS = 50.0f, THICK = 4.1588831f;  // as in rays/height_grid.py; LEVELS are its EVEN
 constexpr float FAR = 1.0e9f, FLATTEST = 0.18f, BELOW = 0.001f;  // sine of 10 deg, as in tools/height_map/passing.py; rays/refusals.py
 
@@ -24,8 +26,8 @@ const I live = count_up + start < count;
 // ---- The rays in the grid's frame
 struct alignas(64) { float ox[N], oy[N], oz[N], dx[N], dy[N], dz[N]; } raw = {};
 for (int l = 0; l < N && start + l < count; ++l) {
-  const auto& o = origins.data[start + l];
-  const auto& v = directions.data[start + l];
+  const auto& o = beams.origins.data[start + l];
+  const auto& v = beams.directions.data[start + l];
   const double c = g.turn[0], s = g.turn[1], x = o[0] - g.origin[0], y = o[1] - g.origin[1];
   raw.ox[l] = (float)(c * x + s * y), raw.oy[l] = (float)(c * y - s * x), raw.oz[l] = (float)(o[2] - g.origin[2]);
   raw.dx[l] = (float)(c * v[0] + s * v[1]), raw.dy[l] = (float)(c * v[1] - s * v[0]), raw.dz[l] = (float)v[2];
@@ -62,10 +64,10 @@ auto exit_y = [&](I j, float width) -> F { return pick(stays_y, put(FAR), (real(
 
 // ---- What is drawn for a ray: the share u, of all rays or by the cell of ground that it is aimed at
 const F under = ground_at(ox, oy);
-if (any(live & (I)(under - oz > BELOW))) fault.data[0] |= 2;
+if (any(live & (I)(under - oz > BELOW))) beams.flags.data[0] |= 2;
 F drawn = put(share);
 if (share < 0.0f) {
-  const F aim = pick(dz < -1.0e-6f, within((under - oz) / pick(dz < -1.0e-6f, dz, put(-1.0f)), 0.0f, reach), put(reach));
+  const F aim = pick(dz < -1.0e-6f, within((under - oz) / pick(dz < -1.0e-6f, dz, put(-1.0f)), 0.0f, range_max), put(range_max));
   auto mix = [](I h) -> I {  // lowbias32, C. Wellons, hash-prospector (public domain)
     typedef unsigned U __attribute__((vector_size(64)));
     U v = (U)h;
@@ -108,7 +110,7 @@ auto below = [&](int at, float z) -> Below {
     const float passed = __builtin_fabsf(number(rest_of(at) + DEEP + 2));  // beams went below all that was measured here: no less than their share
     if (found.share < passed) found.share = passed;
   } else if (const float lowest = rest_of(at)[0]; mm > lowest) {
-    const float way = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (way > 1.0f ? way : 1.0f);
+    const float span = (float)q[0] - lowest, f = DEEP * (mm - lowest) / (span > 1.0f ? span : 1.0f);
     const int k = (int)f > DEEP - 1 ? DEEP - 1 : (int)f;
     const float a = thickness_at(at, k), b = thickness_at(at, k + 1), thick = a + (b - a) * (f - (float)k);
     found.thickness = thick < whole_of(at) ? thick : whole_of(at);
@@ -125,10 +127,10 @@ auto below = [&](int at, float z) -> Below {
   return found;
 };
 auto thickness_of = [&](Below b) -> float { return b.thickness < 0.0f ? -log_one(b.share) : b.thickness; };
-auto height_under = [&](int at, bool told, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
+auto height_under = [&](int at, bool has_passed, float thickness, float part) -> float {  // of a cell that has this thickness above it, part = its exp(-) [m]
   const short* q = row_of(at);
   float z = 0.0f;  // the ground stops what nothing measured did
-  if ((!told && thickness <= THICK) || thickness <= whole_of(at) || thickness_in(at) < 0.0f) {  // not told: no less than THICK
+  if ((!has_passed && thickness <= THICK) || thickness <= whole_of(at) || thickness_in(at) < 0.0f) {  // not has_passed: no less than THICK
     if (thickness <= THICK) {
       float f = part * LEVELS - 0.5f;
       f = f < 0.0f ? 0.0f : f > LEVELS - 1 ? (float)(LEVELS - 1) : f;
@@ -142,16 +144,16 @@ auto height_under = [&](int at, bool told, float thickness, float part) -> float
       z = 0.001f * (lowest + ((float)q[0] - lowest) * ((float)k + (f > 1.0f ? 1.0f : f)) / DEEP);
     }
   }
-  const int stubble = told ? g.cut.data[at] : UNTOUCHED;
+  const int stubble = has_passed ? g.cut.data[at] : UNTOUCHED;
   const float left = 0.01f * (float)stubble * part;
   return stubble < UNTOUCHED && left < z ? left : z;
 };
 
 // ---- Into the box of the grid
-F hit_t = has_solids ? load(distance.data + start) : put(reach), hit_cosine = has_solids ? load(cosine.data + start) : F{};
-F hit_albedo = has_solids ? load(reflectance.data + start) : F{};
+F hit_t = has_solids ? load(beams.distance.data + start) : put(range_max), hit_cosine = has_solids ? load(beams.cosine.data + start) : F{};
+F hit_albedo = has_solids ? load(beams.reflectance.data + start) : F{};
 I hit_kind = {}, hit_cell = puti(-1);
-const I solid = has_solids ? loadi(kind.data + start) != 0 : I{};
+const I solid = has_solids ? loadi(beams.kind.data + start) != 0 : I{};
 auto slab_in = [&](F o, F per, I stays, float high) -> F {
   const F a = -o * per, b = (high - o) * per;
   return pick(stays, pick((o < 0.0f) | (o >= high), put(FAR), put(-FAR)), least(a, b));
@@ -162,9 +164,9 @@ auto slab_out = [&](F o, F per, I stays, float high) -> F {
 };
 F t = most(most(slab_in(ox, per_x, stays_x, side * columns), slab_in(oy, per_y, stays_y, side * rows)), F{});
 F t_out = least(slab_out(ox, per_x, stays_x, side * columns), slab_out(oy, per_y, stays_y, side * rows));
-const I beside = t >= t_out;
-t = pick(beside, F{}, t);
-t_out = pick(beside, F{}, t_out);
+const I outside = t >= t_out;
+t = pick(outside, F{}, t);
+t_out = pick(outside, F{}, t_out);
 auto stop = [&](I who, F at, int what) {
   hit_t = pick(who, at, hit_t);
   hit_kind = picki(who, puti(what), hit_kind);
@@ -175,7 +177,7 @@ stop(early, t, UNMEASURED);
 const F end = least(t_out, limit);
 const I sinks = dz < -1.0e-6f;
 const F per_z = 1.0f / pick(sinks, dz, put(-1.0f));
-t = pick(sinks, most(t, least((g.crest - oz) * per_z, end)), pick(oz + dz * t > g.crest, most(t, end), t));  // nothing stands above the crest
+t = pick(sinks, most(t, least((g.top_bound - oz) * per_z, end)), pick(oz + dz * t > g.top_bound, most(t, end), t));  // nothing stands above the top_bound
 
 // ---- Blocks and their cells in the order of the rays
 I i = mosti(leasti(down((ox + dx * t) * per_side), puti(columns - 1)), I{}), j = mosti(leasti(down((oy + dy * t) * per_side), puti(rows - 1)), I{});
@@ -211,7 +213,7 @@ for (I far = blocks; any(far);) {
   far &= ~gone;
 }
 F met_share = put(1.0f), met_thick = {}, met_low = {}, met_high = {}, met_survived = {}, met_t = {}, met_after = {};
-I met_told = {}, met_at = {}, met_rises = {};
+I met_has_passed = {}, met_at = {}, met_rises = {};
 while (true) {
   if (any(blocks)) {
     const F ex = exit_x(i, side), ey = exit_y(j, side);
@@ -314,7 +316,7 @@ while (true) {
     done = within_top & ~(I)(left > drawn);
     met_at = picki(done, at, met_at), met_rises = picki(done, rises, met_rises);
     met_low = pick(done, low, met_low), met_high = pick(done, high, met_high), met_survived = pick(done, survived, met_survived);
-    met_share = pick(done, upper, met_share), met_thick = pick(done, thick, met_thick), met_told = picki(done, lid & 1, met_told);
+    met_share = pick(done, upper, met_share), met_thick = pick(done, thick, met_thick), met_has_passed = picki(done, lid & 1, met_has_passed);
     met_t = pick(done, t, met_t), met_after = pick(done, after, met_after);
     stopped |= done;
     survived = pick(within_top & ~done, left, survived);
@@ -341,7 +343,7 @@ while (true) {
 // ---- Where in its last cell a ray was stopped
 if (any(stopped)) {
   storei(in.at, met_at);
-  storei(in.lid, met_told);
+  storei(in.lid, met_has_passed);
   const F above = pick(met_thick < 0.0f, -log_of(met_share), met_thick);
   const F deeper = above - log_of(drawn / met_survived), part = pick(deeper > 80.0f, F{}, exp_of(-deeper));
   float depth[N], parts[N], at_height[N];
@@ -370,8 +372,8 @@ hit_cosine = pick(measured, put(1.0f), hit_cosine);
 hit_albedo = pick(measured, gather(g.intensity.data, hit_cell, measured), hit_albedo);
 hit_kind = picki(solid & (hit_kind == 0), puti(SOLID), hit_kind);
 hit_t = pick(hit_kind == 0, put(__builtin_nanf("")), hit_t);
-store(distance.data + start, hit_t);
-storei(kind.data + start, hit_kind);
-storei(cell.data + start, hit_cell);
-store(cosine.data + start, hit_cosine);
-store(reflectance.data + start, hit_albedo);
+store(beams.distance.data + start, hit_t);
+storei(beams.kind.data + start, hit_kind);
+storei(beams.cell.data + start, hit_cell);
+store(beams.cosine.data + start, hit_cosine);
+store(beams.reflectance.data + start, hit_albedo);

@@ -1,22 +1,22 @@
-"""Single rays as Warp kernels: their bodies are native code, 16 beams side by side, after `lanes.cpp`."""
+"""Single rays as Warp kernels: their bodies are native code, 16 beams side by side, after `vectors.cpp`."""
 
 from pathlib import Path
 
 import warp as wp
 
-from swath.rays.kernel.cast import hit_things
-from swath.rays.kernel.scene import Scene, Things, no_hit
+from swath.rays.kernel.cast import hit_solids
+from swath.rays.kernel.scene import Scene, SolidArrays, no_hit
 
 _HERE = Path(__file__).parent
 
 
-def lanes() -> str:
-    """What the native functions of this room share."""
-    return (_HERE / "lanes.cpp").read_text(encoding="utf-8")
+def vectors() -> str:
+    """What native functions for single rays share."""
+    return (_HERE / "vectors.cpp").read_text(encoding="utf-8")
 
 
 def _source(name: str) -> str:
-    return lanes() + (_HERE / f"{name}.cpp").read_text(encoding="utf-8")
+    return vectors() + (_HERE / f"{name}.cpp").read_text(encoding="utf-8")
 
 
 @wp.struct
@@ -26,9 +26,9 @@ class Canopy:
     axes: log density, height [m], log tan depression, log spot, one after the other; size: of each
     quantile: relative heights, node_count per cell; ground: log(-log(ground share)) per cell
     lift: mean measured height of ground returns per cell [m]
-    depth: silhouette per stem above equal steps `fine` of the relative height [m2]
-    lean: sideways place of tips per plant height of k drawn stems, x then y for a pack of beams: (k, 2, 16)
-    pitch: step along the ray [m]; height: of the crop at scale 1, crest: up to where it stops any beam [m]
+    depth: projected area per stem above equal steps `fine` of the relative height [m2]
+    lean: sideways place of tips per plant height of k drawn stems, x then y for a packet of beams: (k, 2, 16)
+    pitch: step along the ray [m]; height: of the crop at scale 1; top_bound: it stops no beam above [m]
     density_max [1/m2]
     exit, divergence: of the beam [m, rad]; cosine: mean |cos| of incidence on crop
     tangents: of the flattest and the steepest depression of the table; correlation: c0 [m], c1
@@ -43,7 +43,7 @@ class Canopy:
     depth: wp.array(dtype=float)
     fine: float
     lean: wp.array(dtype=float)
-    crest: float
+    top_bound: float
     pitch: float
     height: float
     density_max: float
@@ -54,98 +54,58 @@ class Canopy:
     correlation: wp.vec2
 
 
+@wp.struct
+class Beams:
+    """A `buffers.BeamBuffer` as native code reads and fills it."""
+
+    count: int
+    origins: wp.array(dtype=wp.vec3d)
+    directions: wp.array(dtype=wp.vec3d)
+    normal: wp.array2d(dtype=float)
+    score: wp.array(dtype=float)
+    distance: wp.array(dtype=float)
+    kind: wp.array(dtype=int)
+    cell: wp.array(dtype=int)
+    cosine: wp.array(dtype=float)
+    reflectance: wp.array(dtype=float)
+    flags: wp.array(dtype=int)
+
+
 @wp.kernel(enable_backward=False)
-def meet_things(
-    things: Things,
-    range_max: float,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    distance: wp.array(dtype=float),
-    kind: wp.array(dtype=int),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-):
-    """Nearest solid of each ray, range_max and kind 0 without one."""
+def meet_solids(solids: SolidArrays, range_max: float, beams: Beams):
+    """Nearest solid of each beam, range_max and kind 0 without one."""
     i = wp.tid()
-    hit = hit_things(things, origins[i], wp.vec3(directions[i]), no_hit(range_max))
-    distance[i] = hit.t
-    kind[i] = hit.organ
-    cosine[i] = hit.cosine
-    reflectance[i] = hit.reflectance
+    hit = hit_solids(solids, beams.origins[i], wp.vec3(beams.directions[i]), no_hit(range_max))
+    beams.distance[i] = hit.t
+    beams.kind[i] = hit.organ
+    beams.cosine[i] = hit.cosine
+    beams.reflectance[i] = hit.reflectance
 
 
 @wp.func_native(_source("scores"))
 def chain_scores(
-    scene: Scene,
-    canopy: Canopy,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    normal: wp.array2d(dtype=float),
-    apart: wp.array(dtype=float),
-    lines: int,
-    reach: float,
-    count: int,
-    score: wp.array(dtype=float),
+    scene: Scene, canopy: Canopy, beams: Beams, apart: wp.array(dtype=float), lines: int, range_max: float
 ): ...
 
 
 @wp.func_native(_source("bodies"))
-def meet_bodies(
-    p: int,
-    scene: Scene,
-    canopy: Canopy,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    score: wp.array(dtype=float),
-    reach: float,
-    count: int,
-    has_solids: int,
-    distance: wp.array(dtype=float),
-    kind: wp.array(dtype=int),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-    fault: wp.array(dtype=int),
-): ...
+def meet_bodies(p: int, scene: Scene, canopy: Canopy, beams: Beams, range_max: float, has_solids: int): ...
 
 
 @wp.kernel(enable_backward=False)
 def cast_bodies(
     scene: Scene,
     canopy: Canopy,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    normal: wp.array2d(dtype=float),
+    beams: Beams,
     apart: wp.array(dtype=float),
     lines: int,
-    reach: float,
-    count: int,
+    range_max: float,
     has_solids: int,
-    score: wp.array(dtype=float),
-    distance: wp.array(dtype=float),
-    kind: wp.array(dtype=int),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-    fault: wp.array(dtype=int),
 ):
     """All beams of a scan in one thread. lines = 0: the normal numbers are the scores themselves."""
-    chain_scores(scene, canopy, origins, directions, normal, apart, lines, reach, count, score)
-    for p in range((count + 15) // 16):
-        meet_bodies(
-            p,
-            scene,
-            canopy,
-            origins,
-            directions,
-            score,
-            reach,
-            count,
-            has_solids,
-            distance,
-            kind,
-            cosine,
-            reflectance,
-            fault,
-        )
+    chain_scores(scene, canopy, beams, apart, lines, range_max)
+    for p in range((beams.count + 15) // 16):
+        meet_bodies(p, scene, canopy, beams, range_max, has_solids)
 
 
 @wp.struct
@@ -153,7 +113,7 @@ class Heights:
     """A `HeightGrid`, all flat but the ground; cells in the order of `by_blocks`.
 
     block_top: no ray above it meets a cell of the block, height above origin z; tile_top: of all blocks of a
-    tile; crest: the highest of them
+    tile; top_bound: the highest of them
     patch: height of the ground in a block, c0 + c1 u + (c2 + c3 u) v with u, v in 0 .. 1
     first: place of its first cell, < 0 where the block is not held
     Of a cell: lid, above which nothing was measured [mm], in steps of 4, 1 more where `passed` is not 0, 2
@@ -169,7 +129,7 @@ class Heights:
     nodes_per_m: float
     block_top: wp.array(dtype=float)
     tile_top: wp.array(dtype=float)
-    crest: float
+    top_bound: float
     patch: wp.array(dtype=float)
     first: wp.array(dtype=int)
     lid: wp.array(dtype=wp.int16)
@@ -182,43 +142,12 @@ class Heights:
 
 @wp.func_native(_source("heights"))
 def meet_heights(
-    p: int,
-    g: Heights,
-    seed: int,
-    share: float,
-    grain: float,
-    reach: float,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    count: int,
-    has_solids: int,
-    distance: wp.array(dtype=float),
-    kind: wp.array(dtype=int),
-    cell: wp.array(dtype=int),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-    fault: wp.array(dtype=int),
+    p: int, g: Heights, seed: int, share: float, grain: float, range_max: float, beams: Beams, has_solids: int
 ): ...
 
 
 @wp.kernel(enable_backward=False)
-def cast_heights(
-    g: Heights,
-    whole: wp.array(dtype=int),
-    real: wp.array(dtype=float),
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    count: int,
-    distance: wp.array(dtype=float),
-    kind: wp.array(dtype=int),
-    cell: wp.array(dtype=int),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-    fault: wp.array(dtype=int),
-):
-    """One thread per pack of 16 rays. whole: seed of this scan, flag of solids; real: share u of all beams,
+def cast_heights(g: Heights, whole: wp.array(dtype=int), real: wp.array(dtype=float), beams: Beams):
+    """One thread per packet of 16 rays. whole: seed of this scan, flag of solids; real: share u of all beams,
     < 0 = drawn per cell of the ground, whose side [m], range [m]"""
-    meet_heights(
-        wp.tid(), g, whole[0], real[0], real[1], real[2], origins, directions, count, whole[1],
-        distance, kind, cell, cosine, reflectance, fault,
-    )  # fmt: skip
+    meet_heights(wp.tid(), g, whole[0], real[0], real[1], real[2], beams, whole[1])

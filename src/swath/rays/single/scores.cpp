@@ -1,11 +1,13 @@
-// Standard normal numbers of the beams of a scan, alike between neighbours: the body of a native function, after lanes.cpp.
+// Standard normal numbers of the beams of a scan, alike between neighbours: the body of a native function, after vectors.cpp.
 //
 // AR(1) along each line of the scanner (beams by azimuth, then by line): z[i] = rho z[i-1] + sqrt(1 - rho^2) normal[i], with
 // rho = exp(-d / (c0 + c1 spot)) for beams d apart; d and spot where they meet half the crop's height over flat ground.
-// In: scene, canopy, origins, directions, normal, apart (between neighbours [rad]), lines, reach [m], count. Out: score; with no
+// In: scene, canopy, apart (between neighbours [rad]), lines, range_max [m]; of the beams origins, directions, normal. Out: score; with no
 // lines these are the normal numbers themselves.
 
-const auto& o = origins.data[count / 2];
+const int count = beams.count;
+
+const auto& o = beams.origins.data[count / 2];
 const double size = scene.tile_size, c = scene.turn[0], s = scene.turn[1];
 const double x = (c * o[0] + s * o[1]) / size * 8.0, y = (c * o[1] - s * o[0]) / size * 8.0;  // in nodes of the ground
 const double px = __builtin_floor(x / 64.0), py = __builtin_floor(y / 64.0);
@@ -20,18 +22,18 @@ if (slot >= 0) {
 }
 const float over = (float)o[2] - ground - 0.5f * canopy.height;
 
-if (lines < 1) __builtin_memcpy(score.data, normal.data, sizeof(float) * count);
+if (lines < 1) __builtin_memcpy(beams.score.data, beams.normal.data, sizeof(float) * count);
 for (int first = 0; first < count && lines > 0; first += N) {
   float sinks[N] = {};
-  for (int l = 0; l < N && first + l < count; ++l) sinks[l] = -(float)directions.data[first + l][2];
-  const F far = within(over / most(load(sinks), put(1.0e-3f)), 0.5f, reach), spot = canopy.exit + canopy.divergence * far;
+  for (int l = 0; l < N && first + l < count; ++l) sinks[l] = -(float)beams.directions.data[first + l][2];
+  const F far = within(over / most(load(sinks), put(1.0e-3f)), 0.5f, range_max), spot = canopy.exit + canopy.divergence * far;
   const F rho = exp_of(-far * load(apart.data + first) / (canopy.correlation[0] + canopy.correlation[1] * spot));
-  const F fresh = root(1.0f - rho * rho) * load(normal.data + first);
+  const F fresh = root(1.0f - rho * rho) * load(beams.normal.data + first);
   float keep[N], add[N];
   store(keep, rho);
   store(add, fresh);
   for (int l = 0; l < N && first + l < count; ++l) {
     const int n = first + l;
-    score.data[n] = n < lines ? normal.data[n] : keep[l] * score.data[n - lines] + add[l];
+    beams.score.data[n] = n < lines ? beams.normal.data[n] : keep[l] * beams.score.data[n - lines] + add[l];
   }
 }

@@ -5,11 +5,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
+from swath.core.abilities import Closes
 from swath.core.component import Port
 from swath.core.errors import InputError
+from swath.core.frames import wrap_angle
 from swath.record.read.files import Log
 from swath.record.samples import MSGTYPE, SUFFIX, signal_type, unpack
 from swath.signals import MachineState, Signal
+from swath.signals.flat import build, flat_fields, read
 
 Timed = tuple[int, Signal]  # (published [ns], sample)
 
@@ -30,8 +33,8 @@ class Demux:
 
     def close(self) -> None:
         """Close the file."""
-        if callable(close := getattr(self._records, "close", None)):
-            close()
+        if isinstance(self._records, Closes):
+            self._records.close()
 
     def _read(self, mine: deque[tuple[str, int, Any]]) -> Iterator[tuple[str, int, Any]]:
         while True:
@@ -94,7 +97,7 @@ class Feed:
 
 
 def own_outputs(log: Log, slot: str) -> dict[str, bool]:
-    """Outputs of a slot (`combine.lidar`) that our own recording holds, and whether sample by sample."""
+    """Outputs of a slot (`combine.lidar`) that a recording of swath holds, and whether sample by sample."""
     prefix = f"/{slot.replace('.', '/')}/"
     found: dict[str, bool] = {}
     for topic, kind in log.topics().items():
@@ -131,9 +134,6 @@ def exact_port(log: Log, slot: str, output: str) -> Port:
 
 def between(a: Signal, b: Signal, t: int) -> Signal:
     """The sample at t [ns] between two others, linear; flags, whole numbers and arrays are those of `a`."""
-    from swath.core.frames import wrap_angle
-    from swath.signals.flat import build, flat_fields, read
-
     span = b.t - a.t
     share = min(max((t - a.t) / span, 0.0), 1.0) if span > 0 else 0.0
     values: dict[str, Any] = {}

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from swath.core.errors import InputError
+from swath.record.formats import ABOUT, RECORDING, check_format, read_about
 from swath.record.read.bag_log import BagLog
 from swath.record.read.mcap_log import MAGIC, McapLog
 from swath.record.read.torn_bag import open_torn_bag
@@ -13,7 +14,16 @@ Log = McapLog | BagLog
 
 
 def open_log(path: Path) -> Log:
-    """The reader of a file or folder; a run folder is its run.mcap. InputError where it is no recording."""
+    """The reader of a file or folder; a run folder is its run.mcap.
+
+    InputError where it is no recording, or one of swath in a newer format.
+    """
+    log = _open(path)
+    check_format(str(read_about(log.attachment(ABOUT)).get("format", "")), RECORDING, log.path)
+    return log
+
+
+def _open(path: Path) -> Log:
     if (path / "run.mcap").is_file():
         path = path / "run.mcap"
     if path.is_dir():

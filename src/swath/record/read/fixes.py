@@ -10,7 +10,8 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
 from swath.record.read.feed import Timed
-from swath.record.read.messages import stamp_of, steer_angle
+from swath.record.read.fields import stamp_of
+from swath.record.read.motion import steer_angle
 from swath.record.read.tangent_plane import TangentPlane, ToLocal
 from swath.signals import F64, MachineState
 

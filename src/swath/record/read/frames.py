@@ -1,24 +1,22 @@
-"""Where a sensor sits, as a recording says: exactly in our own, by /tf_static in any other."""
+"""Where a sensor sits: exactly in recordings of swath, by /tf_static in any other."""
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.record.formats import ABOUT, read_about
+from swath.record.read.fields import pose_of_transform
 from swath.record.read.files import Log
-from swath.record.read.messages import pose_of_transform
 
 BASES = ("base_link", "base_footprint", "base")
 
 
 def own_mounting(log: Log, slot: str) -> Pose | None:
-    """pose_machine_sensor of a slot (`combine.lidar`) of our own recording, to the last bit."""
-    raw = log.attachment("recording.json")
+    """pose_machine_sensor of a slot (`combine.lidar`) of a recording of swath, to the last bit."""
     try:
-        about = json.loads(raw or b"{}")
-        found = about["mounting"][slot]
+        found = read_about(log.attachment(ABOUT))["mounting"][slot]
         return Pose(np.array(found["position"], dtype=float), np.array(found["rotation"], dtype=float))
     except (ValueError, KeyError, TypeError):
         return None

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from swath.record.positioning_messages import UNKNOWN
+from swath.record.read.fields import Maker, Makers, stamp_of
 from swath.record.read.tangent_plane import TangentPlane
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial
 
@@ -76,3 +77,14 @@ def _sd(variances: Any) -> tuple[float, float]:
     """(Horizontal, vertical) sd of an axis [m] from the variances of east, north and up."""
     east, north, up = (max(float(v), 0.0) for v in variances)
     return sqrt(0.5 * (east + north)), sqrt(up)
+
+
+def _stamped(make: Maker) -> Maker:
+    return lambda message, t: make(message, stamp_of(message, t))
+
+
+MAKERS: Makers = {
+    (Fix, "NavSatFix"): lambda context: _stamped(FixOfNavSat(context.to_local)),
+    (Fix, "Odometry"): lambda context: _stamped(fix_of_odometry),
+    (Inertial, "Imu"): lambda context: _stamped(inertial_of_imu),
+}

@@ -21,7 +21,8 @@ from swath.core.registry import Level
 from swath.core.units import DEG
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import SiteSetup
-from swath.rays.engine import Hits, RayCaster
+from swath.rays.engine import RayCaster
+from swath.rays.hits import Hits
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
 from swath.sensing.camera.shading import encode, sky_light, sun_direction, surface_light
 from swath.sensing.mount import Mount, poses_at

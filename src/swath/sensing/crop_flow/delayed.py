@@ -25,7 +25,7 @@ READINGS = ("feed", "yield", "moisture", "tank", "separation", "cleaning")
 class Params:
     """Of every sensor: its dead time, time constant of its smoothing, sd of its scale error (drawn once per
     run) and sd of its noise per sample, both in percent of the reading. All are estimates, but for the time
-    constants of yield sensors, 2-5 s with the elevator (memory, sure).
+    constants of yield sensors, 2-5 s with the elevator (uncited).
 
     feed_delay_s, feed_lag_s, feed_scale_percent, feed_noise_percent: layer in the feeder house
     yield_delay_s, yield_lag_s, yield_scale_percent, yield_noise_percent: impact plate on the elevator

@@ -38,7 +38,7 @@ class Loss:
 class Params:
     """receiver: whose figures count (docs/positioning.md); antenna: where it sits on the machine
 
-    latency_ms: from the measurement to its sample, 20 to 100 (memory)
+    latency_ms: from the measurement to its sample, 20 to 100 (uncited)
     noise_cm: white, sd per sample, here and below instead of the receiver's
     wander_cm: sd of the error that wanders; wander_s: its correlation time
     velocity_noise_m_s: white, sd per sample and axis
@@ -79,7 +79,7 @@ class Params:
 
 
 class ErrorGnss:
-    """The true place, late and a little beside."""
+    """The true place, late and a little off."""
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("fix", Fix),)
@@ -130,7 +130,7 @@ class ErrorGnss:
         return min((q for begin, end, q in self._losses if begin <= t < end), default=self._own)
 
     def save(self) -> State:
-        """Where the wandering errors stand, and the states on their way."""
+        """Where the wandering errors stand, and the states under way."""
         return {"wander": self._wander.copy(), **self._antenna.save()}
 
     def load(self, state: State) -> None:

@@ -8,105 +8,70 @@ the side wall at the edge, through gaps. Sweeps are independent of each other.
 """
 
 import math
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, State
+from swath.core.component import Outputs, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.units import DEG
 from swath.field.crop import load_crop
 from swath.field.site_setup import SiteSetup
 from swath.rays.bodies import BodyCaster
 from swath.rays.spread import AXES, SpreadTable
-from swath.sensing.mount import Mount
-from swath.sensing.scanner import Scanner
+from swath.sensing.lidar.scanning import OutdoorParams, ScanningLidar
 from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, valid_range
-from swath.sensing.weather import Weather
-from swath.signals import F64, MachineState
+from swath.signals import F64
 
 ENSURE_EVERY = 2.0  # travel after which pages are asked for again [m]
 
 
 @dataclass(frozen=True)
-class Params:
-    """table: of the spread, by name or as npz file; none = that of the field's crop and the echo rule. The
-    scanner's keys are those of `plants`.
+class Params(OutdoorParams):
+    """table: of the spread, by name or as npz file; none = that of the field's crop and the echo rule
 
     echo: the rule the table was made for, `percentile` means the median of the spot
     """
 
-    sensor: str = "sick-lms511-hr"
-    mount: Mount = field(default_factory=Mount)
     table: str | None = None
-    sector_deg: tuple[float, float] | None = None
-    step_deg: Annotated[float, Gt(0), Le(10)] | None = None
     echo: Literal["percentile", "nearest"] = "percentile"
-    reach_m: Annotated[float, Gt(0), Le(200)] = 40.0
-    noise: Literal["data_sheet", "none"] = "data_sheet"
-    angle_noise_deg: Annotated[float, Ge(0), Le(5)] | None = None
-    drop_out_percent: Annotated[float, Ge(0), Le(100)] = 0.0
-    weather: Weather = field(default_factory=Weather)
 
 
-class EmpiricalLidar:
+class EmpiricalLidar(ScanningLidar):
     """Scans bodies with a moving scanner."""
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self.params, self.setup = params, setup
-        self.scanner = Scanner(
-            params,
-            setup,
-            angle_noise=None if params.angle_noise_deg is None else params.angle_noise_deg * DEG,
-            drop_out=0.01 * params.drop_out_percent,
-        )
-        self.card, self.mounting = self.scanner.card, self.scanner.mounting
-        self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
-        self.inputs, self.outputs = self.scanner.inputs, self.scanner.outputs
+        super().__init__(params, setup)
+        self.params = params
         crop = setup.field.stand.crop
         self.table = load_table(params.table or table_name(crop, params.echo), setup.base)
         _check_reading(self.table, params, crop)
         self.rays = SingleRays(self.scanner)
-        beam = self.card.beam
+        beam = self.sheet.beam
         self.caster = BodyCaster(
             setup.field,
             self.table,
-            self.rays.desk,
+            self.rays.beams,
             self.scanner.step * np.cos(self.elevation),
             line_count=self.scanner.line_count,
             crop_height=load_crop(crop).stand.height,
             exit_diameter=float(np.mean(beam.exit_diameter)),
             divergence=float(np.mean(beam.divergence)),
         )
-        self._last: MachineState | None = None
-        self.ray_count = 0
         self._notes: list[str] = []
         self._clamped = 0
         self._ensured = (math.inf, math.inf)
 
     def reset(self, stream: Stream) -> Outputs:
-        """An empty scan."""
-        self._last = None
-        self.ray_count = self._clamped = 0
-        self._notes = []
+        """As every scanner; nothing noted yet."""
+        self._notes, self._clamped = [], 0
         self._ensured = (math.inf, math.inf)
-        outputs = self.scanner.reset(stream)
+        outputs = super().reset(stream)
         self.rays.reset(stream)
         return outputs
-
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """The sweep that ends at t + dt, every beam from where the sensor was at its own time."""
-        states: tuple[MachineState, ...] = inputs["state"]
-        known = states if self._last is None else (self._last, *states)
-        if states:
-            self._last = states[-1]
-        end = t + dt
-        return self.scan_from(end, *self.scanner.sweep(known, end))
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
@@ -120,27 +85,21 @@ class EmpiricalLidar:
 
     @property
     def notes(self) -> list[str]:
-        """What a run should be told of the scanner and of the table, each once."""
+        """What the user of a run should know of the scanner and of the table, each once."""
         return [*self.scanner.notes, *self._notes]
 
     def save(self) -> State:
-        """The last pose, the ray counter and what was noted; constants follow from the stream."""
-        return {
-            "last": self._last,
-            "ray_count": self.ray_count,
-            "clamped": self._clamped,
-            "notes": list(self._notes),
-        }
+        """As every scanner, and what was noted."""
+        return {**super().save(), "clamped": self._clamped, "notes": list(self._notes)}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._last = state["last"]
-        self.ray_count, self._clamped = state["ray_count"], state["clamped"]
-        self._notes = list(state["notes"])
+        super().load(state)
+        self._clamped, self._notes = state["clamped"], list(state["notes"])
         self._ensured = (math.inf, math.inf)
 
     def _ensure(self, middle: F64) -> None:
-        """Pages around the sensor, asked for anew after some way."""
+        """Pages around the sensor, asked for anew after some travel."""
         x, y = float(middle[0]), float(middle[1])
         if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY:
             self.setup.field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, State
+from swath.core.component import Outputs, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG
@@ -21,19 +21,19 @@ from swath.field.site_setup import SiteSetup
 from swath.field.solids import NOTHING as FREE_VIEW
 from swath.rays.height_grid import HeightGrid, load_height_grid
 from swath.rays.heights import SOLID, UNMEASURED, HeightCaster
-from swath.sensing.mount import Mount
+from swath.sensing.lidar.scanning import ScanningLidar
 from swath.sensing.replay_cut import CutWatch
-from swath.sensing.scanner import Scanner
+from swath.sensing.scanner import ScannerParams
 from swath.sensing.single import SingleRays
-from swath.signals import F64, MachineState
+from swath.signals import F64
 
 DULL = 0.3  # intensity where the measurement had none, assumed
 Place = Annotated[float, Ge(-1e5), Le(1e5)]
 
 
 @dataclass(frozen=True)
-class Params:
-    """file: made by `swath replay build`. The scanner's keys are those of `plants`.
+class Params(ScannerParams):
+    """file: made by `swath replay build`
 
     draw: `random`, a height of the distribution, drawn anew for every place and scan, or always the given
     `percentile` of it
@@ -43,12 +43,7 @@ class Params:
     noise: none, because measured heights have it in them, or that of the data sheet on top
     """
 
-    file: str
-    sensor: str = "sick-lms511-hr"
-    mount: Mount = field(default_factory=Mount)
-    sector_deg: tuple[float, float] | None = None
-    step_deg: Annotated[float, Gt(0), Le(10)] | None = None
-    reach_m: Annotated[float, Gt(0), Le(200)] = 40.0
+    file: str = field(kw_only=True)
     draw: Literal["random", "percentile"] = "random"
     percentile: Annotated[float, Ge(0), Le(100)] = 50.0
     grain_m: Annotated[float, Ge(0.005), Le(10)] = 0.05
@@ -60,18 +55,15 @@ class Params:
     noise: Literal["data_sheet", "none"] = "none"
 
 
-class ReplayLidar:
+class ReplayLidar(ScanningLidar):
     """Scans a grid of measured heights with a moving scanner.
 
     beam_count: beams since the start; unmeasured_count: those that ended where nothing was measured
     """
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self.params, self.setup = params, setup
-        self.scanner = Scanner(params, setup)
-        self.card, self.mounting = self.scanner.card, self.scanner.mounting
-        self.azimuth, self.elevation = self.scanner.azimuth, self.scanner.elevation
-        self.inputs, self.outputs = self.scanner.inputs, self.scanner.outputs
+        super().__init__(params, setup)
+        self.params = params
         path = Path(params.file)
         grid = load_height_grid(path if path.is_absolute() else setup.base / path)
         self.grid = _placed(grid, params, setup.field)
@@ -79,35 +71,24 @@ class ReplayLidar:
         self.watch = CutWatch(setup.field, self.caster)
         self.rays = SingleRays(self.scanner, judged=SOLID, blind=UNMEASURED, by_signal=False, scored=False)
         self._share = params.percentile / 100.0 if params.draw == "percentile" else -1.0
-        self._last: MachineState | None = None
-        self.ray_count = self.beam_count = self.unmeasured_count = 0
+        self.beam_count = self.unmeasured_count = 0
 
     def reset(self, stream: Stream) -> Outputs:
-        """An empty scan."""
+        """As every scanner, and nothing counted; what was cut is the field's to remember."""
         self._seed = stream.integer()
-        self._last = None
-        self.ray_count = self.beam_count = self.unmeasured_count = 0
+        self.beam_count = self.unmeasured_count = 0
         self.watch.forget()
-        outputs = self.scanner.reset(stream)
+        outputs = super().reset(stream)
         self.rays.reset(stream)
         return outputs
 
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """The sweep that ends at t + dt, every beam from where the sensor was at its own time."""
-        states: tuple[MachineState, ...] = inputs["state"]
-        known = states if self._last is None else (self._last, *states)
-        if states:
-            self._last = states[-1]
-        end = t + dt
-        return self.scan_from(end, *self.scanner.sweep(known, end))
-
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        rays, desk, n = self.rays, self.rays.desk, len(origins)
+        rays, beams, n = self.rays, self.rays.beams, len(origins)
         solids = self.setup.solids()
-        self.caster.tell(
+        self.caster.set_scan(
             range_max=self.scanner.reach,
-            seed=_mixed(self._seed, t),
+            seed=scan_seed(self._seed, t),
             share=self._share,
             grain=self.params.grain_m,
         )
@@ -117,18 +98,18 @@ class ReplayLidar:
             rays.scan_heights(self.caster)
         else:
             rays.aim(t, origins, rotations)
-            self.caster.march(desk, solids)
-        while self.watch.lower(desk.cell[:n]):
-            self.caster.march(desk, solids)
+            self.caster.march(beams, solids)
+        while self.watch.lower(beams.cell[:n]):
+            self.caster.march(beams, solids)
             is_reported = False
         self.ray_count += n
         self.beam_count += n
-        self.unmeasured_count += int(np.count_nonzero(desk.kind[:n] == UNMEASURED))
+        self.unmeasured_count += int(np.count_nonzero(beams.kind[:n] == UNMEASURED))
         return rays.outputs(t, origins) if is_reported else rays.report(t, origins)
 
     @property
     def notes(self) -> list[str]:
-        """What a run should be told of the scanner, and how many beams the measurement had no answer for."""
+        """As of every scanner, and the share of beams that ended where nothing was measured."""
         found = self.scanner.notes
         if self.unmeasured_count:
             share = 100.0 * self.unmeasured_count / self.beam_count
@@ -136,18 +117,17 @@ class ReplayLidar:
         return found
 
     def save(self) -> State:
-        """The last pose and the counters; what was cut is the field's to remember."""
-        counts = (self.ray_count, self.beam_count, self.unmeasured_count)
-        return {"last": self._last, "counts": counts}
+        """As every scanner, and the counters; what was cut is the field's to remember."""
+        return {**super().save(), "counts": (self.beam_count, self.unmeasured_count)}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._last = state["last"]
-        self.ray_count, self.beam_count, self.unmeasured_count = state["counts"]
+        super().load(state)
+        self.beam_count, self.unmeasured_count = state["counts"]
         self.watch.forget()
 
 
-def _mixed(seed: int, t: int) -> int:
+def scan_seed(seed: int, t: int) -> int:
     """32 bits of both numbers: the finish of splitmix64 (Steele et al. 2014, doi:10.1145/2660193.2660195)."""
     z = (seed * 0x9E3779B97F4A7C15 + t) & 0xFFFFFFFFFFFFFFFF
     z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & 0xFFFFFFFFFFFFFFFF
@@ -176,5 +156,5 @@ LEVEL = Level(
     Params,
     "measured scans as heights in a grid, seen again from another path",
     cost="about 0.3 us per beam, 1/35 to 1/50 of plants with 37 sub-rays",
-    tolerance="height histogram of a run beside the recorded one within 2 cm of plants (Wasserstein-1)",
+    tolerance="height histogram of a run next to the recorded one within 2 cm of plants (Wasserstein-1)",
 )

@@ -1,25 +1,26 @@
-// Directions and random numbers of a pack of 16 beams: the body of a native function, after rays/single/lanes.cpp.
+// Directions and random numbers of a packet of 16 beams: the body of a native function, after rays/single/vectors.cpp.
 //
 // Beam n of the scan at t draws the words 4 n to 4 n + 3 of the stream's generator `Stream.at(t)`, whatever else is drawn: block
 // n + 1 of Philox 4x64 (Salmon et al. 2011, doi:10.1145/2063384.2063405). The first two make two standard normal numbers (Box and
 // Muller 1958, doi:10.1214/aoms/1177706645).
-// In: p, words (key, t), origins, rotations (n, 3, 3), forward (n, 3) in the sensor frame, count, is_drawn: 0 = no random numbers.
-// Out: directions (n, 3), normal (2, room) where they are drawn, fault: 1 where a number is not finite.
+// In: p, the packet; sweep (see `Aiming` in kernel.py); of the beams origins. Out, of the beams: directions (n, 3), normal (2, room) where they are drawn, flags: 1 where a number is not finite.
+
+const int count = beams.count;
 
 typedef unsigned long long W;
-const int start = p * N, room = normal.shape[1];
+const int start = p * N, room = beams.normal.shape[1];
 float u[2][N];
 for (int l = 0; l < N; ++l) u[0][l] = u[1][l] = 0.5f;
 bool is_finite = true;
 for (int l = 0; l < N && start + l < count; ++l) {
   const int n = start + l;
-  const double *r = (const double*)rotations.data + 9 * (size_t)n, *f = (const double*)forward.data + 3 * (size_t)n;
-  const double* o = (const double*)origins.data + 3 * (size_t)n;
-  double *d = (double*)directions.data + 3 * (size_t)n, sum = o[0] + o[1] + o[2];
+  const double *r = (const double*)sweep.rotations.data + 9 * (size_t)n, *f = (const double*)sweep.forward.data + 3 * (size_t)n;
+  const double* o = (const double*)beams.origins.data + 3 * (size_t)n;
+  double *d = (double*)beams.directions.data + 3 * (size_t)n, sum = o[0] + o[1] + o[2];
   for (int i = 0; i < 3; ++i) sum += d[i] = r[3 * i] * f[0] + r[3 * i + 1] * f[1] + r[3 * i + 2] * f[2];
   is_finite &= sum - sum == 0.0;
-  if (!is_drawn) continue;
-  W c0 = (W)n + 1, c1 = 0, c2 = 0, c3 = words.data[2], k0 = words.data[0], k1 = words.data[1];
+  if (!sweep.is_drawn) continue;
+  W c0 = (W)n + 1, c1 = 0, c2 = 0, c3 = sweep.words.data[2], k0 = sweep.words.data[0], k1 = sweep.words.data[1];
   for (int round = 0; round < 10; ++round) {
     const unsigned __int128 a = (unsigned __int128)0xD2E7470EE14C6C93ull * c0, b = (unsigned __int128)0xCA5A826395121157ull * c2;
     c0 = (W)(b >> 64) ^ c1 ^ k0;
@@ -32,9 +33,9 @@ for (int l = 0; l < N && start + l < count; ++l) {
   u[0][l] = ((float)(c0 >> 40) + 0.5f) * 5.9604645e-8f;
   u[1][l] = ((float)(c1 >> 40) + 0.5f) * 5.9604645e-8f;
 }
-if (is_drawn) {
+if (sweep.is_drawn) {
   const F far = root(-2.0f * log_of(load(u[0]))), turn = load(u[1]);
-  store(normal.data + start, far * sine_of_turns(turn + 0.25f));
-  store(normal.data + room + start, far * sine_of_turns(turn));
+  store(beams.normal.data + start, far * sine_of_turns(turn + 0.25f));
+  store(beams.normal.data + room + start, far * sine_of_turns(turn));
 }
-if (!is_finite) fault.data[0] |= 1;
+if (!is_finite) beams.flags.data[0] |= 1;

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import warp as wp
 
-from swath.rays.single.kernel import lanes
+from swath.rays.single.kernel import Beams, Heights, meet_heights, vectors
 
 _HERE = Path(__file__).parent
 
@@ -20,6 +20,7 @@ class Electronics:
     is_noisy: 0 = no bias [m], noise and resolution [m]; sigma: rows (range, one sigma) [m], flat
     by_signal: rows of the logarithms of signal to noise ratio and one sigma [m], flat, may be empty
     at_reach: the ratio of the weakest echo
+    ranges, intensity, points: where the result goes, one echo per beam, points flat
     """
 
     range_min: float
@@ -32,6 +33,9 @@ class Electronics:
     sigma: wp.array(dtype=float)
     by_signal: wp.array(dtype=float)
     at_reach: float
+    ranges: wp.array(dtype=float)
+    intensity: wp.array(dtype=float)
+    points: wp.array(dtype=wp.vec3d)
 
 
 @wp.func_native(_source("sweep"))
@@ -60,83 +64,51 @@ def sweep(
     pose_beams(states, mounting, beam_t, sizes[0], int(sizes[1]), int(sizes[2]), origins, rotations)
 
 
-@wp.func_native(lanes() + _source("aim"))
-def aim_pack(
-    p: int,
-    words: wp.array(dtype=wp.uint64),
-    origins: wp.array(dtype=wp.vec3d),
-    rotations: wp.array(dtype=wp.float64),
-    forward: wp.array(dtype=wp.vec3d),
-    count: int,
-    is_drawn: int,
-    directions: wp.array(dtype=wp.vec3d),
-    normal: wp.array2d(dtype=float),
-    fault: wp.array(dtype=int),
-): ...
+@wp.struct
+class Aiming:
+    """The beams of a sweep before they have directions.
+
+    words: key of the random stream and t; rotations: (n, 3, 3) of the sensor, flat; forward: (n, 3) beams in
+    the sensor frame; is_drawn: 0 = no random numbers
+    """
+
+    words: wp.array(dtype=wp.uint64)
+    rotations: wp.array(dtype=wp.float64)
+    forward: wp.array(dtype=wp.vec3d)
+    is_drawn: int
+
+
+@wp.func_native(vectors() + _source("aim"))
+def aim_packet(p: int, sweep: Aiming, beams: Beams): ...
 
 
 @wp.kernel(enable_backward=False)
-def aim(
-    words: wp.array(dtype=wp.uint64),
-    origins: wp.array(dtype=wp.vec3d),
-    rotations: wp.array(dtype=wp.float64),
-    forward: wp.array(dtype=wp.vec3d),
-    count: int,
-    is_drawn: int,
-    directions: wp.array(dtype=wp.vec3d),
-    normal: wp.array2d(dtype=float),
-    fault: wp.array(dtype=int),
-):
-    """One thread per pack of 16 beams."""
-    aim_pack(wp.tid(), words, origins, rotations, forward, count, is_drawn, directions, normal, fault)
+def aim(sweep: Aiming, beams: Beams):
+    """One thread per packet of 16 beams."""
+    aim_packet(wp.tid(), sweep, beams)
 
 
-@wp.func_native(lanes() + _source("report"))
-def report_pack(
-    p: int,
-    e: Electronics,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    distance: wp.array(dtype=float),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-    kind: wp.array(dtype=int),
-    normal: wp.array2d(dtype=float),
-    count: int,
-    ranges: wp.array(dtype=float),
-    intensity: wp.array(dtype=float),
-    points: wp.array(dtype=wp.vec3d),
-): ...
+@wp.func_native(vectors() + _source("report"))
+def report_packet(p: int, e: Electronics, beams: Beams): ...
 
 
 @wp.kernel(enable_backward=False)
-def report(
+def report(e: Electronics, beams: Beams):
+    """One thread per packet of 16 beams."""
+    report_packet(wp.tid(), e, beams)
+
+
+@wp.kernel(enable_backward=False)
+def scan_heights(
+    sweep: Aiming,
+    g: Heights,
+    whole: wp.array(dtype=int),
+    real: wp.array(dtype=float),
     e: Electronics,
-    origins: wp.array(dtype=wp.vec3d),
-    directions: wp.array(dtype=wp.vec3d),
-    distance: wp.array(dtype=float),
-    cosine: wp.array(dtype=float),
-    reflectance: wp.array(dtype=float),
-    kind: wp.array(dtype=int),
-    normal: wp.array2d(dtype=float),
-    count: int,
-    ranges: wp.array(dtype=float),
-    intensity: wp.array(dtype=float),
-    points: wp.array(dtype=wp.vec3d),
+    beams: Beams,
 ):
-    """One thread per pack of 16 beams."""
-    report_pack(
-        wp.tid(),
-        e,
-        origins,
-        directions,
-        distance,
-        cosine,
-        reflectance,
-        kind,
-        normal,
-        count,
-        ranges,
-        intensity,
-        points,
-    )
+    """`aim`, `cast_heights` without solids and `report` in one launch."""
+    p = wp.tid()
+    aim_packet(p, sweep, beams)
+    meet_heights(p, g, whole[0], real[0], real[1], real[2], beams, 0)
+    report_packet(p, e, beams)

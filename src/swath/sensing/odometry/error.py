@@ -20,7 +20,7 @@ Angle = Annotated[float, Ge(0), Le(10)]
 class Params:
     """Errors of the three sensors; each constant error is drawn once per run, N(0, sd).
 
-    slip_percent: the wheels turn faster than the ground passes: 2 to 6 % on stubble (memory, sure)
+    slip_percent: the wheels turn faster than the ground passes: 2 to 6 % on stubble (uncited)
     speed_scale_percent: sd of the calibration error; speed_noise_m_s: sd per sample
     gyro_bias_deg_s: sd of the constant bias; gyro_noise_deg_s: sd per sample (a 0.014 deg/s/sqrt(Hz) MEMS
     gyro read at 50 Hz gives 0.07 deg/s plus vibration)

@@ -26,7 +26,7 @@ Progress = Callable[[int, int], None]
 class Design:
     """The places that are looked at: every combination.
 
-    density, height: of the crop, relative to the card's; depression_deg; spot_mm: diameter. Nodes lie close
+    density, height: of the crop, relative to the sheet's; depression_deg; spot_mm: diameter. Nodes lie close
     enough that straight lines between them miss a distribution by 2 mm on average (Wasserstein-1, wheat)
     lines: scan lines of 24 beams per place; held_out: places drawn anywhere within the range
     tile_count: independent pieces of 1 m2 of every stand

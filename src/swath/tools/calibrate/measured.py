@@ -60,7 +60,7 @@ def read_samples(path: Path) -> Samples:
 def read_run(folder: Path) -> tuple[Samples, str]:
     """Beams of a recorded run that looked at standing crop well inside its edge, and the name of the crop.
 
-    Ground and stand are those of the run's scenario; the scanner's spot follows from its card and the range.
+    Ground and stand are those of the run's scenario; the scanner's spot follows from its sheet and the range.
     """
     from swath.runtime.field_setup import build_field
     from swath.scenario.scenario import load_scenario
@@ -104,7 +104,7 @@ def fit_samples(
     """A table from measured beams; every fifth beam is held out and compared, cell by cell.
 
     Cells without enough beams take over the nearest ones that have. How crop adds up along a beam (the
-    silhouette) and how far it leans over an edge are the crop card's; correlation and intensity are typical.
+    silhouette) and how far it leans over an edge are the crop sheet's; correlation and intensity are typical.
     """
     stream = Stream(seed, "measured")
     axes = [_nodes(samples.place[:, k], most) for k, most in enumerate(NODES_MOST)]

@@ -22,9 +22,9 @@ from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import Beam, Profile, spot_pattern, sub_rays
+from swath.sensing.beam import Beam, Profile, spot_pattern, spots
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
-from swath.sensing.lidar_sheet import LidarCard, load_lidar
+from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 
 F64 = NDArray[np.float64]
 LINE = 24  # beams of a scan line
@@ -63,7 +63,7 @@ class Returns:
 class Reading:
     """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`.
 
-    sensor: card whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of
+    sensor: whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of
     a spot comes back too far from the rest and too weakly to be detected there is lost.
     """
 
@@ -74,24 +74,24 @@ class Reading:
     sensor: str = "sick-lms111"
 
     @cached_property
-    def card(self) -> LidarCard:
+    def sheet(self) -> LidarSheet:
         """The scanner."""
         return load_lidar(self.sensor)
 
     def receiver(self) -> Receiver:
         """As the level `plants` has it with this scanner."""
-        weakest = least_energy(self.card.range_10)
-        gap = merging_gap(self.card.pulse)
+        weakest = least_energy(self.sheet.range_10)
+        gap = merging_gap(self.sheet.pulse)
         return Receiver(rule=self.echo, percentile=self.percentile, gap=gap, least_energy=weakest)
 
     def distance(self, spot: float) -> float:
         """From where a spot is this wide [m]."""
-        beam = self.card.beam
+        beam = self.sheet.beam
         return (spot - float(np.mean(beam.exit_diameter))) / float(np.mean(beam.divergence))
 
 
 class StandRays:
-    """Uniform stands of one crop, drilled as its card says; every density has plants of its own.
+    """Uniform stands of one crop, drilled as its sheet says; every density has plants of its own.
 
     A stand thinned from a denser one would not do: drilled plants stand at even distances along their rows,
     what is left of them after thinning at random ones, and more beams reach the ground.
@@ -137,8 +137,8 @@ class StandRays:
         origin = np.c_[start, np.full(lines * LINE, top + width)] + aside[:, None] * axes[:, :, 1]
         beam = Beam((place.spot, place.spot), (0.0, 0.0), reading.profile)
         pattern = spot_pattern(reading.sub_rays, reading.profile)
-        origins, directions = sub_rays(origin, axes, beam, pattern.position[None])
-        hits = caster.cast_bundles(origins, directions, range_max=100.0)
+        rays = spots(origin, axes, beam, pattern.position[None])
+        hits = caster.cast_bundles(rays, range_max=100.0)
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
         to_spot = (top + width - SPOT_AT * place.height) / np.sin(place.depression)
         # the scanner lies so far behind where the rays start, for all the energy of a spot that matters

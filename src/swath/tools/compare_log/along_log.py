@@ -15,8 +15,8 @@ from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
 from swath.field_io.machine_log import MachineLog
 from swath.judge.evaluators.drivetrain import DIESEL
-from swath.machine.drivetrain_sheet import Works, works_of
-from swath.machine.machine_sheet import MachineCard
+from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
+from swath.machine.machine_sheet import MachineSheet
 from swath.scenario.slots import REGISTRY
 from swath.signals import CropFlow, MachineLoad, MachineState
 
@@ -51,7 +51,7 @@ class _Ground:
         """Nothing to do."""
 
 
-def simulate(machine: MachineCard, log: MachineLog, drive: Drive) -> dict[str, Array]:
+def simulate(machine: MachineSheet, log: MachineLog, drive: Drive) -> dict[str, Array]:
     """engine_load (share), engine_speed [rad/s], fuel [m3/s] along the log, shape (n,) each.
 
     Each machine of the log has its own header's width; process and engine start anew behind every gap.
@@ -59,7 +59,7 @@ def simulate(machine: MachineCard, log: MachineLog, drive: Drive) -> dict[str, A
     return run_engine(machine, log, drive, run_process(machine, log, drive))
 
 
-def run_process(machine: MachineCard, log: MachineLog, drive: Drive) -> list[MachineLoad]:
+def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[MachineLoad]:
     """Where the crop is, at every record. The crop of a record went in evenly since the one before."""
     level = REGISTRY.get("process", drive.process)
     has_outlet = "straw" in level.params.__dataclass_fields__
@@ -79,12 +79,12 @@ def run_process(machine: MachineCard, log: MachineLog, drive: Drive) -> list[Mac
 
 
 def run_engine(
-    machine: MachineCard, log: MachineLog, drive: Drive, loads: list[MachineLoad]
+    machine: MachineSheet, log: MachineLog, drive: Drive, loads: list[MachineLoad]
 ) -> dict[str, Array]:
     """The engine along the log, from what the process does."""
     level = REGISTRY.get("powertrain", drive.engine)
-    works = works_of(machine)
-    grain = TANK * works.tank
+    drivetrain = drivetrain_of(machine)
+    grain = TANK * drivetrain.tank
     rows = np.empty((len(log), 4))
     widths = [_width(log, k, machine.header_width) for k in range(len(log.machine_names))]
     engine: Any = None
@@ -98,13 +98,13 @@ def run_engine(
         rows[i] = e.load, e.speed, e.power, e.fuel
     share, turning, power, fuel = rows.T
     if drive.load_over == "largest":
-        share = power / turning / _largest_torque(works)
+        share = power / turning / _largest_torque(drivetrain)
     share = drive.friction + (1.0 - drive.friction) * share
     return {"engine_load": share, "engine_speed": turning, "fuel": fuel / (1e3 * DIESEL)}
 
 
-def _largest_torque(works: Works) -> float:
-    e = works.engine
+def _largest_torque(drivetrain: Drivetrain) -> float:
+    e = drivetrain.engine
     return (1.0 + e.torque_rise) * e.rated_power / e.rated_speed
 
 
@@ -113,7 +113,7 @@ def _width(log: MachineLog, machine: int, default: float) -> float:
     return float(np.median(widths)) if len(widths) else default
 
 
-def _site(machine: MachineCard) -> SiteSetup:
+def _site(machine: MachineSheet) -> SiteSetup:
     return SiteSetup(cast(Field, _Ground()), machine, Pose.identity(), "left", 1.0)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 _DESCRIPTION = (
     "Runs a machine's process and powertrain along a recorded log (its speed, its crop, its slope) and "
-    "compares engine load, engine speed and fuel, whichever the log has. Keys of the machine's card can be "
+    "compares engine load, engine speed and fuel, whichever the log has. Keys of the machine's sheet can be "
     "fitted on one part of the log; the others then judge it. Beside it stands a plain regression."
 )
 
@@ -23,10 +23,10 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("compare", help="compare a model with what was measured")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
-    log.add_argument("model", metavar="MODEL", help="machine: bundled name or card file")
+    log.add_argument("model", metavar="MODEL", help="machine: bundled name or sheet file")
     log.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
-    log.add_argument("--out", type=Path, metavar="DIR", help="write picture, report, JSON, card and series")
-    log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the card to fit")
+    log.add_argument("--out", type=Path, metavar="DIR", help="write picture, report, JSON, sheet and series")
+    log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the sheet to fit")
     log.add_argument("--on", action="append", default=[], metavar="QUANTITY", help="to fit to (engine_load)")
     log.add_argument("--machine", metavar="NAME", help="fit on this machine of the log, judge on the others")
     log.add_argument(

@@ -1,11 +1,10 @@
 """A machine model against a recorded log: fitted on one part of it, judged on the others.
 
-What is fitted are keys of the machine's card, by least squares on the measured series. Beside the model
+What is fitted are keys of the machine's data sheet, by least squares on the measured series. Beside the model
 stands the plain regression load = a + b flow + c speed, without and with a lag.
 """
 
-import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError, MissingExtra
-from swath.documents.data_sheets import Card
+from swath.core.units import RPM, split_unit
+from swath.documents.data_sheets import Sheet
 from swath.field_io.machine_log import MachineLog, read_machine_log
-from swath.machine.drivetrain_sheet import RPM, works_of
-from swath.machine.machine_sheet import MachineCard, find_machine, read_machine
+from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.signals import MachineLoad
 from swath.tools.compare_log.along_log import Drive, run_engine, run_process
 from swath.tools.compare_log.figures import (
@@ -42,7 +42,7 @@ RANGE = (0.02, 20.0)  # of a fitted value over its start
 
 @dataclass(frozen=True)
 class Fitted:
-    """A key of the card. error: standard error of the value, from the curvature, independent errors taken."""
+    """A key of the sheet. error: standard error of the value from the curvature, independent errors taken."""
 
     key: str
     start: float
@@ -75,7 +75,7 @@ class LogComparison:
     by_load: list[dict[str, float]]
     fuel_line: dict[str, dict[str, float]]
     by_flow: list[dict[str, float]]
-    card: dict[str, Any]
+    sheet: dict[str, Any]
 
     def to_dict(self) -> dict[str, Any]:
         """All but the series, for JSON."""
@@ -114,13 +114,13 @@ def compare_log(
 ) -> LogComparison:
     """Run a machine along a log and judge it.
 
-    model: name or path of a machine's card; log: a file, or one that is read already
-    fit: keys of the card to fit, to the quantities `on`; on the records of `machine` (a name of the log), or
+    model: name or path of a machine's data sheet; log: a file, or one that is read already
+    fit: keys of the sheet to fit, to the quantities `on`; on the records of `machine` (a name of the log), or
     of every other stretch between pauses (`alternate`), or on the first `share` of all records
     columns: map file of the log. Raises InputError.
     """
     read = log if isinstance(log, MachineLog) else read_machine_log(log, columns)
-    card = Card(find_machine(model))
+    sheet = open_machine(model)
     chosen = drive or Drive()
     used = usable(read)
     parts, first = _parts(read, used, machine, share, alternate)
@@ -130,9 +130,9 @@ def compare_log(
     progress("fitting" if fit else "running")
     fitted: tuple[Fitted, ...] = ()
     if fit:
-        card, fitted = _fit(card, read, first, used & first, chosen, fit, on)
+        sheet, fitted = _fit(sheet, read, first, used & first, chosen, fit, on)
     progress("running along the whole log")
-    made = _Runner(read, chosen).run(read_machine(card))
+    made = _Runner(read, chosen).run(read_machine(sheet))
     scale = {q: SHOWN[q][1] for q in read.measured}
     measured = {q: v * scale[q] for q, v in read.measured.items()}
     simulated = {q: made[q] * scale[q] for q in measured}
@@ -140,7 +140,7 @@ def compare_log(
     figures = {q: figures_of(measured[q], {"model": simulated[q], **plain[q]}, parts, read) for q in measured}
     judged = list(parts.values())[-1] if len(parts) > 1 else used
     return LogComparison(
-        model=str(card.data.get("name", model)),
+        model=str(sheet.value("name")),
         log_name=str(getattr(log, "name", "log")),
         drive=chosen,
         fitted_on=next(iter(parts)) if fit else "",
@@ -152,10 +152,10 @@ def compare_log(
         plain=plain,
         coefficients=coefficients,
         figures=figures,
-        by_load=by_load(measured, simulated, judged, steady_speed(read_machine(card), measured, chosen)),
+        by_load=by_load(measured, simulated, judged, steady_speed(read_machine(sheet), measured, chosen)),
         fuel_line=fuel_line(read, measured, simulated, judged),
         by_flow=by_flow(read, measured, simulated, judged),
-        card=card.data,
+        sheet=sheet.document.data,
     )
 
 
@@ -189,10 +189,10 @@ class _Runner:
         self._log, self._drive = log, drive
         self._loads: list[tuple[Any, list[MachineLoad]]] = []
 
-    def run(self, machine: MachineCard) -> dict[str, Array]:
+    def run(self, machine: MachineSheet) -> dict[str, Array]:
         """The simulated series, SI."""
-        works = works_of(machine)
-        key = (works.transport, works.threshing, works.cleaning)
+        drivetrain = drivetrain_of(machine)
+        key = (drivetrain.transport, drivetrain.threshing, drivetrain.cleaning)
         loads = next((made for known, made in self._loads if known == key), None)
         if loads is None:
             loads = run_process(machine, self._log, self._drive)
@@ -200,20 +200,16 @@ class _Runner:
         return run_engine(machine, self._log, self._drive, loads)
 
 
-def changed(card: Card, values: Mapping[str, float]) -> Card:
-    """A copy of a card with other numbers, by dotted key. Raises InputError for a key that it has not."""
-    made = copy.copy(card)
-    made.data = copy.deepcopy(card.data)
-    for key, value in values.items():
-        card.number(key)
-        made.entry(key)["value"] = float(value)
-    return made
-
-
 def _fit(
-    card: Card, log: MachineLog, span: Mask, mask: Mask, drive: Drive, keys: Sequence[str], on: Sequence[str]
-) -> tuple[Card, tuple[Fitted, ...]]:
-    """Least squares over the card's keys; each quantity over its own spread.
+    sheet: Sheet,
+    log: MachineLog,
+    span: Mask,
+    mask: Mask,
+    drive: Drive,
+    keys: Sequence[str],
+    on: Sequence[str],
+) -> tuple[Sheet, tuple[Fitted, ...]]:
+    """Least squares over the sheet's keys; each quantity over its own spread.
 
     span: records to run along; mask: those of them that are judged
     """
@@ -221,7 +217,7 @@ def _fit(
         from scipy.optimize import least_squares
     except ImportError as error:
         raise MissingExtra("geo", "fitting a model") from error
-    start = np.array([card.number(key) for key in keys])
+    start = np.array([sheet.number(key) for key in keys])
     if not (start > 0.0).all():
         raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")
     if mask.sum() < FEWEST:
@@ -232,8 +228,8 @@ def _fit(
 
     def residuals(ratio: Array) -> Array:
         try:
-            machine = read_machine(changed(card, dict(zip(keys, start * ratio, strict=True))))
-        except InputError:  # beyond what a card may say
+            machine = read_machine(sheet.changed(dict(zip(keys, start * ratio, strict=True))))
+        except InputError:  # beyond what a data sheet may say
             return np.full(len(on) * int(inside.sum()), 10.0)
         made = runner.run(machine)
         return np.concatenate([(made[q] - part.measured[q])[inside] / spread[q] for q in on])
@@ -246,9 +242,9 @@ def _fit(
         ratio[steady] = least_squares(lambda x: residuals(_put(ratio, steady, x)), ratio[steady], **limits).x
     found = least_squares(residuals, ratio, **limits)
     doubt = _standard_errors(found.jac, found.fun) * start
-    units = [str(card.entry(key).get("unit", "")).split(",")[0] for key in keys]
+    units = [split_unit(key)[1] for key in keys]
     rows = zip(keys, start, start * found.x, doubt, units, strict=True)
-    best = changed(card, dict(zip(keys, start * found.x, strict=True)))
+    best = sheet.changed(dict(zip(keys, start * found.x, strict=True)))
     return best, tuple(Fitted(*map(_plain, r)) for r in rows)
 
 

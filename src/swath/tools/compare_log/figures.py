@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.units import RPM
 from swath.field_io.machine_log import MachineLog
-from swath.machine.drivetrain_sheet import RPM, works_of
-from swath.machine.machine_sheet import MachineCard
+from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.machine.machine_sheet import MachineSheet
 from swath.tools.compare_log.along_log import Drive
 
 Array = NDArray[np.float64]
@@ -118,12 +119,12 @@ def regressions(
     return series, coefficients
 
 
-def steady_speed(machine: MachineCard, measured: Mapping[str, Array], drive: Drive) -> Array:
-    """Speed [1/min] at which the card's engine settles at the measured load; nan where that says nothing."""
+def steady_speed(machine: MachineSheet, measured: Mapping[str, Array], drive: Drive) -> Array:
+    """Speed [1/min] at which the sheet's engine settles at the measured load; nan where that says nothing."""
     load = measured.get("engine_load", np.zeros(0))
     if drive.load_over != "largest":
         return np.full(len(load), np.nan)
-    e = works_of(machine).engine
+    e = drivetrain_of(machine).engine
     torque = (load / 100.0 - drive.friction) / (1.0 - drive.friction) * (1.0 + e.torque_rise)  # over rated
     governed = e.rated_speed * (1.0 + e.droop * (1.0 - np.maximum(torque, 0.0)))
     lugged = e.rated_speed - (torque - 1.0) / max(e.torque_rise, 1e-9) * (e.rated_speed - e.torque_speed)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
 from swath.report.page import CSS
 from swath.report.plots import BLUE, FAINT, GREY, ORANGE, STYLE, as_image, figure
@@ -22,12 +23,10 @@ FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "serie
 
 
 def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> list[Path]:
-    """Write results.json, comparison.png, report.html, machine.yaml (the card as fitted), series.parquet.
+    """Write results.json, comparison.png, report.html, machine.yaml (as fitted), series.parquet.
 
     out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
     """
-    import yaml
-
     out = Path(out)
     if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
         raise InputError(
@@ -41,8 +40,7 @@ def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> li
     (out / "report.html").write_text(
         page(made, as_image(fig, kind="png", dpi=130), command), encoding="utf-8"
     )
-    text = yaml.safe_dump(made.card, sort_keys=False, allow_unicode=True, width=110)
-    (out / "machine.yaml").write_text(text, encoding="utf-8")
+    (out / "machine.yaml").write_text(dump(made.sheet, width=110), encoding="utf-8")
     _write_series(made, out / "series.parquet")
     return [out / name for name in FILES]
 

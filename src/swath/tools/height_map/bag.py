@@ -22,7 +22,7 @@ from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import poses_of_fixes, read_fixes
 from swath.record.read.frames import BASES, chain
 from swath.record.read.mcap_log import BROKEN
-from swath.record.read.messages import cloud_table
+from swath.record.read.scans import cloud_table
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track, pose_of
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 

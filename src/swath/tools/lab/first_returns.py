@@ -22,6 +22,7 @@ from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ
+from swath.field.plants.cereal import EarFacts
 from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.terrain import plane
@@ -162,10 +163,12 @@ class UprightStand:
 
 def _crop(stems: Stems) -> Crop:
     wheat = load_crop("wheat")
-    assert wheat.ear is not None
+    ear = replace(
+        wheat.organs[EarFacts], length=stems.ear_length, length_cv=0.0, width=stems.ear, thickness=stems.ear
+    )
     return replace(
         wheat,
         stand=replace(wheat.stand, height=stems.tip, height_cv=stems.tip_cv),
         stem=replace(wheat.stem, diameter_base=stems.stem, diameter_top=stems.stem, diameter_cv=0.0),
-        ear=replace(wheat.ear, length=stems.ear_length, length_cv=0.0, width=stems.ear, thickness=stems.ear),
+        organs=wheat.organs.replaced(ear),
     )

@@ -50,9 +50,9 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Settings:
-    """densities [stems/m2], sensors (cards), depressions_deg: every combination is a case
+    """densities [stems/m2], sensors (sheets), depressions_deg: every combination is a case
 
-    crop: card; height_m: of the crop, None = the card's; levels: None = all that can be run
+    crop: sheet; height_m: of the crop, None = the sheet's; levels: None = all that can be run
     seed: the first one, seeds: how many; distance_m: of the crop along the middle beam
     half_sector_deg: beams used to either side; passes, stops: of the carriage, per case and seed
     sets: parameters of the LiDAR, for those levels that know them; base: where relative file names start
@@ -130,8 +130,8 @@ def run_lab(settings: Settings, progress: Progress | None = None) -> Lab:
     """Scan every case with every level and seed. The same settings give the same heights."""
     crop = load_crop(settings.crop, settings.base)
     height = crop.stand.height if settings.height_m is None else settings.height_m
-    cards = {name: load_lidar(name, settings.base) for name in settings.sensors}
-    spots = {name: float(card.beam.diameter(settings.distance_m).mean()) for name, card in cards.items()}
+    sheets = {name: load_lidar(name, settings.base) for name in settings.sensors}
+    spots = {name: float(sheet.beam.diameter(settings.distance_m).mean()) for name, sheet in sheets.items()}
     cases = [
         Case(n, name, b, spots[name])
         for n in settings.densities
@@ -156,7 +156,7 @@ def run_lab(settings: Settings, progress: Progress | None = None) -> Lab:
 
 
 def make_stand(settings: Settings, density: float, seed: int) -> Field:
-    """The stand of one density and seed, on level ground, drilled as the crop's card says."""
+    """The stand of one density and seed, on level ground, drilled as the crop's sheet says."""
     crop = load_crop(settings.crop, settings.base)
     setup = FieldSetup()
     factor = 1.0 if settings.height_m is None else settings.height_m / crop.stand.height
@@ -183,9 +183,9 @@ class Bench:
         outer = down * np.cos(settings.half_sector_deg * DEG)
         self.mount = Mount(at="axle", z_m=float(self.over), pitch_deg=case.depression_deg)
         self.reach = float(1.05 * self.over / outer)
-        card = load_lidar(case.sensor, settings.base)
+        sheet = load_lidar(case.sensor, settings.base)
         self.setup = SiteSetup(
-            stand, CARRIAGE, Pose.identity(), "left", 1.0 / card.rates_hz[0], "lab", base=settings.base
+            stand, CARRIAGE, Pose.identity(), "left", 1.0 / sheet.rates_hz[0], "lab", base=settings.base
         )
 
     def stops(self, *, aside: float = 0.0, apart: float = ADVANCE, more: float = 0.0) -> list[Pose]:

@@ -1,8 +1,8 @@
 // The crop of a tile: which pieces of which plants the rays of a group may touch.
 
-struct alignas(64) Ways {  // of the packs through the tile at hand, along the walk's axis: first, last, and linear
-  float a0[PACKS], a1[PACKS], from[PACKS], reach[PACKS], until[PACKS];  // bounds from `from` on: across low and
-  float bound[5][PACKS], rise[5][PACKS];                   // high, other axis low and high, least depth
+struct alignas(64) Paths {  // of the packets through the tile at hand, along the traversal's axis: first, last, and linear
+  float a0[PACKETS], a1[PACKETS], from[PACKETS], depth_max[PACKETS], until[PACKETS];  // bounds from `from` on: across low and
+  float bound[5][PACKETS], rise[5][PACKETS];                   // high, other axis low and high, least depth
 };
 struct Kept {  // pieces in slopes: middle, direction, half length, half width; least depth, 1 / depth; primitive, image
   float u[KEPT + N], v[KEPT + N], tu[KEPT + N], tv[KEPT + N], h[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
@@ -11,21 +11,21 @@ struct Kept {  // pieces in slopes: middle, direction, half length, half width; 
 
 struct Crop : Tiles {
   IndexRef index;
-  int walkers[PACKS], walking, walker_of[PACKS];  // packs that go through crop in the tile at hand
-  float m[3][3], shift[3], deep, swell;        // prototype to group: depth, u, v = m x + shift; how lengths grow
-  int axis, ib, ic, sense;                     // the axis it is walked along, the others; which way most rays go
-  float cell[3], per_cell[3], wide[3], way0, way1, reach_w, fat;
-  float gu0, gu1, gv0, gv1;                    // its live slices in slopes
-  Ways way;
+  int active[PACKETS], active_count, active_of[PACKETS];  // packets that go through crop in the tile at hand
+  float m[3][3], shift[3], depth_gain, side_gain;        // prototype to group: depth, u, v = m x + shift; how lengths grow
+  int axis, ib, ic, sense;                     // the axis it is traversed along, the others; the direction of most rays
+  float cell[3], per_cell[3], wide[3], path0, path1, group_depth_max, slant_gain;
+  float gu0, gu1, gv0, gv1;                    // its live vectors in slopes
+  Paths path;
   struct Run { int first, last, kx, ky; float top; } coming[COMING];  // of entries; what is higher is cut
   int runs;
   Kept kept;
   int waiting;
-  int around[KEPT + N];                        // of those, which may touch some slices
-  unsigned pair[PAIRS + N];                    // a piece and a slice it may touch, as piece * SLICES + slice
-  unsigned char touched[SLICES];
-  int fresh[SLICES + SLICES], news;            // slices with new hits
-  struct Box { float u, ru, v, rv; } box[SLICES / N];  // of N slices looked at together: middle, half size
+  int around[KEPT + N];                        // of those, which may touch some vectors
+  unsigned pair[PAIRS + N];                    // a piece and a vector it may touch, as piece * VECTORS + vector
+  unsigned char touched[VECTORS];
+  int fresh[VECTORS], news;            // vectors with new hits
+  struct Box { float u, ru, v, rv; } box[VECTORS / N];  // of N vectors looked at together: middle, half size
   float c_low[SPAN], c_high[SPAN];
 
   Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {}
@@ -35,17 +35,17 @@ struct Crop : Tiles {
     find_tops();
     set_frame();
     together_through();
-    for (int n = 0; n < walking; ++n)
-      for (int v = 0; v < slices; ++v) {
-        Block& b = r[walkers[n] * slices + v];
-        for (unsigned hit = bits(b.prim >= 0); hit; hit &= hit - 1) tell(b, __builtin_ctz(hit), k.until[walkers[n]]);
+    for (int n = 0; n < active_count; ++n)
+      for (int v = 0; v < vectors; ++v) {
+        Block& b = r[active[n] * vectors + v];
+        for (unsigned hit = bits(b.prim >= 0); hit; hit &= hit - 1) set_hit(b, __builtin_ctz(hit));
       }
   }
-  void find_box() {  // of the live slices, in slopes
+  void find_box() {  // of the live vectors, in slopes
     gu0 = gv0 = FAR;
     gu1 = gv1 = -FAR;
-    for (int n = 0; n < walking; ++n)
-      for (int b = walkers[n] * slices; b < (walkers[n] + 1) * slices; ++b) {
+    for (int n = 0; n < active_count; ++n)
+      for (int b = active[n] * vectors; b < (active[n] + 1) * vectors; ++b) {
         gu0 = lower(gu0, c.cu[b] - c.ru[b]);
         gu1 = upper(gu1, c.cu[b] + c.ru[b]);
         gv0 = lower(gv0, c.cv[b] - c.rv[b]);
@@ -65,8 +65,8 @@ struct Crop : Tiles {
       shift[i] = dot3(e[i], at);
     }
     const float m11 = dot3(m[1], m[1]), m22 = dot3(m[2], m[2]), m12 = dot3(m[1], m[2]);
-    swell = 1.0001f * __builtin_sqrtf(0.5f * (m11 + m22) + __builtin_sqrtf(0.25f * (m11 - m22) * (m11 - m22) + m12 * m12));
-    deep = 1.0001f * __builtin_sqrtf(dot3(m[0], m[0]));
+    side_gain = 1.0001f * __builtin_sqrtf(0.5f * (m11 + m22) + __builtin_sqrtf(0.25f * (m11 - m22) * (m11 - m22) + m12 * m12));
+    depth_gain = 1.0001f * __builtin_sqrtf(dot3(m[0], m[0]));
   }
 
   // Where cells of the tile are cut: how high what is left can reach, for each column, by the highest code of
@@ -74,7 +74,7 @@ struct Crop : Tiles {
   static U bytes(const unsigned char* p) { U v; __builtin_memcpy(&v, p, 64); return v; }
   void find_tops() {
     tile.trims = false;
-    if (tile.cut_row < 0 || index.columns != AROUND || index.skirt > 4) return;
+    if (tile.cut_row < 0 || index.columns != AROUND || index.halo > 4) return;
     const unsigned char* codes = scene.cut.data + (size_t)tile.cut_row * 512 * 512;
     U least_code = bytes(codes + (size_t)(tile.jy * 64) * 512 + tile.jx * 64);
     for (int y = 1; y < 64; ++y)
@@ -83,7 +83,7 @@ struct Crop : Tiles {
     if (!tile.trims) return;
     unsigned char block[16][16];  // highest code of columns, from four before the tile on
     for (int y = 0; y < 16; ++y) column_codes(codes, tile.jy * 8 - 4 + y, block[y]);
-    const int begin = 4 - index.skirt, side = 2 * index.skirt + 1;
+    const int begin = 4 - index.halo, side = 2 * index.halo + 1;
     unsigned char across[16][AROUND];
     auto higher = [](unsigned char a, unsigned char b) { return a > b ? a : b; };
     for (int y = 0; y < 16; ++y)
@@ -124,15 +124,15 @@ struct Crop : Tiles {
   }
 
   void together_through() {
-    find_ways();
-    box_slices();
+    find_paths();
+    box_vectors();
     waiting = news = runs = 0;
-    for (int b = 0; b < packs * slices; ++b) touched[b] = 0;
-    for (int n = 0; n < walking; ++n) walker_of[walkers[n]] = n;
-    const int first = slab_of(axis == 2 ? way0 - wide[2] : way0 - wide[axis]), last = slab_of(way1 + wide[axis]);
+    for (int b = 0; b < packets * vectors; ++b) touched[b] = 0;
+    for (int n = 0; n < active_count; ++n) active_of[active[n]] = n;
+    const int first = slab_of(axis == 2 ? path0 - wide[2] : path0 - wide[axis]), last = slab_of(path1 + wide[axis]);
     for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
     for (int n = 0; n <= last - first; ++n) {
-      walk_slab(sense >= 0 ? first + n : last - n);
+      cross_slab(sense >= 0 ? first + n : last - n);
       gather_runs();
       if (waiting >= FLUSH) flush();
     }
@@ -144,10 +144,10 @@ struct Crop : Tiles {
     return i < 0 ? 0 : i >= index.bins ? index.bins - 1 : i;
   }
 
-  // The walk's axis, and each pack's way as linear bounds along it
-  void find_ways() {
+  // The traversal's axis, and each packet's path as linear bounds along it
+  void find_paths() {
     float lead_q[3] = {0, 0, 0};
-    for (int j = walkers[0] * width; j < (walkers[0] + 1) * width; ++j) {
+    for (int j = active[0] * width; j < (active[0] + 1) * width; ++j) {
       const Block& b = r[j / N];
       if (b.limit[j % N] < 0.0f) continue;
       for (int i = 0; i < 3; ++i) lead_q[i] = __builtin_fabsf(b.q[i][j % N]);
@@ -159,21 +159,21 @@ struct Crop : Tiles {
     for (int i = 0; i < 3; ++i) {
       cell[i] = i == 2 ? index.bin_height : index.side;
       per_cell[i] = 1.0f / cell[i];
-      wide[i] = index.reach[i] + ROUND;
+      wide[i] = index.extent[i] + ROUND;
     }
-    way0 = FAR;
-    way1 = reach_w = -FAR;
+    path0 = FAR;
+    path1 = group_depth_max = -FAR;
     sense = 0;
-    for (int b = 0; b < packs * slices || b % N; ++b) c.reach[b] = -FAR;
-    for (int n = 0; n < walking; ++n) find_way(n);
+    for (int b = 0; b < packets * vectors || b % N; ++b) c.depth_max[b] = -FAR;
+    for (int n = 0; n < active_count; ++n) find_path(n);
     const float slant = upper(gu1 * gu1, gu0 * gu0) + upper(gv1 * gv1, gv0 * gv0);
-    fat = 1.01f * __builtin_sqrtf(1.0f + slant);
+    slant_gain = 1.01f * __builtin_sqrtf(1.0f + slant);
   }
-  void find_way(int n) {
-    const int p = walkers[n];
+  void find_path(int n) {
+    const int p = active[n];
     int forth = 0, back = 0;
     F a0 = put(FAR), a1 = put(-FAR), slowest = put(FAR), w_far = put(-FAR);
-    for (int b = p * slices; b < (p + 1) * slices; ++b) {
+    for (int b = p * vectors; b < (p + 1) * vectors; ++b) {
       Block& k_ = r[b];
       F limit = k_.limit, x = k_.p[axis], q = k_.q[axis], y = x + q * k_.end;
       I live = limit >= 0.0f;
@@ -184,33 +184,33 @@ struct Crop : Tiles {
       back += count(live & (q <= 0.0f));
       F w = live ? depth(k_, k_.start + limit * k_.shrink) + ROUND : put(-FAR);
       w_far = most(w_far, w);
-      spot[b].deep = w;
-      c.reach[b] = highest_of(w);
+      spot[b].depth_max = w;
+      c.depth_max[b] = highest_of(w);
     }
-    way.a0[n] = lowest_of(a0);
-    way.a1[n] = highest_of(a1);
-    way.reach[n] = highest_of(w_far);
-    way.until[n] = k.until[p];
-    way0 = lower(way0, way.a0[n]);
-    way1 = upper(way1, way.a1[n]);
-    reach_w = upper(reach_w, way.reach[n]);
+    path.a0[n] = lowest_of(a0);
+    path.a1[n] = highest_of(a1);
+    path.depth_max[n] = highest_of(w_far);
+    path.until[n] = k.until[p];
+    path0 = lower(path0, path.a0[n]);
+    path1 = upper(path1, path.a1[n]);
+    group_depth_max = upper(group_depth_max, path.depth_max[n]);
     sense += forth - back;
     const bool straight = lowest_of(slowest) > 0.05f && (forth == 0 || back == 0);
-    const float room = wide[axis] + cell[axis], plane0 = way.a0[n] - room, plane1 = way.a1[n] + room;
+    const float room = wide[axis] + cell[axis], plane0 = path.a0[n] - room, plane1 = path.a1[n] + room;
     float edge[2][5];
     bounds_at(p, straight, plane0, 0, edge[0]);
     bounds_at(p, straight, plane1, 1, edge[1]);
-    way.from[n] = plane0;
+    path.from[n] = plane0;
     for (int i = 0; i < 5; ++i) {
-      way.bound[i][n] = edge[0][i];
-      way.rise[i][n] = (edge[1][i] - edge[0][i]) / (plane1 - plane0);
+      path.bound[i][n] = edge[0][i];
+      path.rise[i][n] = (edge[1][i] - edge[0][i]) / (plane1 - plane0);
     }
   }
   static F depth(const Block& b, F t) { return b.w0 + b.w1 * t; }
-  void bounds_at(int p, bool straight, float plane, int side, float* edge) const {  // or of the whole way
+  void bounds_at(int p, bool straight, float plane, int side, float* edge) const {  // or of the whole path
     F b0 = put(FAR), b1 = put(-FAR), c0 = put(FAR), c1 = put(-FAR), w0 = put(FAR);
-    for (int v = 0; v < slices; ++v) {
-      const Block& k_ = r[p * slices + v];
+    for (int v = 0; v < vectors; ++v) {
+      const Block& k_ = r[p * vectors + v];
       I live = k_.limit >= 0.0f;
       for (int end = 0; end < (straight ? 1 : 2); ++end) {
         F s = straight ? (plane - k_.p[axis]) / k_.q[axis] : end ? k_.end : F{};
@@ -230,12 +230,12 @@ struct Crop : Tiles {
     edge[4] = lowest_of(w0) - ROUND;
   }
 
-  // A slab of columns: which columns and bins the packs pass, widened by reach
-  void walk_slab(int i) {
+  // A slab of columns: which columns and bins the packets pass, widened by the extent of pieces
+  void cross_slab(int i) {
     const float x0 = axis == 2 && i == 0 ? -FAR : i * cell[axis] - wide[axis];
     const float x1 = axis == 2 && i == index.bins - 1 ? FAR : (i + 1) * cell[axis] + wide[axis];
     int j0 = SPAN, j1 = -1;
-    for (int w = 0; w < walking; w += N) pass_slab(w, x0, x1, &j0, &j1);
+    for (int w = 0; w < active_count; w += N) pass_slab(w, x0, x1, &j0, &j1);
     for (int s = j0; s <= j1; ++s) {
       const float c0 = c_low[s], c1 = c_high[s];
       if (c0 > c1) continue;
@@ -254,19 +254,19 @@ struct Crop : Tiles {
       }
     }
   }
-  void pass_slab(int w, float x0, float x1, int* j0, int* j1) {  // N packs
+  void pass_slab(int w, float x0, float x1, int* j0, int* j1) {  // N packets
 #pragma clang fp contract(fast)
-    F lo = most(put(x0), load(way.a0 + w)), hi = least(put(x1), load(way.a1 + w));
-    F f0 = lo - load(way.from + w), f1 = hi - load(way.from + w), found[5];
+    F lo = most(put(x0), load(path.a0 + w)), hi = least(put(x1), load(path.a1 + w));
+    F f0 = lo - load(path.from + w), f1 = hi - load(path.from + w), found[5];
     for (int q = 0; q < 5; ++q) {
-      F x = load(way.bound[q] + w), rise = load(way.rise[q] + w), y0 = x + rise * f0, y1 = x + rise * f1;
+      F x = load(path.bound[q] + w), rise = load(path.rise[q] + w), y0 = x + rise * f0, y1 = x + rise * f1;
       found[q] = q == 1 || q == 3 ? most(y0, y1) + ROUND : least(y0, y1) - ROUND;
     }
     I side0 = __builtin_convertvector(__builtin_elementwise_floor(found[0] * per_cell[ib]), I) + SPAN / 2;
     I side1 = __builtin_convertvector(__builtin_elementwise_floor(found[1] * per_cell[ib]), I) + SPAN / 2;
     side0 = side0 < 0 ? I{} : side0;
     side1 = side1 >= SPAN ? puti(SPAN - 1) : side1;
-    unsigned some = bits((lo <= hi) & (found[4] <= load(way.reach + w)) & (every() < walking - w));
+    unsigned some = bits((lo <= hi) & (found[4] <= load(path.depth_max + w)) & (every() < active_count - w));
     for (; some; some &= some - 1) {
       const int l = __builtin_ctz(some), b0 = side0[l], b1 = side1[l];
       const float c0 = found[2][l], c1 = found[3][l];
@@ -315,7 +315,7 @@ struct Crop : Tiles {
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) n[i][j] = m[i][j] * index.step;
     const float gcu = 0.5f * (gu0 + gu1), gru = 0.5f * (gu1 - gu0), gcv = 0.5f * (gv0 + gv1), grv = 0.5f * (gv1 - gv0);
-    const float deep_step = deep * index.step, swell_step = swell * index.step, swing = sway, fatter = fat, far = reach_w;
+    const float depth_gain_step = depth_gain * index.step, side_gain_step = side_gain * index.step, offset = offset_max, slant = slant_gain, far = group_depth_max;
     const float rank_max = (float)tile.rank_max, per_step = 1.0f / index.step;
     const short* coarse = index.coarse.data;
     int to = waiting;
@@ -330,18 +330,18 @@ struct Crop : Tiles {
         const F thick = f[6];
         auto along = [&](int row, const F* x) -> F { return n[row][0] * x[0] + n[row][1] * x[1] + n[row][2] * x[2] + off[row]; };
         F wa = along(0, f), wb = along(0, f + 3), ua = along(1, f), ub = along(1, f + 3), va = along(2, f), vb = along(2, f + 3);
-        F near = least(wa, wb) - thick * deep_step - ROUND;
-        F ia = 1.0f / wa, iz = 1.0f / wb, nearer = most(ia, iz), thin = (thick * deep_step + ROUND) * nearer;
+        F near = least(wa, wb) - thick * depth_gain_step - ROUND;
+        F ia = 1.0f / wa, iz = 1.0f / wb, nearer = most(ia, iz), thin = (thick * depth_gain_step + ROUND) * nearer;
         I inside = every() < run.last - i, close = (near < 0.05f) | (thin > 0.25f);
         F inv = 0.5f * (ia + iz), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
         ua *= ia; va *= ia; ub *= iz; vb *= iz;
         F u = 0.5f * (ua + ub), v = 0.5f * (va + vb), hu = 0.5f * (ub - ua), hv = 0.5f * (vb - va);
-        F broad = (thick * swell_step + ROUND) * most_inv * fatter + swing * 0.71f * size_of(ia - iz);
-        F reach_u = broad + swing * most_inv;
-        I keep = (size_of(u - gcu) <= size_of(hu) + reach_u + gru) & (size_of(v - gcv) <= size_of(hv) + reach_u + grv);
+        F broad = (thick * side_gain_step + ROUND) * most_inv * slant + offset * 0.71f * size_of(ia - iz);
+        F margin = broad + offset * most_inv;
+        I keep = (size_of(u - gcu) <= size_of(hu) + margin + gru) & (size_of(v - gcv) <= size_of(hv) + margin + grv);
         keep = (keep | close) & inside & (near <= far) & (f[7] <= rank_max) &
                (least(f[2], f[5]) <= top + 2.0f * thick);  // a cut end is round
-        if (bits(keep & close)) {  // may touch any slice
+        if (bits(keep & close)) {  // may touch any vector
           u = close ? F{} : u; v = close ? F{} : v; hu = close ? F{} : hu; hv = close ? F{} : hv;
           broad = close ? put(FAR) : broad; inv = close ? F{} : inv;
         }
@@ -370,16 +370,16 @@ struct Crop : Tiles {
     return to + __builtin_popcount(found);
   }
 
-  // The pieces that wait: against all slices at once, then against the lanes of those that they may touch;
+  // The pieces that wait: against all vectors at once, then against the lanes of those that they may touch;
   // what is left is tested
   void flush() {
 #pragma clang fp contract(fast)
     int asked = 0;
-    for (int b = 0; b < packs * slices; b += N) {
+    for (int b = 0; b < packets * vectors; b += N) {
       const F cu = load(c.cu + b), ru = load(c.ru + b), ou = load(c.ou + b), pu = load(c.pu + b);
       const F cv = load(c.cv + b), rv = load(c.rv + b), ov = load(c.ov + b), pv = load(c.pv + b);
-      const F round = load(c.disc + b), pround = load(c.pdisc + b), far = load(c.reach + b);
-      const I slice = every() + b;
+      const F round = load(c.disc + b), pround = load(c.pdisc + b), far = load(c.depth_max + b);
+      const I vector = every() + b;
       const int some = look_around(box[b / N]);
       for (int q = 0; q < some; ++q) {
         const int n = around[q];
@@ -391,7 +391,7 @@ struct Crop : Tiles {
         I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
                   (size_of(du * tu + dv * tv) <= wide + kept.h[n] + least(bu * su + bv * sv, disc)) & (far >= kept.near[n]);
         const unsigned found = bits(meets);
-        keep_ints((int*)pair + asked, slice + n * SLICES, found);
+        keep_ints((int*)pair + asked, vector + n * VECTORS, found);
         asked += __builtin_popcount(found);
         if (asked <= PAIRS - N) continue;
         settle(narrow_down(asked));
@@ -402,11 +402,11 @@ struct Crop : Tiles {
     waiting = 0;
     take_news();
   }
-  HOT int look_around(const Box& x) {  // which of the pieces that wait may touch the slices in this box?
+  HOT int look_around(const Box& x) {  // which of the pieces that wait may touch the vectors in this box?
 #pragma clang fp contract(fast)
     int some = 0;
     for (int n = 0; n < waiting; n += N) {
-      F h = load(kept.h + n), room = load(kept.wide + n) + sway * load(kept.inv + n);
+      F h = load(kept.h + n), room = load(kept.wide + n) + offset_max * load(kept.inv + n);
       I over = (size_of(load(kept.u + n) - x.u) <= size_of(load(kept.tu + n)) * h + room + x.ru) &
                (size_of(load(kept.v + n) - x.v) <= size_of(load(kept.tv + n)) * h + room + x.rv);
       const unsigned found = bits(over & (every() < waiting - n));
@@ -415,11 +415,11 @@ struct Crop : Tiles {
     }
     return some;
   }
-  void box_slices() {
-    for (int b = 0; b * N < packs * slices; ++b) {
+  void box_vectors() {
+    for (int b = 0; b * N < packets * vectors; ++b) {
       float u0 = 4.0f * FAR, u1 = -u0, v0 = u0, v1 = -u0;  // beyond what any piece may touch
-      for (int i = b * N; i < (b + 1) * N && i < packs * slices; ++i) {
-        if (c.reach[i] <= -FAR) continue;
+      for (int i = b * N; i < (b + 1) * N && i < packets * vectors; ++i) {
+        if (c.depth_max[i] <= -FAR) continue;
         u0 = lower(u0, c.cu[i] - c.ru[i]);
         u1 = upper(u1, c.cu[i] + c.ru[i]);
         v0 = lower(v0, c.cv[i] - c.rv[i]);
@@ -428,16 +428,16 @@ struct Crop : Tiles {
       box[b] = {0.5f * (u0 + u1), 0.5f * (u1 - u0) + 1e-7f, 0.5f * (v0 + v1), 0.5f * (v1 - v0) + 1e-7f};
     }
   }
-  HOT int narrow_down(int asked) {  // of the slices that a piece may touch, those of which it may touch a lane
+  HOT int narrow_down(int asked) {  // of the vectors that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)
     int pairs = 0;
     for (int q = 0; q < asked; ++q) {
-      const int n = pair[q] / SLICES, i = pair[q] % SLICES;
+      const int n = pair[q] / VECTORS, i = pair[q] % VECTORS;
       const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
       const Spot& s = spot[i];
       F lu = s.u + s.ou * inv - kept.u[n], lv = s.v + s.ov * inv - kept.v[n];
       I may = (size_of(lv * tu - lu * tv) <= wide) & (size_of(lu * tu + lv * tv) <= wide + kept.h[n]) &
-              (s.deep >= kept.near[n]);
+              (s.depth_max >= kept.near[n]);
       pair[pairs] = pair[q];  // no branch: whether it stays is hard to foretell
       pairs += bits(may) != 0;
     }
@@ -445,42 +445,31 @@ struct Crop : Tiles {
   }
   void settle(int pairs) {
     for (int i = 0, next; i < pairs; i = next) {
-      const int n = pair[i] / SLICES;
-      for (next = i + 1; next < pairs && (int)(pair[next] / SLICES) == n;) ++next;
+      const int n = pair[i] / VECTORS;
+      for (next = i + 1; next < pairs && (int)(pair[next] / VECTORS) == n;) ++next;
       Whole w;
       if (!stands(kept.prim[n], kept.image[n], &w)) continue;
       for (int s = i; s < next; ++s) {
-        const int b = pair[s] % SLICES;
+        const int b = pair[s] % VECTORS;
         if (!test(r[b], w) || touched[b]) continue;
         touched[b] = 1;
         fresh[news++] = b;
       }
     }
   }
-  void take_news() {  // new hits bring nearer how far lanes and slices still look, and with `need` their whole pack
-    for (int i = 0; i < news; ++i) touched[fresh[i]] = 0;
-    const int known = need > 0 ? news : 0;
-    for (int i = 0; i < known; ++i) {
-      const int p = fresh[i] / slices;
-      if (touched[p * slices]) continue;
-      way.until[walker_of[p]] = lower(k.until[p], enough(p, true));
-      for (int b = p * slices; b < (p + 1) * slices; ++b) {
-        if (b != fresh[i]) fresh[news++] = b;
-        touched[b] = 1;
-      }
-    }
+  void take_news() {  // new hits bring nearer how far lanes and vectors still look
     for (int i = 0; i < news; ++i) {
-      const int b = fresh[i], p = b / slices, n = walker_of[p];
+      const int b = fresh[i], p = b / vectors, n = active_of[p];
       touched[b] = 0;
       const Block& k_ = r[b];
       F limit = k_.limit;
-      F w = depth(k_, least(k_.start + limit * k_.shrink, put(way.until[n]))) + ROUND;
+      F w = depth(k_, least(k_.start + limit * k_.shrink, put(path.until[n]))) + ROUND;
       w = limit >= 0.0f ? w : put(-FAR);
-      spot[b].deep = w;
-      c.reach[b] = highest_of(w);
-      float reach = -FAR;
-      for (int q = p * slices; q < (p + 1) * slices; ++q) reach = upper(reach, c.reach[q]);
-      way.reach[n] = reach;
+      spot[b].depth_max = w;
+      c.depth_max[b] = highest_of(w);
+      float depth_max = -FAR;
+      for (int q = p * vectors; q < (p + 1) * vectors; ++q) depth_max = upper(depth_max, c.depth_max[q]);
+      path.depth_max[n] = depth_max;
     }
     news = 0;
   }

@@ -3,12 +3,12 @@
 struct Job {  // as JOB in cast.py
   const double *origins, *directions;                        // of all rays, (rays, 3), or, with spots,
   const double* spots;                                       // of all beams (beams, 3), (beams, 3, 3): as Spots.offsets
-  const int *lanes, *first_pack;                             // (packs, width) ray of each lane, -1 = none; per group
-  float* distance; unsigned char* organ; float *cosine, *reflectance;  // out: per ray, or per bundle as asked
+  const int *packets, *first_packet;                             // (packets, width) ray of each lane, -1 = none; per group
+  float* distance; unsigned char* organ; float *cosine, *reflectance;  // out, per ray
   const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null
-  long long width, groups, sub_rays, need, only;  // need > 0: so many nearest hits per bundle; only: the last of them
+  long long width, groups, sub_rays;
   long long spot_step;                            // from one beam's spots to the next one's, 0 where all have the same
-  long long next, doubts;                         // shared by all threads: the next group; what is to be looked at again
+  long long next, flags;                         // shared by all threads: the next group; what is to be looked at again
   double range_max;
 };
 
@@ -26,58 +26,58 @@ struct Block {  // N lanes side by side: all that is known of them lies together
   F p[3], q[3], low, limit, start, shrink, end, tin, tout;
   I is_open, prim, image;
 };
-struct Spot { F u, v, ou, ov, deep; };  // for the cull: slope, offset of the origin, depth beyond which nothing counts
-struct alignas(64) Slices {  // N lanes each. Slopes: middle, half size, disc; the same of the offsets; depth
-  float cu[SLICES], cv[SLICES], ru[SLICES], rv[SLICES], disc[SLICES];
-  float ou[SLICES], ov[SLICES], pu[SLICES], pv[SLICES], pdisc[SLICES];
-  float reach[SLICES];  // depth beyond which nothing counts in the tile at hand
+struct Spot { F u, v, ou, ov, depth_max; };  // for the cull: slope, offset of the origin, depth beyond which nothing counts
+struct alignas(64) VectorBounds {  // N lanes each. Slopes: middle, half size, disc; the same of the offsets; depth
+  float cu[VECTORS], cv[VECTORS], ru[VECTORS], rv[VECTORS], disc[VECTORS];
+  float ou[VECTORS], ov[VECTORS], pu[VECTORS], pv[VECTORS], pdisc[VECTORS];
+  float depth_max[VECTORS];  // depth beyond which nothing counts in the tile at hand
 };
-struct alignas(64) Packs {  // boxes of the rays of a pack: place o and direction d along A, across it, up
-  float until[PACKS];  // t beyond which nothing counts
-  float oa0[PACKS], oa1[PACKS], da0[PACKS], da1[PACKS], ob0[PACKS], ob1[PACKS], db0[PACKS], db1[PACKS];
-  float oz0[PACKS], oz1[PACKS], dz0[PACKS], dz1[PACKS];
-  float row_t0[PACKS], row_t1[PACKS], row_b0[PACKS], row_b1[PACKS], row_z0[PACKS];  // in the row of tiles at hand
-  int ground[PACKS];  // slices that get down to it in the tile at hand
+struct alignas(64) PacketBounds {  // boxes of the rays of a packet: place o and direction d along A, across it, up
+  float until[PACKETS];  // t beyond which nothing counts
+  float oa0[PACKETS], oa1[PACKETS], da0[PACKETS], da1[PACKETS], ob0[PACKETS], ob1[PACKETS], db0[PACKETS], db1[PACKETS];
+  float oz0[PACKETS], oz1[PACKETS], dz0[PACKETS], dz1[PACKETS];
+  float row_t0[PACKETS], row_t1[PACKETS], row_b0[PACKETS], row_b1[PACKETS], row_z0[PACKETS];  // in the row of tiles at hand
+  int ground[PACKETS];  // vectors that get down to it in the tile at hand
 };
 
-struct Rays : Lanes {
+struct Rays : Vectors {
   Job& job;
   SceneRef scene;
-  const int width = job.width, slices = width / N, need = job.need;
+  const int width = job.width, vectors = width / N;
   const float size = (float)scene.tile_size;
-  int packs, gx, gy, A;        // its packs; the tile it is seen from; tiles go by in rows along this axis of the stand
+  int packets, gx, gy, A;        // its packets; the tile it is seen from; tiles go by in rows along this axis of the stand
   double gz, corner[2];        // the height it is seen from; the tile again
   double lowest[3], highest[3];  // origins
-  float apex[3], lead[3], e[3][3], sway;  // sway: how far a ray is from its place in slopes where depth is 1, at most
-  bool is_wrong;
-  D spot_of[SLICES][10];         // spots of the lanes of the first pack
-  Block r[SLICES];
-  Spot spot[SLICES];
-  Slices c;
-  Packs k;
+  float apex[3], lead_direction[3], e[3][3], offset_max;  // offset_max: how far a ray is from its place in slopes where depth is 1, at most
+  bool is_invalid;
+  D spot_of[VECTORS][10];         // spots of the lanes of the first packet
+  Block r[VECTORS];
+  Spot spot[VECTORS];
+  VectorBounds c;
+  PacketBounds k;
 
   Rays(Job& j, SceneRef s) : job(j), scene(s) {}
 
-  // The rays of the next packs, in the stand frame, each from its own tile: as `to_stand` in kernel/scene.py.
-  // Of the last pack only lanes [from, after) count. Returns how many packs go together with the first
+  // The rays of the next packets, in the stand frame, each from its own tile: as `to_stand` in kernel/scene.py.
+  // Of the last packet only lanes [from, after) count. Returns how many packets go together with the first
   int take(int at, int wanted, int from, int after) {
-    is_wrong = false;
-    begin_at(job.lanes[at * width + from]);
+    is_invalid = false;
+    begin_at(job.packets[at * width + from]);
     const bool is_same = job.spots && job.spot_step == 0;  // all beams have the spots of the first
     for (int p = 0; p < wanted; ++p) {
-      const int* mine = job.lanes + (at + p) * width;
+      const int* mine = job.packets + (at + p) * width;
       bool fits = true, is_known = is_same && p > 0;
-      for (int v = 0; v < slices; ++v) {
+      for (int v = 0; v < vectors; ++v) {
         I lane = every() + v * N, known = loadi(mine + v * N);
         I live = (known >= 0) & (lane >= from) & (lane < after);
         alignas(64) int ray[N];
         storei(ray, live ? known : puti(mine[from]));
-        fits &= fetch(r[p * slices + v], ray, is_known ? spot_of[v] : nullptr);
+        fits &= fetch(r[p * vectors + v], ray, is_known ? spot_of[v] : nullptr);
         if (is_same && p == 0) for (int h = 0; h < 2; ++h) gather_spots(ray + 8 * h, spot_of[v] + 5 * h);
-        start(r[p * slices + v], ray, live);
+        start(r[p * vectors + v], ray, live);
       }
-      if (is_wrong) __atomic_fetch_or(&job.doubts, WRONG, __ATOMIC_RELAXED);
-      if (is_wrong || !fits) return p;
+      if (is_invalid) __atomic_fetch_or(&job.flags, INVALID, __ATOMIC_RELAXED);
+      if (is_invalid || !fits) return p;
     }
     return wanted;
   }
@@ -125,7 +125,7 @@ struct Rays : Lanes {
     gz = from[2];
     for (int i = 0; i < 3; ++i) {
       apex[i] = (float)(o[i][0] - from[i] * unit[i]);
-      lead[i] = (float)d[i][0];
+      lead_direction[i] = (float)d[i][0];
       lowest[i] = highest[i] = o[i][0];
     }
   }
@@ -137,7 +137,7 @@ struct Rays : Lanes {
       const D off = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - 1.0;
       auto fine = (off < 0.99e-3) & (off > -0.99e-3);
       for (int i = 0; i < 3; ++i) fine &= (o[i] < 1e8) & (o[i] > -1e8);
-      is_wrong |= __builtin_reduce_and(fine) == 0;
+      is_invalid |= __builtin_reduce_and(fine) == 0;
       for (int i = 0; i < 3; ++i) {
         const double a = __builtin_reduce_min(o[i]), z = __builtin_reduce_max(o[i]);
         lowest[i] = a < lowest[i] ? a : lowest[i];
@@ -153,10 +153,10 @@ struct Rays : Lanes {
     }
     return bits(together(b)) == 0xffff;
   }
-  I together(const Block& b) const {  // lanes that look about the same way as the first ray, from about there
+  I together(const Block& b) const {  // lanes that look about the same direction as the first ray, from about there
     F x = b.ox + b.tx * size - apex[0], y = b.oy + b.ty * size - apex[1];
     F z = b.oz + b.z0 - apex[2];
-    F turned = b.dx * lead[0] + b.dy * lead[1] + b.dz * lead[2];
+    F turned = b.dx * lead_direction[0] + b.dy * lead_direction[1] + b.dz * lead_direction[2];
     return (x * x + y * y + z * z <= SPREAD * SPREAD) & (turned >= 1.0f - NARROW);
   }
   bool goes_along(int j) const { return bits(together(r[j / N])) >> (j % N) & 1; }
@@ -184,7 +184,7 @@ struct Rays : Lanes {
         const int slot = page_at(x, y);
         is_above = slot >= 0 && lowest[2] > scene.page_top.data[slot];
       }
-    if (!is_above) __atomic_fetch_or(&job.doubts, LOW, __ATOMIC_RELAXED);
+    if (!is_above) __atomic_fetch_or(&job.flags, LOW, __ATOMIC_RELAXED);
   }
 
   // The frame of the group, and every ray in slopes
@@ -192,15 +192,15 @@ struct Rays : Lanes {
     gx = (int)corner[0];
     gy = (int)corner[1];
     for (int i = 0; i < 3; ++i) e[0][i] = 0.0f;
-    for (int p = 0; p < packs; ++p) {
-      const Block& b = r[p * slices];
+    for (int p = 0; p < packets; ++p) {
+      const Block& b = r[p * vectors];
       e[0][0] += b.dx[0];
       e[0][1] += b.dy[0];
       e[0][2] += b.dz[0];
     }
     unit(e[0]);
     A = e[0][0] * e[0][0] >= e[0][1] * e[0][1] ? 0 : 1;
-    const int j = (packs - 1) * width;
+    const int j = (packets - 1) * width;
     const Block &a = r[0], &z = r[j / N];
     e[1][0] = z.dx[j % N] - a.dx[0];
     e[1][1] = z.dy[j % N] - a.dy[0];
@@ -220,11 +220,11 @@ struct Rays : Lanes {
     }
   }
   void into_slopes() {
-    sway = 0.0f;
-    for (int p = 0; p < packs; ++p) {
+    offset_max = 0.0f;
+    for (int p = 0; p < packets; ++p) {
       F low[6], high[6];
       for (int i = 0; i < 6; ++i) { low[i] = put(FAR); high[i] = put(-FAR); }
-      for (int b = p * slices; b < (p + 1) * slices; ++b) slope_of(b, low, high);
+      for (int b = p * vectors; b < (p + 1) * vectors; ++b) slope_of(b, low, high);
       auto ends = [&](int i, float* a, float* z, float room) {
         a[p] = lowest_of(low[i]) - room;
         z[p] = highest_of(high[i]) + room;
@@ -236,7 +236,7 @@ struct Rays : Lanes {
       ends(4, k.oz0, k.oz1, ROUND);
       ends(5, k.dz0, k.dz1, 1e-7f);
     }
-    for (int b = packs * slices; b % N; ++b)
+    for (int b = packets * vectors; b % N; ++b)
       c.cu[b] = c.cv[b] = c.ru[b] = c.rv[b] = c.disc[b] = c.ou[b] = c.ov[b] = c.pu[b] = c.pv[b] = c.pdisc[b] = 0.0f;
   }
   void slope_of(int b, F* low, F* high) {
@@ -274,45 +274,14 @@ struct Rays : Lanes {
     F au = su - c.cu[b], av = sv - c.cv[b];
     c.disc[b] = __builtin_sqrtf(highest_of(au * au + av * av)) + 1e-6f;
     c.pdisc[b] = __builtin_sqrtf(c.pu[b] * c.pu[b] + c.pv[b] * c.pv[b]);
-    sway = upper(sway, upper(__builtin_fabsf(c.ou[b]) + c.pu[b], __builtin_fabsf(c.ov[b]) + c.pv[b]));
+    offset_max = upper(offset_max, upper(__builtin_fabsf(c.ou[b]) + c.pu[b], __builtin_fabsf(c.ov[b]) + c.pv[b]));
   }
 
-  // How far a pack still looks: to the farthest of its rays' nearest hits, or as far as is needed
+  // How far a packet still looks: to the farthest of its rays' nearest hits
   void look(int p) {
     F t_far = put(-FAR);
-    for (int b = p * slices; b < (p + 1) * slices; ++b) t_far = most(t_far, r[b].t);
+    for (int b = p * vectors; b < (p + 1) * vectors; ++b) t_far = most(t_far, r[b].t);
     k.until[p] = highest_of(t_far);
-    if (need > 0) k.until[p] = lower(k.until[p], enough(p, false));
-  }
-  // t that at least `need` of a pack's hits do not exceed, at most a sixtieth of their spread above the least such;
-  // with what was hit in the tile at hand, too
-  float enough(int p, bool in_tile) const {
-    F low = put(FAR), high = put(-FAR), t[SLICES];
-    int hits = 0;
-    for (int v = 0; v < slices; ++v) {
-      const Block& b = r[p * slices + v];
-      I hit = b.what != 0;
-      F now = b.t;
-      if (in_tile) {
-        I is_new = b.prim >= 0;
-        now = is_new ? b.start + b.limit * b.shrink : now;
-        hit |= is_new;
-      }
-      t[v] = hit ? now : put(FAR);
-      low = least(low, t[v]);
-      high = most(high, hit ? now : put(-FAR));
-      hits += count(hit);
-    }
-    if (hits < need) return FAR;
-    float a = lowest_of(low), z = highest_of(high);
-    if (need == 1) return a;
-    for (int i = 0; i < 6 && hits > need; ++i) {
-      const float middle = 0.5f * (a + z);
-      int below = 0;
-      for (int v = 0; v < slices; ++v) below += count(t[v] <= middle);
-      (below >= need ? z : a) = middle;
-    }
-    return z;
   }
 
   // Out
@@ -321,7 +290,6 @@ struct Rays : Lanes {
     for (unsigned none = bits((b.ray >= 0) & (b.what <= 0)); none; none &= none - 1) {
       const int l = __builtin_ctz(none), i = b.ray[l];
       const bool is_solid = job.solid && job.solid_organ[i] > 0;
-      if (is_solid && b.what[l] == 0) k.until[block / slices] = FAR;  // lost before it came to the solid
       b.t[l] = is_solid ? job.solid[i] : __builtin_nanf("");
       b.what[l] = is_solid ? job.solid_organ[i] : 0;
       b.cosine[l] = is_solid ? job.solid_cosine[i] : 0.0f;
@@ -334,40 +302,9 @@ struct Rays : Lanes {
     job.cosine[to] = b.cosine[l];
     job.reflectance[to] = b.albedo[l];
   }
-  void write_none(size_t to) const {
-    job.distance[to] = __builtin_nanf("");
-    job.organ[to] = 0;
-    job.cosine[to] = job.reflectance[to] = 0.0f;
-  }
-  void hand_out(int p) const {  // all rays of a pack, or the nearest hits of its bundle, ties by number
-    const Block* mine = r + p * slices;
-    int found = 0;
-    for (int v = 0; v < slices; ++v) {
-      I live = mine[v].ray >= 0;
-      found += count(live & (mine[v].what > 0));
-      for (unsigned l = need == 0 ? bits(live) : 0; l; l &= l - 1) write(mine[v].ray[__builtin_ctz(l)], mine[v], __builtin_ctz(l));
-    }
-    if (need == 0) return;
-    const size_t to = (size_t)(mine[0].ray[0] / job.sub_rays) * (job.only ? 1 : need);
-    for (int v = 0; v < slices; ++v) {
-      const Block& b = mine[v];
-      unsigned near = bits((b.ray >= 0) & (b.what > 0) & (b.t <= k.until[p]));
-      for (; near; near &= near - 1) {
-        const int l = __builtin_ctz(near), place = place_of(mine, b.t[l], b.ray[l]);
-        if (place < need && !job.only) write(to + place, b, l);
-        if (place == need - 1 && job.only) write(to, b, l);
-      }
-    }
-    for (int i = found; i < need && !job.only; ++i) write_none(to + i);
-    if (job.only && found < need) write_none(to);
-  }
-  int place_of(const Block* mine, float t, int ray) const {
-    int place = 0;
-    for (int v = 0; v < slices; ++v) {
-      F t_ = mine[v].t;
-      I ray_ = mine[v].ray;
-      place += count((ray_ >= 0) & ((t_ < t) | ((t_ == t) & (ray_ < ray))));
-    }
-    return place;
+  void hand_out(int p) const {  // all rays of a packet
+    const Block* mine = r + p * vectors;
+    for (int v = 0; v < vectors; ++v)
+      for (unsigned l = bits(mine[v].ray >= 0); l; l &= l - 1) write(mine[v].ray[__builtin_ctz(l)], mine[v], __builtin_ctz(l));
   }
 };

@@ -1,10 +1,10 @@
-// One tile: the way of every lane through it, its plants and its ground, as the plain kernel has them.
+// One tile: the path of every lane through it, its plants and its ground, as the plain kernel has them.
 
 struct Tile {
   int slot, page_x, page_y, jx, jy, cut_row, kind, rank_max;  // page, place in it; first column of the prototype
   float x, y;                                   // counted from the group's
   float plane[3], stand[4], squeeze;
-  float top, bump, crest, dip;                  // crop and ground above the plane; top above z of the group; ground below
+  float top, bump, top_bound, dip;                  // crop and ground above the plane; top above z of the group; ground below
   bool mirror_x, mirror_y, has_crop, trims;
   float live[AROUND][AROUND];                   // [m] in the prototype: how high what is left can reach, per column
 };
@@ -18,7 +18,7 @@ struct Tiles : Rays {
     for (int i = 0; i < 3; ++i) tile.plane[i] = scene.tile_plane.data[place][i];
     tile.top = scene.tile_top.data[place] + 0.005f;
     tile.bump = scene.tile_bump.data[place] + 0.001f;
-    tile.crest = (float)(tile.plane[0] - gz) + upper(tile.top, tile.bump) + ROUND +
+    tile.top_bound = (float)(tile.plane[0] - gz) + upper(tile.top, tile.bump) + ROUND +
                  0.5f * size * (__builtin_fabsf(tile.plane[1]) + __builtin_fabsf(tile.plane[2]));
   }
   void read_stand(int place) {
@@ -34,7 +34,7 @@ struct Tiles : Rays {
       tile.stand[1] += aside * scene.toward[0];
       tile.stand[2] += aside * scene.toward[1];
     }
-    tile.dip = 0.0f;  // how deep the ground lies under the tile's plane
+    tile.dip = 0.0f;  // how depth_gain the ground lies under the tile's plane
     const float* ground = scene.ground.data + (size_t)tile.slot * 65 * 65 + tile.jy * 8 * 65 + tile.jx * 8;
     for (int j = 0; j < 9; ++j)
       for (int i = 0; i < 9; ++i)
@@ -75,11 +75,11 @@ struct Tiles : Rays {
     b.t = live ? a.t0 : b.t;
     b.what = live ? I{} : b.what;
   }
-  // Every lane's way between ground and top of the crop, in the prototype: as `to_prototype` in kernel/crop.py
-  unsigned enter(Block& b, int* ground, int slice) {
+  // Every lane's path between ground and top of the crop, in the prototype: as `to_prototype` in kernel/crop.py
+  unsigned enter(Block& b, int* ground, int vector) {
 #pragma clang fp contract(on)
     Pass a = pass(b);
-    const int p = (int)(&b - r) / slices;
+    const int p = (int)(&b - r) / vectors;
     F kx = tile.x - b.tx, ky = tile.y - b.ty, dx = b.dx, dy = b.dy, dz = b.dz;
     F ox = b.ox, oy = b.oy, best = least(b.t, put(k.until[p])), t0 = a.t0, t1 = a.t1;
     I live = a.live & (t0 < best);
@@ -90,7 +90,7 @@ struct Tiles : Rays {
     F lowest = least(h0 + h1 * t0, h0 + h1 * least(t1, best));
     b.tin = live ? t0 : put(FAR);
     b.tout = t1;
-    if (bits(live & (lowest <= tile.bump))) *ground |= slice;
+    if (bits(live & (lowest <= tile.bump))) *ground |= vector;
     F through = (tile.top - h0) / h1, under = (tile.dip - h0) / h1, ta = t0, tb = least(t1, best);
     I falls = h1 < 0.0f, climbs = h1 > 0.0f;
     ta = falls ? most(ta, through) : climbs ? most(ta, under) : ta;
@@ -229,14 +229,13 @@ struct Tiles : Rays {
     return hit & (*t_of >= k_.low) & (z + *t_of * dz <= one.z_top);
   }
 
-  // What was hit: as the end of `walk_crop` in kernel/crop.py
-  void tell(Block& b, int l, float until) const {
+  // What was hit: as the end of `cross_crop` in kernel/crop.py
+  void set_hit(Block& b, int l) const {
     const int id = b.prim[l], prim = id & (CUT - 1), image = b.image[l];
     const float* row = row_of(prim);
     const bool is_stub = (id & CUT) && (int)row[11] == 3;
     b.t[l] = b.start[l] + b.limit[l] * b.shrink[l];
     b.what[l] = is_stub ? 6 : (int)row[11];
-    if (b.t[l] > until) return;  // not among those that are needed
     float n[3], v[3], z[3];
     ends_of(row, image, id & CUT ? 0.01f * (float)foot_code(row, image_x(image), image_y(image)) * tile.squeeze : FAR, v, z);
     const float *w = row + 8, u[3] = {z[0] - v[0], z[1] - v[1], z[2] - v[2]};
@@ -254,7 +253,7 @@ struct Tiles : Rays {
     b.albedo[l] = row[14] > 0.0f && !is_stub ? row[14] : scene.reflectance.data[b.what[l]];
   }
 
-  // Ground of the tile, for the lanes that get down to it: as `walk_ground` in kernel/cast.py, all lanes over one
+  // Ground of the tile, for the lanes that get down to it: as `cross_ground` in kernel/cast.py, all lanes over one
   // patch of the lattice at a time, and patch by patch
   struct Patch { float z0, h00, hu, hv, huv, top, s00, s10, s01, s11; };  // surface seen from z0, its top; depth of straw
   void meet_ground(Block& b) {

@@ -1,0 +1,1 @@
+../src/swath/data/scenarios/two_scanners.py

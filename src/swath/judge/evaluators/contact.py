@@ -1,0 +1,109 @@
+"""Whether a machine touches an obstacle or another machine, and how near it comes to them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.field.site_setup import Contact
+from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.record.tracks import Column, Latest
+from swath.signals import MachineState, Signal
+
+PERIOD = NS // 20  # of looking [ns]
+FAR_M = 50.0  # what is farther away is nothing
+APART_S = 1.0  # after so long without touching a contact has ended
+
+
+@dataclass
+class _Touch:
+    """A contact that lasts. last: the machine when they touched last; index: of its event, if it has one."""
+
+    last: MachineState
+    index: int | None = None
+
+
+class ContactWatch:
+    """Events `contact`: the body of the machine overlaps an obstacle or the body of another machine.
+
+    Looked for at most 20 times per second. A contact ends when the two have not touched for APART_S. Two
+    machines that touch each count it, and one event tells of both.
+    """
+
+    OF_FIELD = False
+    METRICS = (
+        Metric("contact_count", "", "times that the machine touched an obstacle or another machine", "Safety",
+               "lower", "contacts", "", decimals=0),
+    )  # fmt: skip
+    COLUMNS = ("clearance_m",)
+    EVENTS = ("contact",)
+    LIMITS: Mapping[str, Mapping[str, float]] = {"contact_count": {"max": 0.0}}
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self._next = 0
+        self._count = 0
+        self._clearance = float("nan")
+        self._touched: dict[str, _Touch] = {}  # by the other body
+        self._events: list[Event] = []
+        self._reason = ""
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look around whenever the machine has moved for a while."""
+        for signal in outputs.values():
+            if isinstance(signal, MachineState) and signal.t >= self._next:
+                self._next = signal.t + PERIOD
+                self._look(signal)
+
+    def metrics(self) -> dict[str, float]:
+        """How often it touched something."""
+        return {"contact_count": float(self._count)}
+
+    def columns(self) -> tuple[Column, ...]:
+        """Distance to the nearest body."""
+
+        def clearance(latest: Latest) -> float:
+            return self._clearance
+
+        meaning = "to the nearest obstacle or machine, a lower bound above 5 m; nan = none within 50 m"
+        return (Column("clearance_m", "m", meaning, clearance),)
+
+    def events(self) -> Sequence[Event]:
+        """Every contact, of two machines only in the list of the first by name."""
+        return self._events
+
+    def end_reason(self, t: int) -> str:
+        """The first contact, where contacts end the run."""
+        return self._reason if self.setup.contact_ends_run else ""
+
+    def _look(self, state: MachineState) -> None:
+        distance, _ = self.setup.bodies.clearance(self.setup.name)
+        self._clearance = distance if distance <= FAR_M else float("nan")
+        for contact in self.setup.bodies.contacts(self.setup.name) if distance == 0.0 else []:
+            if contact.second not in self._touched:
+                self._begin(contact, state)
+            self._touched[contact.second].last = state
+        for other, touch in list(self._touched.items()):
+            if state.t - touch.last.t >= APART_S * NS:
+                self._end(self._touched.pop(other))
+
+    def _begin(self, contact: Contact, state: MachineState) -> None:
+        name, other = self.setup.name, contact.second
+        self._count += 1
+        self._reason = self._reason or f"touched {other} at {state.t / NS:.1f} s"
+        self._touched[other] = _Touch(state)
+        if other in self.setup.machines and other < name:
+            return  # the other one tells of it
+        self._touched[other].index = len(self._events)
+        begun = state.t, "contact", name, contact.point[0], contact.point[1], state.distance
+        self._events.append(Event(*begun, f"{name} touches {other}", end_t=None, other=other))
+
+    def _end(self, touch: _Touch) -> None:
+        if touch.index is not None:
+            event, t = self._events[touch.index], touch.last.t
+            text = f"{event.machine} touched {event.other} for {(t - event.t) / NS:.2f} s"
+            ended = replace(event, text=text, end_t=t, end_distance=touch.last.distance)
+            self._events[touch.index] = ended
+
+
+LEVEL = Level(ContactWatch, None, summary="whether the machine touches an obstacle or another machine")

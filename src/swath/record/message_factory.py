@@ -1,0 +1,147 @@
+"""Makes ROS 2 messages; definitions come from rosbags.
+
+The message types of a simulation that ROS 2 lacks are made from the fields of the sample itself
+(`swath_msgs/msg/...`); their definition travels in the recording, so a viewer needs no package.
+"""
+
+from dataclasses import fields
+from typing import Any, get_type_hints
+
+import numpy as np
+
+from swath.core.frames import Pose
+from swath.core.schedule import NS
+from swath.record.samples import DEFINITION, MSGTYPE
+from swath.signals import F32, F64, U8, Signal
+
+FIELD_TYPES = {
+    float: "float64",
+    int: "int64",
+    bool: "bool",
+    str: "string",
+    F64: "float64[]",
+    F32: "float32[]",
+    U8: "uint8[]",
+    Pose: "geometry_msgs/Pose",
+}
+# Public definitions that rosbags' Jazzy set lacks, and that of swath which no sample type gives.
+OWN_TYPES = {
+    MSGTYPE: DEFINITION,
+    "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\nfloat32 steering_angle_velocity\n"
+    "float32 speed\nfloat32 acceleration\nfloat32 jerk\n",
+    "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\n"
+    "ackermann_msgs/AckermannDrive drive\n",
+}
+
+
+class MessageFactory:
+    """Makes messages of the types in its `store`."""
+
+    def __init__(self) -> None:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        self.store = get_typestore(Stores.ROS2_JAZZY)
+        for name, text in OWN_TYPES.items():
+            self.store.register(get_types_from_msg(text, name))
+        self._zeros: dict[str, dict[str, Any]] = {}
+        self._kinds: dict[str, dict[str, str]] = {}
+
+    def __call__(self, msgtype: str, **values: Any) -> Any:
+        """A message, e.g. make("geometry_msgs/msg/Point", x=1.0); what is not given is 0 or empty."""
+        if msgtype not in self._zeros:
+            _, described = self.store.fielddefs[msgtype]
+            self._zeros[msgtype] = {name: self._zero(kind) for name, kind in described}
+        return self.store.types[msgtype](**{**self._zeros[msgtype], **values})
+
+    def header(self, t: int, frame: str) -> Any:
+        """std_msgs/Header of a simulated time [ns]; times before 0 count as 0."""
+        sec, nanosec = divmod(max(int(t), 0), NS)
+        stamp = self("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+        return self("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+    def point(self, x: float, y: float, z: float) -> Any:
+        """geometry_msgs/Point [m]."""
+        return self("geometry_msgs/msg/Point", x=float(x), y=float(y), z=float(z))
+
+    def vector(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
+        """geometry_msgs/Vector3."""
+        return self("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+
+    def quaternion(self, pose: Pose) -> Any:
+        """geometry_msgs/Quaternion of a pose's rotation."""
+        x, y, z, w = pose.quaternion()
+        return self("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+
+    def pose(self, pose: Pose) -> Any:
+        """geometry_msgs/Pose."""
+        at = self.point(*pose.position)
+        return self("geometry_msgs/msg/Pose", position=at, orientation=self.quaternion(pose))
+
+    def twist(self, forward: float, leftward: float = 0.0, yaw_rate: float = 0.0) -> Any:
+        """geometry_msgs/Twist [m/s, rad/s]."""
+        linear, angular = self.vector(forward, leftward), self.vector(z=yaw_rate)
+        return self("geometry_msgs/msg/Twist", linear=linear, angular=angular)
+
+    def odometry(self, header: Any, child: str, pose: Pose, twist: Any, *covariances: F64) -> Any:
+        """nav_msgs/Odometry of a frame `child`. covariances: of pose and twist, (36,) each, none = 0"""
+        place, motion = covariances or (np.zeros(36), np.zeros(36))
+        at = self("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(pose), covariance=place)
+        moving = self("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=motion)
+        return self("nav_msgs/msg/Odometry", header=header, child_frame_id=child, pose=at, twist=moving)
+
+    def transform(self, t: int, parent: str, child: str, pose: Pose) -> Any:
+        """geometry_msgs/TransformStamped: pose_parent_child at t [ns]."""
+        turn, header = self.quaternion(pose), self.header(t, parent)
+        move = self("geometry_msgs/msg/Transform", translation=self.vector(*pose.position), rotation=turn)
+        return self("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=move)
+
+    def of_signal(self, signal: Signal, frame: str) -> Any:
+        """A `swath_msgs/msg/<Class>` with a header and the sample's own fields; arrays are flattened."""
+        msgtype = f"swath_msgs/msg/{type(signal).__name__}"
+        if msgtype not in self._kinds:
+            from rosbags.typesys import get_types_from_msg
+
+            self.store.register(get_types_from_msg(definition(type(signal)), msgtype))
+            self._kinds[msgtype] = _field_kinds(type(signal))
+        kinds = self._kinds[msgtype].items()
+        values = {name: self._value(getattr(signal, name), kind) for name, kind in kinds}
+        return self(msgtype, header=self.header(signal.t, frame), **values)
+
+    def _value(self, value: Any, kind: str) -> Any:
+        if kind.endswith("[]"):
+            return np.ascontiguousarray(value, dtype=kind.removesuffix("[]")).ravel()
+        if kind == "geometry_msgs/Pose":
+            return self.pose(value)
+        plain: dict[str, Any] = {"float64": float, "int64": int, "bool": bool, "string": str}
+        return plain[kind](value)
+
+    def _zero(self, kind: Any) -> Any:
+        """The value of a field that is not given, from its description in rosbags."""
+        from rosbags.interfaces import Nodetype
+
+        node, detail = kind
+        if node == Nodetype.NAME:
+            return self(detail)
+        if node == Nodetype.BASE:
+            name = detail[0]
+            return "" if name == "string" else False if name == "bool" else 0.0 if "float" in name else 0
+        (inner, what), count = detail
+        length = count if node == Nodetype.ARRAY else 0
+        if inner == Nodetype.BASE and what[0] != "string":
+            return np.zeros(length, dtype={"octet": "uint8", "byte": "uint8"}.get(what[0], what[0]))
+        return [self._zero((inner, what)) for _ in range(length)]
+
+
+def definition(signal: type[Signal]) -> str:
+    """The .msg text of a sample type: a header in place of `t`, then its fields by name.
+
+    Fields that no ROS 2 type fits (see FIELD_TYPES) are left out.
+    """
+    lines = ["std_msgs/Header header"]
+    lines += [f"{kind} {name}" for name, kind in _field_kinds(signal).items()]
+    return "\n".join(lines) + "\n"
+
+
+def _field_kinds(signal: type[Signal]) -> dict[str, str]:
+    hints = {f.name: get_type_hints(signal)[f.name] for f in fields(signal) if f.name != "t"}
+    return {name: FIELD_TYPES[hint] for name, hint in hints.items() if hint in FIELD_TYPES}

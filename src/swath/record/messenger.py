@@ -1,0 +1,68 @@
+"""From samples to ROS 2 messages: which maker serves which signal.
+
+A signal without a maker becomes one `swath_msgs/msg/<Class>` with all its fields, in the frame it declares.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+from swath.record.crop_edge_messages import edge_messages
+from swath.record.image_messages import image_messages
+from swath.record.mcap_file import McapFile
+from swath.record.messages import Maker, RecordedMachine, Sent, Source
+from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
+from swath.record.positioning_messages import fix_messages, imu_messages
+from swath.record.scan_messages import scan_messages, truth_messages
+from swath.signals import (
+    CropEdge,
+    Fix,
+    Image,
+    Inertial,
+    MachineState,
+    Odometry,
+    Scan,
+    ScanTruth,
+    Signal,
+    SpeedCommand,
+    SteerState,
+)
+
+MAKERS: dict[type[Signal], Maker] = {
+    MachineState: StateMessages,
+    Odometry: OdometryMessages,
+    SteerState: lambda source: partial(steering_messages, source),
+    SpeedCommand: lambda source: partial(speed_messages, source),
+    Scan: lambda source: partial(scan_messages, source),
+    ScanTruth: lambda source: partial(truth_messages, source),
+    Image: lambda source: partial(image_messages, source),
+    Fix: lambda source: partial(fix_messages, source),
+    Inertial: lambda source: partial(imu_messages, source),
+    CropEdge: lambda source: partial(edge_messages, source),
+}
+
+
+def own_messages(source: Source, signal: Signal) -> Iterator[Sent]:
+    """`swath_msgs/msg/<Class>` of any signal."""
+    yield Sent(source.topic, source.make.of_signal(signal, source.frame_of(type(signal))))
+
+
+class Messenger:
+    """Writes the samples of one machine to a file as messages."""
+
+    def __init__(self, machine: RecordedMachine, file: McapFile) -> None:
+        self.machine, self.file = machine, file
+        self._makers: dict[tuple[str, str, type[Signal]], Callable[[Any], Iterator[Sent]]] = {}
+
+    def write(self, slot: str, output: str, t: int, signal: Signal) -> None:
+        """Write one sample published at t [ns] by `slot` (the part after the machine's name)."""
+        key = (slot, output, type(signal))
+        if key not in self._makers:
+            source = Source(self.file.make, self.machine, slot, output)
+            maker = MAKERS.get(type(signal))
+            self._makers[key] = partial(own_messages, source) if maker is None else maker(source)
+        for topic, message, delivery in self._makers[key](signal):
+            if delivery == "announced":
+                self.file.announce(topic, message)
+            else:
+                self.file.write(topic, t, message, is_latched=delivery == "latched")

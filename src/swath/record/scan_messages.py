@@ -1,0 +1,101 @@
+"""Scans as ROS 2 messages: sensor_msgs/LaserScan and sensor_msgs/PointCloud2."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.schedule import NS
+from swath.record.messages import Sent, Source
+from swath.signals import Scan, ScanTruth
+
+POINT_FIELDS = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"))
+# As the drivers of rotating scanners name and type them (velodyne_pointcloud: `ring`, `time`), then our own.
+BEAM_FIELDS = (("time", "<f4"), ("beam", "<u4"), ("ring", "<u2"), ("echo", "<u2"))
+ROS_KINDS = {"<f4": 7, "<u2": 4, "<u4": 6}  # sensor_msgs/PointField FLOAT32, UINT16, UINT32
+
+
+def scan_messages(source: Source, scan: Scan) -> Iterator[Sent]:
+    """LaserScan where it can say it, PointCloud2 where it cannot or there are several echoes."""
+    is_plane = is_laser_scan(scan)
+    if is_plane:
+        yield Sent(source.topic, _laser_scan(source, scan))
+    if not is_plane or scan.ranges.shape[1] > 1:
+        points, beam, echo = _flatten(scan.points())
+        columns = {"intensity": scan.intensity[beam, echo], "time": scan.beam_t[beam]}
+        columns |= {"ring": rings(scan)[beam], "beam": beam, "echo": echo}
+        cloud = _cloud(source, scan.t, source.frame, points, columns)
+        yield Sent(f"{source.topic}_points", cloud)
+
+
+def truth_messages(source: Source, truth: ScanTruth) -> Iterator[Sent]:
+    """PointCloud2 in the world."""
+    points, beam, echo = _flatten(truth.points)
+    yield Sent(source.topic, _cloud(source, truth.t, "map", points, {"beam": beam, "echo": echo}))
+
+
+def is_laser_scan(scan: Scan) -> bool:
+    """True when the beams lie in the sensor's x-y plane at even angles: what a LaserScan can say."""
+    if len(scan.azimuth) < 2 or np.any(np.abs(scan.elevation) > 1e-9):
+        return False
+    steps = np.diff(scan.azimuth)
+    return bool(np.all(np.abs(steps - steps.mean()) < 1e-3 * abs(steps.mean()) + 1e-12))
+
+
+def rings(scan: Scan) -> NDArray[np.int64]:
+    """The layer that each beam belongs to, 0 = the lowest, (beam_count,); all 0 for a single plane."""
+    _, layer = np.unique(np.round(scan.elevation, 6), return_inverse=True)
+    return np.asarray(layer, dtype=np.int64).reshape(-1)
+
+
+def _flatten(points: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Echoes that exist, shape (n, 3), with the beam and echo number of each."""
+    beam, echo = np.nonzero(np.isfinite(points[:, :, 0]))
+    return points[beam, echo], beam, echo
+
+
+def _laser_scan(source: Source, scan: Scan) -> Any:
+    """sensor_msgs/LaserScan of the first echoes; no echo is +inf (REP 117)."""
+    count = len(scan.azimuth)
+    span = float(scan.beam_t[-1] - scan.beam_t[0])
+    ranges = np.ascontiguousarray(scan.ranges[:, 0], dtype=np.float32)
+    return source.make(
+        "sensor_msgs/msg/LaserScan",
+        header=source.make.header(scan.t + round(float(scan.beam_t[0]) * NS), source.frame),
+        angle_min=float(scan.azimuth[0]),
+        angle_max=float(scan.azimuth[-1]),
+        angle_increment=float(scan.azimuth[-1] - scan.azimuth[0]) / max(count - 1, 1),
+        time_increment=span / max(count - 1, 1),
+        scan_time=span,
+        range_max=1000.0,
+        ranges=np.where(np.isnan(ranges), np.float32(np.inf), ranges),
+        intensities=np.nan_to_num(np.ascontiguousarray(scan.intensity[:, 0], dtype=np.float32)),
+    )
+
+
+def _cloud(source: Source, t: int, frame: str, points: NDArray[Any], more: Mapping[str, NDArray[Any]]) -> Any:
+    """sensor_msgs/PointCloud2 of points (n, 3) and further columns (n,)."""
+    columns = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **more}
+    layout = [(name, kind) for name, kind in (*POINT_FIELDS, *BEAM_FIELDS) if name in columns]
+    table = np.zeros(len(points), dtype=np.dtype(layout, align=True))
+    described = []
+    for name, kind in layout:
+        table[name] = columns[name]
+        offset = int(table.dtype.fields[name][1])  # type: ignore[index]
+        described.append(
+            source.make(
+                "sensor_msgs/msg/PointField", name=name, offset=offset, datatype=ROS_KINDS[kind], count=1
+            )
+        )
+    return source.make(
+        "sensor_msgs/msg/PointCloud2",
+        header=source.make.header(t, frame),
+        height=1,
+        width=len(table),
+        fields=described,
+        point_step=table.dtype.itemsize,
+        row_step=table.nbytes,
+        data=np.frombuffer(table.tobytes(), dtype=np.uint8),
+        is_dense=True,
+    )

@@ -1,0 +1,77 @@
+"""The crop as the machine perceives it: its edge, and what stands ahead."""
+
+from typing import Annotated
+
+import numpy as np
+
+from swath.core.frozen import frozen
+from swath.core.signal import About, Message, Quantity, Signal
+
+_NAN = float("nan")
+_EDGE = (
+    Message("swath_msgs/CropEdge"),
+    Message("visualization_msgs/Marker", "a line on the ground", "/machine/slot/output_marker"),
+)
+
+
+@frozen
+class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="edge_t_s")):
+    """The crop edge as detected, in the machine frame (x forward, y left, on the ground)."""
+
+    offset: Annotated[
+        float,
+        Quantity(
+            "m", "y of the detected edge at x = reference_x, > 0 left", nan="no edge", column="edge_offset_m"
+        ),
+    ]
+    heading: Annotated[
+        float,
+        Quantity(
+            "rad",
+            "angle of the detected edge against the x axis, > 0 bears left",
+            nan="no edge",
+            column="edge_heading_rad",
+        ),
+    ]
+    curvature: Annotated[
+        float, Quantity("1/m", "> 0 when the edge bends left; 0 when not estimated", nan="no edge")
+    ]
+    reference_x: Annotated[
+        float,
+        Quantity(
+            "m", "where ahead of the fixed axle the offset holds", nan="no edge", column="edge_reference_m"
+        ),
+    ]
+    confidence: Annotated[
+        float,
+        Quantity("", "P(|offset error| <= 0.10 m), 0..1; 0 = no edge", column="edge_confidence"),
+    ]
+    crop_height: Annotated[float, Quantity("m", "of the crop above the ground", nan="unknown")]
+    stubble_height: Annotated[float, Quantity("m", "of the stubble above the ground", nan="unknown")]
+    offset_sd: Annotated[float, Quantity("m", "1 sigma of the offset", nan="not known")] = _NAN
+    heading_sd: Annotated[float, Quantity("rad", "1 sigma of the heading", nan="not known")] = _NAN
+    seen_to: Annotated[
+        float, Quantity("m", "x of the farthest place where the edge is seen", nan="unknown")
+    ] = _NAN
+    is_held: Annotated[bool, Quantity("", "held from earlier scans, not seen in this one")] = False
+
+    @property
+    def is_found(self) -> bool:
+        """True when there is an edge to steer by."""
+        return self.confidence > 0.0 and np.isfinite(self.offset)
+
+
+@frozen
+class CropAhead(Signal):
+    """The standing crop ahead of the header, averaged over its width."""
+
+    ahead: Annotated[float, Quantity("m", "where in front of the fixed axle it was seen")]
+    height: Annotated[float, Quantity("m", "top of the canopy above the ground", nan="nothing seen")]
+    extinction: Annotated[
+        float, Quantity("1/m", "hits of a ray per metre of way through the canopy", nan="nothing seen")
+    ]
+
+    @property
+    def amount(self) -> float:
+        """Surface of plants over ground, up to a factor: height * extinction; nan = nothing seen."""
+        return self.height * self.extinction

@@ -1,0 +1,30 @@
+"""Readings of the sensors in the crop's way through the machine."""
+
+from typing import Annotated
+
+from swath.core.frozen import frozen
+from swath.core.signal import Quantity, Signal
+
+
+@frozen
+class FeedReading(Signal):
+    """Throughput as the layer sensor in the feeder house reads it."""
+
+    flow: Annotated[float, Quantity("kg/s", "grain and straw")]
+
+
+@frozen
+class YieldReading(Signal):
+    """Grain at the top of the elevator."""
+
+    flow: Annotated[float, Quantity("kg/s", "grain")]
+    moisture: Annotated[float, Quantity("", "water, share of the wet mass")]
+    tank_level: Annotated[float, Quantity("", "filled share of the tank, 0..1")]
+
+
+@frozen
+class LossReading(Signal):
+    """Grain over the rear as the impact sensors read it."""
+
+    separation: Annotated[float, Quantity("kg/s", "over the rotors")]
+    cleaning: Annotated[float, Quantity("kg/s", "over the shoe")]

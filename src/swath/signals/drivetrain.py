@@ -1,0 +1,77 @@
+"""The machine's inside: where the crop is, and the engine that drives it all."""
+
+from typing import Annotated
+
+from swath.core.frozen import frozen
+from swath.core.signal import About, Quantity, Signal
+
+
+@frozen
+class MachineLoad(Signal, about=About(track_order=8)):
+    """Where the crop is: masses since the start, flows at this moment."""
+
+    tank_grain: Annotated[float, Quantity("kg", "grain that came into the tank", column="tank_grain_kg")]
+    lost_grain: Annotated[float, Quantity("kg", "grain lost over the rear", column="lost_grain_kg")]
+    dropped_straw: Annotated[float, Quantity("kg", "straw laid or spread")]
+    held_grain: Annotated[float, Quantity("kg", "grain inside the machine, not in the tank")]
+    held_straw: Annotated[float, Quantity("kg", "straw inside the machine")]
+    grain_flow: Annotated[float, Quantity("kg/s", "into the tank", column="grain_flow_kg_s")]
+    straw_flow: Annotated[float, Quantity("kg/s", "into the swath")]
+    unloaded_grain: Annotated[float, Quantity("kg", "grain that left the tank again")] = 0.0
+    tank_start: Annotated[float, Quantity("kg", "grain in the tank before the start")] = 0.0
+    header_flow: Annotated[float, Quantity("kg/s", "grain and straw at the knife")] = 0.0
+    feeder_flow: Annotated[
+        float, Quantity("kg/s", "grain and straw into the feeder house", column="feeder_flow_kg_s")
+    ] = 0.0
+    drum_flow: Annotated[float, Quantity("kg/s", "grain and straw into the threshing drum, with returns")] = (
+        0.0
+    )
+    rotor_flow: Annotated[float, Quantity("kg/s", "straw through the separation")] = 0.0
+    shoe_flow: Annotated[float, Quantity("kg/s", "grain and chaff over the cleaning shoe")] = 0.0
+    chopper_flow: Annotated[
+        float, Quantity("kg/s", "straw through the chopper, 0 when it lies in a swath")
+    ] = 0.0
+    return_flow: Annotated[float, Quantity("kg/s", "back to the drum")] = 0.0
+    unload_flow: Annotated[float, Quantity("kg/s", "out of the tank")] = 0.0
+    threshing_loss: Annotated[float, Quantity("kg/s", "unthreshed grain over the rear")] = 0.0
+    separation_loss: Annotated[float, Quantity("kg/s", "grain in the straw over the rear")] = 0.0
+    cleaning_loss: Annotated[float, Quantity("kg/s", "grain in the chaff over the rear")] = 0.0
+    loss_share: Annotated[
+        float,
+        Quantity("", "grain lost, of what was fed, for the crop that leaves now, 0..1", column="loss_share"),
+    ] = 0.0
+    tank_level: Annotated[
+        float,
+        Quantity("", "filled share of the tank, 0..1; 0 where no tank is modelled", column="tank_level"),
+    ] = 0.0
+
+    @property
+    def tank_content(self) -> float:
+        """Grain in the tank now [kg]."""
+        return self.tank_start + self.tank_grain - self.unloaded_grain
+
+
+@frozen
+class EngineState(Signal, about=About(track_order=9)):
+    """The engine and what it drives, as its controller reports it."""
+
+    speed: Annotated[float, Quantity("rad/s", "engine speed", column="engine_speed_rad_s")]
+    speed_ratio: Annotated[float, Quantity("", "speed over the rated speed")]
+    load: Annotated[
+        float,
+        Quantity(
+            "", "torque asked / largest torque at this speed; above 1 the speed falls", column="engine_load"
+        ),
+    ]
+    power: Annotated[float, Quantity("W", "given by the engine")]
+    fuel: Annotated[float, Quantity("kg/s", "fuel burnt", column="fuel_kg_s")]
+    fuel_used: Annotated[float, Quantity("kg", "fuel burnt since the start")]
+    header_power: Annotated[float, Quantity("W", "taken by the header")]
+    threshing_power: Annotated[float, Quantity("W", "taken by the threshing drum")]
+    separation_power: Annotated[float, Quantity("W", "taken by the separation")]
+    cleaning_power: Annotated[float, Quantity("W", "taken by the cleaning")]
+    chopper_power: Annotated[float, Quantity("W", "taken by the chopper")]
+    unloading_power: Annotated[float, Quantity("W", "taken by the unloading")]
+    propulsion_power: Annotated[float, Quantity("W", "taken by the propulsion")]
+    auxiliary_power: Annotated[float, Quantity("W", "taken by everything else")]
+    speed_limit: Annotated[float, Quantity("m/s", "largest ground speed the drive can give now")]

@@ -1,0 +1,58 @@
+"""The header: how it hangs over the ground, and what it takes in."""
+
+from typing import Annotated
+
+from swath.core.frozen import frozen
+from swath.core.signal import About, Quantity, Signal, TrackColumn
+from swath.signals.arrays import F64
+
+
+@frozen
+class CropFlow(Signal, about=About(track_order=6)):
+    """What the header took in during its last step. Lost and left grain are not part of `grain`."""
+
+    grain: Annotated[float, Quantity("kg", "grain that went in", is_amount=True)]
+    straw: Annotated[float, Quantity("kg", "straw that went in", is_amount=True)]
+    area: Annotated[float, Quantity("m2", "area that was cut", is_amount=True)]
+    stem_count: Annotated[int, Quantity("", "stems that were cut", is_amount=True)]
+    header_fill: Annotated[float, Quantity("", "cut width / header width", column="header_fill")]
+    dt: Annotated[float, Quantity("s", "length of the step", is_amount=True)]
+    lost_grain: Annotated[
+        float, Quantity("kg", "grain that the header cut but shed on the ground", is_amount=True)
+    ] = 0.0
+    left_grain: Annotated[
+        float, Quantity("kg", "grain on stems whose ear was below the knife", is_amount=True)
+    ] = 0.0
+
+
+@frozen
+class HeaderState(Signal, about=About(track_order=7)):
+    """The header over the ground."""
+
+    heights: Annotated[
+        F64,
+        Quantity(
+            "m",
+            "true heights of the knife above the ground, at even steps from left to right; < 0 digs in",
+            ("place_count",),
+            columns=(
+                TrackColumn(
+                    "knife_height_m",
+                    "m",
+                    "mean height of the knife above the ground",
+                    lambda h: float(h.mean()),
+                ),
+            ),
+        ),
+    ]
+    readings: Annotated[
+        F64, Quantity("m", "of the feelers from left to right", ("feeler_count",), "before the first reading")
+    ]
+    wanted: Annotated[float, Quantity("m", "cutting height")]
+    band: Annotated[float, Quantity("m", "tolerated to both sides of it")]
+    lift: Annotated[float, Quantity("rad", "of the feeder, > 0 raised", column="header_lift_rad")]
+    tilt: Annotated[
+        float,
+        Quantity("rad", "of the header against the machine, > 0 left side up", column="header_tilt_rad"),
+    ]
+    contact: Annotated[float, Quantity("", "share of the knife in the ground, 0..1")]

@@ -1,0 +1,80 @@
+"""How a machine moves: the truth, and where its steered axle stands."""
+
+from collections.abc import Callable
+from typing import Annotated
+
+from swath.core.frames import Pose
+from swath.core.frozen import frozen
+from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
+
+
+def _position(axis: int) -> Callable[[Pose], float]:
+    return lambda pose: float(pose.position[axis])
+
+
+def _angle(axis: int) -> Callable[[Pose], float]:
+    return lambda pose: float(pose.euler()[axis])
+
+
+_POSE = (
+    TrackColumn("x_m", "m", "east of the fixed axle's centre", _position(0)),
+    TrackColumn("y_m", "m", "north of it", _position(1)),
+    TrackColumn("z_m", "m", "height of it", _position(2)),
+    TrackColumn("roll_rad", "rad", "> 0 left side up", _angle(0)),
+    TrackColumn("pitch_rad", "rad", "> 0 nose down", _angle(1)),
+    TrackColumn("yaw_rad", "rad", "from east, > 0 left", _angle(2)),
+)
+_STATE = (
+    Message("nav_msgs/Odometry", frame="`map` -> `machine/base`"),
+    Message(
+        "sensor_msgs/NavSatFix",
+        "the truth at 10 Hz, of a field on Earth, where no slot publishes a Fix",
+        "/machine/slot/fix",
+        "`machine/base`",
+    ),
+    Message("tf2_msgs/TFMessage", "", "/tf", "`map` -> `machine/base`"),
+    Message(
+        "tf2_msgs/TFMessage",
+        "mountings, start pose",
+        "/tf_static",
+        "`machine/base` -> `machine/sensor`, `map` -> `machine/odom`",
+    ),
+)
+
+
+@frozen
+class MachineState(Signal, about=About("world", _STATE, is_thinned=True, track_order=0, time_column="t_s")):
+    """Truth about a machine's motion. Sensors and the header read it; control never does."""
+
+    pose: Annotated[
+        Pose,
+        Quantity(
+            "", "pose_world_machine, origin: centre of the fixed (front) axle, on the ground", columns=_POSE
+        ),
+    ]
+    speed: Annotated[float, Quantity("m/s", "true forward speed", column="speed_m_s")]
+    lateral_speed: Annotated[float, Quantity("m/s", "true leftward speed", column="lateral_speed_m_s")]
+    yaw_rate: Annotated[float, Quantity("rad/s", "true yaw rate, > 0 left", column="yaw_rate_rad_s")]
+    steer_angle: Annotated[
+        float,
+        Quantity(
+            "rad", "equivalent single-wheel angle, > 0 turns left", nan="not known of a recorded machine"
+        ),
+    ]
+    distance: Annotated[float, Quantity("m", "travelled path length", column="distance_m")]
+
+
+@frozen
+class SteerState(
+    Signal,
+    about=About(messages=(Message("ackermann_msgs/AckermannDriveStamped"),), is_thinned=True, track_order=1),
+):
+    """Where the steered axle stands."""
+
+    angle: Annotated[
+        float,
+        Quantity(
+            "rad", "equivalent single-wheel angle of the steered axle, > 0 turns left", column="steer_rad"
+        ),
+    ]
+    rate: Annotated[float, Quantity("rad/s", "its rate")]

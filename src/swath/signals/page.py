@@ -1,0 +1,108 @@
+"""docs/signals.md and the table of messages in docs/run-folder.md, made from the declarations of the signals.
+
+python -m swath.signals.page docs     writes both anew
+"""
+
+import inspect
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import get_type_hints
+
+from swath.core.frames import Pose
+from swath.core.signal import Message, Quantity, Signal, quantities, signal_types
+from swath.signals.flat import ARRAYS
+
+BEGIN, END = "<!-- made by swath.signals.page -->", "<!-- end -->"
+FRAMES = {
+    "base": "`machine/base`",
+    "sensor": "`machine/slot`",
+    "optical": "`machine/slot_optical`",
+    "world": "`map`",
+}
+HEAD = f"""\
+# Signals
+{BEGIN}
+What flows between the slots of a machine: samples in SI units and radians, each with a time `t` [ns]. Frames:
+[nomenclature.md](nomenclature.md); how samples are recorded: [run-folder.md](run-folder.md). *Amounts*
+belong to the step of their sample and add up, everything else is a state. Fields have the same names in ROS 2
+messages `swath_msgs/<Signal>`, in variables of FMUs (`port.field`) and in `swath.signals`. The numbers of a
+pose are `pose.x`, `pose.y`, `pose.z` [m], `pose.roll`, `pose.pitch`, `pose.yaw` [rad].
+"""
+SAMPLES = {
+    "exact": "",
+    "full": " Recorded bit for bit with `record: full` only.",
+    "messages": " Its messages keep every bit, there are no exact samples beside them.",
+}
+
+
+def bundled_signals() -> list[type[Signal]]:
+    """The sample types of this package, by name."""
+    found = [kind for kind in signal_types() if kind.__module__.startswith("swath.signals.")]
+    return sorted(found, key=lambda kind: kind.__name__)
+
+
+def signals_page(signals: Sequence[type[Signal]]) -> str:
+    """A page with a table of fields per signal."""
+    return HEAD + "".join("\n" + _section(signal) for signal in signals)
+
+
+def messages_table(signals: Sequence[type[Signal]]) -> str:
+    """Signal, topic, message and frame of everything in run.mcap, as a table."""
+    rows = ["| sample | topic | message | frame |", "|---|---|---|---|"]
+    for signal in signals:
+        name = signal.__name__
+        for message in messages_of(signal):
+            said = f"{message.type}: {message.meaning}" if message.meaning else message.type
+            frame = message.frame or FRAMES[signal.about.frame]
+            rows.append(f"| {name} | `{message.topic}` | {said} | {frame} |")
+            name = ""
+    return "\n".join(rows) + "\n"
+
+
+def messages_of(signal: type[Signal]) -> tuple[Message, ...]:
+    """The ROS 2 messages of a signal."""
+    return signal.about.messages or (Message(f"swath_msgs/{signal.__name__}"),)
+
+
+def _section(signal: type[Signal]) -> str:
+    about = signal.about
+    types = ", ".join(dict.fromkeys(m.type for m in messages_of(signal)))
+    rate = ", at the rate of `tracks.parquet`" if about.is_thinned else ""
+    lines = [f"## {signal.__name__}", inspect.getdoc(signal) or "", ""]
+    lines += [f"Frame: {FRAMES[about.frame]}. ROS 2: {types}{rate}.{SAMPLES[about.samples]}", ""]
+    lines += ["| field | type | unit | meaning | nan | column of tracks |", "|---|---|---|---|---|---|"]
+    hints, known = get_type_hints(signal), quantities(signal)
+    lines += [_row(f.name, hints[f.name], known[f.name]) for f in fields(signal) if f.name in known]
+    return "\n".join(lines) + "\n"
+
+
+def _row(name: str, hint: type, quantity: Quantity) -> str:
+    kind = (
+        "pose"
+        if hint is Pose
+        else f"({', '.join(map(str, quantity.shape))})"
+        if hint in ARRAYS
+        else hint.__name__
+    )
+    meaning = quantity.meaning.replace("|", "\\|") + (" (amount)" if quantity.is_amount else "")
+    columns = ", ".join(f"`{c.name}`" for c in quantity.tracks)
+    return f"| `{name}` | {kind} | {quantity.unit or '-'} | {meaning} | {quantity.nan} | {columns} |"
+
+
+def with_table(page: str) -> str:
+    """A page with what stands between BEGIN and END made anew."""
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{BEGIN}\n{messages_table(bundled_signals())}{END}{rest.partition(END)[2]}"
+
+
+def write_pages(folder: Path) -> None:
+    """Write both pages in a folder of documentation."""
+    (folder / "signals.md").write_text(signals_page(bundled_signals()), encoding="utf-8")
+    page = folder / "run-folder.md"
+    page.write_text(with_table(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_pages(Path(sys.argv[1]))

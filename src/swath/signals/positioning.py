@@ -1,0 +1,92 @@
+"""What a machine measures of its own motion and place."""
+
+from typing import Annotated
+
+from swath.core.frozen import frozen
+from swath.core.signal import About, Message, Quantity, Signal
+
+FIX_QUALITIES = ("none", "single", "dgps", "float", "fix")  # of a Fix, by number
+_NAN = float("nan")
+
+
+@frozen
+class Odometry(
+    Signal,
+    about=About(
+        messages=(Message("nav_msgs/Odometry", frame="`machine/odom` -> `machine/base`"),), track_order=4
+    ),
+):
+    """Measured motion."""
+
+    speed: Annotated[float, Quantity("m/s", "measured speed", column="odometry_speed_m_s")]
+    yaw_rate: Annotated[
+        float, Quantity("rad/s", "measured yaw rate, > 0 left", column="odometry_yaw_rate_rad_s")
+    ]
+    steer_angle: Annotated[
+        float, Quantity("rad", "measured, > 0 turns left", nan="not known of a recorded machine")
+    ]
+
+
+@frozen
+class Inertial(
+    Signal, about=About("sensor", (Message("sensor_msgs/Imu", "gravity included, no orientation"),))
+):
+    """What an inertial unit feels about and along its own axes, the mean since its sample before.
+
+    Forces are specific forces, acceleration less gravity: +9.81 upward at rest.
+    """
+
+    rate_x: Annotated[float, Quantity("rad/s", "measured, x axis", column="imu_rate_x_rad_s")]
+    rate_y: Annotated[float, Quantity("rad/s", "measured, y axis", column="imu_rate_y_rad_s")]
+    rate_z: Annotated[float, Quantity("rad/s", "measured, z axis", column="imu_rate_z_rad_s")]
+    force_x: Annotated[float, Quantity("m/s2", "measured, x axis", column="imu_force_x_m_s2")]
+    force_y: Annotated[float, Quantity("m/s2", "measured, y axis", column="imu_force_y_m_s2")]
+    force_z: Annotated[float, Quantity("m/s2", "measured, z axis", column="imu_force_z_m_s2")]
+    rate_sd: Annotated[float, Quantity("rad/s", "white noise of a sample, 1 sigma")] = 0.0
+    force_sd: Annotated[float, Quantity("m/s2", "white noise of a sample, 1 sigma")] = 0.0
+
+
+_FIX = (
+    Message(
+        "sensor_msgs/NavSatFix", "of a field on Earth; status -1 where it is lost", frame="`machine/slot`"
+    ),
+    Message(
+        "nav_msgs/Odometry",
+        "while there is a fix; twist along the course",
+        "/machine/slot/output_odometry",
+        "`map` -> `machine/slot_course`",
+    ),
+)
+
+
+@frozen
+class Fix(Signal, about=About("world", _FIX, time_column="fix_t_s")):
+    """A satellite receiver's position, valid when it was measured; it comes out later.
+
+    Qualities by number, as in `FIX_QUALITIES`: none, single, dgps, float, fix.
+    """
+
+    x: Annotated[float, Quantity("m", "antenna as measured, east", nan="no position", column="fix_x_m")]
+    y: Annotated[float, Quantity("m", "antenna as measured, north", nan="no position", column="fix_y_m")]
+    z: Annotated[float, Quantity("m", "antenna as measured, height", nan="no position", column="fix_z_m")]
+    speed: Annotated[
+        float,
+        Quantity("m/s", "measured horizontal speed over ground", nan="not known", column="fix_speed_m_s"),
+    ]
+    course: Annotated[float, Quantity("rad", "where to, from east, > 0 left", nan="not known")]
+    horizontal_sd: Annotated[
+        float, Quantity("m", "1 sigma as reported, of east and north each", nan="not known")
+    ]
+    vertical_sd: Annotated[float, Quantity("m", "1 sigma as reported", nan="not known")]
+    speed_sd: Annotated[float, Quantity("m/s", "1 sigma as reported", nan="not known")]
+    quality: Annotated[int, Quantity("", "0 none, 1 single, 2 dgps, 3 float, 4 fix", column="fix_quality")]
+    longitude: Annotated[
+        float, Quantity("rad", "of the same place", nan="no position, or nowhere on Earth")
+    ] = _NAN
+    latitude: Annotated[
+        float, Quantity("rad", "of the same place", nan="no position, or nowhere on Earth")
+    ] = _NAN
+    height: Annotated[
+        float,
+        Quantity("m", "in the field's geodetic system", nan="no position, or nowhere on Earth"),
+    ] = _NAN

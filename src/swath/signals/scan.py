@@ -1,0 +1,67 @@
+"""Sweeps of a LiDAR: what it measured, and what it really hit."""
+
+from typing import Annotated
+
+import numpy as np
+
+from swath.core.frozen import frozen
+from swath.core.signal import About, Message, Quantity, Signal
+from swath.signals.arrays import F32, F64
+
+_SCAN = (
+    Message("sensor_msgs/LaserScan", "first echoes of one plane at even angles"),
+    Message(
+        "sensor_msgs/PointCloud2",
+        "any other scan or several echoes: x, y, z, intensity, time, beam, ring, echo",
+        "/machine/slot/output_points",
+    ),
+)
+
+
+@frozen
+class Scan(Signal, about=About("sensor", _SCAN)):
+    """One sweep of a LiDAR, in beam order. t is the end of the sweep.
+
+    The nominal direction of a beam is (cos e cos a, cos e sin a, sin e) with its elevation e and azimuth a.
+    """
+
+    beam_t: Annotated[F64, Quantity("s", "time of each beam relative to t, <= 0", ("beam_count",))]
+    azimuth: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",))]
+    elevation: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",))]
+    ranges: Annotated[F32, Quantity("m", "measured distance", ("beam_count", "echo_count"), "no echo")]
+    intensity: Annotated[
+        F32,
+        Quantity(
+            "",
+            "received, relative to a white diffuse target that fills the spot at the same range",
+            ("beam_count", "echo_count"),
+            "no echo",
+        ),
+    ]
+
+    def points(self) -> F64:
+        """Echo points in the sensor frame [m], shape (beam_count, echo_count, 3), nan = no echo.
+
+        What the sensor itself believes: nominal angles, no correction for its own motion.
+        """
+        directions = beam_directions(self.azimuth, self.elevation)
+        return self.ranges[:, :, None].astype(np.float64) * directions[:, None, :]
+
+
+@frozen
+class ScanTruth(
+    Signal,
+    about=About("world", (Message("sensor_msgs/PointCloud2", "x, y, z, beam, echo"),), samples="full"),
+):
+    """What a simulated scan really hit, for metrics and pictures only."""
+
+    points: Annotated[F64, Quantity("m", "where the echoes lie", ("beam_count", "echo_count", 3), "no echo")]
+    sensor_position: Annotated[
+        F64, Quantity("m", "sensor at the time of each beam", ("beam_count", 3), "not recorded")
+    ]
+
+
+def beam_directions(azimuth: F64, elevation: F64) -> F64:
+    """Unit vectors in the sensor frame, shape (..., 3), from angles [rad]."""
+    ce = np.cos(elevation)
+    return np.stack([ce * np.cos(azimuth), ce * np.sin(azimuth), np.sin(elevation)], axis=-1)
