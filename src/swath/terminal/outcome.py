@@ -77,9 +77,9 @@ def _rows(
     rows = []
     for name in known:
         if name in metrics:
-            held = own.get(name)
-            limit, result = ("", "") if held is None else (limit_text(held), str(held["result"]))
-            rows.append((name, number(metrics[name]), limit, result))
+            held: dict[str, Any] = own.get(name, {})
+            limit = limit_text(held) if held else ""
+            rows.append((name, number(metrics[name]), limit, str(held.get("result", ""))))
     for entry in expect:
         if entry is not own.get(entry["name"]) or entry["name"] not in metrics:
             limit = limit_text(entry) + window_text(entry)
