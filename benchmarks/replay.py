@@ -46,7 +46,7 @@ def place(lidar: Any, along: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def build(plants: Any, path: Path) -> tuple[int, float]:
     """A grid of plants' scans; echoes and CPU seconds of the building alone."""
-    from swath.tools.height_map.build import build_replay
+    from swath.tools.height_map.build import build_height_map
     from swath.tools.height_map.poses import make_track
     from swath.tools.height_map.source import Echoes, Source
 
@@ -61,7 +61,7 @@ def build(plants: Any, path: Path) -> tuple[int, float]:
     track = make_track(np.arange(MEASURED), positions, angles)
     source = Source("bench", track, plants.mounting, lambda: iter(echoes))
     started = time.process_time()
-    grid = build_replay(source)
+    grid = build_height_map(source)
     spent = time.process_time() - started
     grid.save(path)
     return sum(len(e.time) for e in echoes), spent

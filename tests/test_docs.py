@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from swath.commands.main import COMMANDS, UsageError, _make_parser
+from swath.commands.main import UsageError, make_parser
 from swath.core.errors import InputError
 from swath.scenario.scenario import load_scenario, scenario_names
-from swath.tools.rerun.command import with_verb
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
@@ -43,10 +42,10 @@ def command_lines(page):
         words = words[: cut[0]] if cut else words
         is_form = any(w.startswith(("[", "<")) or w.isupper() or "..." in w for w in words)
         if words and words[0] in NAMES and not is_form and not line.endswith("\\"):
-            yield with_verb(words) if words[0] == "replay" else words
+            yield words
 
 
-NAMES = [c.__name__.rpartition(".")[2] for c in COMMANDS]
+PARSER, NAMES = make_parser()
 LINES = [(p.name, words) for p in PAGES for words in command_lines(p)]
 
 
@@ -60,7 +59,7 @@ def test_there_are_command_lines_to_check():
 def test_a_printed_command_line_is_understood(page, words, monkeypatch):
     monkeypatch.chdir(ROOT)
     try:
-        args = _make_parser().parse_args(words)
+        args = PARSER.parse_args(words)
     except UsageError as error:
         pytest.fail(f"{page}: swath {' '.join(words)}: {error}")
     if getattr(args, "scenario", None) not in scenario_names():

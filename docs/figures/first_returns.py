@@ -1,8 +1,10 @@
-"""Prints the table of docs/lab.md: upright stems with ears, rays against the closed form."""
+"""Prints the table of docs/lab.md: upright stems with ears, rays against the closed form.
+
+Run from the repository root: `python -m docs.figures.first_returns`.
+"""
 
 import numpy as np
-
-from swath.tools.lab.first_returns import Moments, Stems, UprightStand, closed_form, ray_count
+from tests.tools.first_returns import Moments, Stems, UprightStand, closed_form, ray_count
 
 COUNTS = {0.0: 40_000, 0.02: 8_000, 0.05: 6_000, 0.10: 4_000}
 

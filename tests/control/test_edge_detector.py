@@ -64,7 +64,7 @@ def test_a_nearest_echo_spot_shifts_the_edge_and_known_beam_data_shift_it_back(s
     assert abs(corrected) < 0.025
 
 
-def test_an_overhang_that_is_given_is_half_the_lean_times_the_crop_height():
+def test_a_canopy_offset_that_is_given_is_half_the_lean_times_the_crop_height():
     upright, leaning = (drive(params={"lean_deg": lean, "learn_m": 0.0}) for lean in (0.0, 10.0))
     shift = upright[-1, 2] - leaning[-1, 2]  # the crop is to the right: a correction towards it lowers y
     assert shift == pytest.approx(0.5 * np.tan(10 * DEG) * leaning[-1, 6], abs=1e-3)

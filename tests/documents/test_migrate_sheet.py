@@ -49,7 +49,7 @@ def test_a_scanner_keeps_numbers_notes_and_comments(tmp_path):
     assert text.startswith("# My own scanner.\nformat: swath sensor 2\nname: mine\n")
     assert re.search(r'source: "manual, page 3"} +# both ends', text)
     assert "note: diameter across and along" in text
-    assert "  step_deg: {value: 0.50, tag: U, source: 'leaflet, not looked up'}" in text
+    assert '  step_deg: {value: 0.50, tag: U, source: "leaflet, not looked up"}' in text
     assert "memory" not in text
     assert "unit" not in text
 

@@ -37,14 +37,15 @@ def test_a_reset_field_is_a_fresh_one(page_limit):
     first = work(field)
     assert field.recount().stem_count > 0
     assert first[1:3] == (pytest.approx(12 * 2.0 + 6.6), pytest.approx(60.0))
-    kept = len(field.store.keys)
+    here, recut = set(field.store.keys), set(field.store.recut)
     field.reset()
-    assert len(field.store.keys) < kept
-    assert field.store.keys or page_limit < len(places)  # pages far from the work stay
+    made, make = set(), field.store.make
+    field.store.make = lambda i, j: made.add((i, j)) or make(i, j)
     assert (field.straw_kg, field.ground_grain_kg, field.recount().stem_count) == (0.0, 0.0, 0)
     assert field.save()["keys"].size == 0
-    for made in (field, fresh):
-        made.store.need(places)
+    for one in (field, fresh):
+        one.store.need(places)
+    assert made == set(places) - (here - recut)  # what was not cut is not made again
     for key in places:
         after, at_start = shown(field, key), shown(fresh, key)
         for name in at_start:

@@ -215,7 +215,7 @@ def test_a_node_leaves_out_its_own_frames_and_those_for_others_and_tells_who_it_
         assert twin.receive().source == 240
         assert twin.receive() is None  # the rest came from its own address
         assert other.receive().source == 240
-        node.ask_who_is_there()
+        node.request_claims()
         assert other.receive() is None
         claim = node.receive(1.0)
         assert (claim.name, claim.source, claim.values["device_class"]) == (CLAIM, 28, 0.0)
@@ -382,7 +382,7 @@ def test_a_box_lets_go_when_asked_and_starts_anew_with_a_new_machine():
     ("keys", "slot", "said"),
     [
         ({"interface": "sockcan"}, "steer", r"interface = sockcan: expected one of .*socketcan"),
-        ({}, "speed", r"level = can: expected in the slot steer"),
+        ({}, "speed", r"level = can: expected in a slot steer"),
         ({"cycle_ms": 50.0}, "steer", r"cycle_ms = 50.0: expected a multiple of the slot's 20 ms"),
         ({"box": "inside", "law": "preveiw"}, "steer", r"^law = preveiw: .*did you mean 'preview'"),
         ({"box": "inside", "law": "can"}, "steer", r"law = can: expected a steering law that needs only"),

@@ -4,10 +4,10 @@ from math import exp
 
 import pytest
 
+from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import read_fmu
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.open_unit import make_instance
-from swath.link.fmi.own import OwnProcess
 from tests.link.made_fmus import engine_fmu, needs_cc, python_fmu, store_fmu
 
 pytest.importorskip("fmpy")
@@ -28,7 +28,7 @@ def engine(tmp_path_factory):
 
 def opened(fmu, inputs, outputs, own=False):
     variables = [[fmu.variables[n] for n in names] for names in (inputs, outputs)]
-    return OwnProcess(fmu, "part", *variables, 5.0) if own else make_instance(fmu, "part", *variables)
+    return ChildProcess(fmu, "part", *variables, 5.0) if own else make_instance(fmu, "part", *variables)
 
 
 @pytest.fixture(params=[False, True], ids=["here", "own"])
@@ -110,7 +110,7 @@ def test_failures_say_what_the_fmu_says(part, mode, message):
 def test_a_crash_is_an_error_that_names_the_signal(store):
     part = opened(store, ("grain_in",), SEEN, own=True)
     part.start({"mode": MODES["crash"], "fail_at": 0.0})
-    folder = part._unpacked.peek()[2][0]
+    folder = part.folder
     assert folder.is_dir()
     with pytest.raises(FmuError, match=r"its process crashed \(SIGSEGV\)"):
         part.step(0.0, 0.1, [0.0])
@@ -122,7 +122,7 @@ def test_a_crash_is_an_error_that_names_the_signal(store):
 
 def test_a_hang_is_an_error_after_the_time_out(store):
     variables = [[store.variables["grain_in"]], [store.variables["steps"]]]
-    part = OwnProcess(store, "part", *variables, 0.3)
+    part = ChildProcess(store, "part", *variables, 0.3)
     part.start({"mode": MODES["hang"], "fail_at": 0.0})
     with pytest.raises(FmuError, match=r"no answer within 0\.3 s \(its step\); its process was ended"):
         part.step(0.0, 0.1, [0.0])
@@ -132,7 +132,7 @@ def test_a_hang_is_an_error_after_the_time_out(store):
 def test_own_process_ends_with_its_unit(store):
     part = opened(store, ("grain_in",), SEEN, own=True)
     part.start({})
-    child = part._child
+    child = part.child
     part.close()
     assert child.returncode == 0
 

@@ -120,8 +120,8 @@ def test_what_cannot_be_written_is_named(run, tmp_path):
         (tmp_path, "x.osi", {}, "it has no scenario.yaml"),
         (run, "x.mcap", {}, "expected a file such as x.osi"),
         (run, "x.osi", {"kind": "gt"}, "expected one of sd, sv"),
-        (run, "x.osi", {"slot": "cart.lidar"}, "expected one of combine.lidar"),
-        (run, "x.osi", {"slot": "combine.radar"}, "a scanner that the run recorded"),
+        (run, "x.osi", {"slot": "cart.lidar"}, "expected a scanner of the recording: combine.lidar"),
+        (run, "x.osi", {"slot": "combine.radar"}, "expected a scanner of the recording: combine.lidar"),
     ):
         with pytest.raises(InputError, match=text):
             write_trace(folder, tmp_path / out, **more)

@@ -181,7 +181,7 @@ def test_the_stubble_is_as_high_as_the_knife_was():
     for before, after in zip(seen.of[HeaderState][50:-50], seen.of[HeaderState][51:-49], strict=True):
         places = []
         for sample in (before, after):
-            ends = header._hang.points(np.zeros(25), np.linspace(6, -6, 25), sample.lift, sample.tilt)
+            ends = header.kinematics.points(np.zeros(25), np.linspace(6, -6, 25), sample.lift, sample.tilt)
             places.append(poses[sample.t].apply(ends))
         over = places[1][:, 2] - world.field.ground_height(places[1][:, 0], places[1][:, 1])
         np.testing.assert_allclose(over[::2], after.heights, atol=1e-12)

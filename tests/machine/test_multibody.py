@@ -43,7 +43,7 @@ def test_the_parts_add_up_to_the_sheet(name):
     full = np.zeros((motion.model.nv, motion.model.nv))
     mujoco.mj_fullM(motion.model, motion.data, full)
     np.testing.assert_allclose(np.diag(full)[:3], d.mass, rtol=1e-6)
-    centre = motion.data.subtree_com[motion._chassis]
+    centre = motion.data.subtree_com[motion.model.body("chassis").id]
     np.testing.assert_allclose(centre, [-d.cg_behind, 0.0, d.cg_height], atol=1e-6)
     x2, z2 = d.cg_behind**2, d.cg_height**2
     about_origin = [m.roll_inertia + d.mass * z2, m.pitch_inertia + d.mass * (x2 + z2)]

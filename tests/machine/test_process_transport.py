@@ -44,7 +44,7 @@ def test_joined_packets_cost_less_and_shift_little():
     fine, coarse = Conveyor(1.0, 1), Conveyor(1.0, 1, joined=0.02)
     masses = [1.0 + math.sin(0.05 * i) for i in range(3000)]
     a, b = leaving(fine, masses, 0.001), leaving(coarse, masses, 0.001)
-    assert len(coarse._packets) < 60 < len(fine._packets)
+    assert len(coarse.save()["packets"]) < 60 < len(fine.save()["packets"])
     assert sum(a) + fine.held()[0] == pytest.approx(sum(b) + coarse.held()[0], rel=1e-12)
     assert np.cumsum(b) == pytest.approx(np.cumsum(a), abs=0.01 * sum(a) / 3)
 

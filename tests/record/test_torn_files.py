@@ -217,7 +217,7 @@ def test_a_torn_database_says_what_to_do(tmp_path, share):
     assert any(note.startswith(CUT_OFF) for note in log.notes)
 
 
-@pytest.mark.parametrize("command", [["replay"], ["replay", "build", "--out", "h.npz"]])
+@pytest.mark.parametrize("command", [["rerun"], ["height-map", "build", "--out", "h.npz"]])
 def test_one_line_on_the_command_line(tmp_path, capsys, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     Path("bad.mcap").write_bytes(b"not a recording")

@@ -79,7 +79,7 @@ def test_cut_stems_are_drawn_as_stubble(ground):
     top = np.maximum(found.a[:, 2], found.b[:, 2]) - ground.ground_height(found.a[:, 0], found.a[:, 1])
     stubble = found.organ == Organ.STUBBLE
     assert 100 < stubble.sum() < len(stubble)
-    depth = ground.nominal_edge.signed_distance(found.a[:, 0], found.a[:, 1])
+    depth = ground.first_edge.signed_distance(found.a[:, 0], found.a[:, 1])
     assert top[stubble].max() < 0.16
     assert top[~stubble].max() > 0.6
     assert (top[(depth < -0.7) & ~stubble] < 0.16).all()

@@ -72,7 +72,7 @@ def set_where(grid, where, heights):
 
 def drive(lidar, world, offset=0.0, speed=2.0, length=8.0, rate=25.0):
     """Scans along a straight line parallel to the edge; offset to its left [m]. Returns outputs, states."""
-    edge, setup = world.field.nominal_edge, lidar.setup
+    edge, setup = world.field.first_edge, lidar.setup
     h = float(edge.heading_at(0.0))
     ahead, left = np.array([np.cos(h), np.sin(h)]), np.array([-np.sin(h), np.cos(h)])
     end = np.array(setup.machine.header_end(setup.edge_side))

@@ -12,8 +12,6 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import load_crop
 from swath.rays.spread import SpreadTable, quantile_nodes
-from swath.runtime.job import run_job
-from swath.scenario.scenario import parse_scenario
 from swath.sensing.tables import load_table, save_table
 from swath.tools.calibrate.fit import (
     SMALL,
@@ -21,23 +19,23 @@ from swath.tools.calibrate.fit import (
     fit_plants,
     normal_scores,
 )
-from swath.tools.calibrate.measured import COLUMNS, fit_samples, read_run, read_samples
-from swath.tools.calibrate.stand_rays import LINE, Place, Reading, Returns, StandRays
+from swath.tools.calibrate.measured import COLUMNS, fit_samples, read_samples
+from swath.tools.calibrate.stand_scans import LINE, EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import compare
 
 
 @cache
 def small():
-    """A coarse table of wheat and how it fared."""
-    return fit_plants(load_crop("wheat"), SMALL, Reading(sub_rays=19), 1)
+    """A coarse table of wheat and how it agrees with other stands."""
+    return fit_plants(load_crop("wheat"), SMALL, EchoSettings(sub_rays=19), 1)
 
 
 def test_a_coarse_table_already_tells_other_stands_of_other_plants():
-    _, judged = small()
-    assert len(judged) == SMALL.held_out
-    worst = max(h.agreement.wasserstein_m for h in judged)
+    _, held_out = small()
+    assert len(held_out) == SMALL.held_out
+    worst = max(h.agreement.wasserstein_m for h in held_out)
     assert worst < 0.07
-    assert np.mean([abs(h.agreement.ground_bias) for h in judged]) < 0.03
+    assert np.mean([abs(h.agreement.ground_bias) for h in held_out]) < 0.03
 
 
 def test_trends_of_the_fit():
@@ -70,7 +68,7 @@ def test_ground_share_between_nodes_follows_the_thin_ray():
 
 def test_same_seed_same_bytes_and_back_from_disk(tmp_path):
     table, _ = small()
-    again, _ = fit_plants(load_crop("wheat"), SMALL, Reading(sub_rays=19), 1)
+    again, _ = fit_plants(load_crop("wheat"), SMALL, EchoSettings(sub_rays=19), 1)
     one, two = save_table(table, tmp_path / "a" / "t.npz"), save_table(again, tmp_path / "b" / "t.npz")
     assert [f.read_bytes() for f in one] == [f.read_bytes() for f in two]
     back = load_table(str(one[0]))
@@ -82,10 +80,10 @@ def test_same_seed_same_bytes_and_back_from_disk(tmp_path):
 def test_what_comes_back_too_weakly_of_a_long_spot_is_lost():
     """At 10 deg a spot of 15 cm is 0.9 m long. Its far part is a pulse of its own where the crop is thin; a
     receiver of less reach misses it, and reports what is nearer and higher."""
-    stands = StandRays(load_crop("wheat"), Stream(1, "x"), tile_count=6)
+    stands = SampleStands(load_crop("wheat"), Stream(1, "x"), tile_count=6)
     place = Place(200.0, 0.85, 10.0 * DEG, 0.15)
     blunt, sharp = (
-        stands.look(place, 60, Reading(sensor=name), Stream(1, "y")).height
+        stands.scan(place, 60, EchoSettings(sensor=name), Stream(1, "y")).height
         for name in ("sick-lms111", "sick-lms511-sr")
     )
     assert np.mean(blunt - sharp) > 0.001
@@ -93,7 +91,7 @@ def test_what_comes_back_too_weakly_of_a_long_spot_is_lost():
 
 def test_silhouette_reaches_down_through_the_densest_crop():
     """The branch layer of rape shades ten times as much as wheat: still known below it."""
-    found = StandRays(load_crop("rape"), Stream(1, "x"), tile_count=4).silhouette(
+    found = SampleStands(load_crop("rape"), Stream(1, "x"), tile_count=4).silhouette(
         Stream(1, "y"), relative_max=1.6, fine=0.02, rays=8000
     )
     assert found[5] > found[25] > found[40] > 5.0 * found[50] > 0.0  # at 0.1, 0.5, 0.8 and 1 of the height
@@ -131,8 +129,7 @@ def test_normal_scores_of_ranks_with_ties_and_gaps():
     assert normal_scores(np.array([1.0, np.nan, 1.0])).tolist()[::2] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["csv", "npz"])
-def test_measured_beams_over_known_stands(tmp_path, kind):
+def test_measured_beams_over_known_stands(tmp_path):
     """Two stands, one angle: the table gives back what was measured, and says so on held-out beams."""
     rng = np.random.default_rng(4)
     n = 3000
@@ -145,47 +142,16 @@ def test_measured_beams_over_known_stands(tmp_path, kind):
     columns = dict(
         zip(COLUMNS, (density, np.full(n, 0.85), np.full(n, 25.0), np.full(n, 60.0), height), strict=True)
     )
-    path = tmp_path / f"beams.{kind}"
-    if kind == "npz":
-        np.savez(path, **columns)
-    else:
-        rows = np.stack(list(columns.values()), axis=1)
-        np.savetxt(path, rows, delimiter=",", header=",".join(COLUMNS), comments="")
-    table, judged = fit_samples(load_crop("wheat"), read_samples(path), 1)
-    assert len(judged) == 2
-    assert all(h.agreement.wasserstein_m < 0.03 for h in judged)
+    path = tmp_path / "beams.csv"
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt(path, rows, delimiter=",", header=",".join(COLUMNS), comments="")
+    table, held_out = fit_samples(load_crop("wheat"), read_samples(path), 1)
+    assert len(held_out) == 2
+    assert all(h.agreement.wasserstein_m < 0.03 for h in held_out)
     share = Stream(1, "x").at().uniform(size=4000)
     found = compare(table.heights(share, 600.0, 0.85, 25.0 * DEG, 0.06), height[density == 600.0])
     assert found.wasserstein_m < 0.02
     assert abs(found.ground_bias) < 0.03
-
-
-RUN = """
-format: swath scenario 2
-name: recorded
-seed: 2
-run: {distance_m: 3, max_duration_s: 5}
-field:
-  terrain: {level: formula, slope_percent: 1.0}
-  stand: {level: uniform, stems_per_m2: 400}
-  edge: {shape: straight}
-machines:
-  combine:
-    motion: {level: single_track, start_speed_kmh: 7}
-    lidar: {sub_rays: 7, sector_deg: [-40, 20], step_deg: 1.0, noise: none}
-"""
-
-
-def test_a_recorded_run_gives_a_table_of_its_stand(tmp_path):
-    """Heights of the run's own beams, its ground and stand known from the scenario."""
-    run_job(parse_scenario(RUN), tmp_path / "run")
-    samples, crop = read_run(tmp_path / "run")
-    assert crop == "wheat"
-    assert np.unique(samples.place[:, 0]).tolist() == [400.0]
-    assert samples.place[:, 1] == pytest.approx(0.85)
-    assert 7.0 * DEG < samples.place[:, 2].min() < samples.place[:, 2].max() < 18.0 * DEG
-    assert 0.03 < samples.place[:, 3].min() < samples.place[:, 3].max() < 0.08  # 13 mm + 4.7 mrad
-    assert 0.7 < np.median(samples.height) < 0.95
 
 
 def test_command_writes_a_table_that_the_level_takes(tmp_path, capsys):

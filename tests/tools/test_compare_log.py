@@ -18,7 +18,7 @@ from swath.machine.machine_sheet import load_machine, open_machine, read_machine
 from swath.machine.powertrain.power_balance import full_torque, governed_torque
 from swath.tools.compare_log.along_log import Drive, simulate
 from swath.tools.compare_log.compare import compare_log
-from swath.tools.compare_log.figures import best_lag, judge, steady_speed, usable
+from swath.tools.compare_log.statistics import best_lag, compare_series, steady_speed, usable
 
 DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 WHEAT = DATA / "wheat_combine_logs_msu" / "si" / "farmerI_henrys_2018_wheat.csv.gz"
@@ -83,10 +83,10 @@ def test_a_fit_finds_the_numbers_that_made_the_log(made):
     found = compare_log("lexion-700", log, fit=KEYS, machine="1")
     for f in found.fitted:
         assert f.value == pytest.approx(true[f.key], rel=0.03)
-    judged = found.figures["engine_load"]["machine 2"]["model"]
-    assert judged.r2 > 0.98
-    assert abs(judged.lag_s) < 0.3
-    assert found.figures["engine_load"]["machine 2"]["regression"].r2 < judged.r2 - 0.1
+    tested = found.statistics["engine_load"]["machine 2"]["model"]
+    assert tested.r2 > 0.98
+    assert abs(tested.lag_s) < 0.3
+    assert found.statistics["engine_load"]["machine 2"]["regression"].r2 < tested.r2 - 0.1
     assert found.sheet["power"]["auxiliary_kw"]["value"] == pytest.approx(55.0, rel=0.03)
 
 
@@ -104,12 +104,12 @@ def test_figures_are_those_of_their_definitions(made):
     rng = np.random.default_rng(2)
     real, model = rng.normal(50.0, 8.0, len(log)), rng.normal(52.0, 8.0, len(log))
     mask = np.arange(len(log)) < 1000
-    found = judge(real, model, mask, log)
+    found = compare_series(real, model, mask, log)
     error = (model - real)[:1000]
     assert found.rmse == pytest.approx(np.sqrt(np.mean(error**2)))
     assert found.bias == pytest.approx(error.mean())
     assert found.r2 == pytest.approx(1.0 - np.mean(error**2) / real[:1000].var())
-    assert judge(real, real, mask, log).r2 == 1.0
+    assert compare_series(real, real, mask, log).r2 == 1.0
 
 
 def test_the_settled_speed_balances_the_torques():
@@ -130,9 +130,9 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     assert main(["compare", "log", "lexion-700", str(log), "--out", str(out)]) == 0
     assert "engine load" in capsys.readouterr().out
     results = json.loads((out / "results.json").read_text())
-    assert set(results["figures"]) == {"engine_load", "fuel"}
+    assert set(results["statistics"]) == {"engine_load", "fuel"}
     assert (out / "comparison.png").read_bytes()[:4] == b"\x89PNG"
-    assert "<h2>Simulated against measured</h2>" in (out / "report.html").read_text()
+    assert "<h2>Simulated and measured</h2>" in (out / "report.html").read_text()
     assert load_machine(str(out / "machine.yaml")).name == "Combine, 700 class, 12 m header"
     (out / "mine.txt").write_text("x")
     assert main(["compare", "log", "lexion-700", str(log), "--out", str(out)]) == 2
@@ -196,7 +196,7 @@ def test_a_fit_on_machine_1_follows_the_others_closer_than_the_regression():
         part |= (index >= first) & (index < first + count)
     keys = [*KEYS, "tyres.rolling_resistance"]
     found = compare_log("lexion-700", log.keep(part), fit=keys, machine="1")
-    load = found.figures["engine_load"]
+    load = found.statistics["engine_load"]
     print({n: {k: (round(f.r2, 3), round(f.rmse, 2)) for k, f in of.items()} for n, of in load.items()})
     for name in ("machine 2", "machine 3"):
         assert load[name]["model"].r > load[name]["regression with lag"].r > load[name]["regression"].r
@@ -215,7 +215,7 @@ def test_the_plain_regression_is_the_one_on_record():
     load = 100.0 * log.measured["engine_load"]
     terms = np.stack([np.ones(len(log)), log.flow, log.speed], axis=1)
     found = np.linalg.lstsq(terms[mask], load[mask], rcond=None)[0]
-    figures = judge(load, terms @ found, mask, log)
+    figures = compare_series(load, terms @ found, mask, log)
     assert found[:2] == pytest.approx([42.7, 2.19], rel=0.03)
     assert figures.r2 == pytest.approx(0.48, abs=0.05)
     assert figures.rmse == pytest.approx(6.0, abs=0.2)
@@ -257,7 +257,7 @@ def test_fuel_over_flow_is_that_of_the_forage_harvester(harvest):
 
 @forage
 def test_load_and_fuel_of_the_forage_harvester_are_predicted(harvest):
-    load, fuel = (harvest.figures[q]["even stretches"]["model"] for q in ("engine_load", "fuel"))
+    load, fuel = (harvest.statistics[q]["even stretches"]["model"] for q in ("engine_load", "fuel"))
     assert load.r2 > 0.89
     assert fuel.r2 > 0.89
     assert abs(load.lag_s) < 0.5

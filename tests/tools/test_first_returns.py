@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from swath.tools.lab.first_returns import Moments, Stems, UprightStand, closed_form, ray_count
+from tests.tools.first_returns import Moments, Stems, UprightStand, closed_form, ray_count
 
 WIDTHS = (0.0, 0.02, 0.05, 0.10)
 COUNTS = {0.0: 40_000, 0.02: 8_000, 0.05: 6_000, 0.10: 4_000}

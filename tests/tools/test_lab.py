@@ -1,7 +1,6 @@
-"""The lab: where it puts heights, how it judges them, what it writes, and the trends it must show."""
+"""The lab: where it puts heights, how it compares them, what it writes, and the trends it must show."""
 
 import csv
-import json
 import textwrap
 from functools import cache
 
@@ -11,10 +10,10 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.distributions import wasserstein1
-from swath.tools.lab.agreement import describe, judge_lab, repeatability, verdict_of
+from swath.tools.lab.comparison import compare_levels, describe, rating_of, repeatability
 from swath.tools.lab.lab import Case, CaseHeights, Lab, Settings, run_lab
-from swath.tools.lab.measured_stands import RealHeights, read_real
-from swath.tools.lab.table import document
+from swath.tools.lab.measured_heights import MeasuredHeights, read_measured
+from swath.tools.lab.table import list_rows
 
 TINY = {"densities": (150.0,), "sensors": ("sick-lms511-hr",), "depressions_deg": (45.0,)}
 TINY |= {"passes": 1, "stops": 2, "levels": ("plants",)}
@@ -95,7 +94,7 @@ def test_repeatability_is_the_worst_pair():
 
 
 @pytest.mark.parametrize(
-    ("number", "value", "band", "verdict"),
+    ("number", "value", "band", "rating"),
     [
         ("wasserstein_m", 0.05, 0.06, "repeatable"),
         ("wasserstein_m", 0.019, 0.001, "good"),
@@ -112,32 +111,32 @@ def test_repeatability_is_the_worst_pair():
         ("std_ratio", 1.24, 0.01, "good"),
     ],
 )
-def test_verdicts(number, value, band, verdict):
-    assert verdict_of(number, value, band) == verdict
+def test_ratings(number, value, band, rating):
+    assert rating_of(number, value, band) == rating
 
 
 def test_levels_against_real_and_against_the_reference():
     plants = [normal(k) for k in range(3)]
     lab = made_lab(plants=plants, empirical=[h + 0.03 for h in plants])
-    real = RealHeights("field.csv", np.concatenate([normal(9), [np.nan]]), {})
-    case = judge_lab(lab, real)[0]
-    found = {(j.level, j.against): j for j in case.judged}
+    real = MeasuredHeights("field.csv", np.concatenate([normal(9), [np.nan]]), {})
+    case = compare_levels(lab, real)[0]
+    found = {(j.level, j.against): j for j in case.comparisons}
     assert set(found) == {("plants", "real"), ("empirical", "plants"), ("empirical", "real")}
     shifted = found["empirical", "plants"]
     assert shifted.value["wasserstein_m"] == pytest.approx(0.03)
     assert shifted.value["p95_bias_m"] == pytest.approx(0.03)
-    assert shifted.verdict["wasserstein_m"] == "fair"
-    assert shifted.verdict["p95_bias_m"] == "off"
-    assert shifted.overall == "off"
+    assert shifted.ratings["wasserstein_m"] == "fair"
+    assert shifted.ratings["p95_bias_m"] == "off"
+    assert shifted.rating == "off"
     assert found["plants", "real"].value["p95_bias_m"] == pytest.approx(
         np.mean([np.percentile(h, 95) for h in plants]) - np.percentile(normal(9), 95)
     )
 
 
-def test_too_few_returns_are_not_judged():
+def test_too_few_returns_are_not_compared():
     lab = made_lab(plants=[np.full(500, np.nan)], empirical=[normal(1)])
-    assert judge_lab(lab, None)[0].judged == ()
-    document(lab, judge_lab(lab, None), None)
+    assert compare_levels(lab, None)[0].comparisons == ()
+    assert [row["against"] for row in list_rows(compare_levels(lab, None))] == ["", ""]
 
 
 def test_description():
@@ -155,11 +154,11 @@ def test_real_heights_by_case(tmp_path):
     rows += ["0.7,200,sick-lms511-hr,45,a", "0.8,600,sick-lms511-hr,45,b", ",200,sick-lms511-hr,45.2,c"]
     rows += ["0.9,200,sick-lms511-sr,45,d", "0.6,200,sick-lms511-hr,30,e"]
     file.write_text("\n".join(rows) + "\n")
-    np.testing.assert_array_equal(read_real(file).of(CASE), [0.7, np.nan])
-    everywhere = tmp_path / "real.npz"
-    np.savez(everywhere, height_m=np.array([0.5, 0.6]), stems_per_m2=np.array(200.0))
-    np.testing.assert_array_equal(read_real(everywhere).of(CASE), [0.5, 0.6])
-    assert len(read_real(everywhere).of(Case(600.0, "x", 45.0, 0.04))) == 0
+    np.testing.assert_array_equal(read_measured(file).of(CASE), [0.7, np.nan])
+    everywhere = tmp_path / "everywhere.csv"
+    everywhere.write_text("height_m\n0.5\n0.6\n")
+    np.testing.assert_array_equal(read_measured(everywhere).of(CASE), [0.5, 0.6])
+    assert len(read_measured(everywhere).of(Case(600.0, "x", 45.0, 0.04))) == 2
 
 
 @pytest.mark.parametrize(
@@ -176,9 +175,9 @@ def test_bad_real_heights(tmp_path, text, said):
     file = tmp_path / "real.csv"
     file.write_text(text)
     with pytest.raises(InputError, match=said):
-        read_real(file)
-    with pytest.raises(InputError, match="expected a file"):
-        read_real(tmp_path / "none.csv")
+        read_measured(file)
+    with pytest.raises(InputError, match="expected a CSV file"):
+        read_measured(tmp_path / "none.csv")
 
 
 def lab_command(out, *more):
@@ -193,20 +192,15 @@ def test_command(tmp_path, capsys):
     out = tmp_path / "lab"
     assert lab_command(out, "--real", str(real)) == 0
     first = {f.name: f.read_bytes() for f in sorted(out.iterdir())}
-    assert set(first) == {"lab.csv", "lab.json", "report.html"}
+    assert set(first) == {"lab.csv", "report.html"}
     assert lab_command(out, "--real", str(real)) == 0
     assert {f.name: f.read_bytes() for f in sorted(out.iterdir())} == first
-    whole = json.loads(first["lab.json"])
-    case = whole["cases"][0]
-    assert set(case["samples"]) == {"real", *whole["settings"]["levels"]}
-    shares = case["samples"]["plants"]["histogram_of_seeds"]
-    assert np.sum(shares, axis=1) == pytest.approx([1.0, 1.0], abs=1e-3)
     with (out / "lab.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {(r["level"], r["against"]) for r in rows} >= {("real", ""), ("plants", "real")}
     page = first["report.html"].decode()
     assert "mine.csv" in page
-    assert "no such scans" not in page
+    assert "No real heights were given" not in page
     assert "against real" in page
 
 

@@ -1,4 +1,4 @@
-"""`swath replay build` from real bags of ROS 1 and 2, with poses and with positions of a receiver."""
+"""`swath height-map build` from real bags of ROS 1 and 2, with poses and with positions of a receiver."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.rays.height_grid import load_height_grid
-from swath.tools.height_map.build import Settings, build_replay, open_source
+from swath.tools.height_map.build import Settings, build_height_map, open_source
 from swath.tools.height_map.source import Wanted
 from tests.bags import KINDS, MOUNT, PLANE, START, write_bag
 from tests.rays.height_rays import surface
@@ -31,7 +31,7 @@ def check(grid):
 def test_heights_from_a_bag(bags, kind, topic):
     source = open_source(bags[kind], Wanted(scans=topic, poses="/odom"))
     np.testing.assert_allclose(source.mounting.position, MOUNT.position)
-    grid = build_replay(source, Settings(reach_m=6.0))
+    grid = build_height_map(source, Settings(reach_m=6.0))
     assert grid.about["scans"] == 251
     assert grid.about["notes"] == {}
     check(grid)
@@ -43,14 +43,14 @@ def test_heights_along_positions(bags, kind):
     source = open_source(bags[kind], wanted)
     np.testing.assert_allclose(source.track.position[0], [*START, 0.0], atol=1e-4)
     assert source.track.length == pytest.approx(20.0, abs=0.01)
-    check(build_replay(source, Settings(reach_m=6.0)))
+    check(build_height_map(source, Settings(reach_m=6.0)))
 
 
 def test_on_the_command_line(bags, tmp_path, capsys):
     origin = f"--origin={PLANE.lat},{PLANE.lon},{PLANE.height}"
     args = ["--scans", "/scan", "--poses", "/gps/fix", origin, "--antenna=-1.2,0,3.9", "--reach-m", "6"]
     out = tmp_path / "h.npz"
-    assert main(["replay", "build", str(bags["rosbag1"]), "--out", str(out), *args]) == 0
+    assert main(["height-map", "build", str(bags["rosbag1"]), "--out", str(out), *args]) == 0
     check(load_height_grid(out))
     capsys.readouterr()
     for more, text in (
@@ -60,7 +60,7 @@ def test_on_the_command_line(bags, tmp_path, capsys):
         (["--field", str(tmp_path)], "field.yaml"),
     ):
         args = ["--scans", "/scan", "--poses", "/gps/fix", *more]
-        assert main(["replay", "build", str(bags["mcap"]), "--out", str(out), *args]) == 2
+        assert main(["height-map", "build", str(bags["mcap"]), "--out", str(out), *args]) == 2
         assert text in capsys.readouterr().err
 
 

@@ -16,7 +16,7 @@ from swath.rays.height_grid import DEEP, EVEN, LEVELS, NONE, THICK, load_height_
 from swath.rays.heights import MEASURED, UNMEASURED, HeightCaster
 from swath.record.mcap_file import McapFile
 from swath.record.read.mcap_log import CUT_OFF
-from swath.tools.height_map.build import Settings, build_replay, open_source
+from swath.tools.height_map.build import Settings, build_height_map, open_source
 from swath.tools.height_map.gather import Gatherer, Samples, pool
 from swath.tools.height_map.passing import Passing, thicknesses
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
@@ -126,7 +126,7 @@ def write_mcap(path, *, cloud=False):
 
 
 def grid_of(path, poses=None, **keys):
-    return build_replay(open_source(path, Wanted(mount=MOUNT), poses), Settings(reach_m=8.0, **keys))
+    return build_height_map(open_source(path, Wanted(mount=MOUNT), poses), Settings(reach_m=8.0, **keys))
 
 
 def test_heights_step_and_ground_of_a_made_drive(tmp_path):
@@ -146,7 +146,7 @@ def test_npz_csv_and_recordings_say_the_same(tmp_path):
     npz = grid_of(write_npz(tmp_path / "s.npz"))
     path, poses = write_csv(tmp_path / "s.csv")
     csv = grid_of(path, poses)
-    bag = build_replay(open_source(write_mcap(tmp_path / "s.mcap"), Wanted()), Settings(reach_m=8.0))
+    bag = build_height_map(open_source(write_mcap(tmp_path / "s.mcap"), Wanted()), Settings(reach_m=8.0))
     assert np.array_equal(npz.quantiles, csv.quantiles)
     assert np.array_equal(npz.table, csv.table)
     assert bag.about["beams_without_echo"] == SCANS  # the last beam of each
@@ -164,13 +164,13 @@ def test_a_recording_that_breaks_off_is_read_up_to_there(tmp_path):
     data = write_noisy_mcap(tmp_path / "big.mcap", rng)
     path = tmp_path / "cut.mcap"
     path.write_bytes(data[: int(0.6 * len(data))])
-    grid = build_replay(open_source(path, Wanted()), Settings(reach_m=8.0))
+    grid = build_height_map(open_source(path, Wanted()), Settings(reach_m=8.0))
     [(note, count)] = grid.about["notes"].items()
     assert note.startswith(f"{CUT_OFF} after ")
     assert note.endswith(" s")
     assert 6.0 < float(note.split()[-2]) < 16.0
     assert count == 1
-    full = build_replay(open_source(tmp_path / "big.mcap", Wanted()), Settings(reach_m=8.0))
+    full = build_height_map(open_source(tmp_path / "big.mcap", Wanted()), Settings(reach_m=8.0))
     assert 0.3 * full.about["scans"] < grid.about["scans"] < full.about["scans"]
     path.write_bytes(whole[:40])
     with pytest.raises(InputError, match="expected messages, there are none"):
@@ -281,11 +281,10 @@ def test_the_kept_sample_does_not_depend_on_the_parts_and_is_bounded():
     rng = np.random.default_rng(0)
     c, r = rng.integers(0, 5, 4000), rng.integers(0, 4, 4000)
     h, bright = rng.normal(500, 90, 4000), np.full(4000, np.nan)
-    one, many = Gatherer(64, 8, 1), Gatherer(64, 8, 1)
+    one, many = Gatherer(64, 8, 1), Gatherer(64, 8, 1, buffer=100)
     one.add(c, r, h, bright)
     for part in np.array_split(np.arange(4000), 13):
         many.add(c[part], r[part], h[part], bright[part])
-        many._merge()
     a, b = one.finish(), many.finish()
     assert np.array_equal(a.key, b.key)
     assert np.array_equal(a.height, b.height)
@@ -370,7 +369,7 @@ def test_a_curtain_stops_level_beams_and_those_that_rise_as_often_as_it_did(tmp_
     share = []
     for silent in (True, False):
         path, angle, stopped = curtain(tmp_path / "curtain.npz", silent=silent)
-        grid = build_replay(open_source(path, Wanted(mount=mount, range_max=8.0)), Settings(reach_m=8.0))
+        grid = build_height_map(open_source(path, Wanted(mount=mount, range_max=8.0)), Settings(reach_m=8.0))
         d = mount.turn(np.stack([np.cos(angle * DEG), np.sin(angle * DEG), 0 * angle], axis=1))
         found = []
         for x in np.arange(0.5, 3.5, 0.05):
@@ -430,7 +429,7 @@ def test_settings_out_of_range_are_named():
 
 def test_the_command_makes_file_and_picture_and_says_what_is_wrong(tmp_path, capsys):
     source, out = write_npz(tmp_path / "s.npz"), tmp_path / "made" / "grid.npz"
-    args = ["replay", "build", str(source), "--out", str(out), "--mount", MOUNT_TEXT, "--reach-m", "8"]
+    args = ["height-map", "build", str(source), "--out", str(out), "--mount", MOUNT_TEXT, "--reach-m", "8"]
     assert main(args) == 0
     said = capsys.readouterr().out
     assert "level: replay" in said
@@ -441,14 +440,14 @@ def test_the_command_makes_file_and_picture_and_says_what_is_wrong(tmp_path, cap
     assert out.read_bytes() == first
     assert main([*args, "--mount", "1,2"]) == 2
     assert "--mount = 1,2: expected six numbers" in capsys.readouterr().err
-    assert main(["replay", "build", str(source), "--out", str(tmp_path / "x.txt")]) == 2
+    assert main(["height-map", "build", str(source), "--out", str(tmp_path / "x.txt")]) == 2
 
 
 @pytest.mark.skipif(not VINEYARD.is_file(), reason="no real scans (set SWATH_DATA)")
 def test_real_scans_of_a_vineyard_are_driven_past():
     mount = Pose.from_euler((0.0, 0.0, 0.9), roll=-90 * DEG, yaw=90 * DEG)  # looks to the left, sweeps down
     source = open_source(VINEYARD, Wanted(mount=mount, range_max=8.0))
-    grid = build_replay(source, Settings(along_m=0.15, fill_m=0.05, reach_m=8.0, ground="echoes"))
+    grid = build_height_map(source, Settings(along_m=0.15, fill_m=0.05, reach_m=8.0, ground="echoes"))
     with np.load(VINEYARD) as data:
         angle, place, silent, ranges = (
             data[k] for k in ("angle_deg", "pos_along_m", "no_return", "ranges_m")

@@ -63,7 +63,7 @@ def test_a_run_along_a_bag(tmp_path, capsys, kind):
         tracks["command_speed_m_s"][5::50], 2.2 + 0.1 * tracks["t_s"][5::50], atol=0.011
     )
     if kind == "mcap":
-        assert main(["replay", str(out), "--slots", "speed", "--out", str(tmp_path / "again")]) == 0
+        assert main(["rerun", str(out), "--slots", "speed", "--out", str(tmp_path / "again")]) == 0
         assert "differs" not in capsys.readouterr().out
 
 

@@ -9,7 +9,7 @@ from swath.core.schedule import NS
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.mcap_log import McapLog
 from swath.runtime.job import run_job
-from swath.tools.rerun.rerun import plan_again
+from swath.tools.rerun.rerun import plan_rerun
 from tests.whole.small import small
 
 LAW = '''
@@ -90,8 +90,8 @@ def test_a_part_of_ones_own_reads_them(driven):
 
 
 def test_it_is_played_again_to_the_last_bit(driven, tmp_path):
-    plan = plan_again(driven, slots=None, sets=["run.record=full"])
+    plan = plan_rerun(driven, slots=None, sets=["run.record=full"])
     assert {"combine.gnss", "combine.imu"} <= set(plan.played)
     summary = plan.run(tmp_path / "out", report=False).summary
-    assert all(told["identical"] for told in summary["replay"]["slots"].values())
+    assert all(told["identical"] for told in summary["rerun"]["slots"].values())
     assert summary["digest"] == json.loads((driven / "summary.json").read_text())["digest"]

@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from benchmarks.sub_rays import study
 
 from swath.commands.main import main
 from swath.report.report import ReportWriter
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
-from swath.tools.scan.scan import converge_job, scan_job
+from swath.tools.scan.scan import scan_job
 from tests.whole.small import TEXT, small
 
 CONTRACT = {
@@ -115,14 +116,13 @@ def test_several_echoes_reach_the_files_of_a_scan(tmp_path):
     assert numbers.count(1) == both.sum()
 
 
-def test_heights_settle_with_the_number_of_sub_rays(tmp_path):
-    rows, sentence = converge_job(small(), tmp_path / "scan")
+def test_heights_converge_with_the_number_of_sub_rays():
+    rows, sentence = study(small())
     runs = [(3, "full"), (4, "full"), (3, "reduced")]
     counts = (1, 7, 19, 37, 61)
     assert [(r["seed"], r["detail"], r["sub_rays"]) for r in rows] == [
         (*run, n) for run in runs for n in counts
     ]
-    assert {f.name for f in (tmp_path / "scan").iterdir()} == {"scan.converge.png", "scan.converge.csv"}
     for run in runs:
         own = [r for r in rows if (r["seed"], r["detail"]) == run]
         change = [r["change_rms_m"] for r in own]

@@ -1,4 +1,4 @@
-"""`swath levels`: every slot, its levels, what they cost and how far to trust them."""
+"""`swath levels`: every slot, its levels, their cost and tolerance."""
 
 import argparse
 from typing import Any
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _ports(name: str) -> None:
-    """What a level of the slot may see, and what it must give, with the fields of the samples."""
+    """Inputs and outputs of the slot, with the fields of their samples."""
     from dataclasses import fields
 
     from swath.scenario.catalogue import CATALOGUE
@@ -56,7 +56,7 @@ def _ports(name: str) -> None:
 
     sees = [said(port, outputs[slot][output].signal) for port, (slot, output) in kind.wires.items()]
     gives = [said(port.name, port.signal) for port in kind.outputs]
-    gives += [f"{said(port.name, port.signal)}, if it likes" for port in kind.more]
+    gives += [f"{said(port.name, port.signal)}, optional" for port in kind.more]
     for title, ports in (("inputs", sees), ("outputs", gives)):
         for port in ports or ["none"]:
             print(f"{title:8} {port}")

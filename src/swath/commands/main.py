@@ -8,17 +8,20 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, ros2, run, scenarios, schema, sheets
+from swath.commands import levels, metrics, run, scenarios, schema, sheets
 from swath.core.errors import SwathError
 from swath.core.registry import user_line
 from swath.field_io import command as field
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
 from swath.link.osi import command as osi
+from swath.link.ros2 import command as ros2
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
-from swath.tools.rerun import command as replay
+from swath.tools.migrate import command as migrate
+from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
 
 COMMANDS = (
@@ -29,7 +32,8 @@ COMMANDS = (
     sheets,
     field,
     lab,
-    replay,
+    height_map,
+    rerun,
     calibrate,
     compare,
     scan,
@@ -38,7 +42,13 @@ COMMANDS = (
     can,
     osi,
     schema,
+    migrate,
 )
+RENAMED = {  # command lines of version 0.1.0: what to type instead
+    ("replay", "build"): "swath height-map build SOURCE --out FILE.npz",
+    ("replay",): "swath rerun RUN",
+    ("ros2", "bridge"): "swath ros2 play RUN for a recorded run, swath run SCENARIO --ros2 for a scenario",
+}
 BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 EXAMPLES = """\
@@ -54,11 +64,11 @@ swath --help lists all commands."""
 
 
 class UsageError(SwathError):
-    """A command line that cannot be understood."""
+    """A command line with an unknown command or option."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Reports a wrong command line as one UsageError."""
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message} (see {self.prog} --help)")
@@ -78,7 +88,7 @@ class _Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 fine, 1 a limit of the scenario fails, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C.
+    0 done, 1 a limit of the scenario failed, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
     try:
@@ -101,7 +111,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if place is not None:
             file, line = place
             what = f"{file}:{line}: {type(error).__name__}: {error}"
-            return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the way there)", BAD_INPUT)
+            return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the traceback)", BAD_INPUT)
         return _say(
             f"{type(error).__name__}: {error}. This is a mistake in swath, not in your input. Please run it "
             "again with SWATH_DEBUG=1 and report what it prints, with the scenario",
@@ -115,22 +125,23 @@ def _dispatch(argv: list[str]) -> int:
         return 0
     if argv == ["help"]:
         argv = ["--help"]
-    parser = _make_parser()
-    names = [c.__name__.rpartition(".")[2] for c in COMMANDS]
+    for old, new in RENAMED.items():
+        if tuple(argv[: len(old)]) == old:
+            raise UsageError(f"{' '.join(old)}: this command is now {new}")
+    parser, names = make_parser()
     if not argv[0].startswith("-") and argv[0] not in names:
         import difflib
 
         near = difflib.get_close_matches(argv[0], names, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
         raise UsageError(f"{argv[0]}: no such command, {hint}")
-    if argv[0] == "replay":
-        argv = replay.with_verb(argv)
     args = parser.parse_args(argv)
     code: int = args.run(args)
     return code
 
 
-def _make_parser() -> argparse.ArgumentParser:
+def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
+    """The parser of all command lines, and the names of the commands."""
     parser = _Parser(
         prog="swath", description="A simulator for harvest machines that act on what they sense."
     )
@@ -138,7 +149,7 @@ def _make_parser() -> argparse.ArgumentParser:
     parsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in COMMANDS:
         command.add(parsers)
-    return parser
+    return parser, list(parsers.choices)
 
 
 def _say(text: str, code: int) -> int:

@@ -19,18 +19,19 @@ def add(parsers: Any) -> None:
     )
     add_scenario_options(parser)
     parser.add_argument(
-        "--real-time", action="store_true", help="in step with the clock on the wall (section realtime)"
+        "--real-time", action="store_true", help="at the pace of real time (section realtime)"
     )
     parser.add_argument(
         "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
     )
     parser.add_argument("--paused", action="store_true", help="with --ros2: wait at the start for ~/pause")
     parser.add_argument(
-        "--events", type=Path, metavar="RUN", help="do the changes again that an earlier run's folder lists"
+        "--events",
+        type=Path,
+        metavar="RUN",
+        help="repeat the changes made while an earlier run was driven (its folder)",
     )
-    parser.add_argument(
-        "--no-defaults", action="store_true", help="do not print the values that the scenario leaves open"
-    )
+    parser.add_argument("--no-defaults", action="store_true", help="do not print the default values in use")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -41,7 +42,9 @@ def run(args: argparse.Namespace) -> int:
     from swath.runtime.folder import choose_run_folder
 
     if args.paused and not args.ros2:
-        raise InputError("--paused", None, "expected --ros2, who else would let the run go on")
+        raise InputError(
+            "--paused", None, "expected together with --ros2: a ROS 2 service call starts a paused run"
+        )
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
     from swath.report.report import ReportWriter
@@ -75,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def print_defaults(scenario: Any) -> None:
-    """Print every value that the scenario and the flags leave to swath, a paragraph per slot."""
+    """Print every default value in use, a paragraph per slot."""
     from swath.scenario.defaults import paragraphs as by_slot
     from swath.terminal.tables import paragraphs
 
@@ -87,7 +90,7 @@ def print_defaults(scenario: Any) -> None:
 
 @contextmanager
 def _bridge(args: argparse.Namespace) -> Iterator[Any]:
-    """The ROS 2 bridge, where it was asked for."""
+    """The ROS 2 bridge, with --ros2."""
     if not args.ros2:
         yield []
         return
@@ -96,7 +99,7 @@ def _bridge(args: argparse.Namespace) -> Iterator[Any]:
     bridge = Bridge(is_paused=args.paused)
     if args.paused and not args.quiet:
         call = "ros2 service call /swath/pause std_srvs/srv/SetBool '{data: false}'"
-        print(f"paused before the first tick, let it go: {call}", file=sys.stderr)
+        print(f"paused before the first tick, start it with: {call}", file=sys.stderr)
     try:
         yield [bridge]
     finally:

@@ -1,4 +1,4 @@
-"""`swath scenarios`: what is bundled."""
+"""`swath scenarios`: the bundled scenarios."""
 
 import argparse
 from typing import Any

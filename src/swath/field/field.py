@@ -245,7 +245,7 @@ class Field:
         self.grain.load(state["grain"])
 
     def reset(self) -> None:
-        """Back to the start: nothing cut, no straw, no grain. Pages that nothing changed stay in memory."""
+        """Back to the start: nothing cut, no straw, no grain. Pages that were not cut are not made again."""
         self.store.reset()
         self.grain = GrainPiles()
 

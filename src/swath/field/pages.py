@@ -70,6 +70,7 @@ class PageStore:
         self.recut: set[Key] = set()  # pages whose codes are not those of the start
         self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
         self.packed: dict[Key, Change] = {}  # changed pages that are not in memory
+        self._untouched: dict[Key, PageData] = {}  # pages that are not in memory, as `make` gives them
         self._free: list[int] = []
         self._free_cut: list[int] = []
 
@@ -145,16 +146,12 @@ class PageStore:
         self.pages.revision = revision + 1
 
     def reset(self) -> None:
-        """Forget all changes. Pages far from any stay in memory; their neighbours show them at the border."""
-        changed = self.recut | self.straw_mass.keys() | self.packed.keys()
-        near = {(i + a, j + b) for i, j in changed for a in (-1, 0, 1) for b in (-1, 0, 1)}
-        stale = near & self.keys.keys()
-        self.recut.clear()
-        self.straw_mass.clear()
-        self.packed.clear()
-        for key in sorted(stale):
-            self._drop(key)
-        self.pages.revision += 1
+        """Forget all changes. Pages that were not cut are not made again, but come into memory anew, so that
+        rays meet the same bounds as in a fresh store, bit for bit.
+        """
+        untouched = {key: self._data_of(key) for key in self.keys if key not in self.recut}
+        self.restore({})
+        self._untouched = untouched
 
     def straw_of(self, key: Key) -> NDArray[np.float64] | None:
         """Straw masses (64, 64) [kg] of a page in or out of memory, None without any."""
@@ -184,7 +181,7 @@ class PageStore:
         if not self._free:
             self._grow()
         slot = self._free.pop()
-        data = self.make(*key)
+        data = self._untouched.pop(key, None) or self.make(*key)
         p = self.pages
         p.ground[slot] = data.ground
         p.straw[slot] = 0.0
@@ -209,6 +206,14 @@ class PageStore:
             )
         self.keys[key] = slot
         p.table[key[1] - p.table_y, key[0] - p.table_x] = slot
+
+    def _data_of(self, key: Key) -> PageData:
+        """What `make` gave for a page in memory whose codes are those of the start."""
+        p, slot, codes = self.pages, self.keys[key], self.codes_of(key)
+        ground, plane, stand, prototype = (
+            pool[slot].copy() for pool in (p.ground, p.tile_plane, p.tile_stand, p.tile_prototype)
+        )
+        return PageData(ground, plane, stand, prototype, codes if isinstance(codes, int) else codes.copy())
 
     def _drop(self, key: Key) -> None:
         p = self.pages

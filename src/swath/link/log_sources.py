@@ -1,4 +1,4 @@
-"""What a log is played from: the keys of the level `log`, and which topics they mean in a recording."""
+"""Parameters of the level `log`, and the topics of a recording that they select."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ FIX = "sensor_msgs/msg/NavSatFix"
 BESIDE: dict[type[Signal], str] = {
     Scan: "_points",
     Fix: positioning.BESIDE,
-}  # topics that say more than the output's own
+}  # suffix of topics with more detail than the output's own
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ def load_height_grid(path: Path) -> HeightGrid:
         return InputError("replay file", str(path), f"expected {expected}")
 
     if not path.is_file():
-        raise wrong("a file made by `swath replay build`")
+        raise wrong("a file made by `swath height-map build`")
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
@@ -148,7 +148,7 @@ def load_height_grid(path: Path) -> HeightGrid:
     except Exception as error:  # zip, deflate, array headers and JSON: each breaks in its own way
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise wrong(
-            f"a file made by `swath replay build` ({FORMAT}), this one cannot be read: {text}"
+            f"a file made by `swath height-map build` ({FORMAT}), this one cannot be read: {text}"
         ) from error
     if (fault := _fault(grid)) is not None:
         raise wrong(fault)

@@ -154,9 +154,6 @@ def read_tracks(path: Path) -> dict[str, np.ndarray]:
 
 
 def column_names() -> list[str]:
-    """Names of all columns that tracks may have, without those of evaluators and prefixes of slots."""
-    kinds = sorted(
-        signal_types(), key=lambda kind: (kind.about.track_order is None, kind.about.track_order or 0)
-    )
-    found = [column.name for kind in kinds for column in signal_columns(kind, kind)]
-    return [*dict.fromkeys(found), "header_end_x_m", "header_end_y_m"]
+    """Names of all columns that tracks may have beside those of evaluators."""
+    declared = [c.name for kind in signal_types() for c in signal_columns(kind, kind)]
+    return list(dict.fromkeys([*declared, "header_end_x_m", "header_end_y_m"]))

@@ -30,7 +30,7 @@ from swath.field.track import EdgeShape
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.field_setup import build_field
-from swath.runtime.placing import check_room, check_side, edge_of, start_pose
+from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
 from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
@@ -62,6 +62,8 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
         machines[section.name] = machine
         nodes += [n for n in own_nodes if only is None or n.slot.name in only]
         check_room(scenario, machine, ground.field)
+    if only is None:
+        check_start(machines, ground.field, site.bodies)
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
     if any(isinstance(part, EndsRun) for machine in machines.values() for part in machine.parts.values()):

@@ -18,6 +18,7 @@ def make_evaluation(world: World) -> Evaluation:
             gaps=next((e.gaps for e in world.field.edges.values() if e.shape is machine.edge), ()),
             obstacles=world.obstacles,
             bodies=world.bodies,
+            contact_ends_run=world.scenario.run.on_contact == "end",
         )
         for name, machine in world.machines.items()
     }

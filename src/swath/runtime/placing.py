@@ -1,10 +1,13 @@
 """Where a machine starts, and whether edge and field go on for as long as the run does."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.field import Field
+from swath.field.site_setup import Bodies, why_outside
 from swath.field.track import EdgeShape
 from swath.runtime.world import Machine
 from swath.scenario.resolved import MachineSection
@@ -49,6 +52,17 @@ def check_side(section: MachineSection, edge: EdgeShape) -> None:
     other = "right" if side == "left" else "left"
     expected = f"expected {other}, because the crop stands to the {edge.crop_side} of the edge"
     raise InputError(f"{section.name}.edge_side", side, expected)
+
+
+def check_start(machines: Mapping[str, Machine], field: Field, bodies: Bodies) -> None:
+    """No machine may start in another one or in an obstacle, and one that cuts must start in the field."""
+    for contact in bodies.contacts():
+        at = f"({contact.point[0]:.1f}, {contact.point[1]:.1f})"
+        expected = f"expected another place: it overlaps {contact.second} at {at} m"
+        raise InputError(f"{contact.first}.start", None, expected)
+    for name, machine in machines.items():
+        if machine.cuts and (why := why_outside(field, machine.card, machine.start)):
+            raise InputError(f"{name}.start", None, f"expected a place in the field: {why}")
 
 
 def check_room(scenario: Scenario, machine: Machine, field: Field) -> None:

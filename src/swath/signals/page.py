@@ -29,6 +29,19 @@ What flows between the slots of a machine: samples in SI units and radians, each
 belong to the step of their sample and add up, everything else is a state. Fields have the same names in ROS 2
 messages `swath_msgs/<Signal>`, in variables of FMUs (`port.field`) and in `swath.signals`. The numbers of a
 pose are `pose.x`, `pose.y`, `pose.z` [m], `pose.roll`, `pose.pitch`, `pose.yaw` [rad].
+
+A signal of your own is declared once, in the file of the part that gives it; this holds for recording,
+playback, FMUs and ROS 2:
+
+```python
+@frozen
+class Moisture(Signal, about=About(frame="sensor")):
+    "Water in the grain."
+
+    share: Annotated[float, Quantity("", "of the wet mass", nan="no grain", column="moisture_share")]
+```
+
+`swath.core.signal` and `swath.core.frozen` hold these names and say what else can be declared.
 """
 SAMPLES = {
     "exact": "",

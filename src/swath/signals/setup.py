@@ -78,7 +78,7 @@ class ControlSetup:
 
 @dataclass(frozen=True)
 class LinkSetup:
-    """What a part of somebody else is told: the face of the slot it fills, and what control may know.
+    """What a part from outside (FMU, ROS 2 node, log) knows: the slot it fills, and what control may know.
 
     machine_name, slot: where it sits, e.g. `combine`, `steer`
     inputs: ports it may have, as the slot is wired in a machine, each optional; a component takes those it

@@ -1,1 +1,1 @@
-"""What commands share: options of a scenario, tables on stdout."""
+"""What commands share: options of a scenario, tables and the outcome of a run on stdout, progress."""

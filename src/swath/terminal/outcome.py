@@ -36,7 +36,7 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     for note in summary.get("notes", []):
         print(f"note    {note}")
     if events := summary.get("events"):
-        print(f"events  {len(events)}, listed in summary.json; do them again: --events {out}")
+        print(f"events  {len(events)}, listed in summary.json; repeat them with --events {out}")
     print(f"digest  {summary.get('digest', '-')}")
     print(f"report  {out / 'report.html'}")
 
@@ -77,11 +77,12 @@ def _rows(
     rows = []
     for name in known:
         if name in metrics:
-            held: dict[str, Any] = own.get(name, {})
-            limit = limit_text(held) if held else ""
-            rows.append((name, number(metrics[name]), limit, str(held.get("result", ""))))
+            held = own.get(name)
+            limit, result = ("", "") if held is None else (limit_text(held), held["result"])
+            rows.append((name, number(metrics[name]), limit, result))
+    shown = [entry for name, entry in own.items() if name in metrics]
     for entry in expect:
-        if entry is not own.get(entry["name"]) or entry["name"] not in metrics:
+        if not any(entry is other for other in shown):
             limit = limit_text(entry) + window_text(entry)
             rows.append((entry["name"], number(entry["value"]), limit, entry["result"]))
     return rows

@@ -1,4 +1,4 @@
-"""What the commands print: tables on stdout, nothing fancier than that."""
+"""Tables and titled paragraphs on stdout."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -24,7 +24,7 @@ from swath.signals.setup import ControlSetup
 
 
 class ControllerBox:
-    """A steering law that hears the machine over a bus.
+    """A steering law that is connected to the machine by a bus.
 
     law: component of the slot `steer`; period: of the machine's cycle [ns]; wheelbase [m]
     """

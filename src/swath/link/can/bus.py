@@ -16,7 +16,7 @@ CLAIM = "AddressClaimed"
 
 @dataclass(frozen=True)
 class Where:
-    """Which bus, in the words of python-can. options: further keys of its interface, e.g. bitrate, port."""
+    """A bus as python-can names it. options: further keys of its interface, e.g. bitrate, port."""
 
     interface: str
     channel: str
@@ -46,16 +46,16 @@ class Node:
         self._bus = open_bus(where)
 
     def send(self, name: str, values: Mapping[str, float | None]) -> None:
-        """Send a message to everybody."""
+        """Broadcast a message."""
         pgn, priority = self._codec.header(name)
         self._put(j1939.Header(pgn, priority, self.address), self._codec.encode(name, values))
 
     def claim(self) -> None:
-        """Tell everybody whose this address is. Nobody is given way to: addresses here are fixed."""
+        """Broadcast the address claim. Addresses are fixed: a competing claim is not arbitrated."""
         self._put(j1939.Header(j1939.ADDRESS_CLAIMED, 6, self.address), self._name)
 
-    def ask_who_is_there(self) -> None:
-        """Ask everybody for their address claims."""
+    def request_claims(self) -> None:
+        """Request the address claims of all nodes."""
         self._put(j1939.Header(j1939.REQUEST, 6, self.address), j1939.ADDRESS_CLAIMED.to_bytes(3, "little"))
 
     def receive(self, timeout: float = 0.0) -> Message | None:

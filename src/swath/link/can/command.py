@@ -1,4 +1,4 @@
-"""`swath can`: a controller box on a bus, what is said there, and the message descriptions."""
+"""`swath can`: a controller box on a bus, a monitor of its messages, and the message descriptions."""
 
 import argparse
 from typing import Any
@@ -6,16 +6,16 @@ from typing import Any
 
 def add(parsers: Any) -> None:
     """Add the command and its parts."""
-    parser = parsers.add_parser("can", help="a controller box on a CAN bus, and what is said there")
+    parser = parsers.add_parser("can", help="a controller box on a CAN bus, a monitor of its messages")
     parts = parser.add_subparsers(metavar="PART", required=True)
-    box = parts.add_parser("box", help="play the controller box of a scenario", description=_BOX)
+    box = parts.add_parser("box", help="run the controller box of a scenario", description=_BOX)
     box.add_argument("scenario", metavar="NAME|FILE", help="whose law of the slot steer to run")
     box.add_argument(
         "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="change the scenario"
     )
     box.add_argument("--once", action="store_true", help="end when the machine has switched off")
     box.set_defaults(run=run_box)
-    listen = parts.add_parser("listen", help="print what is said on a bus")
+    listen = parts.add_parser("listen", help="print the messages on a bus")
     for each in (box, listen):
         each.add_argument("--interface", metavar="NAME", help="of python-can, e.g. socketcan")
         each.add_argument("--channel", metavar="NAME", help="of that interface, e.g. can0")
@@ -33,8 +33,8 @@ def add(parsers: Any) -> None:
 def run_box(args: argparse.Namespace) -> int:
     """Serve the machine until Ctrl-C, or with `--once` until it has switched off."""
     from swath.link.can import box, j1939
+    from swath.link.can.box_of_scenario import plan_box
     from swath.link.can.bus import Node
-    from swath.link.can.planned import plan_box
     from swath.scenario.scenario import load_scenario
 
     plan = plan_box(load_scenario(args.scenario, sets=args.sets))
@@ -48,7 +48,7 @@ def run_box(args: argparse.Namespace) -> int:
 
 
 def run_listen(args: argparse.Namespace) -> int:
-    """Print every frame: time, name or PGN, from whom to whom, values."""
+    """Print every frame: time, source, destination, name or PGN, values."""
     import time
 
     from swath.link.can import j1939
@@ -98,5 +98,5 @@ def _where(args: argparse.Namespace, default: Any) -> Any:
     return Where(args.interface or default.interface, args.channel or default.channel, options)
 
 
-_BOX = """Play the controller box of a scenario: its steering law, behind a CAN bus. Where the slot steer has
+_BOX = """Runs the controller box of a scenario: its steering law, behind a CAN bus. Where the slot steer has
 the level can, bus and law are as written there; where it has a law, that law runs on the bus of the flags."""

@@ -1,4 +1,4 @@
-"""Try an FMU out in a process of its own: read it, step it, save and go back; report what was found."""
+"""Checks an FMU in a child process: reads it, steps it, saves and restores its state."""
 
 import time
 from collections.abc import Sequence
@@ -7,12 +7,12 @@ from math import isfinite
 from pathlib import Path
 
 from swath.core.errors import SwathError
+from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import Description, Variable, read_fmu
 from swath.link.fmi.errors import FmuError
-from swath.link.fmi.own import OwnProcess
 from swath.link.fmi.ssp import SUFFIXES, read_system
 
-Row = tuple[str, str, str]  # what was looked at, verdict (ok, note or bad), what was found
+Row = tuple[str, str, str]  # what was looked at, result (ok, note or bad), what was found
 SHOWN_FAULTS = 20
 
 
@@ -25,7 +25,7 @@ class Finding:
     @property
     def is_usable(self) -> bool:
         """True when nothing is bad."""
-        return all(verdict != "bad" for _, verdict, _ in self.rows)
+        return all(result != "bad" for _, result, _ in self.rows)
 
 
 def check_fmu(
@@ -41,7 +41,7 @@ def check_fmu(
     system = read_system(file)
     for path, fmu in system.components.items():
         found = _check(fmu, step_s, duration_s, timeout_s)
-        rows += [(f"{path}: {what}", verdict, text) for what, verdict, text in found]
+        rows += [(f"{path}: {what}", result, text) for what, result, text in found]
     return Finding(tuple(rows))
 
 
@@ -90,7 +90,7 @@ class _Trial:
         self.fmu, self.step_s, self.count = fmu, step_s, max(count, 1)
         self.inputs, self.outputs = usable(fmu, "input"), usable(fmu, "output")
         self.numbers = [x for v in self.inputs for x in start_of(v)]
-        self.unit = OwnProcess(fmu, "check", self.inputs, self.outputs, timeout_s)
+        self.unit = ChildProcess(fmu, "check", self.inputs, self.outputs, timeout_s)
         self.rows: list[Row] = []
 
     def run(self) -> None:

@@ -1,4 +1,4 @@
-"""`swath fmu`: look at an FMU, try it out, make one."""
+"""`swath fmu`: show, check and export FMUs."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""
-    parser = parsers.add_parser("fmu", help="look at an FMU, try it out, make one")
+    parser = parsers.add_parser("fmu", help="show, check and export FMUs")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     shows = verbs.add_parser("show", help="variables, units and capabilities of an FMU")
     shows.add_argument("file", type=Path, metavar="X.fmu", help="an FMU, or a system of several (.ssp, .ssd)")
@@ -109,7 +109,7 @@ def run_check(args: argparse.Namespace) -> int:
     finding = check_fmu(
         args.file, step_s=args.step_ms * 1e-3, duration_s=args.duration_s, timeout_s=args.timeout_s
     )
-    table("", ("what", "verdict", "found"), finding.rows)
+    table("", ("what", "result", "found"), finding.rows)
     print("it can fill a slot" if finding.is_usable else "it cannot fill a slot as it is")
     return 0 if finding.is_usable else 1
 
@@ -130,7 +130,7 @@ def run_export(args: argparse.Namespace) -> int:
         raise scenario.locate(error) from error
     rows = [(v.name, v.causality, v.kind, v.unit, v.description) for v in variables]
     table("", ("variable", "causality", "type", "unit", "description"), rows)
-    print(f"{args.out}  FMI {args.fmi}; whoever loads it needs a Python with swath (docs/fmu-export.md)")
+    print(f"{args.out}  FMI {args.fmi}; the importer needs a Python with swath (docs/fmu-export.md)")
     return 0
 
 

@@ -175,8 +175,8 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
     except Exception:
         pass
     try:
-        with repaired(file) as (copy, told):
-            return read_model_description(str(copy), validate=False), told or faults
+        with repaired(file) as (copy, repairs):
+            return read_model_description(str(copy), validate=False), repairs or faults
     except Exception as error:
         reason = " ".join(str(error).split())
         text = f"expected an FMU of FMI 2 or 3, its description cannot be read: {reason}"

@@ -87,10 +87,10 @@ def export_fmu(
         variables = [v for v in variables if not _is_wide(v)]
     files: dict[str, bytes] = {}
     files["scenario.yaml"] = dump(_packed(scenario.plain(), files)).encode()
-    files[FILE] = _told(names, variables, given, f"{version}")
+    files[FILE] = _manifest(names, variables, given, f"{version}")
     token = hashlib.sha256(b"".join(k.encode() + v for k, v in sorted(files.items()))).hexdigest()[:32]
     module = f"swath_{token[:16]}"  # of its own: the binaries import it by name, once in a process
-    files[FILE] = _told(names, variables, given, token)
+    files[FILE] = _manifest(names, variables, given, token)
     files[f"{module}.py"] = MODULE.format(version=__version__, fmi=version, start=STARTS[version]).encode()
     files["slavemodule.txt"] = module.encode()
     identifier = "_".join(n.replace(".", "_").replace("-", "_") for n in names)[:60]
@@ -136,18 +136,18 @@ def _rate(scenario: Scenario, name: str) -> float:
     return float(scenario.machines[machine].slots[slot].common.rate_hz)
 
 
-def _told(
+def _manifest(
     names: Sequence[str], variables: Sequence[Variable], given: Sequence[tuple[str, str]], token: str
 ) -> bytes:
-    """What the module needs to know."""
-    told = {
+    """swath.json: slots and variables, for the module."""
+    manifest = {
         "swath": __version__,
         "token": token,
         "slots": list(names),
         "given": list(given),
         "variables": [asdict(v) for v in variables],
     }
-    return json.dumps(told, indent=1).encode()
+    return json.dumps(manifest, indent=1).encode()
 
 
 def _packed(data: Any, files: dict[str, bytes], key: str = "") -> Any:

@@ -80,7 +80,7 @@ class Feed:
         self._is_fresh = True
 
     def at_tick(self, t: int) -> None:
-        """Before the steps of a tick [ns]: what has come up to now, if somebody takes it."""
+        """Before the steps of a tick [ns]: what has come up to now, if a slot takes it."""
         if not self._is_queued or not self.held.is_given:
             return
         if not any(t > s.offset and (t - s.offset) % s.period == 0 for s in self._readers):

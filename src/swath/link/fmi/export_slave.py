@@ -62,14 +62,14 @@ class Session:
     """
 
     def __init__(self, resources: Path) -> None:
-        told = json.loads((resources / FILE).read_text(encoding="utf-8"))
-        self._resources, self.token = resources, str(told["token"])
-        self.slots = [str(s) for s in told["slots"]]
-        self.version = str(told["swath"])
-        self.variables = [_variable(v) for v in told["variables"]]
+        manifest = json.loads((resources / FILE).read_text(encoding="utf-8"))
+        self._resources, self.token = resources, str(manifest["token"])
+        self.slots = [str(s) for s in manifest["slots"]]
+        self.version = str(manifest["swath"])
+        self.variables = [_variable(v) for v in manifest["variables"]]
         self._set_values: dict[str, Any] = {}
         self._inputs: dict[Source, Held] = {}
-        given = {tuple(s) for s in told["given"]}
+        given = {tuple(s) for s in manifest["given"]}
         for v in self.variables:
             if v.causality == "input":
                 slot, output, name = v.key
@@ -354,8 +354,8 @@ def _folder(resources: str) -> Path:
     return Path(resources)
 
 
-def _variable(told: dict[str, Any]) -> Variable:
-    return Variable(**{**told, "shape": tuple(told["shape"]), "key": tuple(told["key"])})
+def _variable(entry: dict[str, Any]) -> Variable:
+    return Variable(**{**entry, "shape": tuple(entry["shape"]), "key": tuple(entry["key"])})
 
 
 def _shaped(v: Variable, value: Any) -> Any:

@@ -37,8 +37,8 @@ class FmuPart:
     def notes(self) -> list[str]:
         """What the user should know about the run."""
         silent = [f"nothing comes from {port}, its slot is off or silent" for port in self._feed.silent]
-        told = (*self._notes, *self._unit.notes, *silent)
-        return [f"{self._slot}: {self._file}: {note}" for note in told]
+        notes = (*self._notes, *self._unit.notes, *silent)
+        return [f"{self._slot}: {self._file}: {note}" for note in notes]
 
     def reset(self, stream: Stream) -> Outputs:
         """The FMU initialised with its start values; its outputs at t = 0."""

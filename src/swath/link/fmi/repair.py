@@ -1,4 +1,4 @@
-"""Descriptions that no reader takes: what is wrong but not needed to run the FMU is left out."""
+"""Repairs descriptions that FMPy cannot read: removes wrong entries that are not needed to run the FMU."""
 
 import tempfile
 import zipfile
@@ -29,32 +29,32 @@ def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
     """
     with zipfile.ZipFile(file) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
-    told: list[str] = []
+    repairs: list[str] = []
     types = {node.get("name") for node in root.iterfind("TypeDefinitions/*")}
     for node in root.iterfind("ModelVariables/*"):
-        told += _mend(node, types)
+        repairs += _repair_variable(node, types)
     for node in root.iterfind("ModelStructure"):
         if len(node):
-            told.append("its model structure is left out")
+            repairs.append("its model structure is left out")
         for child in list(node):
             node.remove(child)
     with tempfile.TemporaryDirectory(prefix="swath-fmu-") as folder:
         copy = Path(folder) / "modelDescription.xml"
         ElementTree.ElementTree(root).write(copy, encoding="utf-8")
-        yield copy, told
+        yield copy, repairs
 
 
-def _mend(node: Any, types: set[str | None]) -> list[str]:
-    told, name = [], node.get("name")
+def _repair_variable(node: Any, types: set[str | None]) -> list[str]:
+    repairs, name = [], node.get("name")
     for value in (node, *(child for child in node if child.tag in _VALUES)):
         value.attrib.pop("derivative", None)
         declared = value.get("declaredType")
         if declared is not None and declared not in types:
             del value.attrib["declaredType"]
-            told.append(f"variable {name} is of type {declared}, which is not defined")
+            repairs.append(f"variable {name} is of type {declared}, which is not defined")
     variability, causality = node.get("variability"), node.get("causality", "local")
     allowed = _ALLOWED.get(causality)
     if variability is not None and allowed is not None and variability not in allowed:
-        told.append(f"variable {name} is {causality} and {variability}, which do not go together")
+        repairs.append(f"variable {name} is {causality} and {variability}, which do not go together")
         node.set("variability", allowed[-1] if allowed is not _FIXED else "fixed")
-    return told
+    return repairs

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import Description, Variable, need_library
 from swath.link.fmi.errors import FmuError
 from swath.link.fmi.instance import Instance, Steps
 from swath.link.fmi.open_unit import make_instance
-from swath.link.fmi.own import OwnProcess
 
 _LIVE: dict[str, int] = {}  # instances in this process of FMUs that allow only one, by their token
 
@@ -34,7 +34,7 @@ class Runner:
         self._fmu, self._name = fmu, name
         self._variables = (tuple(inputs), tuple(outputs))
         self._own, self._timeout_s = own, timeout_s
-        self._unit: Instance | OwnProcess | None = None
+        self._unit: Instance | ChildProcess | None = None
         self._counts = False
 
     def start(self, starts: Mapping[str, Any]) -> list[float]:
@@ -64,7 +64,7 @@ class Runner:
             self._counts = False
             _LIVE[self._fmu.token] -= 1
 
-    def _make(self) -> Instance | OwnProcess:
+    def _make(self) -> Instance | ChildProcess:
         fmu, own = self._fmu, self._own
         if fmu.one_per_process and not own:
             own = _LIVE.get(fmu.token, 0) > 0
@@ -74,10 +74,10 @@ class Runner:
                 self._counts = True
                 _LIVE[fmu.token] = _LIVE.get(fmu.token, 0) + 1
         if own:
-            return OwnProcess(fmu, self._name, *self._variables, self._timeout_s)
+            return ChildProcess(fmu, self._name, *self._variables, self._timeout_s)
         return make_instance(fmu, self._name, *self._variables)
 
-    def _started(self) -> Instance | OwnProcess:
+    def _started(self) -> Instance | ChildProcess:
         if self._unit is None:
             raise FmuError("it was not started")
         return self._unit

@@ -16,7 +16,7 @@ PR_SET_PDEATHSIG = 1
 
 
 def serve(pipe: Connection) -> None:
-    """Answer until nobody asks any more."""
+    """Answer requests until the pipe is closed."""
     instance: Instance | None = None
     try:
         while True:

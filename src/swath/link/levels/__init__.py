@@ -1,1 +1,1 @@
-"""Levels that any slot of a machine may have: somebody else's part. One file each."""
+"""Levels for any slot played from outside: an FMU, a log, a ROS 2 node, a controller box. One file each."""

@@ -25,6 +25,7 @@ from swath.core.schedule import NS
 from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, check_bus
+from swath.scenario.slots import kind_of
 from swath.signals import CropEdge, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 
@@ -38,7 +39,7 @@ class BoxError(SwathError):
 
 @dataclass(frozen=True)
 class Params:
-    """The bus, who is on it, and what happens when nobody answers.
+    """The bus, the nodes on it, and what happens without an answer.
 
     interface: of python-can, such as socketcan, udp_multicast or virtual; channel: of that interface, such
     as can0, or a multicast group
@@ -52,7 +53,7 @@ class Params:
     timeout_ms: without lock_step: so long without a command, and the steering is released
     on_timeout: disengage, as a machine does, or fail
     wait_s: how long to look for the box at the start; answer_s: with lock_step, longest wait for an answer
-    address: of the machine; box_address: whom to obey, null = whoever commands first
+    address: of the machine; box_address: of the box to obey, null = the first that sends a command
     """
 
     interface: str = "udp_multicast"
@@ -88,11 +89,12 @@ class Params:
 
 
 class CanSteering:
-    """The machine on a bus; somebody else steers it."""
+    """The machine's node on a bus, steered by a controller box."""
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
-        if setup.slot != "steer":
-            raise InputError("level", "can", "expected in the slot steer, it has no other messages")
+        kind = kind_of(setup.slot)
+        if kind is None or kind.name != "steer":
+            raise InputError("level", "can", "expected in a slot steer, it has no other messages")
         check_bus(params.where)
         self.overlap = params.overlap_m
         self._p, self._name, self._control = params, setup.name, setup.control
@@ -113,7 +115,7 @@ class CanSteering:
     @property
     def needs_real_time(self) -> str:
         """Why the run has to be paced; empty where it need not be."""
-        return "" if self._p.lock_step else "without lock_step the box goes by the clock on the wall"
+        return "" if self._p.lock_step else "without lock_step the box runs in real time"
 
     def reset(self, stream: Stream) -> Outputs:
         """Switch the machine on: claim its address, look for the box. BoxError when there is none."""
@@ -153,7 +155,7 @@ class CanSteering:
         return {"command": self._guidance.command}
 
     def save(self) -> State:
-        """The machine's side and a stand-in inside the run. A box outside cannot be taken back."""
+        """State of the machine's side and of a stand-in inside the run; an external box keeps its own."""
         g = self._guidance
         held = (g.command.t, g.command.curvature, g.command.is_engaged, g.heard_at, g.needs_reset, g.reason)
         box = None if self._box is None else self._box.save()
@@ -173,7 +175,7 @@ class CanSteering:
         node, self._node = self._node, None
         if node is not None:
             off = guidance.speed_values("Wheel", 0.0, self._distance)
-            with suppress(SwathError):  # a bus that is gone needs no farewell
+            with suppress(SwathError):  # the bus may be gone already
                 node.send(guidance.WHEEL, {**off, "KeySwitch": 0})
             node.close()
         box, self._box_node = self._box_node, None
@@ -190,7 +192,7 @@ class CanSteering:
             return
         node, until = self._open(), time.monotonic() + self._p.wait_s
         while (left := until - time.monotonic()) > 0.0:
-            node.ask_who_is_there()
+            node.request_claims()
             message = node.receive(min(left, ASK_AGAIN))
             if message is not None and self._is_box(message):
                 return
@@ -198,7 +200,7 @@ class CanSteering:
         raise BoxError(f"{self._name}: {who} was not found on {self._p.where} within {self._p.wait_s:g} s")
 
     def _is_box(self, message: Message) -> bool:
-        """Whether a message comes from whom we obey."""
+        """Whether a message comes from the box to obey."""
         is_known = message.source == self._peer if self._peer is not None else True
         return is_known and message.name in (CLAIM, guidance.COMMAND)
 

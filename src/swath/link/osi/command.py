@@ -13,7 +13,7 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--type", default="sd", metavar="T", help="sd = SensorData (default), sv = SensorView"
     )
-    parser.add_argument("--slot", metavar="SLOT", help="the scanner (default: that of the first machine)")
+    parser.add_argument("--slot", metavar="SLOT", help="the scanner (default: the first recorded one)")
     parser.set_defaults(run=run)
 
 

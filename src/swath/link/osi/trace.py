@@ -12,6 +12,7 @@ from swath.machine.machine_sheet import load_machine
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import Log, open_log
 from swath.record.read.frames import own_mounting
+from swath.record.samples import SUFFIX
 from swath.scenario.scenario import load_scenario
 from swath.signals import MachineState, Scan
 
@@ -21,8 +22,8 @@ LENGTH = struct.Struct("<I")
 def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = None) -> int:
     """Write the scans of a run folder to `out`; returns how many.
 
-    kind: `sd` SensorData, `sv` SensorView; slot: the scanner, such as `combine.lidar`, None = of the first
-    machine. InputError where the run has no such scans, or not bit for bit; MissingExtra.
+    kind: `sd` SensorData, `sv` SensorView; slot: the scanner, such as `combine.lidar`, None = the first that
+    was recorded. InputError where the run has no such scans, or not bit for bit; MissingExtra.
     """
     if kind not in TYPES:
         raise InputError("--type", kind, f"expected one of {', '.join(TYPES)}")
@@ -31,15 +32,16 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     if not (run / "scenario.yaml").is_file():
         raise InputError("run", str(run), "expected a run folder, it has no scenario.yaml")
     scenario, log = load_scenario(run), open_log(run)
-    slot = slot or f"{next(iter(scenario.machines))}.lidar"
-    host = slot.partition(".")[0]
-    if host not in scenario.machines:
-        raise InputError(
-            "--slot", slot, f"expected one of {', '.join(f'{m}.lidar' for m in scenario.machines)}"
-        )
-    mounting = own_mounting(log, slot)
+    scanners = _scanners(log)
+    if slot not in (None, *scanners):
+        raise InputError("--slot", slot, f"expected a scanner of the recording: {', '.join(scanners)}")
+    if not scanners:
+        text = "expected scans bit for bit, as a run with `record: exact` or `full` has them"
+        raise InputError("recording", None, text, file=log.path)
+    slot = slot or scanners[0]
+    host, mounting = slot.partition(".")[0], own_mounting(log, slot)
     if mounting is None:
-        raise InputError("--slot", slot, "expected a scanner that the run recorded", file=log.path)
+        raise InputError("--slot", slot, "expected a scanner with a mounting", file=log.path)
     cards = {
         name: load_machine(m.card.as_posix(), header_width_m=m.common.header_width_m)
         for name, m in scenario.machines.items()
@@ -57,6 +59,12 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
             count += 1
     unfinished.replace(out)
     return count
+
+
+def _scanners(log: Log) -> list[str]:
+    """Slots (`combine.lidar`) whose scans are recorded bit for bit."""
+    ends = f"/scan{SUFFIX}"
+    return [topic.removesuffix(ends)[1:].replace("/", ".") for topic in log.topics() if topic.endswith(ends)]
 
 
 class _States:

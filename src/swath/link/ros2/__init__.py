@@ -1,4 +1,4 @@
-"""ROS 2 by plain rclpy: the samples of a run as topics, a run under services, slots played by nodes.
+"""ROS 2 with plain rclpy: signals as topics, services that control a run, slots played by nodes.
 
-docs/ros2.md is the page for users. Nothing here is imported before it is needed: rclpy is an optional part.
+docs/ros2.md is the page for users. rclpy is optional and imported where it is used.
 """

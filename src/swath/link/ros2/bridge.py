@@ -1,10 +1,11 @@
-"""The bridge: what is recorded goes out as topics, `/clock` runs, and services act on the run.
+"""The ROS 2 bridge of a run: recorded signals as topics, `/clock`, and services that control the run.
 
     run_job(scenario, out, hooks=[Bridge()])
 
 Node `/swath`. Services: `~/pause` (std_srvs/SetBool), `~/step`, `~/reset` (std_srvs/Trigger) and the
 parameter services that every node has: levels and parameters of the slots are its parameters, obstacles too.
-Requests are served between two ticks by the thread of the run; without requests it is the run without bridge.
+Requests are served between two ticks by the thread of the run. Without requests the results are those of a
+run without the bridge.
 """
 
 import threading
@@ -14,10 +15,10 @@ from typing import Any
 
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
-from swath.link.ros2.desk import Desk
 from swath.link.ros2.middleware import close_node, open_node, set_stamp, stream_qos, type_of
 from swath.link.ros2.parameters import RunParameters
 from swath.link.ros2.publisher import Publisher
+from swath.link.ros2.request_queue import RequestQueue
 from swath.runtime.changes import Restart
 from swath.runtime.hooks import ActiveRun, RunHook
 
@@ -27,16 +28,16 @@ STEP_S = 0.02
 
 
 class Bridge(RunHook):
-    """Goes along with a run. is_paused: the run waits before its first tick.
+    """Run hook. is_paused: the run waits before its first tick.
 
     Raises MissingExtra without rclpy.
     """
 
     def __init__(self, *, is_paused: bool = False, name: str = "swath") -> None:
         self._node = open_node(name, "the ROS 2 bridge", allow_undeclared_parameters=True)
-        self._desk = Desk()
+        self._requests = RequestQueue()
         self._is_paused, self._until = is_paused, 0
-        self._stands = threading.Event()  # the run is paused and has got where it was to go
+        self._is_waiting = threading.Event()  # the run is paused and has reached the time asked for
         self._graph: Any = None
         self._rest: Callable[[int], None] = lambda duration: None
         self._next_clock = 0
@@ -45,15 +46,15 @@ class Bridge(RunHook):
         self._clock_message = clock_type()
         self._publisher: Publisher | None = None
         self._node.declare_parameter("step_s", STEP_S)
-        self._parameters = RunParameters(self._node, self._desk)
+        self._parameters = RunParameters(self._node, self._requests)
         self._offer()
         self._spinner = threading.Thread(target=self._spin, name="ros2", daemon=True)
         self._spinner.start()
 
-    # the run's side
+    # in the thread of the run
 
     def begin(self, run: ActiveRun) -> None:
-        """Go along with a world from its start."""
+        """Connect to a world at its start."""
         world, recorder = run.world, run.recorder
         assert recorder.file is not None
         self._rest = run.rest
@@ -65,42 +66,42 @@ class Bridge(RunHook):
         world.graph.before_tick.insert(0, self._before_tick)
         self._graph = world.graph
         self._until = self._next_clock = 0
-        self._tell_time(0)
+        self._publish_clock(0)
 
     def summarize(self, t: int) -> dict[str, Any]:
-        """What summary.json says of the bridge."""
+        """The entry of the bridge in summary.json."""
         return {"ros2": {"messages": self._publisher.count if self._publisher is not None else 0}}
 
     def close(self) -> None:
-        """Leave the graph of ROS 2."""
-        self._desk.close()
-        self._stands.set()
+        """Shut the node down."""
+        self._requests.close()
+        self._is_waiting.set()
         self._executor.shutdown(timeout_sec=2.0)
         self._spinner.join(2.0)
         close_node(self._node)
 
     def _before_tick(self, t: int) -> None:
-        self._desk.serve(t)
+        self._requests.serve(t)
         self._hold(t)
         if t >= self._next_clock:
-            self._tell_time(t)
+            self._publish_clock(t)
 
     def _hold(self, t: int) -> None:
-        """Stay before the tick at t [ns] for as long as the run is paused."""
+        """Wait before the tick at t [ns] while the run is paused."""
         if not self._is_paused:
             return
         began = time.monotonic_ns()
         while self._is_paused and t > self._until:
-            self._stands.set()
-            self._desk.serve(t, wait_s=POLL_S)
+            self._is_waiting.set()
+            self._requests.serve(t, wait_s=POLL_S)
         self._rest(time.monotonic_ns() - began)
 
-    def _tell_time(self, t: int) -> None:
+    def _publish_clock(self, t: int) -> None:
         self._next_clock = t + CLOCK_PERIOD
         set_stamp(self._clock_message.clock, t)
         self._clock.publish(self._clock_message)
 
-    # the side of ROS 2, in a thread of its own
+    # in the ROS 2 thread
 
     def _offer(self) -> None:
         import rclpy.executors
@@ -128,7 +129,7 @@ class Bridge(RunHook):
             self._is_paused, self._until = bool(request.data), self._graph.t
             return f"{'paused' if request.data else 'running'} at {self._graph.t / NS:g} s"
 
-        response.success, response.message = self._desk.ask(pause)
+        response.success, response.message = self._requests.ask(pause)
         return response
 
     def _serve_step(self, request: Any, response: Any) -> Any:
@@ -137,12 +138,12 @@ class Bridge(RunHook):
                 raise SwathError("expected a paused run: call ~/pause first")
             length = float(self._node.get_parameter("step_s").value)
             self._until = self._graph.t + max(1, round(length * NS))
-            self._stands.clear()
+            self._is_waiting.clear()
             return ""
 
-        response.success, response.message = self._desk.ask(step)
+        response.success, response.message = self._requests.ask(step)
         if response.success:
-            self._stands.wait()
+            self._is_waiting.wait()
             response.message = f"at {self._graph.t / NS:g} s"
         return response
 
@@ -150,5 +151,5 @@ class Bridge(RunHook):
         def restart(t: int) -> str:
             raise Restart(f"reset at {self._graph.t / NS:g} s")
 
-        response.success, response.message = self._desk.ask(restart)
+        response.success, response.message = self._requests.ask(restart)
         return response

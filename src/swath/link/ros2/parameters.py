@@ -8,26 +8,26 @@ ros2 param delete /swath obstacles.pole
 
 from typing import Any
 
-from swath.link.ros2.desk import Desk
+from swath.link.ros2.request_queue import RequestQueue
 from swath.runtime.changes import Interventions
 
 
 class RunParameters:
-    """Turns what is set on a node into interventions. Runs in the node's thread, but for `join`."""
+    """Turns parameters set on the node into changes of the run. Runs in the ROS 2 thread, except `join`."""
 
-    def __init__(self, node: Any, desk: Desk) -> None:
-        self._node, self._desk = node, desk
+    def __init__(self, node: Any, requests: RequestQueue) -> None:
+        self._node, self._requests = node, requests
         self._changes: Interventions | None = None
-        self._shown: set[str] = set()
-        self._is_own = False  # True while what is set is our own doing
+        self._declared: set[str] = set()
+        self._is_own = False  # True while this class itself sets parameters
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._after_set)
 
     def join(self, changes: Interventions) -> None:
-        """Show how a world stands at its start."""
+        """Declare the parameters of a world at its start."""
         self._is_own, self._changes = True, changes
         try:
-            self._show()
+            self._declare()
         finally:
             self._is_own = False
 
@@ -43,34 +43,34 @@ class RunParameters:
 
         def change(t: int) -> str:
             assert self._changes is not None  # requests are served once a run has begun
-            stands = self._changes.values()
-            if name not in stands or stands[name] != value:
+            current = self._changes.values()
+            if name not in current or current[name] != value:
                 self._changes.set(t, name, value)
             return ""
 
-        successful, reason = self._desk.ask(change)
+        successful, reason = self._requests.ask(change)
         return SetParametersResult(successful=successful, reason=reason)
 
     def _after_set(self, parameters: list[Any]) -> None:
-        """Another level has other parameters."""
+        """A new level has other parameters: declare them."""
         if self._is_own or not any(p.name.endswith(".level") for p in parameters):
             return
         self._is_own = True
         try:
-            self._show()
+            self._declare()
         finally:
             self._is_own = False
 
-    def _show(self) -> None:
+    def _declare(self) -> None:
         from rcl_interfaces.msg import ParameterDescriptor
         from rclpy.parameter import Parameter
 
         assert self._changes is not None
         values = self._changes.values()
-        for name in self._shown - set(values):
+        for name in self._declared - set(values):
             if self._node.has_parameter(name):
                 self._node.undeclare_parameter(name)
-        self._shown = set(values)
+        self._declared = set(values)
         for name, value in values.items():
             if not self._node.has_parameter(name):
                 self._node.declare_parameter(name, value, ParameterDescriptor(dynamic_typing=True))

@@ -1,4 +1,4 @@
-"""A recorded run as topics: run.mcap is published again at its pace, with `/clock`."""
+"""Publishes run.mcap as ROS 2 topics at its pace, with `/clock`."""
 
 import time
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ CLOCK_PERIOD = 10_000_000  # [ns]
 LATCHED = "transient_local"
 
 
-def recording_of(source: str) -> Path | None:
-    """The run.mcap of a run folder, or the .mcap file itself; None when the source is something else."""
-    path = Path(source)
-    if path.is_dir() and (path / "run.mcap").is_file():
-        return path / "run.mcap"
-    return path if path.suffix == ".mcap" and path.is_file() else None
+def find_recording(source: Path) -> Path:
+    """The run.mcap of a run folder, or the .mcap file itself. InputError for anything else."""
+    file = source / "run.mcap" if source.is_dir() else source
+    if file.suffix != ".mcap" or not file.is_file():
+        raise InputError("RUN", str(source), "expected a run folder with a run.mcap, or a .mcap file")
+    return file
 
 
 def play(file: Path, *, factor: float = 1.0, wait_s: float = 1.0, name: str = "swath") -> int:
@@ -28,7 +28,7 @@ def play(file: Path, *, factor: float = 1.0, wait_s: float = 1.0, name: str = "s
     factor: simulated seconds per second; wait_s: between all topics being there and the first message, for
     readers to find them. Raises InputError for a file that is no recording, MissingExtra without rclpy.
     """
-    node = open_node(name, "swath ros2 bridge", start_parameter_services=False)
+    node = open_node(name, "swath ros2 play", start_parameter_services=False)
     try:
         store, firsts = _open(file)
         publisher = Publisher(node, store)

@@ -1,7 +1,7 @@
-"""Publishes what is recorded: the same topics, frames, times and bytes as run.mcap.
+"""Publishes the recording: the same topics, frames, times and bytes as run.mcap.
 
-A message whose type is installed goes out as the CDR bytes that are in the file. For types that are not there
-(the wheels have neither tf2_msgs nor ackermann_msgs, nobody has swath_msgs) a standard message steps in:
+A message whose type is installed is sent as the CDR bytes of the file. Where a type is not installed (the
+wheels lack tf2_msgs and ackermann_msgs, swath_msgs exists in recordings only) a standard message is sent:
 
     tf2_msgs/TFMessage on /tf, /tf_static        geometry_msgs/TransformStamped, one per transform, on
                                                  /transforms, /transforms_static
@@ -45,7 +45,7 @@ class Publisher:
             route(message, data)
 
     def declare(self, topic: str, message: Any, is_latched: bool) -> None:
-        """Make the topic of such messages known; nothing where it is already."""
+        """Create the publisher of a topic; does nothing where there is one."""
         if topic not in self._routes:
             self._routes[topic] = self._route(topic, message, is_latched)
 

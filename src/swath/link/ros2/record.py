@@ -17,6 +17,8 @@ from swath.signals import Signal
 from swath.signals.flat import build, flat_fields, is_bulky, read
 from swath.signals.setup import LinkSetup
 
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+
 
 def numbers_of(prefix: str, sample: Signal) -> dict[str, float]:
     """Every number of a sample by name, with its time; an array as `name.0`, `name.1` ..."""
@@ -53,22 +55,22 @@ def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
 
 
 def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
-    """What a node is told first: geometry [m, rad], mounting of the edge sensor, period [s]."""
+    """What a node gets first: geometry [m, rad], period [s], mountings of the sensors wired to the slot.
+
+    The names of one mounting begin with `setup.mounting.`, of several with `setup.mounting.PORT.`.
+    """
     control = setup.control
-    machine, (roll, pitch, yaw) = control.machine, control.mounting.euler()
-    x, y, z = (float(v) for v in control.mounting.position)
     names = ("wheelbase", "front_track", "rear_track", "max_steer", "header_width", "knife_x", "header_y")
-    return {
+    found = {
         "setup.period": control.period,
         "setup.edge_is_left": float(control.edge_side == "left"),
-        **{f"setup.{name}": float(getattr(machine, name)) for name in names},
-        "setup.mounting.x": x,
-        "setup.mounting.y": y,
-        "setup.mounting.z": z,
-        "setup.mounting.roll": roll,
-        "setup.mounting.pitch": pitch,
-        "setup.mounting.yaw": yaw,
+        **{f"setup.{name}": float(getattr(control.machine, name)) for name in names},
     }
+    for port, pose in control.mountings.items():
+        lead = "setup.mounting" if len(control.mountings) == 1 else f"setup.mounting.{port}"
+        values = (*pose.position.tolist(), *pose.euler())
+        found |= {f"{lead}.{axis}": float(v) for axis, v in zip(AXES, values, strict=True)}
+    return found
 
 
 def sample_of(port: Port, t: int, numbers: Mapping[str, float]) -> Signal | None:

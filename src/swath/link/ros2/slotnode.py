@@ -1,4 +1,4 @@
-"""Our end of a slot that a node plays: asks per step, collects the answer with the same stamp."""
+"""The swath side of a slot played by a ROS 2 node: sends every step, collects the answer with its stamp."""
 
 import time
 from typing import Any
@@ -130,7 +130,7 @@ class SlotNode:
         return self._outputs_of(times.pop())
 
     def why_silent(self, t: int, waited_s: float) -> str:
-        """One line: who did not answer what."""
+        """One line for the error: which node did not answer which step."""
         present = self._speakers()
         if self._names and not present:
             who = f"the node {self._names[0]} is gone"

@@ -124,8 +124,8 @@ class HeightControlHeader:
             expected = f"expected more than cutting_height_m = {p.cutting_height_m:g}"
             raise InputError("feeler_range_m", p.feeler_range_m, expected)
         self._field: Ground = setup.field
-        self._kinematics = HeaderKinematics(setup.machine, p.cutting_height_m)
-        half, count = self._kinematics.half, 2 * p.sections + 1
+        self.kinematics = HeaderKinematics(setup.machine, p.cutting_height_m)
+        half, count = self.kinematics.half, 2 * p.sections + 1
         knife = np.linspace(half, -half, count)
         self._feeler_y = half * np.linspace(0.9, -0.9, p.feelers)
         skid = np.repeat(p.feeler_behind_m + SLIDING * np.array([-0.5, 0.0, 0.5]), p.feelers)
@@ -139,14 +139,14 @@ class HeightControlHeader:
         start = np.full(p.feelers, p.cutting_height_m)
         delay, dead_time = round(p.feeler_delay_s * NS), round(p.dead_time_s * NS)
         self._feelers = Feelers(start, p.feeler_lag_s, delay, p.feeler_range_m)
-        self._predictor = Predictor(p.feeler_lag_s, delay, p.valve_lag_s, dead_time, self._kinematics.knife_x)
+        self._predictor = Predictor(p.feeler_lag_s, delay, p.valve_lag_s, dead_time, self.kinematics.knife_x)
         stop = p.tilt_max_deg * DEG
         self._lift = Cylinder(dead_time, p.valve_lag_s, (p.lift_low_m, p.lift_high_m))
         self._tilt = Cylinder(dead_time, p.valve_lag_s, (-stop, stop))
         gain = p.gain_per_s if p.gain_per_s is not None else GAIN_WITH_PREDICTOR if p.lead else GAIN
         gains, band = (gain, p.integral_per_s2), p.dead_band_m
         self._raising = Controller(*gains, band, (-p.lower_m_s, p.raise_m_s), self._period)
-        self._leaning = Controller(*gains, band / self._kinematics.half, (-limit, limit), self._period)
+        self._leaning = Controller(*gains, band / self.kinematics.half, (-limit, limit), self._period)
         self._knife: Array | None = None
         self._pose: Pose | None = None
         self._speed = 0.0
@@ -156,8 +156,8 @@ class HeightControlHeader:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Move the cylinders, look where the knife is over the ground, cut, and want new rates."""
         states: tuple[MachineState, ...] = inputs["state"]
-        lift, tilt = self._lift.advance(t, dt) / self._kinematics.arm, self._tilt.advance(t, dt)
-        points = self._kinematics.points(self._behind, self._across, lift, tilt)
+        lift, tilt = self._lift.advance(t, dt) / self.kinematics.arm, self._tilt.advance(t, dt)
+        points = self.kinematics.points(self._behind, self._across, lift, tilt)
         if states:
             self._pose, self._speed = states[-1].pose, states[-1].speed
         if self._pose is None:
@@ -263,7 +263,7 @@ class HeightControlHeader:
             reading,
             p.cutting_height_m,
             p.band_m,
-            self._lift.place / self._kinematics.arm,
+            self._lift.place / self.kinematics.arm,
             self._tilt.place,
             float(np.mean(heights <= 0.0)),
         )

@@ -1,4 +1,4 @@
-"""The straw of a process that is somebody else's: it knows masses but no field, so it is laid here."""
+"""Straw and grain of a process from elsewhere: it knows masses but no field, so they are laid here."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,13 +8,16 @@ from swath.core.component import Component, Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.field.site_setup import SiteSetup
 from swath.machine.process.straw_outlet import StrawOutlet
+from swath.machine.process.unloading_pipe import UnloadingPipe
 from swath.signals import MachineLoad, MachineState
 
 WIDTH, STEP = 1.4, 0.25  # of the swath [m], as the built-in levels have it
 
 
 class LaidStraw:
-    """A process, and what its `load.dropped_straw` grows by, laid as a swath behind the machine."""
+    """A process, and what its load grows by: `dropped_straw` laid as a swath behind the machine,
+    `unloaded_grain` poured out at the end of the unloading pipe.
+    """
 
     def __init__(self, part: Component, setup: SiteSetup) -> None:
         self.part = part
@@ -23,7 +26,8 @@ class LaidStraw:
         own = () if self._passes_state else (Port("state", MachineState),)
         self.inputs = (*part.inputs, *own)
         self._outlet = StrawOutlet(setup.field, setup.machine.body[0], WIDTH, STEP, ridge=True)
-        self._dropped = 0.0
+        self._pipe = UnloadingPipe(setup)
+        self._left = 0.0, 0.0
 
     @property
     def notes(self) -> Sequence[str]:
@@ -34,30 +38,31 @@ class LaidStraw:
         """Nothing laid."""
         self._outlet.reset()
         outputs = self.part.reset(stream)
-        self._dropped = _dropped(outputs)
+        self._left = _left(outputs)
         return outputs
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """Step the process, lay what it dropped."""
+        """Step the process, lay what it dropped and pour out what it unloaded."""
         passed = inputs if self._passes_state else {k: v for k, v in inputs.items() if k != "state"}
         outputs = self.part.step(t, dt, passed)
-        before, self._dropped = self._dropped, _dropped(outputs)
+        before, self._left = self._left, _left(outputs)
         state = inputs.get("state")
         if isinstance(state, tuple) and state:
             state = state[-1]
         if isinstance(state, MachineState):
-            self._outlet.drop(max(self._dropped - before, 0.0), state)
+            self._outlet.drop(max(self._left[0] - before[0], 0.0), state)
+            self._pipe.pour(max(self._left[1] - before[1], 0.0), state)
         return outputs
 
     def save(self) -> State:
-        """State of the process, and the open end of the swath."""
-        return {"part": self.part.save(), "outlet": self._outlet.save(), "dropped": self._dropped}
+        """State of the process, the open end of the swath, and what had left the machine."""
+        return {"part": self.part.save(), "outlet": self._outlet.save(), "left": self._left}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self.part.load(state["part"])
         self._outlet.load(state["outlet"])
-        self._dropped = state["dropped"]
+        self._left = tuple(state["left"])
 
     def close(self) -> None:
         """Let go of the process."""
@@ -65,6 +70,7 @@ class LaidStraw:
             self.part.close()
 
 
-def _dropped(outputs: dict[str, Any]) -> float:
+def _left(outputs: dict[str, Any]) -> tuple[float, float]:
+    """Straw dropped and grain unloaded so far [kg]."""
     load = outputs.get("load")
-    return load.dropped_straw if isinstance(load, MachineLoad) else 0.0
+    return (load.dropped_straw, load.unloaded_grain) if isinstance(load, MachineLoad) else (0.0, 0.0)

@@ -32,7 +32,7 @@ RETURNS_MAX = 0.3  # of the shoe's grain
 @dataclass(frozen=True)
 class Params:
     """straw: in a swath, or chopped and spread over the header's width; swath_width_m: of the swath
-    swath_step_m, spread_step_m: way after which the straw dropped on it is laid down, in a swath or spread
+    swath_step_m, spread_step_m: travel after which the straw dropped on it is laid down, in a swath or spread
     threshability: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (then
     losses are 2 to 4 times as high)
     tank_start_percent: grain in the tank at the start; unload_at_percent: level at which the tank is emptied

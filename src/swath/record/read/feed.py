@@ -18,7 +18,7 @@ Timed = tuple[int, Signal]  # (published [ns], sample)
 
 
 class Demux:
-    """One pass through a recording for several readers: what one is not asked for yet waits."""
+    """One pass through a recording for several readers; each has a queue of what it has not read yet."""
 
     def __init__(self, records: Iterator[tuple[str, int, Any]]) -> None:
         self._records = records
@@ -50,7 +50,7 @@ class Demux:
 
 
 class Feed:
-    """The samples of one output, with the next one in view. times on the clock of the log [ns]
+    """The samples of one output, one read ahead. times on the clock of the log [ns]
 
     gaps: (begin, length) of those above the limit [ns]; without one, above three times the usual interval
     shift: taken from all times, so that the run's 0 is where it should be

@@ -1,7 +1,8 @@
 """LiDAR level `replay`: measured heights seen again from another path, speed, mounting and scan pattern.
 
-The paper's first approach: measured scans, made into plant heights in a position grid (`swath replay build`),
-are what the beams meet. One ray per beam; the spot of the scanner that measured is in the heights already.
+The paper's first approach: measured scans, made into plant heights in a position grid by `swath
+height-map build`, are what the beams meet. One ray per beam; the spot of the scanner that measured is in the
+heights already.
 """
 
 import dataclasses
@@ -33,7 +34,7 @@ Place = Annotated[float, Ge(-1e5), Le(1e5)]
 
 @dataclass(frozen=True)
 class Params(ScannerParams):
-    """file: made by `swath replay build`
+    """file: made by `swath height-map build`
 
     draw: `random`, a height of the distribution, drawn anew for every place and scan, or always the given
     `percentile` of it

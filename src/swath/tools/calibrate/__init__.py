@@ -1,1 +1,1 @@
-"""`swath calibrate`: fit a cheap level to a dear one, or to measurements."""
+"""`swath calibrate`: fits the table of the LiDAR level `empirical`."""

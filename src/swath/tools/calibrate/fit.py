@@ -1,8 +1,9 @@
-"""Fitting the spread table of the LiDAR level `empirical`, and judging it on beams it was not fitted to."""
+"""Fits the spread table of the LiDAR level `empirical`, and tests it on beams it was not fitted to."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,14 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import Crop
 from swath.rays.spread import SHARE_MIN, SpreadTable, quantile_nodes
-from swath.tools.calibrate.stand_rays import LINE, Place, Reading, Returns, StandRays
+from swath.tools.calibrate.stand_scans import LINE, EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import Agreement, compare
 
 F64 = NDArray[np.float64]
 FINE, RELATIVE_MAX = 0.02, 1.6  # grid of the silhouette over relative height
 CLOSEST = 0.15  # beams closer than this share of the spot see the pattern of sub-rays, not the crop
 FARTHEST = 0.2  # gaps beyond this say nothing on the correlation of neighbours [m]
+NORMAL = NormalDist()
 Progress = Callable[[int, int], None]
 
 
@@ -61,11 +63,11 @@ class HeldOut:
 
 
 def fit_plants(
-    crop: Crop, design: Design, reading: Reading, seed: int, *, progress: Progress | None = None
+    crop: Crop, design: Design, echo: EchoSettings, seed: int, *, progress: Progress | None = None
 ) -> tuple[SpreadTable, list[HeldOut]]:
     """A table from the level `plants`, and its agreement with other stands of other plants, off the grid."""
     stream = Stream(seed, "calibrate")
-    stands = StandRays(crop, stream.child("fit"), tile_count=design.tile_count)
+    stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count)
     axes = (
         np.array(design.density) * crop.stand.density,
         np.array(design.height) * crop.stand.height,
@@ -76,7 +78,7 @@ def fit_plants(
     total = len(places) + design.held_out
     seen: list[Returns] = []
     for k, place in enumerate(places):
-        seen.append(stands.look(place, design.lines, reading, stream.child(f"place{k}")))
+        seen.append(stands.scan(place, design.lines, echo, stream.child(f"place{k}")))
         if progress is not None:
             progress(k + 1, total)
     silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
@@ -89,28 +91,28 @@ def fit_plants(
         cosine=_cosine(crop, seen),
         correlation=fit_correlation(places, seen),
     )
-    others = StandRays(crop, stream.child("held_out"), tile_count=max(design.tile_count // 2, 2))
-    judged = []
+    others = SampleStands(crop, stream.child("held_out"), tile_count=max(design.tile_count // 2, 2))
+    held_out = []
     for k, place in enumerate(_elsewhere(axes, design.held_out, stream.child("places"))):
-        returns = others.look(place, 2 * design.lines, reading, stream.child(f"other{k}"))
-        judged.append(HeldOut(place, judge(table, place, returns, stream.child(f"judge{k}"))))
+        returns = others.scan(place, 2 * design.lines, echo, stream.child(f"other{k}"))
+        held_out.append(HeldOut(place, compare_place(table, place, returns, stream.child(f"judge{k}"))))
         if progress is not None:
             progress(len(places) + k + 1, total)
-    return table, judged
+    return table, held_out
 
 
-def judge(table: SpreadTable, place: Place, returns: Returns, stream: Stream) -> Agreement:
+def compare_place(table: SpreadTable, place: Place, returns: Returns, stream: Stream) -> Agreement:
     """Heights drawn from the table against those seen."""
     real = returns.height[~np.isnan(returns.height)]
     share = stream.at().permutation((np.arange(4 * len(real)) + 0.5) / (4 * len(real)))
     return compare(table.heights(share, place.density, place.height, place.depression, place.spot), real)
 
 
-def quality(judged: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
+def quality(held_out: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
     """Mean, 95th percentile and largest absolute of every number of agreement; of std_ratio its range."""
     found: dict[str, dict[str, float]] = {}
-    for name in asdict(judged[0].agreement):
-        values = np.array([getattr(h.agreement, name) for h in judged])
+    for name in asdict(held_out[0].agreement):
+        values = np.array([getattr(h.agreement, name) for h in held_out])
         if name in ("std_ratio", "intersection"):
             parts = {"least": values.min(), "median": np.median(values), "most": values.max()}
         else:
@@ -186,19 +188,10 @@ def normal_scores(values: F64) -> F64:
     flat = values.ravel()
     ok = np.isfinite(flat)
     scores = np.full(flat.shape, np.nan)
-    ranked, inverse, count = np.unique(flat[ok], return_inverse=True, return_counts=True)
+    _, inverse, count = np.unique(flat[ok], return_inverse=True, return_counts=True)
     middle = (np.cumsum(count) - 0.5 * count) / max(int(ok.sum()), 1)
-    scores[ok] = normal_quantile(middle)[inverse] if len(ranked) else 0.0
+    scores[ok] = np.array([NORMAL.inv_cdf(share) for share in middle.tolist()])[inverse]
     return scores.reshape(values.shape)
-
-
-def normal_quantile(share: F64) -> F64:
-    """Inverse of the standard normal distribution function, by a fine table (error < 1e-4 within 4 sd)."""
-    from math import erf
-
-    z = np.linspace(-5.0, 5.0, 4001)
-    phi = 0.5 * (1.0 + np.array([erf(v / np.sqrt(2.0)) for v in z]))
-    return np.interp(share, phi, z)
 
 
 def _elsewhere(axes: Sequence[F64], count: int, stream: Stream) -> list[Place]:
@@ -213,19 +206,19 @@ def _elsewhere(axes: Sequence[F64], count: int, stream: Stream) -> list[Place]:
     return places
 
 
-def described(
-    table: SpreadTable, *, source: str, reading: Reading, crop: str, fit: dict[str, object]
+def with_description(
+    table: SpreadTable, *, source: str, echo: EchoSettings, crop: str, fit: dict[str, object]
 ) -> SpreadTable:
     """The table with what its YAML says."""
     about: dict[str, object] = {
         "crop": crop,
         "source": source,
         "reading": {
-            "echo": reading.echo,
-            "percentile": reading.percentile,
-            "sub_rays": reading.sub_rays,
-            "profile": reading.profile,
-            "sensor": reading.sensor,
+            "echo": echo.rule,
+            "percentile": echo.percentile,
+            "sub_rays": echo.sub_rays,
+            "profile": echo.profile,
+            "sensor": echo.sensor,
         },
         "fit": fit,
     }

@@ -1,4 +1,4 @@
-"""`swath compare`: models against what was measured."""
+"""`swath compare log`: a machine model against a recorded log."""
 
 import argparse
 import shlex
@@ -7,15 +7,9 @@ from typing import Any
 
 _DESCRIPTION = (
     "Runs a machine's process and powertrain along a recorded log (its speed, its crop, its slope) and "
-    "compares engine load, engine speed and fuel, whichever the log has. Keys of the machine's sheet can be "
-    "fitted on one part of the log; the others then judge it. Beside it stands a plain regression."
+    "compares engine load, engine speed and fuel, as far as the log has them. Keys of the data sheet can be "
+    "fitted on one part of the log; the others then test it. A plain regression is shown for comparison."
 )
-
-
-BY_LOAD = (
-    ("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2), ("settled_rpm", 0),
-    ("settled_error_percent", 2),
-)  # fmt: skip
 
 
 def add(parsers: Any) -> None:
@@ -23,12 +17,12 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("compare", help="compare a model with what was measured")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
-    log.add_argument("model", metavar="MODEL", help="machine: bundled name or sheet file")
+    log.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
     log.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
     log.add_argument("--out", type=Path, metavar="DIR", help="write picture, report, JSON, sheet and series")
-    log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the sheet to fit")
+    log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the data sheet to fit")
     log.add_argument("--on", action="append", default=[], metavar="QUANTITY", help="to fit to (engine_load)")
-    log.add_argument("--machine", metavar="NAME", help="fit on this machine of the log, judge on the others")
+    log.add_argument("--machine", metavar="NAME", help="fit on this machine of the log, test on the others")
     log.add_argument(
         "--share", type=float, default=0.5, metavar="S", help="else: fit on the first share (0.5)"
     )
@@ -55,7 +49,7 @@ def run_log(args: argparse.Namespace) -> int:
     from swath.terminal.tables import number, table
     from swath.tools.compare_log.along_log import Drive
     from swath.tools.compare_log.compare import compare_log
-    from swath.tools.compare_log.page import figure_rows, write_comparison
+    from swath.tools.compare_log.page import load_rows, statistic_rows, write_comparison
 
     for key, low, high in (("straw", 0.0, 10.0), ("friction", 0.0, 50.0), ("flow_floor", 0.0, 200.0)):
         if not low <= getattr(args, key) <= high:
@@ -76,16 +70,12 @@ def run_log(args: argparse.Namespace) -> int:
         rows = [[f.key, number(f.start), number(f.value), number(f.error), f.unit] for f in made.fitted]
         table(f"fitted on {made.fitted_on}", ("key", "start", "fitted", "error", "unit"), rows)
     head = ("quantity", "records", "model", "count", "R2", "RMSE", "bias", "r", "lag s")
-    table(f"{made.model} against {made.log_name}", head, figure_rows(made))
+    table(f"{made.model} against {made.log_name}", head, statistic_rows(made))
     if made.by_load:
-        rows = [
-            [f"{r['from_percent']:.0f}-{r['to_percent']:.0f} %"] + [f"{r[k]:.{d}f}" for k, d in BY_LOAD]
-            for r in made.by_load
-        ]
         table(
             "engine speed by load",
             ("load", "measured rpm", "simulated", "error %", "engine alone", "error %"),
-            rows,
+            load_rows(made),
         )
     if made.fuel_line:
         rows = [[k, f"{v['intercept']:.2f}", f"{v['slope']:.3f}"] for k, v in made.fuel_line.items()]

@@ -1,7 +1,7 @@
-"""A machine model against a recorded log: fitted on one part of it, judged on the others.
+"""Compares a machine model with a recorded log: fitted on one part of it, tested on the others.
 
-What is fitted are keys of the machine's data sheet, by least squares on the measured series. Beside the model
-stands the plain regression load = a + b flow + c speed, without and with a lag.
+Keys of the machine's data sheet are fitted by least squares to the measured series. The regression
+load = a + b flow + c speed, without and with a lag, is computed for comparison.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,22 +19,22 @@ from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.signals import MachineLoad
 from swath.tools.compare_log.along_log import Drive, run_engine, run_process
-from swath.tools.compare_log.figures import (
+from swath.tools.compare_log.statistics import (
     FEWEST,
     Array,
-    Figures,
     Mask,
+    SeriesStatistics,
     by_flow,
     by_load,
-    figures_of,
     fuel_line,
     regressions,
+    statistics_of,
     steady_speed,
     usable,
 )
 
 SHOWN = {"engine_load": ("%", 100.0), "engine_speed": ("1/min", 1.0 / RPM), "fuel": ("l/h", 3.6e6)}
-"""Measured quantity -> unit of all figures, factor from SI."""
+"""Measured quantity -> unit of all results, factor from SI."""
 PAUSE = 60.0  # s, of a machine at rest: what lies between is a stretch of its own
 DELAYS = ("transport.", "threshing.", "cleaning.")  # sections of the process
 RANGE = (0.02, 20.0)  # of a fitted value over its start
@@ -53,9 +53,9 @@ class Fitted:
 
 @dataclass(frozen=True)
 class LogComparison:
-    """Everything that came out. series: measured and simulated by quantity, in SHOWN units, shape (n,)
+    """The result. series: measured and simulated by quantity, in SHOWN units, shape (n,)
 
-    parts: part -> records that are judged; figures: quantity -> part -> model and plain regressions
+    parts: part -> records that are compared; statistics: quantity -> part -> model and plain regressions
     by_load: engine speed in bins of load; fuel_line: intercept [l/h] and slope [l/h per kg/s] of both
     by_flow: mean of every quantity in bins of the logged crop flow
     """
@@ -71,7 +71,7 @@ class LogComparison:
     simulated: dict[str, Array]
     plain: dict[str, dict[str, Array]]
     coefficients: dict[str, dict[str, list[float]]]
-    figures: dict[str, dict[str, dict[str, Figures]]]
+    statistics: dict[str, dict[str, dict[str, SeriesStatistics]]]
     by_load: list[dict[str, float]]
     fuel_line: dict[str, dict[str, float]]
     by_flow: list[dict[str, float]]
@@ -87,9 +87,9 @@ class LogComparison:
             "fitted": [asdict(f) for f in self.fitted],
             "records": {name: int(mask.sum()) for name, mask in self.parts.items()},
             "units": {q: SHOWN[q][0] for q in self.measured},
-            "figures": {
+            "statistics": {
                 q: {part: {k: asdict(f) for k, f in of.items()} for part, of in parts.items()}
-                for q, parts in self.figures.items()
+                for q, parts in self.statistics.items()
             },
             "plain_coefficients": self.coefficients,
             "engine_speed_by_load": self.by_load,
@@ -112,7 +112,7 @@ def compare_log(
     columns: Path | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> LogComparison:
-    """Run a machine along a log and judge it.
+    """Run a machine model along a log and compare the two.
 
     model: name or path of a machine's data sheet; log: a file, or one that is read already
     fit: keys of the sheet to fit, to the quantities `on`; on the records of `machine` (a name of the log), or
@@ -137,8 +137,10 @@ def compare_log(
     measured = {q: v * scale[q] for q, v in read.measured.items()}
     simulated = {q: made[q] * scale[q] for q in measured}
     plain, coefficients = regressions(read, measured, next(iter(parts.values())))
-    figures = {q: figures_of(measured[q], {"model": simulated[q], **plain[q]}, parts, read) for q in measured}
-    judged = list(parts.values())[-1] if len(parts) > 1 else used
+    statistics = {
+        q: statistics_of(measured[q], {"model": simulated[q], **plain[q]}, parts, read) for q in measured
+    }
+    tested = list(parts.values())[-1] if len(parts) > 1 else used
     return LogComparison(
         model=str(sheet.value("name")),
         log_name=str(getattr(log, "name", "log")),
@@ -151,10 +153,10 @@ def compare_log(
         simulated=simulated,
         plain=plain,
         coefficients=coefficients,
-        figures=figures,
-        by_load=by_load(measured, simulated, judged, steady_speed(read_machine(sheet), measured, chosen)),
-        fuel_line=fuel_line(read, measured, simulated, judged),
-        by_flow=by_flow(read, measured, simulated, judged),
+        statistics=statistics,
+        by_load=by_load(measured, simulated, tested, steady_speed(read_machine(sheet), measured, chosen)),
+        fuel_line=fuel_line(read, measured, simulated, tested),
+        by_flow=by_flow(read, measured, simulated, tested),
         sheet=sheet.document.data,
     )
 
@@ -162,7 +164,7 @@ def compare_log(
 def _parts(
     log: MachineLog, used: Mask, machine: str | None, share: float, alternate: bool
 ) -> tuple[dict[str, Mask], Mask]:
-    """Named parts of the judged records, the one to fit on first; and all records of that one."""
+    """Named parts of the compared records, the one to fit on first; and all records of that one."""
     if machine is not None:
         if machine not in log.machine_names:
             raise InputError("machine", machine, f"expected one of {', '.join(log.machine_names)}")
@@ -211,7 +213,7 @@ def _fit(
 ) -> tuple[Sheet, tuple[Fitted, ...]]:
     """Least squares over the sheet's keys; each quantity over its own spread.
 
-    span: records to run along; mask: those of them that are judged
+    span: records to run along; mask: those of them that count
     """
     try:
         from scipy.optimize import least_squares

@@ -1,8 +1,6 @@
-"""A comparison with a recorded log as a picture, a page, JSON and series."""
+"""The files of a comparison with a recorded log: picture, report, results, data sheet and series."""
 
 import json
-from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +10,10 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
-from swath.report.page import CSS
+from swath.report.page import Figure
 from swath.report.plots import BLUE, FAINT, GREY, ORANGE, STYLE, as_image, figure
 from swath.tools.compare_log.compare import SHOWN, LogComparison
+from swath.tools.html_page import render_page, signed
 
 Mask = NDArray[np.bool_]
 LABELS = {"engine_load": "engine load", "engine_speed": "engine speed", "fuel": "fuel"}
@@ -38,7 +37,7 @@ def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> li
     results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
     (out / "results.json").write_text(results + "\n", encoding="utf-8")
     (out / "report.html").write_text(
-        page(made, as_image(fig, kind="png", dpi=130), command), encoding="utf-8"
+        render_comparison(made, as_image(fig, kind="png", dpi=130), command), encoding="utf-8"
     )
     (out / "machine.yaml").write_text(dump(made.sheet, width=110), encoding="utf-8")
     _write_series(made, out / "series.parquet")
@@ -82,7 +81,7 @@ def draw(made: LogComparison) -> Any:
 
 
 def _excerpt(mask: Mask) -> int:
-    """Start of the stretch of WINDOW records with most that are judged."""
+    """Start of the stretch of WINDOW records with most that are compared."""
     count = np.convolve(mask.astype(float), np.ones(min(WINDOW, len(mask))), "valid")
     return int(count.argmax())
 
@@ -116,8 +115,8 @@ def _scatter(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
     )
     ax.plot([low, high], [low, high], color=GREY, lw=0.9, ls=(0, (4, 3)))
     ax.set(xlim=(low, high), ylim=(low, high), xlabel="measured", ylabel="simulated")
-    figures = list(made.figures[quantity].values())[-1]["model"]
-    text = f"R² {figures.r2:.2f}\nRMSE {figures.rmse:.3g} {SHOWN[quantity][0]}\nlag {figures.lag_s:+.1f} s"
+    found = list(made.statistics[quantity].values())[-1]["model"]
+    text = f"R² {found.r2:.2f}\nRMSE {found.rmse:.3g} {SHOWN[quantity][0]}\nlag {found.lag_s:+.1f} s"
     ax.text(0.04, 0.96, text.replace("-", "−"), transform=ax.transAxes, va="top", fontsize=8.5)
 
 
@@ -157,26 +156,16 @@ def _residuals(ax: Any, made: LogComparison, mask: Mask) -> None:
     ax.set(xlabel="engine load, simulated less measured [%]", ylabel="records")
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    def cells(row: Sequence[str], tag: str) -> str:
-        return "".join(
-            f"<{tag}{'' if i < left else ' class=n'}>{escape(c)}</{tag}>" for i, c in enumerate(row)
-        )
-
-    body = "".join(f"<tr>{cells(r, 'td')}</tr>" for r in rows)
-    return f"<table><tr>{cells(head, 'th')}</tr>{body}</table>"
-
-
 def _n(value: float, digits: int = 2) -> str:
     if not np.isfinite(value):
         return "–"
-    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+    return signed(value, digits)
 
 
-def figure_rows(made: LogComparison) -> list[list[str]]:
+def statistic_rows(made: LogComparison) -> list[list[str]]:
     """Quantity, part, model, count, R2, RMSE, bias, r, lag as text."""
     rows = []
-    for quantity, parts in made.figures.items():
+    for quantity, parts in made.statistics.items():
         for part, models in parts.items():
             fitted = " (fitted)" if part == made.fitted_on else ""
             for k, f in models.items():
@@ -185,45 +174,28 @@ def figure_rows(made: LogComparison) -> list[list[str]]:
     return rows
 
 
-def page(made: LogComparison, image: str, command: str) -> str:
-    """The report as HTML."""
-    parts = [f"<h1>{escape(made.model)}</h1>", f'<p class="lead">against {escape(made.log_name)}</p>']
-    if made.fitted:
-        rows = [[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted]
-        head = ("key", "start", "fitted", "standard error", "unit")
-        parts.append(f"<h2>Fitted on {escape(made.fitted_on)}</h2>{_table(head, rows)}")
-    heads = ("quantity", "records", "model", "count", "R²", "RMSE", "bias", "r", "lag [s]")
-    parts.append(f"<h2>Simulated against measured</h2>{_table(heads, figure_rows(made), 3)}")
-    parts.append(
-        "<p class=lead>Regression: a + b flow + c speed, fitted on the first part, without and with the lag "
-        "that correlates best. Lag: by how much the measured series is later than the simulated one.</p>"
+def render_comparison(made: LogComparison, image: str, command: str) -> str:
+    """The report as HTML. image: a data address."""
+    return render_page(
+        "compare_log",
+        model=made.model,
+        log=made.log_name,
+        fitted_on=made.fitted_on,
+        fitted=[[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted],
+        statistics=statistic_rows(made),
+        figure=Figure("Picture", image, "Measured and simulated series"),
+        by_load=load_rows(made),
+        fuel_line=[[k, _n(v["intercept"]), _n(v["slope"], 3)] for k, v in made.fuel_line.items()],
+        notes=made.log.notes,
+        command=command,
     )
-    parts.append(f'<h2>Picture</h2><figure><img src="{image}" alt="measured and simulated"></figure>')
-    if made.by_load:
-        keys = (("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2), ("settled_rpm", 0),
-                ("settled_error_percent", 2))  # fmt: skip
-        rows = [
-            [f"{r['from_percent']:.0f}–{r['to_percent']:.0f} %", *(_n(r[k], d) for k, d in keys)]
-            for r in made.by_load
-        ]
-        bins = (
-            "load",
-            "measured [1/min]",
-            "simulated [1/min]",
-            "error [%]",
-            "engine alone [1/min]",
-            "error [%]",
-        )
-        parts.append(f"<h2>Engine speed by load</h2>{_table(bins, rows)}")
-    if made.fuel_line:
-        rows = [[k, _n(v["intercept"]), _n(v["slope"], 3)] for k, v in made.fuel_line.items()]
-        line = ("fuel over crop flow", "intercept [l/h]", "slope [l/h per kg/s]")
-        parts.append(f"<h2>Fuel line</h2>{_table(line, rows)}")
-    notes = "".join(f"<li>{escape(n)}</li>" for n in made.log.notes)
-    parts.append(f"<h2>Notes</h2><ul>{notes}</ul>" if notes else "")
-    parts.append(f"<h2>Command</h2><pre>{escape(command)}</pre>" if command else "")
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>'
-        f"{escape(made.model)} · swath compare log</title><style>{CSS}</style></head>\n<body><main>"
-        f"{''.join(parts)}</main></body></html>\n"
-    )
+
+
+def load_rows(made: LogComparison) -> list[list[str]]:
+    """Engine speed by load as text: load, measured, simulated, error, engine alone, error."""
+    keys = (("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2), ("settled_rpm", 0),
+            ("settled_error_percent", 2))  # fmt: skip
+    return [
+        [f"{r['from_percent']:.0f}–{r['to_percent']:.0f} %", *(_n(r[k], d) for k, d in keys)]
+        for r in made.by_load
+    ]

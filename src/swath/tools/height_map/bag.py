@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.record.read.fields import pose_of_transform
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import poses_of_fixes, read_fixes
 from swath.record.read.frames import BASES, chain
 from swath.record.read.mcap_log import BROKEN
 from swath.record.read.scans import cloud_table
-from swath.tools.height_map.poses import PoseTrack, euler_of, make_track, pose_of
+from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 
 Array = NDArray[np.float64]
@@ -95,9 +96,8 @@ def _first_pass(
             frame = frame or message.header.frame_id.lstrip("/")
         elif topic == "/tf_static":
             for link in message.transforms:
-                move, turn = link.transform.translation, link.transform.rotation
-                pose = pose_of((move.x, move.y, move.z), (turn.x, turn.y, turn.z, turn.w))
-                mounts[link.child_frame_id.lstrip("/")] = (link.header.frame_id.lstrip("/"), pose)
+                child, parent = link.child_frame_id.lstrip("/"), link.header.frame_id.lstrip("/")
+                mounts[child] = parent, pose_of_transform(link.transform)
         elif not is_fix:
             pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
             p, q = pose.position, pose.orientation

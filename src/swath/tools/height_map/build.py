@@ -81,7 +81,7 @@ def open_source(path: Path, wanted: Wanted, poses: Path | None = None) -> Source
     return open_bag(path, wanted)
 
 
-def build_replay(
+def build_height_map(
     source: Source, settings: Settings = Settings(), progress: Progress = lambda share: None
 ) -> HeightGrid:
     """The grid of a source. progress is called with the share that is done of a pass, 0 to 1.

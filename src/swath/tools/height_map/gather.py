@@ -12,7 +12,7 @@ from swath.tools.height_map.passing import Passing, thicknesses
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-BUFFER = 1 << 20  # echoes that wait to be merged
+BUFFER = 1 << 20  # echoes that are held before they are merged
 CELLS_MAX = 20_000_000
 FEWEST_BELOW = 0.25  # times that beams went below the lowest echo of a cell, for it to be open there
 BLOCK = 8 * TILE  # columns that are pooled at once
@@ -43,10 +43,12 @@ class Samples:
 class Gatherer:
     """Takes echoes, keeps at most `per_cell` heights of each cell: those with the smallest hashes of their
     number, which is a random sample that does not depend on how the echoes came in parts.
+
+    buffer: echoes that are held before they are merged
     """
 
-    def __init__(self, width: int, per_cell: int, seed: int) -> None:
-        self.width, self.per_cell, self.seed = width, per_cell, seed
+    def __init__(self, width: int, per_cell: int, seed: int, *, buffer: int = BUFFER) -> None:
+        self.width, self.per_cell, self.seed, self.buffer = width, per_cell, seed, buffer
         self.echo_count = 0
         self._parts: list[tuple[Ints, NDArray[np.int16], NDArray[np.uint32]]] = []
         self._bright: list[tuple[Ints, Array]] = []
@@ -65,7 +67,7 @@ class Gatherer:
         self._parts.append((key, np.round(height_mm).astype(np.int16), rank))
         self._bright.append((key, intensity))
         self._waiting += len(key)
-        if self._waiting >= BUFFER:
+        if self._waiting >= self.buffer:
             self._merge()
 
     def finish(self) -> Samples:

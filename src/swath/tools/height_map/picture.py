@@ -13,7 +13,7 @@ PIXELS = 1600  # along the longer side; larger grids are thinned
 NEVER = "#d9d9d9"
 
 
-def draw_replay(grid: HeightGrid, path: Path, way: Array | None = None) -> Path:
+def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> Path:
     """Write a PNG in the grid's own frame. way: driven places (n, 2) in the world."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg

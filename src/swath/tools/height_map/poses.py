@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.frames import Pose, wrap_angle
+from swath.core.frames import wrap_angle
 
 Array = NDArray[np.float64]
 SLACK_S = 0.1  # a beam may be this much before the first or after the last pose [s]
@@ -73,12 +73,6 @@ def euler_of(quaternion: Any) -> Array:
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return np.stack([roll, pitch, yaw], axis=1)
-
-
-def pose_of(translation: Any, quaternion: Any) -> Pose:
-    """A pose from a translation (3,) [m] and a quaternion (x, y, z, w)."""
-    roll, pitch, yaw = euler_of(quaternion)[0]
-    return Pose.from_euler(translation, roll, pitch, yaw)
 
 
 def rotations(roll: Array, pitch: Array, yaw: Array) -> Array:

@@ -1,8 +1,6 @@
 """`swath lab`: what scanners measure over stands that are known."""
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +24,7 @@ def add(parsers: Any) -> None:
     )
     made.add_argument("--crop", default="wheat", metavar="NAME|FILE", help="crop (default wheat)")
     made.add_argument("--height", type=float, metavar="M", help="of the crop (default: the crop's own)")
-    made.add_argument("--real", type=Path, metavar="FILE", help="measured heights, .csv or .npz: docs/lab.md")
+    made.add_argument("--real", type=Path, metavar="FILE", help="heights measured in the field (CSV)")
     made.add_argument("--levels", nargs="+", metavar="LEVEL", help="of the LiDAR (default: all there are)")
     made.add_argument("--seeds", type=int, default=5, metavar="N", help="stands of each kind (default 5)")
     made.add_argument("--seed", type=int, default=1, metavar="N", help="the first of them (default 1)")
@@ -45,24 +43,25 @@ def add(parsers: Any) -> None:
 
 
 def run_stand(args: argparse.Namespace) -> int:
-    """Scan, judge, write; print what came out."""
+    """Scan, compare, write; print the comparisons."""
+    from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
-    from swath.tools.lab.agreement import judge_lab
+    from swath.tools.lab.comparison import compare_levels
     from swath.tools.lab.lab import run_lab
-    from swath.tools.lab.measured_stands import read_real
+    from swath.tools.lab.measured_heights import read_measured
     from swath.tools.lab.page import PRINTED, rows_for_print, write_lab_report
-    from swath.tools.lab.table import write_tables
+    from swath.tools.lab.table import write_table
 
     settings = _settings(args)
     _check_out(args.out)
-    real = None if args.real is None else read_real(args.real)
-    with _bar() as progress:
+    real = None if args.real is None else read_measured(args.real)
+    with progress_bar("scanning") as progress:
         lab = run_lab(settings, progress)
-    cases = judge_lab(lab, real)
+    cases = compare_levels(lab, real)
     name = None if real is None else real.name
     args.out.mkdir(parents=True, exist_ok=True)
-    files = write_tables(args.out, lab, cases, name)
-    files.append(write_lab_report(args.out / "report.html", lab, cases, name))
+    table_file = write_table(args.out / "lab.csv", cases)
+    report = write_lab_report(args.out / "report.html", lab, cases, name)
     rows = rows_for_print(cases)
     if rows:
         table("", PRINTED, rows)
@@ -70,8 +69,8 @@ def run_stand(args: argparse.Namespace) -> int:
         print(f"warning: no row of {real.name} belongs to any of these cases")
     for note in lab.notes:
         print(f"note: {note}")
-    for file in files:
-        print(file)
+    print(table_file)
+    print(report)
     return 0
 
 
@@ -113,26 +112,11 @@ def _sets(texts: list[str]) -> dict[str, Any]:
 def _check_out(out: Path) -> None:
     from swath.core.errors import InputError
 
-    own = {"lab.json", "lab.csv", "report.html"}
+    own = {"lab.csv", "report.html"}
     if out.exists() and (not out.is_dir() or not own.issuperset(f.name for f in out.iterdir())):
         raise InputError("--out", str(out), "expected a new or empty folder, or an earlier lab")
 
 
-@contextmanager
-def _bar() -> Iterator[Any]:
-    """A rich bar on stderr; nothing where there is no terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("scanning", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-_DESCRIPTION = """Scan stands of known density with every level of the LiDAR and hold the distributions of
-measured height against each other, and against real ones where a file is given. Writes lab.json, lab.csv and
-report.html. docs/lab.md says how to read them."""
+_DESCRIPTION = """Scan stands of known density with every level of the LiDAR and compare the
+distributions of measured height with each other, and with real ones where a file is given. Writes lab.csv
+and report.html; docs/lab.md says how to read them."""

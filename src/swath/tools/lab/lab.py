@@ -247,7 +247,7 @@ class Bench:
         import tempfile
 
         from swath.tools.height_map.build import Settings as GridSettings
-        from swath.tools.height_map.build import build_replay
+        from swath.tools.height_map.build import build_height_map
         from swath.tools.height_map.poses import make_track
         from swath.tools.height_map.source import Echoes, Source
 
@@ -265,7 +265,7 @@ class Bench:
                 yield Echoes(np.full(int(seen.sum()), at), points[seen], bright, int((~seen).sum()))
 
         source = Source("lab", track, self.mount.pose(CARRIAGE, "left"), echoes)
-        grid = build_replay(source, GridSettings(reach_m=max(self.reach, 1.0)))
+        grid = build_height_map(source, GridSettings(reach_m=max(self.reach, 1.0)))
         with tempfile.NamedTemporaryFile(suffix=".npz", prefix="swath-lab-", delete=False) as file:
             path = Path(file.name)
         grid.save(path)

@@ -11,7 +11,7 @@ from swath.report.plots import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, figu
 from swath.report.stand3d import COLOURS, GROUND, Camera, organs_near
 from swath.signals import F64
 from swath.tools.distributions import BIN
-from swath.tools.lab.agreement import JudgedCase, bin_range, describe, histogram
+from swath.tools.lab.comparison import CaseComparison, bin_range, describe, histogram
 from swath.tools.lab.lab import Lab, Settings, make_stand
 
 LEVEL_COLOURS = {"plants": BLUE, "empirical": ORANGE, "replay": GREEN}
@@ -25,7 +25,7 @@ def level_colours(levels: Sequence[str]) -> dict[str, str]:
     return {name: LEVEL_COLOURS.get(name) or next(spare) for name in levels}
 
 
-def histograms_figure(lab: Lab, cases: Sequence[JudgedCase]) -> Any:
+def histograms_figure(lab: Lab, cases: Sequence[CaseComparison]) -> Any:
     """One depression: densities from left to right, scanners from top to bottom; band: the first level's."""
     densities, sensors = lab.settings.densities, lab.settings.sensors
     fig = figure(11.0, 0.6 + 2.5 * len(sensors))
@@ -48,7 +48,7 @@ def histograms_figure(lab: Lab, cases: Sequence[JudgedCase]) -> Any:
     return fig
 
 
-def _plot_histograms(ax: Any, case: JudgedCase, low: int, high: int, colours: dict[str, str]) -> None:
+def _plot_histograms(ax: Any, case: CaseComparison, low: int, high: int, colours: dict[str, str]) -> None:
     edges = BIN * np.arange(low, high + 1)
     if len(case.real):
         ax.stairs(histogram(case.real, low, high), edges, fill=True, color=REAL, label="real")
@@ -68,7 +68,7 @@ def _band(ax: Any, edges: Any, rows: F64, colour: str) -> None:
     ax.fill_between(x, bottom, top, color=colour, alpha=0.18, lw=0)
 
 
-def trends_figure(lab: Lab, cases: Sequence[JudgedCase]) -> Any:
+def trends_figure(lab: Lab, cases: Sequence[CaseComparison]) -> Any:
     """Mean, spread and ground share over the depression, of the first level."""
     fig = figure(11.0, 3.4)
     axes = fig.subplots(1, 3)

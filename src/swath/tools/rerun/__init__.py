@@ -1,1 +1,1 @@
-"""`swath replay`: a recorded run again, with recorded signals in some of its slots."""
+"""`swath rerun`: a recorded run again, with recorded signals in some of its slots."""

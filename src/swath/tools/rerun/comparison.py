@@ -1,4 +1,4 @@
-"""Is a run the same as the recorded one, sample for sample?"""
+"""Compares a run with a recorded one, sample for sample."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
@@ -13,8 +13,8 @@ from swath.signals import Signal
 
 
 @dataclass
-class Compared:
-    """One slot. sample_count: that were compared
+class SlotComparison:
+    """How one slot compares. sample_count: samples compared
 
     differs_at: time of the first difference [ns], None without one; what: its output and fields
     digest, recorded: chained over the samples that were compared, here and in the recording
@@ -38,8 +38,8 @@ class Compared:
             self.differs_at, self.what = t, what
 
 
-class SameAsRecorded(RunHook):
-    """Observer of a graph that holds every sample of some slots against a recording.
+class RecordingComparison(RunHook):
+    """Observes a run and compares every sample of some slots with a recording.
 
     slots: full names; only those that the recording holds sample by sample are compared
     """
@@ -47,13 +47,13 @@ class SameAsRecorded(RunHook):
     def __init__(self, log: Log, slots: Collection[str], *, played: Collection[str]) -> None:
         self.log, self.played = log, tuple(played)
         known = {slot: [o for o, exact in own_outputs(log, slot).items() if exact] for slot in slots}
-        self.slots = {slot: Compared(slot) for slot, outputs in known.items() if outputs}
+        self.slots = {slot: SlotComparison(slot) for slot, outputs in known.items() if outputs}
         topics = {(s, o): exact_topic(s, o) for s in self.slots for o in known[s]}
         self._demux = Demux(log.messages(list(topics.values())))
         self._streams = {key: exact_samples(self._demux.read(topic)) for key, topic in topics.items()}
 
     def begin(self, run: ActiveRun) -> None:
-        """Look on."""
+        """Observe the run."""
         run.observers.append(self)
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
@@ -80,20 +80,20 @@ class SameAsRecorded(RunHook):
                 self.slots[key[0]].note(left[0], f"{key[1]} was not published")
         self._demux.close()
         return {
-            "replay": {
+            "rerun": {
                 "recording": str(self.log.path),
                 "played": list(self.played),
-                "slots": {c.slot: _told(c) for c in self.slots.values()},
+                "slots": {c.slot: _result(c) for c in self.slots.values()},
             }
         }
 
 
-def _told(c: Compared) -> dict[str, Any]:
-    told: dict[str, Any] = {"identical": c.is_identical, "samples": c.sample_count}
-    told |= {"digest": c.digest.hex, "recorded_digest": c.recorded.hex}
+def _result(c: SlotComparison) -> dict[str, Any]:
+    found: dict[str, Any] = {"identical": c.is_identical, "samples": c.sample_count}
+    found |= {"digest": c.digest.hex, "recorded_digest": c.recorded.hex}
     if c.differs_at is not None:
-        told |= {"differs_from_s": c.differs_at / NS, "differs_in": c.what}
-    return told
+        found |= {"differs_from_s": c.differs_at / NS, "differs_in": c.what}
+    return found
 
 
 def _differences(a: Signal, b: Signal) -> list[str]:

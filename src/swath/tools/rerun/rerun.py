@@ -15,23 +15,27 @@ from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
 from swath.scenario.scenario import Scenario, load_scenario, parse_scenario
 from swath.scenario.slots import kind_of
-from swath.tools.rerun.comparison import SameAsRecorded
+from swath.tools.rerun.comparison import RecordingComparison
 
 SENSING = "swath.sensing."
 
 
 @dataclass(frozen=True)
-class Again:
-    """scenario: that was recorded, changed so that `played` slots (full names) play the log."""
+class Rerun:
+    """log: the recording; played: slots (full names) that play it
+    scenario: the recorded one, with these slots set to the level `log`
+    """
 
     log: Log
     scenario: Scenario
     played: tuple[str, ...]
 
     def run(self, out: Path, *, progress: bool = False, report: bool = True) -> JobResult:
-        """Make the run; summary.json says under `replay` which of the other slots came out the same."""
+        """Make the run; summary.json says under `rerun` which of the other slots came out the same."""
         slots = [f"{m.name}.{s}" for m in self.scenario.machines.values() for s in m.slots]
-        comparison = SameAsRecorded(self.log, [s for s in slots if s not in self.played], played=self.played)
+        comparison = RecordingComparison(
+            self.log, [s for s in slots if s not in self.played], played=self.played
+        )
         hooks: list[RunHook] = [comparison, *([ReportWriter()] if report else [])]
         return run_job(self.scenario, out, progress=progress, events=self._events(), hooks=hooks)
 
@@ -42,9 +46,9 @@ class Again:
         return [e for e in events if ".".join(str(e["set"]).split(".")[:2]) not in self.played]
 
 
-def plan_again(
+def plan_rerun(
     source: Path, *, slots: Sequence[str] | None = None, sets: Sequence[str] = (), seed: str | None = None
-) -> Again:
+) -> Rerun:
     """What to run for a run folder or a run.mcap.
 
     slots: `combine.lidar`, or `lidar` in every machine; None = the sensors and the motion that carried them
@@ -52,15 +56,15 @@ def plan_again(
     """
     log = open_log(source)
     recorded = _scenario(log, source, ())
-    has = {s: own_outputs(log, s) for s in _slots(recorded)}
-    exact = [s for s, outputs in has.items() if any(outputs.values())]
+    recorded_outputs = {s: own_outputs(log, s) for s in _slots(recorded)}
+    exact = [s for s, outputs in recorded_outputs.items() if any(outputs.values())]
     if not exact:
         held = "expected a run.mcap of swath with every sample (run.record: exact), it has messages only"
         raise InputError("recording", log.path.name, held, file=log.path)
-    played = _usual(exact) if slots is None else _named(slots, exact)
+    played = _default_slots(exact) if slots is None else _named(slots, exact)
     changes = [f"{slot}={_entry(recorded, slot, log.path)}" for slot in played]
     flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
-    return Again(log, _scenario(log, source, [*changes, *sets], flags), tuple(played))
+    return Rerun(log, _scenario(log, source, [*changes, *sets], flags), tuple(played))
 
 
 def _scenario(log: Log, source: Path, sets: Sequence[str], flags: dict[str, str] | None = None) -> Scenario:
@@ -80,7 +84,7 @@ def _slots(scenario: Scenario) -> list[str]:
     return [f"{m.name}.{s}" for m in scenario.machines.values() for s in m.slots]
 
 
-def _usual(exact: Sequence[str]) -> list[str]:
+def _default_slots(exact: Sequence[str]) -> list[str]:
     """Sensors, and the motion: with another path under it, what the sensors saw would be out of place."""
 
     def is_played(slot: str) -> bool:
@@ -100,8 +104,8 @@ def _named(slots: Sequence[str], exact: Sequence[str]) -> list[str]:
 
 
 def _entry(recorded: Scenario, slot: str, file: Path) -> str:
-    """The section of a slot that plays the log in the rhythm in which it was recorded."""
+    """The scenario section of a slot that plays the log at the rate at which it was recorded."""
     machine, _, name = slot.partition(".")
     common = recorded.machines[machine].slots[name].common
-    rhythm = {"rate_hz": common.rate_hz, "offset_ms": common.offset_ms, "latch": common.latch}
-    return json.dumps({"level": "log", "file": str(file.resolve()), **rhythm})
+    schedule = {"rate_hz": common.rate_hz, "offset_ms": common.offset_ms, "latch": common.latch}
+    return json.dumps({"level": "log", "file": str(file.resolve()), **schedule})

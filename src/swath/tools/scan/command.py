@@ -22,11 +22,6 @@ def add(parsers: Any) -> None:
         action="store_true",
         help="what the camera sees too; a scenario without one gets the default camera",
     )
-    parser.add_argument(
-        "--converge",
-        action="store_true",
-        help="how the heights settle with the number of sub-rays, against another seed",
-    )
     parser.set_defaults(run=run)
 
 
@@ -45,29 +40,21 @@ def run(args: argparse.Namespace) -> int:
         files = scan.scan_job(scenario, out, at_s=at, formats=formats, camera=args.camera)
         for file in files:
             print(file)
-        if args.converge:
-            _print_settling(*scan.converge_job(scenario, out, at_s=at))
     except InputError as error:
         raise scenario.locate(error) from error
     return 0
 
 
 def _with_camera(args: argparse.Namespace) -> Any:
-    """The scenario, whose first machine gets a camera where it has none."""
+    """The scenario; its scanning machine gets a camera where it has none."""
+    from swath.tools.scan.scan import first_of_kind, scanning_machine
+
     scenario = load(args)
-    name, first = next(iter(scenario.machines.items()))
-    if "camera" not in first.slots:
+    name, _ = scanning_machine(scenario)
+    if first_of_kind("camera", scenario.machines[name].slots) is None:
         args.sets = [*args.sets, f"{name}.camera=rays"]
         scenario = load(args)
     return scenario
-
-
-def _print_settling(rows: list[dict[str, Any]], sentence: str) -> None:
-    from swath.terminal.tables import number, table
-
-    columns = list(rows[0])
-    table("", columns, [[number(row[c]) for c in columns] for row in rows])
-    print(sentence)
 
 
 def _seconds(text: str | None) -> float:

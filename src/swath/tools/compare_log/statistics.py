@@ -1,6 +1,4 @@
-"""Figures of a series against the measured one in a machine log: how well it fits, by how much it is late,
-and what plain regressions make of the same records.
-"""
+"""Statistics of a simulated series against the measured one: fit, lag, and regressions for comparison."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +24,7 @@ FEWEST = 20  # records in a bin, or to compare at all
 
 
 @dataclass(frozen=True)
-class Figures:
+class SeriesStatistics:
     """Simulated against measured. count: records; r2: 1 - squared error over variance, below 0 is worse than
     the mean; rmse, bias: in the unit of the quantity, simulated minus measured; r: correlation; lag_s: by
     which the simulated series has to be delayed to fit best
@@ -41,7 +39,7 @@ class Figures:
 
 
 def usable(log: MachineLog) -> Mask:
-    """Records that are judged: crop in the machine, driving, every quantity measured, settled after a gap."""
+    """Records that count: crop in the machine, driving, every quantity measured, settled after a gap."""
     flow = log.flow[log.flow > 0.0]
     least = 0.1 * float(np.median(flow)) if len(flow) else 0.0
     since = _since_gap(log)
@@ -53,15 +51,15 @@ def usable(log: MachineLog) -> Mask:
     return np.asarray(good)
 
 
-def judge(measured: Array, simulated: Array, mask: Mask, log: MachineLog) -> Figures:
-    """Figures of a series against the measured one on the records of a mask, shape (n,)."""
+def compare_series(measured: Array, simulated: Array, mask: Mask, log: MachineLog) -> SeriesStatistics:
+    """Statistics of a series against the measured one on the records of a mask, shape (n,)."""
     real, made = measured[mask], simulated[mask]
     if len(real) < FEWEST:
         nan = float("nan")
-        return Figures(len(real), nan, nan, nan, nan, nan)
+        return SeriesStatistics(len(real), nan, nan, nan, nan, nan)
     error = made - real
     spread = float(((real - real.mean()) ** 2).sum())
-    return Figures(
+    return SeriesStatistics(
         count=len(real),
         r2=1.0 - float((error**2).sum()) / spread if spread > 0.0 else float("nan"),
         rmse=float(np.sqrt((error**2).mean())),
@@ -71,11 +69,13 @@ def judge(measured: Array, simulated: Array, mask: Mask, log: MachineLog) -> Fig
     )
 
 
-def figures_of(
+def statistics_of(
     measured: Array, series: Mapping[str, Array], parts: Mapping[str, Mask], log: MachineLog
-) -> dict[str, dict[str, Figures]]:
-    """part -> series -> figures."""
-    return {p: {k: judge(measured, s, mask, log) for k, s in series.items()} for p, mask in parts.items()}
+) -> dict[str, dict[str, SeriesStatistics]]:
+    """part -> series -> statistics."""
+    return {
+        p: {k: compare_series(measured, s, mask, log) for k, s in series.items()} for p, mask in parts.items()
+    }
 
 
 def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The box that goes with a scenario: which law, for which machine, on which bus."""
+"""The controller box of a scenario: law, machine and bus."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,16 +26,16 @@ class BoxPlan:
 
 
 def plan_box(scenario: Scenario) -> BoxPlan:
-    """The box of a scenario's first machine.
+    """The box of the first machine of a scenario that has the slot `steer`.
 
-    Its slot `steer` is either of level `can`, which says bus and law, or a law itself, which then runs every
-    100 ms on the default bus. The box knows the machine's data sheet; where a sensor sits it is not told.
+    The slot is either of level `can`, which says bus and law, or a law itself, which then runs every
+    100 ms on the default bus. The box knows the machine's data sheet, not the mounting of the sensor.
     InputError where there is no such law.
     """
-    section = next(iter(scenario.machines.values()))
-    steer = section.slots.get("steer")
-    if steer is None:
-        raise InputError(f"{section.name}.steer", "off", "expected a steering law for the box to run")
+    section = next((m for m in scenario.machines.values() if "steer" in m.slots), None)
+    if section is None:
+        raise InputError("steer", "off", "expected a steering law for the box to run")
+    steer = section.slots["steer"]
     card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
     params = steer.params if isinstance(steer.params, Params) else Params()
     setup = ControlSetup(card, {}, section.common.edge_side, params.period * 1e-9)

@@ -1,4 +1,4 @@
-"""Where requests from the thread of ROS 2 wait for the thread of the run, which serves them between ticks."""
+"""Requests from the ROS 2 thread to the thread of the run, which serves them between two ticks."""
 
 import queue
 import threading
@@ -12,27 +12,27 @@ Reply = tuple[bool, str]
 
 @dataclass
 class Request:
-    """What is wanted. action: does it at a simulated time [ns] and says how it went."""
+    """action: called with the simulated time [ns], returns a message for the reply."""
 
     action: Callable[[int], str]
     done: threading.Event = field(default_factory=threading.Event)
     reply: Reply = (False, "the run is over")
 
     def answer(self, reply: Reply) -> None:
-        """Let who asked go on."""
+        """Give the reply and wake the thread that asked."""
         self.reply = reply
         self.done.set()
 
 
-class Desk:
-    """Requests, in the order they came. `ask` is for other threads, `serve` and `close` are for the run's."""
+class RequestQueue:
+    """Requests in order of arrival. `ask` is for other threads; `serve` and `close` for the run's thread."""
 
     def __init__(self) -> None:
         self._waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
         self._closed = threading.Event()
 
     def ask(self, action: Callable[[int], str]) -> Reply:
-        """Have something done between two ticks; (it worked, what there is to say). Waits for it."""
+        """Have an action done between two ticks; blocks. Returns (success, message)."""
         request = Request(action)
         self._waiting.put(request)
         while not request.done.wait(0.1):
@@ -41,9 +41,9 @@ class Desk:
         return request.reply
 
     def serve(self, t: int, *, wait_s: float = 0.0) -> None:
-        """Do what is asked before the tick at t [ns]; wait up to `wait_s` for a first request.
+        """Serve all requests before the tick at t [ns]; wait up to `wait_s` for a first one.
 
-        What an action raises on purpose (SwathError) is the answer; anything else ends the run.
+        A SwathError of an action becomes its reply; any other exception ends the run.
         """
         while True:
             try:
@@ -60,7 +60,7 @@ class Desk:
                 raise
 
     def close(self) -> None:
-        """Turn away everybody who waits or comes."""
+        """Refuse all waiting and later requests."""
         self._closed.set()
         while not self._waiting.empty():
             self._waiting.get().answer((False, "the run is over"))

@@ -1,8 +1,8 @@
-"""Heights measured with a real scanner over a real stand, for the lab to hold its levels against.
+"""Heights measured with a real scanner over a real stand, for comparison in the lab.
 
-CSV with a line of names, or npz with one array per name: `height_m` above the ground, one row per return;
-optional `stems_per_m2`, `sensor` and `depression_deg` say which case a row belongs to (npz: one value for
-all rows, or one per row). Without one of them a row belongs to every case; other names are left alone.
+CSV with a line of names: `height_m` above the ground, one row per return; optional `stems_per_m2`, `sensor`
+and `depression_deg` say which case a row belongs to. Without one of them a row belongs to every case; other
+columns are ignored.
 """
 
 import csv
@@ -22,7 +22,7 @@ NEAR_DEG = 0.5  # a depression this near is that of the case [deg]
 
 
 @dataclass(frozen=True)
-class RealHeights:
+class MeasuredHeights:
     """name: of the file; height [m], nan = no return; columns: of KEYS, those that the file has, (n,) each"""
 
     name: str
@@ -41,20 +41,18 @@ class RealHeights:
         return np.asarray(self.height[mine])
 
 
-def read_real(path: Path) -> RealHeights:
+def read_measured(path: Path) -> MeasuredHeights:
     """Read the file. InputError names file, line and what is wrong."""
-    if path.suffix not in (".csv", ".npz"):
-        raise InputError("--real", str(path), "expected a .csv or .npz file")
     if not path.is_file():
-        raise InputError("--real", str(path), "expected a file, there is none")
-    table = _read_csv(path) if path.suffix == ".csv" else _read_npz(path)
+        raise InputError("--real", str(path), "expected a CSV file, there is none")
+    table = _read_csv(path)
     height = table.pop(HEIGHT)
     if not np.isfinite(height).any():
         raise InputError(HEIGHT, None, "expected at least one number", file=path)
     if np.nanmax(np.abs(height)) > 20.0:
         far = float(height[np.nanargmax(np.abs(height))])
         raise InputError(HEIGHT, far, "expected metres above the ground, -20 to 20", file=path)
-    return RealHeights(path.name, height, table)
+    return MeasuredHeights(path.name, height, table)
 
 
 def _read_csv(path: Path) -> dict[str, NDArray[Any]]:
@@ -85,23 +83,6 @@ def _value(name: str, text: str | None, path: Path, line: int) -> Any:
     if np.isinf(value) or (np.isnan(value) and name != HEIGHT):
         raise InputError(name, text, "expected a number", file=path, line=line)
     return value
-
-
-def _read_npz(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            if HEIGHT not in data:
-                raise _no_height(", ".join(data.files), path)
-            height = np.asarray(data[HEIGHT], dtype=np.float64).ravel()
-            found: dict[str, NDArray[Any]] = {HEIGHT: np.where(np.isfinite(height), height, np.nan)}
-            for name in [n for n in KEYS if n in data]:
-                column = np.asarray(data[name], dtype=str if name == "sensor" else np.float64)
-                if column.size not in (1, height.size):
-                    raise InputError(name, column.size, f"expected 1 or {height.size} values", file=path)
-                found[name] = np.broadcast_to(column.ravel(), height.shape)
-            return found
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise InputError("--real", str(path), f"expected a readable .npz of numbers ({error})") from error
 
 
 def _no_height(have: str, path: Path) -> InputError:

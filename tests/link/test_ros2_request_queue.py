@@ -7,7 +7,7 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import SwathError
-from swath.link.ros2.desk import Desk
+from swath.link.ros2.request_queue import RequestQueue
 from swath.runtime.pacing import Pacer
 from swath.scenario.sections import RealTime
 
@@ -21,7 +21,7 @@ def asked(desk, *actions):
 
 
 def test_requests_are_done_by_the_thread_that_serves_in_their_order():
-    desk, done = Desk(), []
+    desk, done = RequestQueue(), []
 
     def act(name):
         def action(t):
@@ -41,7 +41,7 @@ def test_requests_are_done_by_the_thread_that_serves_in_their_order():
 
 
 def test_what_is_no_refusal_ends_the_run_and_a_closed_desk_turns_away():
-    desk = Desk()
+    desk = RequestQueue()
 
     def fail(t):
         raise ZeroDivisionError("oops")

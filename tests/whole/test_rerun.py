@@ -17,8 +17,7 @@ from swath.documents.yaml_document import read_document
 from swath.record.read.mcap_log import McapLog
 from swath.runtime.job import run_job
 from swath.scenario.machine_types import MACHINE_TYPES
-from swath.tools.rerun.command import with_verb
-from swath.tools.rerun.rerun import plan_again
+from swath.tools.rerun.rerun import plan_rerun
 from tests.whole.small import small
 
 
@@ -30,12 +29,12 @@ def recorded(tmp_path_factory):
 
 
 def again(source, out, slots=None, sets=()):
-    plan = plan_again(source, slots=slots, sets=["run.record=full", *sets])
+    plan = plan_rerun(source, slots=slots, sets=["run.record=full", *sets])
     return plan, plan.run(out, report=False).summary
 
 
 def identical(summary):
-    return {slot: told["identical"] for slot, told in summary["replay"]["slots"].items()}
+    return {slot: told["identical"] for slot, told in summary["rerun"]["slots"].items()}
 
 
 def test_sensors_and_motion_from_the_log_leave_the_rest_as_it_was(recorded, tmp_path):
@@ -83,9 +82,9 @@ def test_another_detector_changes_what_hangs_on_it_and_nothing_else(recorded, tm
     assert not told["combine.edge"]
     assert told["combine.header"]
     assert told["combine.speed"]
-    assert "offset" in summary["replay"]["slots"]["combine.edge"]["differs_in"]
-    first = summary["replay"]["slots"]["combine.edge"]["differs_from_s"]
-    assert summary["replay"]["slots"]["combine.steer"]["differs_from_s"] >= first >= 0.04
+    assert "offset" in summary["rerun"]["slots"]["combine.edge"]["differs_in"]
+    first = summary["rerun"]["slots"]["combine.edge"]["differs_from_s"]
+    assert summary["rerun"]["slots"]["combine.steer"]["differs_from_s"] >= first >= 0.04
 
 
 def test_a_cut_log_ends_the_run_where_it_ends(recorded, tmp_path):
@@ -129,15 +128,9 @@ def test_a_killed_run_can_be_played(tmp_path):
     assert any("recording broke off after" in n for n in summary["notes"])
 
 
-def test_the_verb_may_be_left_out():
-    assert with_verb(["replay", "x"]) == ["replay", "play", "x"]
-    assert with_verb(["replay", "build", "x"]) == ["replay", "build", "x"]
-    assert with_verb(["replay", "--help"]) == ["replay", "--help"]
-
-
 def test_on_the_command_line(recorded, tmp_path, capsys):
     assert (
-        main(["replay", str(recorded / "run.mcap"), "--slots", "combine.lidar", "--out", str(tmp_path / "a")])
+        main(["rerun", str(recorded / "run.mcap"), "--slots", "combine.lidar", "--out", str(tmp_path / "a")])
         == 0
     )
     text = capsys.readouterr().out
@@ -145,8 +138,8 @@ def test_on_the_command_line(recorded, tmp_path, capsys):
     assert text.count("identical") == 8
     assert {p.name for p in (tmp_path / "a").iterdir()} >= {"summary.json", "run.mcap", "report.html"}
     written = read_document(tmp_path / "a" / "scenario.yaml").data
-    assert written["combine"]["lidar"]["level"] == "log"
-    assert written["combine"]["lidar"]["rate_hz"] == 25
+    assert written["machines"]["combine"]["lidar"]["level"] == "log"
+    assert written["machines"]["combine"]["lidar"]["rate_hz"] == 25
 
 
 @pytest.mark.parametrize(
@@ -158,14 +151,14 @@ def test_on_the_command_line(recorded, tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_is_said(recorded, tmp_path, capsys, args, text):
-    assert main(["replay", str(recorded), "--out", str(tmp_path / "no"), *args]) == 2
+    assert main(["rerun", str(recorded), "--out", str(tmp_path / "no"), *args]) == 2
     assert text in capsys.readouterr().err
     assert not (tmp_path / "no").exists()
 
 
 def test_the_recording_is_not_written_over(recorded, capsys):
     before = (recorded / "run.mcap").read_bytes()
-    assert main(["replay", str(recorded), "--out", str(recorded)]) == 2
+    assert main(["rerun", str(recorded), "--out", str(recorded)]) == 2
     assert "expected another folder, run.mcap in it is played" in capsys.readouterr().err
     assert (recorded / "run.mcap").read_bytes() == before
 
@@ -173,7 +166,7 @@ def test_the_recording_is_not_written_over(recorded, capsys):
 def test_a_recording_without_samples_is_refused(tmp_path):
     run_job(small("run.record=standard", "run.distance_m=0.2"), tmp_path / "plain")
     with pytest.raises(InputError, match=r"run\.record: exact"):
-        plan_again(tmp_path / "plain")
+        plan_rerun(tmp_path / "plain")
 
 
 def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
@@ -182,7 +175,7 @@ def test_what_was_changed_on_the_way_is_changed_again(tmp_path):
         {"t_s": 0.4, "set": "combine.odometry.level", "value": "ideal"},  # of a slot that is played then
     ]
     run_job(small("run.distance_m=1"), tmp_path / "changed", events=events)
-    plan = plan_again(tmp_path / "changed")
+    plan = plan_rerun(tmp_path / "changed")
     summary = plan.run(tmp_path / "out", report=False).summary
     assert all(identical(summary).values())
     assert summary["events"] == events[:1]
@@ -193,7 +186,7 @@ def test_save_and_load_in_the_middle_of_a_log(recorded):
     from swath.runtime.assembly import assemble
     from swath.runtime.loop import drive
 
-    plan = plan_again(recorded)
+    plan = plan_rerun(recorded)
     whole, first = Digest(), Digest()
     drive(assemble(plan.scenario), [whole])
     world = assemble(plan.scenario)

@@ -1,4 +1,4 @@
-"""Beams of the LiDAR level `plants` into uniform stands: the design that a spread table is fitted to.
+"""Scans of uniform stands by the LiDAR level `plants`, to which a spread table is fitted.
 
 Spots are as wide at the canopy as the design says, with parallel sub-rays; the ground is level. A scan line
 is a row of beams with gaps from 1 to 64 cm, at a random place and azimuth.
@@ -60,7 +60,7 @@ class Returns:
 
 
 @dataclass(frozen=True)
-class Reading:
+class EchoSettings:
     """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`.
 
     sensor: whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of
@@ -69,7 +69,7 @@ class Reading:
 
     sub_rays: int = 37
     profile: Profile = "gaussian"
-    echo: Any = "percentile"
+    rule: Any = "percentile"
     percentile: float = 50.0
     sensor: str = "sick-lms111"
 
@@ -82,7 +82,7 @@ class Reading:
         """As the level `plants` has it with this scanner."""
         weakest = least_energy(self.sheet.range_10)
         gap = merging_gap(self.sheet.pulse)
-        return Receiver(rule=self.echo, percentile=self.percentile, gap=gap, least_energy=weakest)
+        return Receiver(rule=self.rule, percentile=self.percentile, gap=gap, least_energy=weakest)
 
     def distance(self, spot: float) -> float:
         """From where a spot is this wide [m]."""
@@ -90,7 +90,7 @@ class Reading:
         return (spot - float(np.mean(beam.exit_diameter))) / float(np.mean(beam.divergence))
 
 
-class StandRays:
+class SampleStands:
     """Uniform stands of one crop, drilled as its sheet says; every density has plants of its own.
 
     A stand thinned from a denser one would not do: drilled plants stand at even distances along their rows,
@@ -123,7 +123,7 @@ class StandRays:
             self._caster = (density, height), RayCaster(field)
         return self._caster[1]
 
-    def look(self, place: Place, lines: int, reading: Reading, stream: Stream) -> Returns:
+    def scan(self, place: Place, lines: int, settings: EchoSettings, stream: Stream) -> Returns:
         """Beams into the stand of a place."""
         rng = stream.at()
         caster = self.caster(place.density, place.height)
@@ -135,16 +135,16 @@ class StandRays:
         axes = _frames(azimuth, place.depression)
         width = 0.5 * place.spot * np.cos(place.depression)
         origin = np.c_[start, np.full(lines * LINE, top + width)] + aside[:, None] * axes[:, :, 1]
-        beam = Beam((place.spot, place.spot), (0.0, 0.0), reading.profile)
-        pattern = spot_pattern(reading.sub_rays, reading.profile)
+        beam = Beam((place.spot, place.spot), (0.0, 0.0), settings.profile)
+        pattern = spot_pattern(settings.sub_rays, settings.profile)
         rays = spots(origin, axes, beam, pattern.position[None])
         hits = caster.cast_bundles(rays, range_max=100.0)
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
         to_spot = (top + width - SPOT_AT * place.height) / np.sin(place.depression)
         # the scanner lies so far behind where the rays start, for all the energy of a spot that matters
-        back = max(reading.distance(place.spot) - to_spot, NEAREST)
+        back = max(settings.distance(place.spot) - to_spot, NEAREST)
         distance = hits.distance.astype(np.float64) + back
-        echo = receive(Bundle(distance, pattern.weight, albedo), reading.receiver())
+        echo = receive(Bundle(distance, pattern.weight, albedo), settings.receiver())
         z = origin[:, 2] + (echo.distance[:, 0] - back) * axes[:, 2, 0]
         share = np.where(hits.organ == Organ.GROUND, echo.share[:, 0], 0.0).sum(axis=1)
         line = (lines, LINE)
@@ -163,7 +163,9 @@ class StandRays:
         for k, (part, degrees) in enumerate(THIN):
             density = part * usual
             place = Place(density, full, np.radians(degrees), 1e-4)
-            seen = self.look(place, rays // LINE // len(THIN), Reading(sub_rays=1), stream.child(f"thin{k}"))
+            seen = self.scan(
+                place, rays // LINE // len(THIN), EchoSettings(sub_rays=1), stream.child(f"thin{k}")
+            )
             relative = np.where(seen.is_ground, -1.0, seen.height / full).ravel()
             share = np.searchsorted(np.sort(relative), edges, side="left") / len(relative)
             ok = share > 0.05

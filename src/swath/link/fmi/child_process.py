@@ -1,4 +1,4 @@
-"""An FMU in a process of its own: a crash or hang there is an error here, by name."""
+"""An FMU in a child process: its crash or hang becomes an error that names it."""
 
 import os
 import pickle
@@ -23,8 +23,11 @@ START_TIMEOUT_S = 60.0  # of loading Python and the FMU, on a busy machine
 CLOSE_TIMEOUT_S = 2.0
 
 
-class OwnProcess:
-    """A unit whose FMU runs in a child process. timeout_s: for every answer; the start has a minute more."""
+class ChildProcess:
+    """A unit whose FMU runs in a child process. timeout_s: for every answer; the start has a minute more.
+
+    child: the process, None before the start and after the end; folder: where the FMU is unpacked
+    """
 
     def __init__(
         self,
@@ -36,13 +39,14 @@ class OwnProcess:
     ) -> None:
         self._spec = (replace(description, package=None), name, tuple(inputs), tuple(outputs))
         self._unpacked: Any | None = None
+        self.folder: Path | None = None
         self._timeout_s = timeout_s
-        self._child: subprocess.Popen[bytes] | None = None
+        self.child: subprocess.Popen[bytes] | None = None
         self._pipe: Connection | None = None
 
     def start(self, starts: Mapping[str, Any]) -> list[float]:
         """Start the process if there is none, and the FMU in it; outputs at t = 0."""
-        if self._child is None:
+        if self.child is None:
             self._launch()
             self._ask("make", (*self._spec, self._unpack()), extra_s=START_TIMEOUT_S, doing="being loaded")
         found: list[float] = self._ask("start", dict(starts), extra_s=START_TIMEOUT_S, doing="initialising")
@@ -67,10 +71,10 @@ class OwnProcess:
 
     def close(self) -> None:
         """Ask the FMU to end; end the process if it does not."""
-        child, self._child = self._child, None
+        child, self.child = self.child, None
         pipe, self._pipe = self._pipe, None
         if pipe is not None:
-            pipe.close()  # the child ends when nobody is there
+            pipe.close()  # the child ends when the pipe closes
         if child is not None:
             try:
                 child.wait(CLOSE_TIMEOUT_S)
@@ -83,7 +87,7 @@ class OwnProcess:
 
     def _unpack(self) -> Path:
         """The files of the FMU, removed here even if the child dies."""
-        folder = unpack(self._spec[0].file)
+        folder = self.folder = unpack(self._spec[0].file)
         self._unpacked = weakref.finalize(self, shutil.rmtree, folder, True)
         return folder
 
@@ -92,7 +96,7 @@ class OwnProcess:
         folder = str(Path(swath.__file__).parents[1])
         path = os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])
         with theirs:
-            self._child = subprocess.Popen(
+            self.child = subprocess.Popen(
                 [sys.executable, "-m", "swath.link.fmi.worker", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
@@ -101,7 +105,7 @@ class OwnProcess:
         self._pipe = Connection(ours.detach())
 
     def _ask(self, verb: str, what: Any, *, doing: str, extra_s: float = 0.0) -> Any:
-        if self._pipe is None or self._child is None:
+        if self._pipe is None or self.child is None:
             raise FmuError("its process has ended")
         limit = self._timeout_s + extra_s
         try:
@@ -118,20 +122,20 @@ class OwnProcess:
 
     def _ending(self) -> str:
         """How the child ended, in words."""
-        child = self._child
+        child = self.child
         assert child is not None
         try:
             code = child.wait(CLOSE_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._kill()
             return "it closed its end"
-        self._child = None
+        self.child = None
         self.close()
         if code < 0:
             return signal.Signals(-code).name
         return f"exit code {code}"
 
     def _kill(self) -> None:
-        if self._child is not None:
-            self._child.kill()
+        if self.child is not None:
+            self.child.kill()
         self.close()

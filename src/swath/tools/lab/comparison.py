@@ -1,14 +1,12 @@
-"""How alike the heights of two samples are, judged against how alike a model is to itself.
+"""Compares the heights of a level with a reference, and rates the differences.
 
 The repeatability band of a level: its heights in one stand against those in another of the same kind, under
 another scanner of the same make, for every pair of seeds; the worst of every number. A difference within the
-band is none that could be seen. Beyond it the limits of tools/distributions.py say what is good, and wider
-ones what may pass (FAIR).
+band cannot be told from chance. Beyond it the limits GOOD and FAIR apply.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -17,64 +15,64 @@ import numpy as np
 from swath.signals import F64
 from swath.tools.distributions import BIN, GROUND_BELOW, Agreement, compare
 from swath.tools.lab.lab import REFERENCE, CaseHeights, Lab
-from swath.tools.lab.measured_stands import RealHeights
+from swath.tools.lab.measured_heights import MeasuredHeights
 
 NUMBERS = tuple(f.name for f in fields(Agreement))
-SHOWN = ("wasserstein_m", "ks", "intersection", "p95_bias_m", "std_ratio", "ground_bias")  # judged
+RATED = ("wasserstein_m", "ks", "intersection", "p95_bias_m", "std_ratio", "ground_bias")
 GOOD = {"wasserstein_m": 0.02, "ks": 0.10, "intersection": 0.85, "p95_bias_m": 0.02, "mean_bias_m": 0.04,
         "std_ratio": 1.25, "ground_bias": 0.05}  # fmt: skip
 FAIR = GOOD | {"wasserstein_m": 0.04, "ks": 0.20, "intersection": 0.75}
-VERDICTS = ("repeatable", "good", "fair", "off")  # from best to worst
+RATINGS = ("repeatable", "good", "fair", "off")  # from best to worst
 FEW = 30  # with fewer returns nothing is compared
 
 
 @dataclass(frozen=True)
-class Judged:
+class LevelComparison:
     """One level of a case against something trusted more.
 
-    against: `real`, or the reference level; value: mean over the seeds; worst: the seed furthest off
-    band: what repeatability allows, as the size of the deviation; verdict: of each number in SHOWN
+    against: `real`, or the reference level; value: mean over the seeds
+    band: what repeatability allows, as the size of the deviation; ratings: of each number in RATED
     """
 
     level: str
     against: str
     value: dict[str, float]
-    worst: dict[str, float]
     band: dict[str, float]
-    verdict: dict[str, str]
+    ratings: dict[str, str]
 
     @property
-    def overall(self) -> str:
-        """The worst verdict."""
-        return max(self.verdict.values(), key=VERDICTS.index)
+    def rating(self) -> str:
+        """The worst rating."""
+        return max(self.ratings.values(), key=RATINGS.index)
 
 
 @dataclass(frozen=True)
-class JudgedCase:
-    """real: heights of the file for this case, maybe none; bands: level -> number -> size"""
+class CaseComparison:
+    """real: heights of the file for this case [m], maybe none"""
 
     heights: CaseHeights
     real: F64
-    bands: dict[str, dict[str, float]]
-    judged: tuple[Judged, ...]
+    comparisons: tuple[LevelComparison, ...]
 
 
-def judge_lab(lab: Lab, real: RealHeights | None) -> tuple[JudgedCase, ...]:
+def compare_levels(lab: Lab, real: MeasuredHeights | None) -> tuple[CaseComparison, ...]:
     """All cases of a lab, against real heights where there are some and against the reference level."""
-    return tuple(_judge_case(case, np.zeros(0) if real is None else real.of(case.case)) for case in lab.cases)
+    return tuple(
+        _compare_case(case, np.zeros(0) if real is None else real.of(case.case)) for case in lab.cases
+    )
 
 
-def _judge_case(case: CaseHeights, real: F64) -> JudgedCase:
+def _compare_case(case: CaseHeights, real: F64) -> CaseComparison:
     usable = {k: v for k, v in case.heights.items() if all(_count(h) >= FEW for h in v)}
     bands = {name: repeatability(heights) for name, heights in usable.items()}
-    judged = []
+    made = []
     for name, heights in usable.items():
         if _count(real) >= FEW:
-            judged.append(_judge(name, "real", [compare(h, real) for h in heights], bands[name]))
+            made.append(_compare(name, "real", [compare(h, real) for h in heights], bands[name]))
         if name != REFERENCE and REFERENCE in usable:
             pairs = zip(heights, usable[REFERENCE], strict=True)
-            judged.append(_judge(name, REFERENCE, [compare(h, r) for h, r in pairs], bands[REFERENCE]))
-    return JudgedCase(case, real, bands, tuple(judged))
+            made.append(_compare(name, REFERENCE, [compare(h, r) for h, r in pairs], bands[REFERENCE]))
+    return CaseComparison(case, real, tuple(made))
 
 
 def repeatability(heights: Sequence[F64]) -> dict[str, float]:
@@ -94,24 +92,23 @@ def deviation(number: str, value: float) -> float:
     return abs(value)
 
 
-def _judge(level: str, against: str, found: Sequence[Agreement], band: dict[str, float]) -> Judged:
+def _compare(level: str, against: str, found: Sequence[Agreement], band: dict[str, float]) -> LevelComparison:
     table = {n: [float(getattr(a, n)) for a in found] for n in NUMBERS}
     value = {n: float(np.mean(v)) for n, v in table.items()}
-    worst = {n: max(v, key=partial(deviation, n)) for n, v in table.items()}
-    verdict = {n: verdict_of(n, value[n], band[n]) for n in SHOWN}
-    return Judged(level, against, value, worst, band, verdict)
+    ratings = {n: rating_of(n, value[n], band[n]) for n in RATED}
+    return LevelComparison(level, against, value, band, ratings)
 
 
-def verdict_of(number: str, value: float, band: float) -> str:
-    """One of VERDICTS."""
+def rating_of(number: str, value: float, band: float) -> str:
+    """One of RATINGS."""
     size = deviation(number, value)
-    for verdict, limit in (
+    for rating, limit in (
         ("repeatable", band),
         ("good", deviation(number, GOOD[number])),
         ("fair", deviation(number, FAIR[number])),
     ):
         if size <= limit + 1e-12:
-            return verdict
+            return rating
     return "off"
 
 
@@ -143,7 +140,7 @@ def histogram(heights: F64, low: int, high: int) -> F64:
     return np.asarray(np.bincount(at, minlength=high - low) / max(len(seen), 1), dtype=np.float64)
 
 
-def bin_range(cases: Sequence[JudgedCase]) -> tuple[int, int]:
+def bin_range(cases: Sequence[CaseComparison]) -> tuple[int, int]:
     """First and last bin edge, in bins, that hold all heights of all cases."""
     every = [h for c in cases for rows in c.heights.heights.values() for h in rows] + [c.real for c in cases]
     seen = np.concatenate([h[np.isfinite(h)] for h in every])
@@ -152,12 +149,12 @@ def bin_range(cases: Sequence[JudgedCase]) -> tuple[int, int]:
     return int(np.floor(seen.min() / BIN)), int(np.floor(seen.max() / BIN)) + 1
 
 
-def summary(cases: Sequence[JudgedCase]) -> dict[str, dict[str, int]]:
-    """How often each verdict was given: `level against what` -> verdict -> cases."""
+def summary(cases: Sequence[CaseComparison]) -> dict[str, dict[str, int]]:
+    """How often each rating was given: `level against what` -> rating -> cases."""
     found: dict[str, dict[str, int]] = {}
-    for judged in (j for c in cases for j in c.judged):
-        row = found.setdefault(f"{judged.level} against {judged.against}", dict.fromkeys(VERDICTS, 0))
-        row[judged.overall] += 1
+    for made in (j for c in cases for j in c.comparisons):
+        row = found.setdefault(f"{made.level} against {made.against}", dict.fromkeys(RATINGS, 0))
+        row[made.rating] += 1
     return found
 
 

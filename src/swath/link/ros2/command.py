@@ -1,0 +1,33 @@
+"""`swath ros2`: a recorded run as ROS 2 topics."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its verb."""
+    parser = parsers.add_parser("ros2", help="a recorded run as ROS 2 topics")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    play = verbs.add_parser("play", help="publish a recorded run at its pace", description=_DESCRIPTION)
+    play.add_argument("source", type=Path, metavar="RUN", help="a run folder, or its run.mcap")
+    play.add_argument(
+        "--factor", type=float, default=1.0, metavar="X", help="simulated seconds per second (default 1)"
+    )
+    play.set_defaults(run=run_play)
+
+
+def run_play(args: argparse.Namespace) -> int:
+    """Publish the recording, print how many messages it had."""
+    from swath.core.errors import InputError
+    from swath.link.ros2.player import find_recording, play
+
+    if not 0.01 <= args.factor <= 100.0:
+        raise InputError("--factor", args.factor, "expected 0.01 to 100")
+    file = find_recording(args.source)
+    print(f"{play(file, factor=args.factor)} messages of {file}")
+    return 0
+
+
+_DESCRIPTION = """Publishes run.mcap of a run folder at its pace, with /clock. A scenario publishes its
+topics while it is driven: `swath run SCENARIO --ros2`, with `--real-time` at real-time pace."""

@@ -1,0 +1,147 @@
+"""`swath height-map`: recorded scans become the height map that the LiDAR level `replay` looks at."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its verb."""
+    parser = parsers.add_parser("height-map", help="recorded scans become a map of crop heights")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    made = verbs.add_parser("build", help="make a map from recorded scans", description=_DESCRIPTION)
+    made.add_argument("source", type=Path, metavar="SOURCE", help="run folder, .mcap, rosbag, .npz or .csv")
+    made.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="the file to make")
+    made.add_argument("--scans", metavar="TOPIC", help="topic of the scans")
+    made.add_argument("--poses", metavar="TOPIC|CSV", help="topic of the poses, or a table of them")
+    made.add_argument(
+        "--mount",
+        metavar="X,Y,Z,ROLL,PITCH,YAW",
+        help="where the scanner sits [m, deg], seen from the poses (default: from /tf_static, or 0)",
+    )
+    made.add_argument(
+        "--field", type=Path, metavar="DIR", help="positions (NavSatFix) become local metres of this folder"
+    )
+    made.add_argument(
+        "--origin",
+        metavar="LAT,LON[,HEIGHT]",
+        help="or those of the plane that touches the ellipsoid there [deg, m] (default: the first fix)",
+    )
+    made.add_argument(
+        "--antenna", metavar="X,Y,Z", help="where the receiver sits on the machine [m] (default: 0,0,0)"
+    )
+    made.add_argument(
+        "--ground",
+        choices=("pose", "echoes"),
+        default="pose",
+        help="the ground is where the machine stood, or that corrected by the lowest echoes",
+    )
+    for key, unit, text in (
+        ("cell", "M", "side of a cell [m] (default 0.05)"),
+        ("along", "M", "heights within this length along the way share a distribution [m] (default 0.5)"),
+        ("across", "M", "and within this width across it [m] (default 0.05)"),
+        ("fill", "M", "a cell this near to an echo counts as measured [m] (default 0.1)"),
+        ("reach", "M", "leave out what is further from the way [m] (default 30)"),
+        ("range-min", "M", "smaller ranges are no echo [m] (default 0.05)"),
+        ("range-max", "M", "larger ranges are no echo [m] (default 200)"),
+    ):
+        made.add_argument(f"--{key}-m", type=float, metavar=unit, help=text)
+    made.add_argument("--per-cell", type=int, metavar="N", help="heights kept of a cell (default 32)")
+    made.add_argument("--picture", type=Path, metavar="PNG", help="the picture (default: beside the file)")
+    made.set_defaults(run=run_build)
+
+
+def run_build(args: argparse.Namespace) -> int:
+    """Make the file and its picture, say what is in it."""
+    from swath.core.errors import InputError
+    from swath.terminal.progress import progress_bar
+    from swath.tools.height_map.build import Settings, build_height_map, open_source
+    from swath.tools.height_map.picture import draw_height_map
+    from swath.tools.height_map.source import Wanted
+
+    if args.out.suffix != ".npz":
+        raise InputError("--out", str(args.out), "expected a name that ends in .npz")
+    keys = ("cell_m", "along_m", "across_m", "fill_m", "reach_m", "per_cell", "ground")
+    settings = Settings(**{k: v for k in keys if (v := getattr(args, k)) is not None})
+    ranges = {k: v for k in ("range_min", "range_max") if (v := getattr(args, f"{k}_m")) is not None}
+    table = Path(args.poses) if args.poses and args.poses.endswith(".csv") else None
+    wanted = Wanted(
+        scans=args.scans,
+        poses=None if table else args.poses,
+        mount=_mount(args.mount),
+        to_local=_to_local(args.field, args.origin),
+        antenna=_antenna(args.antenna),
+        **ranges,
+    )
+    source = open_source(args.source, wanted, table)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    with progress_bar(source.name) as progress:
+        grid = build_height_map(source, settings, lambda share: progress(share, 1.0))
+    grid.save(args.out)
+    picture = args.picture or args.out.with_suffix(".png")
+    draw_height_map(grid, picture, source.track.position[:, :2])
+    _report(grid)
+    print(f"heights  {args.out}")
+    print(f"picture  {picture}")
+    print(f"drive past them: --set 'combine.lidar={{level: replay, file: {args.out.resolve()}}}'")
+    return 0
+
+
+def _mount(text: str | None) -> Any:
+    from swath.core.frames import Pose
+    from swath.core.units import DEG
+
+    if text is None:
+        return None
+    numbers = _numbers("--mount", text, (6,), "x,y,z,roll,pitch,yaw [m, deg]")
+    return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
+
+
+def _antenna(text: str | None) -> tuple[float, float, float]:
+    x, y, z = (0.0, 0.0, 0.0) if text is None else _numbers("--antenna", text, (3,))
+    return x, y, z
+
+
+def _to_local(folder: Path | None, origin: str | None) -> Any:
+    from swath.core.errors import InputError
+    from swath.record.read.tangent_plane import TangentPlane, field_plane
+
+    if folder is not None and origin is not None:
+        raise InputError("--origin", origin, "expected --field or --origin, not both")
+    if folder is not None:
+        return field_plane(folder)
+    if origin is None:
+        return None
+    lat, lon, *height = _numbers("--origin", origin, (2, 3), "lat,lon[,height] [deg, m]")
+    return TangentPlane(lon, lat, *height)
+
+
+def _numbers(option: str, text: str, counts: tuple[int, ...], form: str = "x,y,z [m]") -> list[float]:
+    from math import isfinite
+
+    from swath.core.errors import InputError
+
+    try:
+        numbers = [float(n) for n in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in counts or not all(isfinite(n) for n in numbers):
+        words = {2: "two", 3: "three", 6: "six"}
+        raise InputError(option, text, f"expected {words[counts[-1]]} numbers {form}")
+    return numbers
+
+
+def _report(grid: Any) -> None:
+    from swath.terminal.tables import number, table
+
+    about = dict(grid.about)
+    notes = about.pop("notes", {})
+    about.pop("settings", None)
+    rows = [(key.replace("_", " "), number(value)) for key, value in about.items()]
+    table("", ("what", "value"), rows)
+    for what, count in notes.items():
+        print(f"warning: {what}" + (f" ({count})" if count > 1 else ""))
+
+
+_DESCRIPTION = """Measured scans and the poses of the machine become plant heights above ground in a grid that
+keeps their distribution in every cell. The LiDAR level `replay` looks at it: docs/replay.md."""
