@@ -67,7 +67,7 @@ class Reader:
         parts["machines"] = self._machines({name: data[name] for name in machines})
         parts["realtime"] = self._realtime(data["realtime"]) if "realtime" in data else None
         parts["evaluators"], judged = read_evaluators(self, data.get("evaluators", []))
-        parts["expect"] = read_expect(self, data.get("expect", {}), judged, machines)
+        parts["expect"] = read_expect(self, data.get("expect", {}), judged, machines, parts["machines"])
         if self.errors:
             raise ScenarioError(self.errors)
         return parts
