@@ -5,21 +5,19 @@ limits may stand at the top: what is a metric of the field, or of the run, is me
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.documents.hints import unknown_key
 from swath.documents.yaml_document import KeyPath
 from swath.scenario.resolved import Expectation
+from swath.scenario.section_reader import SectionReader
 from swath.scenario.sections import Limit
-
-if TYPE_CHECKING:
-    from swath.scenario.reader import Reader
 
 FIELD = "field"
 
 
-def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
+def read_evaluators(reader: SectionReader, data: Any) -> tuple[tuple[str, ...], Any]:
     """References with absolute paths, and the catalogue of all evaluators; notes what is wrong."""
     path: KeyPath = ("evaluators",)
     if not isinstance(data, list):
@@ -43,7 +41,9 @@ def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
     return tuple(good), judged
 
 
-def read_expect(reader: "Reader", data: Any, judged: Any, machines: Sequence[str]) -> tuple[Expectation, ...]:
+def read_expect(
+    reader: SectionReader, data: Any, judged: Any, machines: Sequence[str]
+) -> tuple[Expectation, ...]:
     """Every limit; notes what is wrong."""
     data = reader.mapping(data, ("expect",))
     scopes = judged.by_scope()
@@ -74,7 +74,7 @@ def plain_expect(expect: Iterable[Expectation], machines: Mapping[str, Any]) -> 
 
 
 def _limits(
-    reader: "Reader", subject: str, name: str, data: Any, path: KeyPath, metrics: list[str], judged: Any
+    reader: SectionReader, subject: str, name: str, data: Any, path: KeyPath, metrics: list[str], judged: Any
 ) -> list[Expectation]:
     columns = [] if subject == FIELD else judged.columns
     if name not in metrics and name not in columns:
@@ -96,7 +96,7 @@ def _limits(
     return found
 
 
-def _fits(reader: "Reader", limit: Limit, path: KeyPath, judged: Any, name: str) -> bool:
+def _fits(reader: SectionReader, limit: Limit, path: KeyPath, judged: Any, name: str) -> bool:
     """Whether the limit's events and columns exist and the metric can be judged in a window."""
     before = len(reader.errors)
     for key, kind in (("after", limit.after), ("before", limit.before)):
