@@ -100,7 +100,9 @@ def _run_once(
 def _machines(world: World) -> str:
     """The data sheet of the machine, or of each by its name."""
     names = {name: machine.card.name for name, machine in world.machines.items()}
-    return "; ".join(f"{n}: {sheet}" for n, sheet in names.items()) if len(names) > 1 else world.leader.card.name
+    if len(names) == 1:
+        return world.leader.card.name
+    return "; ".join(f"{name}: {sheet}" for name, sheet in names.items())
 
 
 def _spare_what_is_read(world: World, out: Path) -> None:

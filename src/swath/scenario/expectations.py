@@ -5,21 +5,19 @@ limits may stand at the top: what is a metric of the field, or of the run, is me
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.documents.hints import unknown_key
 from swath.documents.yaml_document import KeyPath
 from swath.scenario.resolved import Expectation, MachineSection
+from swath.scenario.section_reader import SectionReader
 from swath.scenario.sections import Limit
-
-if TYPE_CHECKING:
-    from swath.scenario.reader import Reader
 
 FIELD = "field"
 
 
-def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
+def read_evaluators(reader: SectionReader, data: Any) -> tuple[tuple[str, ...], Any]:
     """References with absolute paths, and the catalogue of all evaluators; notes what is wrong."""
     path: KeyPath = ("evaluators",)
     if not isinstance(data, list):
@@ -44,7 +42,11 @@ def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
 
 
 def read_expect(
-    reader: "Reader", data: Any, judged: Any, machines: Sequence[str], sections: Mapping[str, MachineSection]
+    reader: SectionReader,
+    data: Any,
+    judged: Any,
+    machines: Sequence[str],
+    sections: Mapping[str, MachineSection],
 ) -> tuple[Expectation, ...]:
     """Every limit; notes what is wrong. machines: all names; sections: of those that could be read"""
     data = reader.mapping(data, ("expect",))
@@ -83,7 +85,7 @@ def _columns(judged: Any, section: MachineSection) -> list[str]:
 
 
 def _limits(
-    reader: "Reader",
+    reader: SectionReader,
     subject: str,
     name: str,
     data: Any,
@@ -113,7 +115,7 @@ def _limits(
 
 
 def _fits(
-    reader: "Reader", limit: Limit, path: KeyPath, judged: Any, name: str, columns: Sequence[str]
+    reader: SectionReader, limit: Limit, path: KeyPath, judged: Any, name: str, columns: Sequence[str]
 ) -> bool:
     """Whether the limit's events and columns exist and the metric can be judged in a window."""
     before = len(reader.errors)
