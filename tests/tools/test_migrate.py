@@ -190,6 +190,7 @@ def test_examples_of_today_are_up_to_date():
         assert migrate_text(file, text) == text, file
 
 
+# Every module of 0.1, and of those that a user's file would import from, the classes and functions.
 OLD_NAMES = dict(line.split(":") for line in (V01 / "names.txt").read_text().splitlines())
 
 
@@ -203,6 +204,7 @@ def test_every_module_of_0_1_is_found_or_says_what_to_do_instead():
         assert not missing or module in ("swath.sim", "swath.study"), module  # only what was in them moved
         for name in names.split():
             assert missing_names(migrate_python(f"from {module} import {name}")) == []
+    assert [n for n in NAMES.values() if missing_names(f"import swath.{n}")] == []
 
 
 def test_no_present_name_is_an_old_one():
