@@ -40,7 +40,7 @@ def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:
     parts["machines"] = read_machines(reader, {name: data[name] for name in machines})
     parts["realtime"] = _realtime(reader, data["realtime"]) if "realtime" in data else None
     parts["evaluators"], judged = read_evaluators(reader, data.get("evaluators", []))
-    parts["expect"] = read_expect(reader, data.get("expect", {}), judged, machines)
+    parts["expect"] = read_expect(reader, data.get("expect", {}), judged, machines, parts["machines"])
     if reader.errors:
         raise ScenarioError(reader.errors)
     return parts
