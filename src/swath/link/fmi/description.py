@@ -42,6 +42,17 @@ class Variable:
     dimensions: tuple[tuple[int, int], ...] = ()
     description: str = ""
 
+    @property
+    def is_number(self) -> bool:
+        """True for a number or a boolean, or arrays of them."""
+        return self.kind in ("real", "int", "bool")
+
+    def numbers(self, value: Any = None) -> list[float]:
+        """A value (None = the start value, else 0) as one number per element."""
+        value = self.start if value is None else value
+        numbers = [float(x) for x in value] if isinstance(value, list) else [float(value or 0.0)]
+        return numbers if len(numbers) == self.size else numbers[:1] * self.size
+
 
 @dataclass(frozen=True)
 class Description:
@@ -56,7 +67,6 @@ class Description:
     name: str
     tool: str
     token: str
-    identifier: str
     platforms: tuple[str, ...]
     library: str | None
     one_per_process: bool
@@ -97,8 +107,12 @@ class Description:
         }
         if not any(name in self.variables for name in starts) or not lengths:
             return self
-        variables = {n: _resized(v, lengths) for n, v in self.variables.items()}
-        return replace(self, variables=variables)
+        sized = {
+            n: replace(v, size=prod(lengths.get(ref, length) for ref, length in v.dimensions))
+            for n, v in self.variables.items()
+            if v.dimensions
+        }
+        return replace(self, variables=self.variables | sized)
 
 
 @dataclass(frozen=True)
@@ -130,15 +144,13 @@ def read_fmu(file: Path, key: str = "file") -> Description:
         has = "model exchange" if model.modelExchange is not None else "scheduled execution"
         raise InputError(key, str(file), f"expected an FMU for co-simulation, this one is for {has} only")
     library, misplaced = _library(names, side.modelIdentifier, model.fmiMajorVersion, fmpy)
-    units = {u.name: _unit(u) for u in model.unitDefinitions}
-    variables = _variables(model, units, faults)
+    variables = _variables(model, {u.name: _unit(u) for u in model.unitDefinitions}, faults)
     return Description(
         file=file,
         version=model.fmiVersion,
         name=model.modelName or file.stem,
         tool=model.generationTool or "",
         token=model.guid or "",
-        identifier=side.modelIdentifier,
         platforms=_platforms(names),
         library=library,
         one_per_process=side.canBeInstantiatedOnlyOncePerProcess,
@@ -220,13 +232,6 @@ def _variable(v: Any, units: dict[str | None, Unit | None]) -> Variable:
     )
 
 
-def _resized(variable: Variable, lengths: Mapping[int, int]) -> Variable:
-    if not variable.dimensions:
-        return variable
-    sizes = [lengths.get(ref, length) for ref, length in variable.dimensions]
-    return replace(variable, size=prod(sizes))
-
-
 def _start(text: str | None, kind: str, is_array: bool) -> Any:
     if text is None or kind in ("string", "other"):
         return text
@@ -245,7 +250,7 @@ def _arrays(scalars: dict[str, Variable]) -> dict[str, Variable]:
     """Arrays of FMI 2: all of `name[i]` or `name[i,j]`, rows first, as one variable `name`."""
     groups: dict[str, list[tuple[tuple[int, ...], Variable]]] = {}
     for variable in scalars.values():
-        if (match := _INDEXED.match(variable.name)) and variable.kind in ("real", "int", "bool"):
+        if (match := _INDEXED.match(variable.name)) and variable.is_number:
             index = tuple(int(i) for i in match["index"].split(","))
             groups.setdefault(match["base"], []).append((index, variable))
     made = {}
@@ -255,19 +260,13 @@ def _arrays(scalars: dict[str, Variable]) -> dict[str, Variable]:
         if base in scalars or any(m.type != first.type or m.causality != first.causality for _, m in members):
             continue
         starts = [m.start for _, m in members]
-        made[base] = Variable(
+        made[base] = replace(
+            first,
             name=base,
-            kind=first.kind,
-            type=first.type,
-            causality=first.causality,
-            variability=first.variability,
-            unit_name=first.unit_name,
-            unit=first.unit,
             start=None if None in starts else starts,
             refs=tuple(m.refs[0] for _, m in members),
             size=len(members),
             is_array=True,
-            description=first.description,
         )
     return made
 

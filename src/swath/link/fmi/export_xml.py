@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import isfinite, isnan
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -61,16 +60,15 @@ def describe_model(model: Model, variables: Sequence[Variable], version: int) ->
 
 
 def _root(model: Model, version: int) -> Element:
-    root = Element("fmiModelDescription", fmiVersion=f"{version}.0", modelName=model.name)
-    root.set("instantiationToken" if version == 3 else "guid", model.token)
-    root.set("description", model.description)
-    root.set("generationTool", model.tool)
-    root.set("variableNamingConvention", "structured")
-    side = {"modelIdentifier": model.identifier, **ABILITIES}
-    if version == 3:
-        side |= {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
-    else:
-        side |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+    token = {"instantiationToken" if version == 3 else "guid": model.token}
+    about = {"description": model.description, "generationTool": model.tool}
+    about["variableNamingConvention"] = "structured"
+    root = Element(
+        "fmiModelDescription", fmiVersion=f"{version}.0", modelName=model.name, attrib=token | about
+    )
+    side, state = {"modelIdentifier": model.identifier, **ABILITIES}, "State" if version == 3 else "state"
+    side |= {f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true"}
+    if version == 2:
         side["canNotUseMemoryManagementFunctions"] = "true"
     SubElement(root, "CoSimulation", side)
     return root
@@ -143,10 +141,6 @@ def _structure(root: Element, outputs: list[int], version: int) -> None:
 
 def _number(value: Any) -> str:
     """As xs:double and xs:boolean have it."""
-    if isinstance(value, bool):
+    if isinstance(value, bool | int):
         return str(value).lower()
-    if isinstance(value, int):
-        return str(value)
-    if isnan(value):
-        return "NaN"
-    return repr(float(value)) if isfinite(value) else ("INF" if value > 0 else "-INF")
+    return {"nan": "NaN", "inf": "INF", "-inf": "-INF"}.get(repr(float(value)), repr(float(value)))
