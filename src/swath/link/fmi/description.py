@@ -3,6 +3,7 @@
 import re
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from swath.core.errors import InputError, MissingExtra
 from swath.link.fmi.repair import repaired
-from swath.link.fmi.units import BASE, Unit, parse_unit
+from swath.link.fmi.units import BASE, Unit, known_unit
 
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
 _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
@@ -174,18 +175,15 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
     from fmpy import read_model_description
     from fmpy.model_description import ValidationError
 
-    strict = {"validate_variable_names": False, "validate_model_structure": True}
     faults: list[str] = []
     try:
-        return read_model_description(str(file), **strict), faults
+        return read_model_description(str(file), validate_model_structure=True), faults
     except ValidationError as error:
         faults = [" ".join(str(p).split()) for p in error.problems]
     except Exception as error:
         faults = [" ".join(str(error).split())]
-    try:
+    with suppress(Exception):
         return read_model_description(str(file), validate=False), faults
-    except Exception:
-        pass
     try:
         with repaired(file) as (copy, repairs):
             return read_model_description(str(copy), validate=False), repairs or faults
@@ -219,7 +217,7 @@ def _variable(v: Any, units: dict[str | None, Unit | None]) -> Variable:
         causality=v.causality or "local",
         variability=v.variability or "",
         unit_name=name,
-        unit=None if name is None else units.get(name) or _known(name),
+        unit=None if name is None else units.get(name) or known_unit(name),
         start=_start(v.start, kind, bool(v.dimensions)),
         refs=(v.valueReference,),
         size=prod(v.shape or ()),
@@ -275,15 +273,8 @@ def _unit(u: Any) -> Unit | None:
     """A unit as the FMU defines it; one without definition by its name, None where that says nothing."""
     base = u.baseUnit
     if base is None:
-        return _known(u.name)
+        return known_unit(u.name)
     return Unit(u.name, tuple(int(getattr(base, b)) for b in BASE), float(base.factor), float(base.offset))
-
-
-def _known(name: str) -> Unit | None:
-    try:
-        return parse_unit(name)
-    except InputError:
-        return None
 
 
 def _clocks(file: Path) -> tuple[Clock, ...]:
@@ -316,15 +307,14 @@ def _platforms(names: list[str]) -> tuple[str, ...]:
 
 def _library(names: list[str], identifier: str, major: int, fmpy: Any) -> tuple[str | None, list[str]]:
     """The binary for this system, and what is odd about where it lies."""
-    folders = [fmpy.platform, fmpy.platform_tuple]
-    right = folders[0] if major == 2 else folders[1]
-    for folder in sorted(folders, key=lambda f: f != right):
+    right, other = fmpy.platform, fmpy.platform_tuple
+    if major == 3:
+        right, other = other, right
+    for folder in (right, other):
         name = f"binaries/{folder}/{identifier}{fmpy.sharedLibraryExtension}"
         if name in names:
-            odd = (
-                [] if folder == right else [f"the binary lies in binaries/{folder}, not in binaries/{right}"]
-            )
-            return name, odd
+            odd = f"the binary lies in binaries/{folder}, not in binaries/{right}"
+            return name, [] if folder == right else [odd]
     return None, []
 
 

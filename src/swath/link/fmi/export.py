@@ -23,7 +23,7 @@ from swath.core.schedule import NS, from_hz
 from swath.documents.yaml_document import dump
 from swath.link.fmi.export_slave import FILE
 from swath.link.fmi.export_variables import Variable, check_slots, list_variables
-from swath.link.fmi.export_xml import Model, describe_model
+from swath.link.fmi.export_xml import describe_model
 from swath.scenario.scenario import Scenario
 
 PACKAGES = {3: "pythonfmu3", 2: "pythonfmu"}
@@ -96,16 +96,19 @@ def export_fmu(
     files["slavemodule.txt"] = module.encode()
     identifier = "_".join(n.replace(".", "_").replace("-", "_") for n in names)[:60]
     periods = [from_hz(_rate(scenario, n)) for n in names]
-    model = Model(
-        name=" ".join(names),
+    description = describe_model(
+        variables,
+        version,
         identifier=identifier,
         token=f"{{{uuid.UUID(token)}}}",
-        description=f"{', '.join(names)} of the swath scenario {scenario.name}",
-        tool=f"swath {__version__} with {package} {importlib.metadata.version(package)}",
         step=gcd(*periods) / NS,
         stop=float(scenario.run.max_duration_s),
+        modelName=" ".join(names),
+        description=f"{', '.join(names)} of the swath scenario {scenario.name}",
+        generationTool=f"swath {__version__} with {package} {importlib.metadata.version(package)}",
+        variableNamingConvention="structured",
     )
-    entries = {"modelDescription.xml": describe_model(model, variables, version)}
+    entries = {"modelDescription.xml": description}
     entries |= {f"resources/{name}": data for name, data in sorted(files.items())}
     for name, binary in binaries.items():
         entries[f"binaries/{name}/{identifier}{binary.suffix}"] = binary.read_bytes()

@@ -14,20 +14,13 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError
+from swath.core.units import split_unit
+from swath.link.fmi.units import known_unit
 from swath.runtime.assembly import assemble, outside_of
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals.flat import amounts, flat_fields, read
 
-UNITS_OF_KEYS = {u: u for u in ("deg", "mm", "cm", "m", "ms", "s", "kg", "t", "mrad")} | {
-    "kmh": "km/h",
-    "percent": "%",
-    "hz": "Hz",
-    "kg_s": "kg/s",
-    "m_s": "m/s",
-    "m_s2": "m/s2",
-    "kw": "kW",
-}
 Key = tuple[str, ...]
 
 
@@ -175,9 +168,8 @@ def _parameters(scenario: Scenario, slots: Sequence[str], more: Sequence[str]) -
     for key in more:
         value = plain.get(key)
         if value is None:
-            near = (
-                ", ".join(k for k in plain if k.startswith(key.rpartition(".")[0])) or "a key of the scenario"
-            )
+            lead = key.rpartition(".")[0]
+            near = ", ".join(k for k in plain if k.startswith(lead)) or "a key of the scenario"
             raise InputError("--parameter", key, f"expected a key with a value, such as {near}")
         if (key,) not in known:
             made.append(_parameter(key, key, value, ""))
@@ -186,10 +178,8 @@ def _parameters(scenario: Scenario, slots: Sequence[str], more: Sequence[str]) -
 
 def _parameter(name: str, key: str, value: Any, text: str) -> Variable:
     kinds = {bool: "bool", int: "int", float: "real", str: "text"}
-    words = key.rpartition(".")[2].split("_")
-    units = [UNITS_OF_KEYS[u] for i in range(1, len(words)) if (u := "_".join(words[i:])) in UNITS_OF_KEYS]
-    kind = kinds[type(value)]
-    unit = units[0] if units and kind == "real" else ""
+    kind, unit = kinds[type(value)], split_unit(key.rpartition(".")[2])[1]
+    unit = unit if kind == "real" and known_unit(unit) is not None else ""
     return Variable(name, "parameter", kind, unit, text, (), value, (key,))
 
 

@@ -151,6 +151,14 @@ def parse_unit(text: str) -> Unit:
     return Unit(text, exponents, factor)
 
 
+def known_unit(text: str) -> Unit | None:
+    """`parse_unit`, or None for one that is not known."""
+    try:
+        return parse_unit(text)
+    except InputError:
+        return None
+
+
 def _symbol(word: str, text: str) -> tuple[float, Exponents, int]:
     match = _PART.match(word)
     if match is not None:

@@ -163,6 +163,7 @@ class _Maker:
         if variable.causality != "input" and variable.variability != "tunable":
             text = f"expected an input of the FMU, it is of causality {variable.causality}"
             raise InputError(key, target, text)
+        _check_kind(key, target, variable)
         port, field = self._field(key, bare, target, self.setup.inputs)
         if variable.is_array != (field.kind == "array"):
             what = "an array" if variable.is_array else "a single number"
@@ -215,9 +216,7 @@ class _Maker:
         return min(fits, key=lambda v: names.index(_plain(v.name)), default=None)
 
     def _out(self, key: str, port: Port, field: FlatField, variable: Variable) -> Out:
-        if not variable.is_number:
-            text = f"expected a number, {variable.name} is of type {variable.type}"
-            raise InputError(key, variable.name, text)
+        _check_kind(key, variable.name, variable)
         if variable.is_array != (field.kind == "array"):
             what = "an array" if field.kind == "array" else "a single number"
             raise InputError(key, variable.name, f"expected {what}")
@@ -262,6 +261,11 @@ class _Maker:
             listed = "; ".join(_listed(p) for p in ports) or "nothing, the slot has no such ports"
             raise InputError(key, value, f"expected port.field of {listed}{near_miss(name, there)}")
         return there[name]
+
+
+def _check_kind(key: str, value: str, variable: Variable) -> None:
+    if not variable.is_number:
+        raise InputError(key, value, f"expected a number, {variable.name} is of type {variable.type}")
 
 
 def _call_order(wire: Into | Out) -> tuple[str, str]:
