@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from docs.make.metrics import BEGIN, END, markdown
 
 from swath.commands.main import main
-from swath.commands.metrics import markdown
 from swath.core.errors import InputError
 from swath.judge.catalogue import GROUPS, load_evaluators
 from swath.scenario.catalogue import CATALOGUE
@@ -18,8 +18,8 @@ NAME = "steering_reversals_per_100_m"
 
 def test_the_page_of_metrics_is_up_to_date():
     page = (ROOT / "docs" / "metrics.md").read_text(encoding="utf-8")
-    made = page.partition("metrics --markdown` -->\n")[2].partition("<!-- end -->")[0]
-    assert made == markdown(CATALOGUE.judged()), "run: swath metrics --markdown"
+    made = page.partition(BEGIN)[2].partition(END)[0]
+    assert made == markdown(CATALOGUE.judged()), "run: python -m docs.make.metrics"
 
 
 def test_every_metric_says_what_lists_and_reports_need():
