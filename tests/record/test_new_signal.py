@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+from docs.make.signals import messages_table, signals_page
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -24,7 +25,6 @@ from swath.link.ros2.record import numbers_of, sample_of
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.signals import F64
-from swath.signals.page import messages_table, signals_page
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 from tests.record.test_exact_samples import same_bits
