@@ -17,11 +17,9 @@ from swath.core.units import DEG, PERCENT
 from swath.field.crop import load_crop
 from swath.field.field_setup import FieldSetup, drilled, from_azimuth
 from swath.field.hashing import hash_uniform
-from swath.field.plants.drawing import Detail
 from swath.field.raster import Raster
+from swath.field.stand.uniform import Params as UniformParams
 from swath.field.waves import Waves, make_random_field
-from swath.field.weeds import Weeds
-from swath.field.wind import Wind
 
 Array = NDArray[np.float64]
 Metres = Annotated[float, Ge(-1e5), Le(1e5)]
@@ -80,19 +78,13 @@ class Tramlines:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(UniformParams):
     """As `uniform`, changed by maps. density_file: stems per m2; height_file: height of the crop [m]; both
     GeoTIFF; where they hold nothing, nothing grows, or the crop has its own height. height_variation,
     density_variation: smooth random change on top. patches, lodging: lodged places. tramlines: bare tracks.
     wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives (docs/crops.md).
     """
 
-    crop: str = "wheat"
-    stems_per_m2: Annotated[float, Gt(0.0), Le(DENSITY_LIMIT)] | None = None
-    row_spacing_m: Annotated[float, Ge(0.0), Le(1.0)] | None = None
-    row_azimuth_deg: Azimuth = 0.0
-    height_factor: Annotated[float, Gt(0.0), Le(4.0)] = 1.0
-    lean_deg: Annotated[float, Ge(0.0), Le(80.0)] = 0.0
     lean_azimuth_deg: Azimuth = 90.0
     density_file: str | None = None
     height_file: str | None = None
@@ -101,9 +93,6 @@ class Params:
     patches: tuple[Patch, ...] = ()
     lodging: Lodging | None = None
     tramlines: Tramlines | None = None
-    weeds: Weeds | None = None
-    wind: Wind | None = None
-    detail: Detail = "full"
 
 
 class Maps:
