@@ -8,6 +8,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
+from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.sweep import signed_area
@@ -40,7 +41,7 @@ class Ground:
     def cut(self, polygon, height_m):
         area = signed_area(polygon)
         self.cuts.append(polygon)
-        return SimpleNamespace(grain=0.8 * area, straw=0.6 * area, stem_count=int(500 * area), area=area)
+        return Cut(0.8 * area, 0.6 * area, int(500 * area), area)
 
     def deposit_grain(self, x, y, mass_kg):
         self.grain.append((x, y, mass_kg))

@@ -13,8 +13,7 @@ from swath.field.crop import load_crop
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar import empirical, plants
-from swath.sensing.tables import load_table
-from swath.tools.calibrate.command import SHIPPED
+from swath.sensing.tables import load_table, table_names
 from swath.tools.distributions import compare
 
 TEXT = """
@@ -101,7 +100,7 @@ def test_other_crops_agree_with_plants(crop, density):
         assert found.is_good, (pitch, found)
 
 
-@pytest.mark.parametrize("name", sorted(SHIPPED))
+@pytest.mark.parametrize("name", table_names())
 def test_bundled_tables_say_what_they_are(name):
     table = load_table(name)
     crop = load_crop(table.about["crop"])

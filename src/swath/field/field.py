@@ -119,7 +119,13 @@ class Field:
 
     def ground_height(self, x: Any, y: Any) -> Array:
         """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""
-        (z00, z10, z01, z11), fu, fv = self._corners(x, y)
+        u, v = (a / self.maker.node for a in self._points(x, y))
+        iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+        slot = self._slots(iu // PAGE_NODES, iv // PAGE_NODES)
+        a, b, fu, fv = iu % PAGE_NODES, iv % PAGE_NODES, u - iu, v - iv
+        z = self.pages.ground
+        z00, z10 = z[slot, b, a].astype(np.float64), z[slot, b, a + 1].astype(np.float64)
+        z01, z11 = z[slot, b + 1, a].astype(np.float64), z[slot, b + 1, a + 1].astype(np.float64)
         low, high = z00 + (z10 - z00) * fu, z01 + (z11 - z01) * fu
         return np.asarray(low + (high - low) * fv)
 
@@ -129,15 +135,6 @@ class Field:
         groups: equal parts of the points that are also averaged over.
         """
         return Footprint(points, self._turn, self.maker.node, self._nodes, groups=groups)
-
-    def ground_normal(self, x: Any, y: Any) -> Array:
-        """Upward unit normal of the soil surface in the world, shape (..., 3)."""
-        (z00, z10, z01, z11), fu, fv = self._corners(x, y)
-        gu = ((z10 - z00) * (1 - fv) + (z11 - z01) * fv) / self.maker.node
-        gv = ((z01 - z00) * (1 - fu) + (z11 - z10) * fu) / self.maker.node
-        c, s = self._turn
-        normal = np.stack([-(c * gu - s * gv), -(s * gu + c * gv), np.ones_like(gu)], axis=-1)
-        return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
     def cut(self, polygon: Any, height_m: float) -> Cut:
         """Cut the crop within a convex polygon (n, 2) [m] at a height above the ground [m].
@@ -273,12 +270,12 @@ class Field:
 
     def _slots(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
         """Slots of pages, made where they are missing."""
-        slot = self.store.slots_at(i, j)
+        slot = self.pages.slots_at(i, j)
         if (slot >= 0).all():
             return slot
         pairs = np.unique(np.stack([i.ravel(), j.ravel()], axis=-1), axis=0)
         self.store.need([(int(a), int(b)) for a, b in pairs])
-        return self.store.slots_at(i, j)
+        return self.pages.slots_at(i, j)
 
     def _nodes(self, first_i: float, last_i: float, first_j: float, last_j: float) -> Block:
         """Heights of the lattice nodes of a rectangle of pages with its far border."""
@@ -291,15 +288,6 @@ class Field:
                 v, u = PAGE_NODES * b, PAGE_NODES * a
                 heights[v : v + PAGE_NODES + 1, u : u + PAGE_NODES + 1] = self.pages.ground[slot]
         return int(first_i), int(first_j), heights
-
-    def _corners(self, x: Any, y: Any) -> tuple[Array, Array, Array]:
-        """Heights of the four lattice nodes around points, (4, ...), and the fractions between them."""
-        u, v = (a / self.maker.node for a in self._points(x, y))
-        iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-        slot = self._slots(iu // PAGE_NODES, iv // PAGE_NODES)
-        a, b, ground = iu % PAGE_NODES, iv % PAGE_NODES, self.pages.ground
-        z = [ground[slot, b, a], ground[slot, b, a + 1], ground[slot, b + 1, a], ground[slot, b + 1, a + 1]]
-        return np.array(z, dtype=np.float64), u - iu, v - iv
 
 
 def make_field(

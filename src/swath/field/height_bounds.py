@@ -87,11 +87,12 @@ def stem_reach(library: PlantLibrary) -> float:
 
 def _code_around(store: PageStore, page: Ints, reach: int) -> NDArray[np.uint8]:
     """Highest codes of the tiles of pages and `reach` tiles around them; STANDING where no page is."""
+    p = store.pages
     step = np.arange(-reach, PAGE_TILES + reach)
     tx = (page[:, 0] * PAGE_TILES)[:, None, None] + step
     ty = (page[:, 1] * PAGE_TILES)[:, None, None] + step[:, None]
     tx, ty = np.broadcast_arrays(tx, ty)
-    slot = store.slots_at(tx // PAGE_TILES, ty // PAGE_TILES)
+    slot = p.slots_at(tx // PAGE_TILES, ty // PAGE_TILES)
     code = store.code_max[slot, ty % PAGE_TILES, tx % PAGE_TILES]
     return np.where(slot >= 0, code, STANDING).astype(np.uint8)
 

@@ -74,17 +74,6 @@ class PageStore:
         self._free: list[int] = []
         self._free_cut: list[int] = []
 
-    def slots_at(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Slots of pages by their indices, -1 where one is not in memory."""
-        table, column, row = self.pages.table, i - self.pages.table_x, j - self.pages.table_y
-        ny, nx = table.shape
-        known = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-        if known.all():
-            return table[row, column].astype(np.int64)
-        if table.size == 0:
-            return np.full(known.shape, -1)
-        return np.where(known, table[row.clip(0, ny - 1), column.clip(0, nx - 1)], -1).astype(np.int64)
-
     def need(self, keys: Sequence[Key]) -> None:
         """Bring pages into memory; forget the ones unused for longest when there are too many."""
         missing = []

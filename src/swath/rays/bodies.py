@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.kernels import filled
 from swath.rays.device import start_warp
-from swath.rays.field_arrays import Castable, LiveScene
+from swath.rays.field_arrays import LiveScene
 from swath.rays.refusals import check_origins, check_range
 from swath.rays.single.buffers import CLAMPED, MISPLACED, PACKET, BeamBuffer, share
 from swath.rays.spread import SpreadTable, double_log
@@ -31,7 +32,7 @@ class BodyCaster:
 
     def __init__(
         self,
-        field: Castable,
+        field: Field,
         table: SpreadTable,
         beams: BeamBuffer,
         apart: Any,

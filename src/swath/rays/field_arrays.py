@@ -1,29 +1,21 @@
 """What kernels see of a field: its arrays as they are now, on the device that rays run on."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.field import Field
 from swath.field.memory_layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
-from swath.field.wind import GUST_SHARE, Sway
+from swath.field.wind import GUST_SHARE
 from swath.kernels import member_array
 from swath.rays.geometry import make_solid_arrays
-from swath.rays.refusals import Place
 
 F32 = NDArray[np.float32]
 POOLS = (
     *("table", "ground", "straw", "tile_plane", "tile_stand", "tile_top", "tile_bump"),
     *("tile_prototype", "cut_slot", "cut"),
 )
-
-
-class Castable(Place, Protocol):
-    """What rays need of a field."""
-
-    @property
-    def wind(self) -> Sway | None:
-        """What sways the stand."""
 
 
 class LiveScene:
@@ -33,7 +25,7 @@ class LiveScene:
     crop by this share of its height
     """
 
-    def __init__(self, field: Castable, device: str, *, top_room: float = 0.0) -> None:
+    def __init__(self, field: Field, device: str, *, top_room: float = 0.0) -> None:
         self.field, self.device, self.top_room = field, device, top_room
         self.version = 0
         self._scene: Any = None

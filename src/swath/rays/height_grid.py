@@ -99,17 +99,6 @@ class HeightGrid:
         u, v = self.to_local(x, y)
         return np.asarray(self.origin[2] + lattice_height(self.ground, self.node, u, v))
 
-    def cells_at(self, x: Any, y: Any) -> NDArray[np.int64]:
-        """Index of the cell of world points into the flattened pools, -1 = not held."""
-        u, v = self.to_local(x, y)
-        i, j = np.floor(u / self.cell).astype(np.int64), np.floor(v / self.cell).astype(np.int64)
-        ny, nx = self.table.shape
-        known = (i >= 0) & (j >= 0) & (i < nx * TILE) & (j < ny * TILE)
-        i, j = np.where(known, i, 0), np.where(known, j, 0)
-        row = self.table[j // TILE, i // TILE]
-        cell = (row.astype(np.int64) * TILE + j % TILE) * TILE + i % TILE
-        return np.asarray(np.where(known & (row >= 0), cell, -1))
-
     def save(self, path: Path) -> None:
         """Write the file in one go; the same grid gives the same bytes."""
         about = np.frombuffer(json.dumps(dict(self.about), sort_keys=True).encode(), np.uint8)

@@ -15,10 +15,11 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
 from swath.field.crop import load_crop
-from swath.field.field_setup import FieldSetup, drilled, from_azimuth
+from swath.field.field_setup import FieldSetup, from_azimuth
 from swath.field.hashing import hash_uniform
 from swath.field.raster import Raster
 from swath.field.stand.uniform import Params as UniformParams
+from swath.field.stand.uniform import Uniform
 from swath.field.waves import Waves, make_random_field
 
 Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ class Params(UniformParams):
     tramlines: Tramlines | None = None
 
 
-class Maps:
+class Maps(Uniform):
     """A stand of maps and patches."""
 
     def __init__(self, params: Params, setup: FieldSetup) -> None:
@@ -115,12 +116,8 @@ class Maps:
         return maps
 
     def _take(self, params: Params, setup: FieldSetup, density: Raster | None, height: Raster | None) -> None:
-        self.params, self.crop = params, params.crop
-        self._stems, self.row_spacing = drilled(
-            params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
-        )
-        self.weeds, self.wind, self.detail = params.weeds, params.wind, params.detail
-        self.row_heading = from_azimuth(params.row_azimuth_deg)
+        Uniform.__init__(self, params, setup)
+        self.params, self._stems = params, self.density_max
         self._density, self._height = density, height
         stream = setup.stream.child("stand")
         self._density_waves = _variation(params.density_variation, stream.child("density"))

@@ -13,6 +13,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine.sweep import LinePath, line_ends, signed_area, swept
 from swath.signals import CropFlow, MachineState
@@ -51,16 +52,14 @@ class FixedHeightHeader(KeepsState):
         header_fill = area cut / area swept: the cut share of the header's width; 0 when it did not move. The
         field cuts whole cells, so over a few centimetres it scatters (0.7 to 1.2 at 4 cm); average it.
         """
-        grain = straw = area = swept_area = 0.0
-        stem_count = 0
+        taken, swept_area = Cut(), 0.0
         for before, now in self._path.over(inputs["state"], lambda pose: line_ends(pose, *self._knife)):
             for polygon in swept(before, now):
-                cut = self._field.cut(polygon, self._params.cutting_height_m)
-                grain, straw, area = grain + cut.grain, straw + cut.straw, area + cut.area
-                stem_count += int(cut.stem_count)
+                taken += self._field.cut(polygon, self._params.cutting_height_m)
                 swept_area += signed_area(polygon)
-        fill = area / swept_area if swept_area > 0.0 else 0.0
-        return {"flow": CropFlow(t + dt, grain, straw, area, stem_count, fill, dt / NS)}
+        fill = taken.area / swept_area if swept_area > 0.0 else 0.0
+        sums = taken.grain, taken.straw, taken.area, taken.stem_count
+        return {"flow": CropFlow(t + dt, *sums, fill, dt / NS)}
 
 
 LEVEL = Level(

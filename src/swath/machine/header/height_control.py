@@ -4,9 +4,9 @@ The knife is straight and stiff. Where it is above the ground decides the stubbl
 Equations, sources and validation: docs/header.md.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -18,6 +18,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
+from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
@@ -82,22 +83,6 @@ class Params:
     reel_index: Annotated[float, Ge(0), Le(5)] = 1.2
     reel_speed_m_s: Annotated[float, Ge(0), Le(10)] | None = None
     loss_percent: Annotated[float, Ge(0), Le(10)] = 0.2
-
-
-@dataclass
-class _Taken:
-    """Sums of one step."""
-
-    grain: float = 0.0
-    straw: float = 0.0
-    area: float = 0.0
-    stem_count: int = 0
-    grain_left: float = 0.0
-
-    def add(self, cut: Any) -> None:
-        """Add what one polygon gave."""
-        for part in fields(self):
-            setattr(self, part.name, getattr(self, part.name) + getattr(cut, part.name))
 
 
 class HeightControlHeader(KeepsState):
@@ -177,11 +162,11 @@ class HeightControlHeader(KeepsState):
     def _cut(
         self, t: int, dt: int, states: tuple[MachineState, ...], knife: Array, heights: Array
     ) -> CropFlow:
-        taken, swept_area = _Taken(), 0.0
+        taken, swept_area = Cut(), 0.0
         for before, now in self._path.over(states, lambda pose: pose.apply(knife)[::2, :2]):
             for first, last, height in self._runs(heights):
                 for polygon in swept(before[[first, last]], now[[first, last]]):
-                    taken.add(self._field.cut(polygon, height))
+                    taken += self._field.cut(polygon, height)
                     swept_area += signed_area(polygon)
         fill = taken.area / swept_area if swept_area > 0.0 else 0.0
         lost = taken.grain * self._loss_share()
@@ -190,7 +175,7 @@ class HeightControlHeader(KeepsState):
             taken.grain - lost,
             taken.straw,
             taken.area,
-            int(taken.stem_count),
+            taken.stem_count,
             fill,
             dt / NS,
             lost_grain=lost,
