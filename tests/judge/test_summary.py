@@ -48,10 +48,15 @@ def test_several_machines_have_their_own_metrics_and_limits():
     limits = {"combine.grain_cut_kg": {"min": 1}, "cart.grain_cut_kg": {"min": 1}}
     summary = make("combine", "cart", **limits)
     assert summary["machines"]["combine"]["grain_cut_kg"] > 1.0
-    assert summary["machines"]["cart"] == {"distance_m": 0.0}
+    assert summary["machines"]["cart"] == {"contact_count": 0.0, "distance_m": 0.0}
     assert summary["field"] == {"mass_balance_error": summary["mass_balance_error"]}
     assert "lateral_rms_m" not in summary
-    assert [(e["subject"], e["result"]) for e in summary["expect"]] == [("combine", "pass"), ("cart", "fail")]
+    grain, contact = summary["expect"][:2], summary["expect"][2:]
+    assert [(e["subject"], e["result"]) for e in grain] == [("combine", "pass"), ("cart", "fail")]
+    assert [(e["subject"], e["name"]) for e in contact] == [
+        ("combine", "contact_count"),
+        ("cart", "contact_count"),
+    ]
 
 
 def test_missing_numbers_are_null_and_fail(tmp_path):

@@ -11,13 +11,13 @@ from swath.scenario.scenario import parse_scenario
 from swath.signals import ScanTruth
 from tests.whole.small import TEXT
 
-SECOND = """
-other:
-  start: {x_m: 6.0, y_m: 24.0, heading_deg: 90}
-  motion: {level: kinematic, start_speed_kmh: 3.6}
-  lidar: off
-  edge: truth
-  speed: {speed_kmh: 3.6}
+SECOND = """\
+  other:
+    start: {x_m: 6.0, y_m: 24.0, heading_deg: 90}
+    motion: {level: kinematic, start_speed_kmh: 3.6}
+    lidar: off
+    edge: truth
+    speed: {speed_kmh: 3.6}
 """
 
 

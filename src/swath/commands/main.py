@@ -45,6 +45,7 @@ COMMANDS = (
     migrate,
 )
 RENAMED = {  # command lines of version 0.1.0: what to type instead
+    ("cards",): "swath sheets",
     ("replay", "build"): "swath height-map build SOURCE --out FILE.npz",
     ("replay",): "swath rerun RUN",
     ("ros2", "bridge"): "swath ros2 play RUN for a recorded run, swath run SCENARIO --ros2 for a scenario",

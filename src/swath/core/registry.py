@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
+from swath.core.renamed import present_name
 
 GROUP = "swath.levels"
 USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
@@ -122,7 +123,10 @@ def _from_file(kind: str, reference: str, base: Path) -> Level:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        raise SwathError(f"{file}: could not be loaded: {type(error).__name__}: {error}") from error
+        text = f"{file}: could not be loaded: {type(error).__name__}: {error}"
+        if isinstance(error, ImportError) and present_name(str(error.name)) != error.name:
+            text += f"; `swath migrate {file}` rewrites a file of version 0.1"
+        raise SwathError(text) from error
     found = getattr(module, class_name, None)
     if found is None:
         raise InputError(f"{kind}.level", reference, f"{file} has no {class_name}")

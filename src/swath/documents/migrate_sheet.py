@@ -30,6 +30,8 @@ CROP_UNITS = {
     "mm": "mm",
     "%": "percent",
 }
+MARKS = {"chassis": "machine", "beam": "sensor", "stand": "crop"}
+"""Section -> the kind of data sheet that has it."""
 TAGS = {"M": "U", "M+": "U", "M-": "U", "M/E": "U"}
 MEMORY = re.compile(r" *\(memory\)|^from memory$")
 SYMBOLS = sorted({u.symbol for u in UNITS.values()} | {"kg m2", "1/min", "percent"}, key=len, reverse=True)
@@ -66,10 +68,9 @@ def migrate_sheet(text: str) -> str:
 
 
 def _kind(data: Any) -> str:
-    marks = {"chassis": "machine", "beam": "sensor", "stand": "crop"}
-    found = [kind for mark, kind in marks.items() if isinstance(data, dict) and mark in data]
+    found = [kind for mark, kind in MARKS.items() if isinstance(data, dict) and mark in data]
     if not found:
-        raise InputError("data sheet", None, f"expected one of the sections {', '.join(marks)}")
+        raise InputError("data sheet", None, f"expected one of the sections {', '.join(MARKS)}")
     return found[0]
 
 

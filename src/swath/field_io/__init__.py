@@ -1,0 +1,1 @@
+"""Importers and exporters of fields: yield logs, ISOXML, rasters, field folders."""

@@ -1,0 +1,1 @@
+"""Parts from elsewhere: ROS 2, FMI, CAN, OSI, recordings."""

@@ -7,13 +7,12 @@ from typing import Annotated, Literal
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
+from swath.documents.hints import near_miss
 from swath.documents.sheet_fields import Quantity, Section
 from swath.machine.drivetrain_sheet import Drivetrain, check_drivetrain
 from swath.machine.masses import Masses, Tank
+from swath.scenario.machine_types import MACHINE_TYPES
 from swath.signals.setup import MachineGeometry
-
-MachineType = Literal["combine", "forage_harvester", "tractor", "tractor_with_trailer", "truck"]
-HARVESTERS = ("combine", "forage_harvester")  # types that cut: they have a header
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +103,7 @@ class Sections:
 
     format: str
     name: str
-    type: MachineType
+    type: str
     steers: Literal["front", "rear"] = "rear"
     slots: dict[str, str] = field(default_factory=dict)
     note: str = ""
@@ -130,7 +129,7 @@ class MachineSheet(MachineGeometry):
     dynamics: Dynamics
     masses: Masses | None = None
     drivetrain: Drivetrain | None = None
-    type: MachineType = "combine"
+    type: str = "combine"
     slots: Mapping[str, str] = field(default_factory=dict)
     trailer: Trailer | None = None
 
@@ -165,13 +164,16 @@ def read_machine(sheet: Sheet) -> MachineSheet:
         raise sheet.error("mass.cg_behind_axle_m", "expected less than the wheelbase")
     if chassis.bottom >= chassis.top:
         raise sheet.error("chassis.top_m", f"expected more than bottom_m = {chassis.bottom:g}")
-    for key, there, types in (
-        ("header", header, HARVESTERS),
-        ("trailer", s.trailer, ("tractor_with_trailer",)),
+    if s.type not in MACHINE_TYPES:
+        raise sheet.error(
+            "type", f"expected one of {', '.join(MACHINE_TYPES)}{near_miss(s.type, MACHINE_TYPES)}"
+        )
+    for key, there, needed in (
+        ("header", header, "header" in MACHINE_TYPES[s.type]),
+        ("trailer", s.trailer, s.type == "tractor_with_trailer"),
     ):
-        if (there is not None) != (s.type in types):
-            expected = f"expected {'a' if s.type in types else 'no'} section `{key}` for type {s.type}"
-            raise sheet.error(key, expected)
+        if (there is not None) != needed:
+            raise sheet.error(key, f"expected {'a' if needed else 'no'} section `{key}` for type {s.type}")
     check_drivetrain(sheet)
     return MachineSheet(
         wheelbase=chassis.wheelbase,

@@ -1,0 +1,1 @@
+"""The ray engine: rays against plants, ground, heights and solids."""

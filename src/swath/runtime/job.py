@@ -97,6 +97,14 @@ def _run_once(
     return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
 
 
+def _machines(world: World) -> str:
+    """The data sheet of the machine, or of each by its name."""
+    names = {name: machine.card.name for name, machine in world.machines.items()}
+    if len(names) == 1:
+        return world.leader.card.name
+    return "; ".join(f"{name}: {sheet}" for name, sheet in names.items())
+
+
 def _spare_what_is_read(world: World, out: Path) -> None:
     """A run must not be written over the recording that it plays."""
     for machine in world.machines.values():
@@ -153,7 +161,7 @@ class _Running:
                 "summary": scenario.summary,
                 "seed": scenario.seed,
                 "swath": __version__,
-                "machine": ", ".join(dict.fromkeys(m.card.name for m in world.machines.values())),
+                "machine": _machines(world),
             },
             self.evaluation,
             {name: tracks.arrays() for name, tracks in self.recorder.tracks.items()},

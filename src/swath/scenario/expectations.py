@@ -5,21 +5,19 @@ limits may stand at the top: what is a metric of the field, or of the run, is me
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.documents.hints import unknown_key
 from swath.documents.yaml_document import KeyPath
-from swath.scenario.resolved import Expectation
+from swath.scenario.resolved import Expectation, MachineSection
+from swath.scenario.section_reader import SectionReader
 from swath.scenario.sections import Limit
-
-if TYPE_CHECKING:
-    from swath.scenario.reader import Reader
 
 FIELD = "field"
 
 
-def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
+def read_evaluators(reader: SectionReader, data: Any) -> tuple[tuple[str, ...], Any]:
     """References with absolute paths, and the catalogue of all evaluators; notes what is wrong."""
     path: KeyPath = ("evaluators",)
     if not isinstance(data, list):
@@ -43,21 +41,28 @@ def read_evaluators(reader: "Reader", data: Any) -> tuple[tuple[str, ...], Any]:
     return tuple(good), judged
 
 
-def read_expect(reader: "Reader", data: Any, judged: Any, machines: Sequence[str]) -> tuple[Expectation, ...]:
-    """Every limit; notes what is wrong."""
+def read_expect(
+    reader: SectionReader,
+    data: Any,
+    judged: Any,
+    machines: Sequence[str],
+    sections: Mapping[str, MachineSection],
+) -> tuple[Expectation, ...]:
+    """Every limit; notes what is wrong. machines: all names; sections: of those that could be read"""
     data = reader.mapping(data, ("expect",))
     scopes = judged.by_scope()
     own, of_field = list(scopes["machine"]), [*scopes["field"], *scopes["run"]]
+    columns = {name: _columns(judged, section) for name, section in sections.items()}
     found: list[Expectation] = []
     for key, entry in data.items():
         path: KeyPath = ("expect", key)
         if key in machines or key == FIELD:
             for name, limits in reader.mapping(entry, path).items():
                 known = of_field if key == FIELD else own
-                found += _limits(reader, key, name, limits, (*path, name), known, judged)
+                found += _limits(reader, key, name, limits, (*path, name), known, judged, columns)
         elif len(machines) == 1:
             subject = FIELD if key in of_field else machines[0]
-            found += _limits(reader, subject, key, entry, path, [*own, *of_field], judged)
+            found += _limits(reader, subject, key, entry, path, [*own, *of_field], judged, columns)
         else:
             reader.note(path, None, unknown_key(key, [*machines, FIELD], "unknown machine"))
     return tuple(found)
@@ -73,10 +78,23 @@ def plain_expect(expect: Iterable[Expectation], machines: Mapping[str, Any]) -> 
     return short.get("", {}) if len(machines) == 1 else short
 
 
+def _columns(judged: Any, section: MachineSection) -> list[str]:
+    """Columns that the tracks of a machine may have; those of a slot with a name of its own begin with it."""
+    named = [slot for slot, choice in section.slots.items() if slot != choice.kind.name]
+    return [*judged.columns, *(f"{slot}_{column}" for slot in named for column in judged.columns)]
+
+
 def _limits(
-    reader: "Reader", subject: str, name: str, data: Any, path: KeyPath, metrics: list[str], judged: Any
+    reader: SectionReader,
+    subject: str,
+    name: str,
+    data: Any,
+    path: KeyPath,
+    metrics: list[str],
+    judged: Any,
+    columns_of: Mapping[str, list[str]],
 ) -> list[Expectation]:
-    columns = [] if subject == FIELD else judged.columns
+    columns = [] if subject == FIELD else columns_of.get(subject, judged.columns)
     if name not in metrics and name not in columns:
         what = "unknown metric"
         if name in judged.metrics:
@@ -91,21 +109,23 @@ def _limits(
         limit = reader.check(Limit, entry, where)
         if limit is not None and name not in metrics and limit.hold is None:
             limit = limit.model_copy(update={"hold": "always"})
-        if limit is not None and _fits(reader, limit, where, judged, name):
+        if limit is not None and _fits(reader, limit, where, judged, name, columns):
             found.append(Expectation(subject, name, limit))
     return found
 
 
-def _fits(reader: "Reader", limit: Limit, path: KeyPath, judged: Any, name: str) -> bool:
+def _fits(
+    reader: SectionReader, limit: Limit, path: KeyPath, judged: Any, name: str, columns: Sequence[str]
+) -> bool:
     """Whether the limit's events and columns exist and the metric can be judged in a window."""
     before = len(reader.errors)
     for key, kind in (("after", limit.after), ("before", limit.before)):
         if kind is not None and kind not in judged.events:
             reader.note((*path, key), kind, unknown_key(kind, judged.events, "unknown event"))
     for column in limit.while_:
-        if column not in judged.columns:
-            reader.note((*path, "while", column), None, unknown_key(column, judged.columns, "unknown column"))
-    if limit.hold is not None and name not in judged.columns:
+        if column not in columns:
+            reader.note((*path, "while", column), None, unknown_key(column, columns, "unknown column"))
+    if limit.hold is not None and name not in columns:
         reader.note((*path, "hold"), limit.hold, f"expected no hold, {name} is a metric and no column")
     if limit.hold is None and limit.while_:
         reader.note((*path, "while"), None, "expected hold too: while chooses samples of a column")

@@ -20,7 +20,7 @@ from swath.documents.yaml_document import Document, dump, key_path, parse, read_
 from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.expectations import plain_expect
 from swath.scenario.overrides import apply_overrides
-from swath.scenario.reader import Reader
+from swath.scenario.reader import read_sections
 from swath.scenario.resolved import Expectation, FieldSection, MachineSection, RealTimeSection
 from swath.scenario.sections import Run
 from swath.scenario.versions import FORMAT, lift_machines
@@ -139,9 +139,7 @@ def read_scenario(
     """Check a document and make the scenario."""
     document = lift_machines(document)
     apply_overrides(document, sets, catalogue, flags or {})
-    reader = Reader(document, catalogue)
-    parts = reader.read()
-    return Scenario(document=document, **parts)
+    return Scenario(document=document, **read_sections(document, catalogue))
 
 
 def scenario_names() -> list[str]:

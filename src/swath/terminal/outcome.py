@@ -80,9 +80,9 @@ def _rows(
             held = own.get(name)
             limit, result = ("", "") if held is None else (limit_text(held), held["result"])
             rows.append((name, number(metrics[name]), limit, result))
-    rest: list[dict[str, Any]] = expect
-    for entry in rest:
-        if entry is not own.get(str(entry["name"])) or entry["name"] not in metrics:
+    shown = [entry for name, entry in own.items() if name in metrics]
+    for entry in expect:
+        if not any(entry is other for other in shown):
             limit = limit_text(entry) + window_text(entry)
             rows.append((entry["name"], number(entry["value"]), limit, entry["result"]))
     return rows

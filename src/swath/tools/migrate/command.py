@@ -20,9 +20,13 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Rewrite the files, one line about each."""
     from swath.tools.migrate.migrate import migrate_file
+    from swath.tools.migrate.python_names import migrate_python, missing_names
 
     for file in args.files:
         is_changed = migrate_file(file, is_dry=args.dry_run)
         what = ("would be rewritten" if args.dry_run else "rewritten") if is_changed else "is up to date"
         print(f"{file}: {what}")
+        if file.suffix == ".py":
+            for line, text in missing_names(migrate_python(file.read_text(encoding="utf-8"))):
+                print(f"{file}:{line}: {text}")
     return 0

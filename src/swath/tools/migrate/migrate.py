@@ -1,15 +1,15 @@
 """A file of swath 0.1 in the form of today: scenarios, data sheets, a user's Python file."""
 
-import re
 from pathlib import Path
+from typing import Any
 
 from swath.core.errors import InputError
-from swath.documents.migrate_sheet import migrate_sheet
+from swath.documents.migrate_sheet import MARKS, migrate_sheet
+from swath.documents.yaml_document import parse
+from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.migrate import migrate_scenario
+from swath.scenario.versions import SECTIONS
 from swath.tools.migrate.python_names import migrate_python
-
-SHEET = re.compile(r"^(kind|beam|chassis|organs|divergence\w*)\s*:", re.MULTILINE)
-SCENARIO = re.compile(r"^(field|machines|run)\s*:", re.MULTILINE)
 
 
 def migrate_text(file: Path, text: str) -> str:
@@ -21,11 +21,17 @@ def migrate_text(file: Path, text: str) -> str:
         return migrate_python(text)
     if file.suffix not in (".yaml", ".yml"):
         raise InputError("file", str(file), "expected a scenario or data sheet (.yaml), or a Python file")
-    if SCENARIO.search(text):
-        return migrate_scenario(text)
-    if SHEET.search(text) or text.startswith("name:") or "\nname:" in text:
+    data = parse(text, str(file), file).data
+    data = data if isinstance(data, dict) else {}
+    if set(data) & set(MARKS):
         return migrate_sheet(text)
+    if set(data) & {"machines", *SECTIONS} - {"name", "summary"} or any(map(_is_machine, data.values())):
+        return migrate_scenario(text)
     raise InputError("file", str(file), "expected a scenario or a data sheet of swath")
+
+
+def _is_machine(section: Any) -> bool:
+    return isinstance(section, dict) and any(k == "machine" or CATALOGUE.kind_of(k) for k in section)
 
 
 def migrate_file(file: Path, *, is_dry: bool = False) -> bool:

@@ -1,0 +1,253 @@
+"""How many files an addition touches: a toy of every kind is added to a copy, and works there."""
+
+import numpy as np
+import pytest
+
+from tests.house.extended import SCENARIO, SOURCE, Extended, columns, finite, messages, summary
+
+SIGNAL = '''"""What a ground speed radar measures."""
+
+from typing import Annotated
+
+from swath.core.frozen import frozen
+from swath.core.signal import About, Quantity, Signal
+
+
+@frozen
+class GroundSpeed(Signal, about=About("sensor")):
+    """Speed over ground, measured without wheels."""
+
+    speed: Annotated[float, Quantity("m/s", "measured over ground", column="radar_speed_m_s")]
+'''
+SENSOR = '''"""Ground speed without an error but a scale."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Gt
+
+from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.field.site_setup import SiteSetup
+from swath.signals import MachineState
+from swath.signals.ground_speed import GroundSpeed
+
+
+@dataclass(frozen=True)
+class Params:
+    """scale: measured over true."""
+
+    scale: Annotated[float, Gt(0)] = 1.0
+
+
+class ScaledRadar:
+    """The true speed times a number."""
+
+    inputs = (Port("state", MachineState),)
+    outputs = (Port("speed", GroundSpeed),)
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self.scale = params.scale
+
+    def reset(self, stream: Stream) -> Outputs:
+        return {"speed": GroundSpeed(0, 0.0)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        return {"speed": GroundSpeed(t + dt, self.scale * inputs["state"].speed)}
+
+    def save(self) -> State:
+        return {}
+
+    def load(self, state: State) -> None:
+        pass
+
+
+LEVEL = Level(ScaledRadar, Params, "true speed times a scale", cost="none", tolerance="exact at scale 1")
+'''
+SLOT = """    SlotKind(
+        "ground_speed",
+        ("swath.sensing.ground_speed",),
+        "scaled",
+        20.0,
+        (Port("speed", GroundSpeed),),
+        _STATE,
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
+        "edge",
+"""
+METRIC = '''"""The highest speed of a run."""
+
+from collections.abc import Mapping
+
+from swath.core.registry import Level
+from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.signals import MachineState, Signal
+
+
+class TopSpeed:
+    """The highest speed that was driven."""
+
+    OF_FIELD = False
+    METRICS = (Metric("top_speed_m_s", "m/s", "highest speed driven", "Run", ""),)
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.top = float("nan")
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        for signal in outputs.values():
+            if isinstance(signal, MachineState):
+                self.top = max(signal.speed, self.top) if self.top == self.top else signal.speed
+
+    def metrics(self) -> dict[str, float]:
+        return {"top_speed_m_s": self.top}
+
+
+LEVEL = Level(TopSpeed, None, summary="the highest speed")
+'''
+DETECTOR = '''"""Step at a fixed height."""
+
+import numpy as np
+
+from swath.control.edge.detector import EdgeDetector, EdgeParams
+from swath.core.registry import Level
+from swath.signals import F64
+
+HEIGHT = 0.45  # m
+
+
+def split_at_a_height(z: F64, min_points: int) -> tuple[F64, float]:
+    """Log-odds of a step before each of the points 1..n-1 from the echoes on the wrong side of it."""
+    count, is_high = np.arange(1, len(z)), z > HEIGHT
+    wrong = np.cumsum(is_high)[:-1] + (~is_high).sum() - np.cumsum(~is_high)[:-1]
+    score = np.where((count >= min_points) & (len(z) - count >= min_points), -3.0 * wrong, -np.inf)
+    return score, 3.0 * (min(is_high.sum(), (~is_high).sum()) - float(wrong.min()))
+
+
+class FixedHeight(EdgeDetector):
+    """The chain of the built-in detectors with a fixed threshold."""
+
+    split = staticmethod(split_at_a_height)
+
+
+LEVEL = Level(FixedHeight, EdgeParams, "step at a fixed height", tolerance="0.1 m")
+'''
+HABIT = '''"""Asparagus: one thick bare spear."""
+
+import numpy as np
+
+from swath.field.crop import BareYield, Crop, Habit
+from swath.field.plants.drawing import Drawing
+from swath.field.plants.parts import Plants, Stalks, assemble, normal, shared, stalk_capsules
+
+
+def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
+    """Straw is shared out by height."""
+    height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
+    stalks = Stalks(height, np.zeros(count), np.zeros(count), np.ones(count))
+    parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts)]
+    return assemble(height, np.zeros(count), shared(height, crop.yields.straw_mass), parts)
+
+
+HABIT = Habit(make, yields=BareYield)
+'''
+
+
+@pytest.fixture
+def extended(tmp_path):
+    return Extended(tmp_path)
+
+
+def sheet(kind, name, *changes):
+    """A bundled data sheet's text with pieces of it replaced."""
+    text = (SOURCE / "data" / kind / f"{name}.yaml").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def test_a_kind_of_sensor_touches_four_files(extended):
+    extended.write("signals/ground_speed.py", SIGNAL)
+    extended.write("sensing/ground_speed/__init__.py", '"""Levels of ground speed."""\n')
+    extended.write("sensing/ground_speed/scaled.py", SENSOR)
+    slots = "scenario/slots.py"
+    before = "\n\n@dataclass(frozen=True)\nclass SlotKind:"
+    extended.change(slots, before, "from swath.signals.ground_speed import GroundSpeed\n" + before)
+    extended.change(slots, '    SlotKind(\n        "edge",\n', SLOT)
+    assert len(extended.touched()) == 4
+    slots = "    ground_speed: scaled\n    ground_speed_rear: {scale: 1.5, rate_hz: 10}\n"
+    status, out = extended.run(SCENARIO + slots)
+    assert status == 0
+    found = messages(out, "/combine/ground_speed/speed")
+    assert {schema for schema, _ in found} == {"swath_msgs/msg/GroundSpeed"}
+    assert len(found) > 20
+    rear = [m.speed for _, m in messages(out, "/combine/ground_speed_rear/speed")]
+    assert 0 < len(rear) < 0.6 * len(found)
+    tracks = columns(out)
+    assert finite(tracks["radar_speed_m_s"])[-1] == pytest.approx(finite(tracks["speed_m_s"])[-1], rel=0.02)
+    assert rear[-1] == pytest.approx(1.5 * found[-1][1].speed, rel=0.02)
+    assert "ground_speed" in extended.command("levels", "ground_speed").stdout
+
+
+def test_a_metric_touches_one_file(extended):
+    extended.write("judge/evaluators/top_speed.py", METRIC)
+    assert len(extended.touched()) == 1
+    status, out = extended.run(SCENARIO + "expect: {combine: {top_speed_m_s: {max: 0.5}}}\n")
+    assert status == 1  # driven faster than the limit
+    assert summary(out)["top_speed_m_s"] == pytest.approx(7 / 3.6, rel=0.05)
+    (limit,) = (e for e in summary(out)["expect"] if e["name"] == "top_speed_m_s")
+    assert limit["result"] == "fail"
+    assert "highest speed driven" in extended.command("metrics", "top_speed_m_s").stdout
+
+
+def test_an_edge_detector_touches_one_file(extended):
+    extended.write("control/edge/fixed_height.py", DETECTOR)
+    assert len(extended.touched()) == 1
+    drives = SCENARIO.replace("distance_m: 3, max_duration_s: 6", "distance_m: 22, max_duration_s: 20")
+    status, out = extended.run(drives + "    start: {offset_m: 0.3}\n    edge: fixed_height\n")
+    tracks = columns(out)
+    aside = finite(tracks["lateral_error_m"])
+    assert status == 0
+    assert summary(out)["detection_availability"] > 0.9
+    assert abs(aside[0]) > 0.15
+    assert np.abs(aside[-len(aside) // 10 :]).max() < 0.1  # it came back to the edge
+
+
+def test_a_crop_habit_touches_two_files(extended):
+    extended.write("field/plants/asparagus.py", HABIT)
+    changes = (
+        ("name: stubble", "name: asparagus"),
+        ("habit: stubble", "habit: asparagus"),
+        ("height_cm: {value: 15,", "height_cm: {value: 80,"),
+    )
+    spear = sheet("crops", "stubble", *changes)
+    extended.write("data/crops/asparagus.yaml", spear)
+    assert len(extended.touched()) == 2
+    status, out = extended.run(SCENARIO.replace("level: uniform,", "level: uniform, crop: asparagus,"))
+    assert status == 0
+    metrics = summary(out)
+    assert metrics["mass_balance_error"] < 1e-9
+    assert metrics["detection_availability"] > 0.5  # rays meet a step of 0.6 m
+    tracks = columns(out)
+    assert finite(tracks["edge_offset_m"])[-1] == pytest.approx(finite(tracks["edge_true_m"])[-1], abs=0.5)
+    fed = 300 * 0.34e-3 * 12.0 * finite(tracks["speed_m_s"])[-1]  # of whole spears [kg/s]
+    assert 0.2 * fed < finite(tracks["feeder_flow_kg_s"])[-1] < fed
+
+
+def test_a_type_of_machine_touches_one_file(extended):
+    last = '    "truck": _VEHICLE,\n'
+    new = '    "sprayer": {**_VEHICLE, "gnss": "ideal"},\n'
+    extended.change("scenario/machine_types.py", last, last + new)
+    assert len(extended.touched()) == 1
+    text = sheet("machines", "tractor-grain-cart", ("type: tractor_with_trailer", "type: sprayer"))
+    (extended.folder / "own.yaml").write_text(text[: text.index("trailer:\n")], encoding="utf-8")
+    head = SCENARIO[: SCENARIO.index("machines:")]
+    status, out = extended.run(head + "machines: {sprayer: {machine: own.yaml, speed: {speed_kmh: 6}}}\n")
+    assert status == 0
+    resolved = (out / "scenario.yaml").read_text(encoding="utf-8")
+    there = [slot for slot in ("motion", "gnss", "lidar", "header") if f"    {slot}:" in resolved]
+    assert there == ["motion", "gnss"]
+    assert messages(out, "/sprayer/gnss/fix_odometry")
