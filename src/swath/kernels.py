@@ -35,6 +35,24 @@ def start_warp() -> Any:
     return wp
 
 
+def member_array(kind: Any, name: str, array: Any, device: str = "cpu") -> Any:
+    """A numpy array as the Warp array that a struct type has under a name.
+
+    On the CPU it is the same memory, elsewhere a copy. Whoever repeats a launch keeps the struct.
+    """
+    dtype = kind.vars[name].type.dtype
+    return start_warp().array(array, dtype=dtype, device=device, copy=device != "cpu")
+
+
+def filled(kind: Any, device: str = "cpu", /, **members: Any) -> Any:
+    """A new struct of a type of Warp with these members; numpy arrays as `member_array` has them."""
+    struct = kind()
+    for name, value in members.items():
+        is_array = isinstance(value, np.ndarray)
+        setattr(struct, name, member_array(kind, name, value, device) if is_array else value)
+    return struct
+
+
 class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 

@@ -81,9 +81,6 @@ def test_a_curve_has_its_radius_length_and_turn():
     assert shape.length == pytest.approx(15.0 + 20.0 * np.pi)
     assert shape.point_at(shape.length) == pytest.approx([50.0, -45.0])
     assert shape.heading_at(shape.length) == pytest.approx(-np.pi / 2)
-    assert shape.curvature_at([5.0, 30.0, shape.length - 1.0, -3.0]) == pytest.approx(
-        [0.0, -1 / 40, 0.0, 0.0]
-    )
 
 
 @pytest.mark.parametrize("radius", [0.0, 8.0])

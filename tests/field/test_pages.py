@@ -19,7 +19,7 @@ TOOTHED = StraightEdge(x_m=3.3, heading_deg=80.0, teeth=TeethParams(amplitude_m=
 
 def page_bytes(field, key):
     """Everything a ray can read of a page."""
-    p, slot = field.pages, field.store.slot_at(key)
+    p, slot = field.pages, field.store.keys.get(key, -1)
     codes = field.store.codes_of(key)
     codes = np.full((512, 512), codes, np.uint8) if isinstance(codes, int) else codes
     arrays = (p.ground, p.straw, p.tile_plane, p.tile_stand, p.tile_prototype, p.tile_bump)

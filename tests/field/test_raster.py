@@ -17,27 +17,6 @@ def test_a_plane_is_sampled_exactly(x, y):
     assert plane().sample(x, y) == pytest.approx(3.0 + 0.25 * x - 0.5 * y, abs=1e-6)
 
 
-@given(st.floats(0.01, 11.99), st.floats(0.01, 7.99))
-def test_the_gradient_of_a_plane_is_its_slope(x, y):
-    gx, gy = plane().gradient(x, y)
-    assert (float(gx), float(gy)) == pytest.approx((0.25, -0.5), abs=1e-6)
-
-
-@given(st.integers(0, 2**31), st.floats(0.0, 12.0), st.floats(0.0, 8.0))
-def test_the_gradient_is_the_difference_of_samples(seed, x, y):
-    values = np.random.default_rng(seed).normal(size=(5, 7)).astype(np.float32)
-    raster, h = Raster(values, 0.0, 0.0, 2.0), 1e-4
-    if min(x % 2, 2 - x % 2, y % 2, 2 - y % 2) < 2 * h:
-        return  # on the line of centres the slope jumps
-    gx, gy = raster.gradient(x, y)
-    assert float(gx) == pytest.approx(
-        float(raster.sample(x + h, y) - raster.sample(x - h, y)) / (2 * h), abs=1e-6
-    )
-    assert float(gy) == pytest.approx(
-        float(raster.sample(x, y + h) - raster.sample(x, y - h)) / (2 * h), abs=1e-6
-    )
-
-
 def test_edges_and_unknown_cells_follow_the_stated_rule():
     raster = plane()
     assert raster.bounds == (-1.0, -1.0, 13.0, 9.0)
@@ -49,7 +28,6 @@ def test_edges_and_unknown_cells_follow_the_stated_rule():
     assert np.isnan(raster.sample(6.0, 4.0))
     assert np.isnan(raster.sample(6.9, 4.0))  # still inside the unknown cell
     assert raster.sample(7.1, 4.0) == pytest.approx(float(raster.values[2, 4]))  # known cell: its own value
-    assert np.isnan(raster.gradient(7.1, 4.0)[0])
 
 
 def test_samples_take_any_shape():
@@ -60,7 +38,6 @@ def test_samples_take_any_shape():
 def test_a_single_cell_is_a_constant():
     raster = Raster(np.full((1, 1), 4.0, np.float32), 0.0, 0.0, 10.0)
     assert raster.sample([-4.0, 0.0, 4.0], [4.0, 0.0, -4.0]).tolist() == [4.0, 4.0, 4.0]
-    assert float(raster.gradient(0.0, 0.0)[0]) == 0.0
 
 
 @pytest.mark.parametrize("cell", [0.0, -1.0, float("nan")])

@@ -8,6 +8,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
+from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.sweep import signed_area
@@ -27,13 +28,26 @@ class Ground:
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))
 
+    def footprint(self, points, *, groups=1):
+        x, y = np.asarray(points).T
+
+        def means(x0, y0, yaw):
+            c, s = np.cos(yaw), np.sin(yaw)
+            found = self.ground_height(x0 + c * x - s * y, y0 + s * x + c * y)
+            return np.asarray(found, dtype=float).reshape(groups, -1).mean(axis=1).tolist()
+
+        return SimpleNamespace(means=means)
+
     def cut(self, polygon, height_m):
         area = signed_area(polygon)
         self.cuts.append(polygon)
-        return SimpleNamespace(grain=0.8 * area, straw=0.6 * area, stem_count=int(500 * area), area=area)
+        return Cut(0.8 * area, 0.6 * area, int(500 * area), area)
 
     def deposit_grain(self, x, y, mass_kg):
         self.grain.append((x, y, mass_kg))
+
+    def receive(self, mass_kg, place):
+        self.deposit_grain(float(place[0]), float(place[1]), mass_kg)
 
     def deposit_straw(self, polygon, mass_kg, *, heading=None):
         self.straw.append((polygon, mass_kg))

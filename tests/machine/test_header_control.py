@@ -1,6 +1,7 @@
 """Height control alone: closed forms of its answer to ground and machine, on a ground of our own."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -34,8 +35,7 @@ class Field(Ground):
     def cut(self, polygon, height_m):
         self.heights = [*getattr(self, "heights", []), height_m]
         taken = super().cut(polygon, height_m)
-        taken.grain_left = 0.1 * taken.area
-        return taken
+        return replace(taken, grain_left=0.1 * taken.area)
 
 
 def make(height=None, **params):

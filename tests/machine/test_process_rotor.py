@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import load_machine
-from swath.machine.process.rotor import Rotor, coupled, coupled_one
+from swath.machine.process.rotor import Rotor, coupled
 
 RATE = st.floats(0.01, 12.0)
 
@@ -29,22 +29,20 @@ def test_coupled_exponentials_solve_their_equations(threshing, separation, ear, 
         d = rate(u + h * c[0], f + h * c[1])
         u += h / 6 * (a[0] + 2 * b[0] + 2 * c[0] + d[0])
         f += h / 6 * (a[1] + 2 * b[1] + 2 * c[1] + d[1])
-    assert coupled_one(ear, free, threshing, separation) == pytest.approx((u, f), rel=1e-6, abs=1e-9)
-    many = coupled(np.array([ear]), np.array([free]), threshing, np.array([separation]))
-    assert (many[0][0], many[1][0]) == pytest.approx(coupled_one(ear, free, threshing, separation))
+    assert coupled(ear, free, threshing, separation) == pytest.approx((u, f), rel=1e-6, abs=1e-9)
 
 
 def test_separated_share_is_mius_formula():
     lam, beta = 4.0, 1.72
-    u, f = coupled_one(1.0, 0.0, lam, beta)
+    u, f = coupled(1.0, 0.0, lam, beta)
     miu = 1.0 - (beta * math.exp(-lam) - lam * math.exp(-beta)) / (beta - lam)
     assert 1.0 - u - f == pytest.approx(miu, rel=1e-12)
     assert miu == pytest.approx(0.70, abs=0.005)  # 70 % before the rotors, APS SYNFLOW
 
 
 def test_equal_rates_have_their_own_limit():
-    assert coupled_one(1.0, 0.0, 2.0, 2.0)[1] == pytest.approx(2.0 * math.exp(-2.0))
-    assert coupled_one(1.0, 0.0, 2.0, 2.0 + 1e-7)[1] == pytest.approx(2.0 * math.exp(-2.0), rel=1e-6)
+    assert coupled(1.0, 0.0, 2.0, 2.0)[1] == pytest.approx(2.0 * math.exp(-2.0))
+    assert coupled(1.0, 0.0, 2.0, 2.0 + 1e-7)[1] == pytest.approx(2.0 * math.exp(-2.0), rel=1e-6)
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.1, 0.37, 5.0])
@@ -55,7 +53,7 @@ def test_a_steady_rotor_loses_what_the_closed_form_says(dt):
             (0.2 * dt, 3.0 * dt, 10.0 * dt, 9.0 * dt), layer=1.2, dt=dt, ratio=1.0, threshability=1.0
         )
     scale = 1.2**-1.1
-    expected = coupled_one(0.2, 3.0, 4.5 * scale, 4.3 * scale)
+    expected = coupled(0.2, 3.0, 4.5 * scale, 4.3 * scale)
     assert np.array(out[:2]) / dt == pytest.approx(expected, rel=1e-9)
     assert np.array(out[2:]) / dt == pytest.approx([10.0, 9.0], rel=1e-9)
     assert separated / dt == pytest.approx(3.2 - sum(expected), rel=1e-9)
@@ -96,8 +94,8 @@ def drum_and_rotor(share):
     """Loss of drum and rotors at a share of the nominal straw flow, from the sheet's numbers alone."""
     d = drivetrain_of(load_machine("lexion-700")).threshing
     drum, rotor = share**-d.drum_exponent, share**-d.rotor_exponent
-    u, f = coupled_one(1.0, 0.0, d.drum_threshing * drum, d.drum_separation * drum)
-    return sum(coupled_one(u, f, d.rotor_threshing * rotor, d.rotor_separation * rotor))
+    u, f = coupled(1.0, 0.0, d.drum_threshing * drum, d.drum_separation * drum)
+    return sum(coupled(u, f, d.rotor_threshing * rotor, d.rotor_separation * rotor))
 
 
 def test_loss_doubles_with_every_15_percent_of_throughput():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.process.rotor import coupled_one
+from swath.machine.process.rotor import coupled
 from swath.machine.process.threshing import Params, ThreshingProcess, shoe_load, shoe_loss
 from swath.signals import EngineState
 from swath.signals.setup import MachineGeometry
@@ -33,8 +33,8 @@ def test_steady_losses_are_the_closed_forms():
     for _ in range(100):
         share = (straw + back_straw) / d.straw
         drum, rotor = share**-d.drum_exponent, share**-d.rotor_exponent
-        u, f = coupled_one(grain + back_grain, 0.0, d.drum_threshing * drum, d.drum_separation * drum)
-        u, f = coupled_one(u, f, d.rotor_threshing * rotor, d.rotor_separation * rotor)
+        u, f = coupled(grain + back_grain, 0.0, d.drum_threshing * drum, d.drum_separation * drum)
+        u, f = coupled(u, f, d.rotor_threshing * rotor, d.rotor_separation * rotor)
         pan, chaff = grain + back_grain - u - f, d.chaff * (straw + back_straw)
         over = (pan + chaff) / c.flow
         lost = pan * shoe_loss(over, c)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath.rays.height_grid import DEEP, LEVELS, NONE, SHARES, lattice_height
+from swath.rays.height_grid import DEEP, LEVELS, NONE, SHARES, TILE, lattice_height
 from swath.rays.single.buffers import BeamBuffer
 
 
@@ -36,11 +36,21 @@ def cast_heights(caster, origins, directions, **options):
     )
 
 
+def cells_at(grid, x, y):
+    """Index of the cell of world points into the flattened pools, -1 = not held."""
+    i, j = (np.floor(a / grid.cell).astype(np.int64) for a in grid.to_local(x, y))
+    ny, nx = grid.table.shape
+    known = (i >= 0) & (j >= 0) & (i < nx * TILE) & (j < ny * TILE)
+    i, j = np.where(known, i, 0), np.where(known, j, 0)
+    row = grid.table[j // TILE, i // TILE].astype(np.int64)
+    return np.where(known & (row >= 0), (row * TILE + j % TILE) * TILE + i % TILE, -1)
+
+
 def surface(grid, x, y, share):
     """Height of the surface that a share of the heights lie below, in the world [m], nan where nothing was
     measured."""
     u, v = grid.to_local(x, y)
-    cell = grid.cells_at(x, y)
+    cell = cells_at(grid, x, y)
     q = grid.quantiles.reshape(-1, LEVELS)[cell]
     level = DEEP + int(np.searchsorted(SHARES, share))
     height = np.where((cell >= 0) & (q[..., 0] != NONE), q[..., level] * 1e-3, np.nan)

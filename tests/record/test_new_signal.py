@@ -16,7 +16,7 @@ from swath.core.frozen import frozen
 from swath.core.random import Stream
 from swath.core.signal import About, Quantity, Signal
 from swath.link.fmi.description import Description, Variable
-from swath.link.fmi.samples import Samples
+from swath.link.fmi.part import samples_of
 from swath.link.fmi.units import parse_unit
 from swath.link.fmi.wiring import make_wiring
 from swath.link.levels.log import LogPlayer
@@ -110,7 +110,7 @@ def test_an_fmu_takes_it_and_gives_it():
     assert wiring.input_ports[0].history
     given = {"moisture.share": [float("nan")], "moisture.water": [250.0], "moisture.profile": [1.0, 2.0, 3.0]}
     numbers = [x for out in wiring.outputs for x in given[out.variable.name]]
-    made = Samples(wiring).build(7, numbers)["moisture"]  # nan stands for no grain
+    made = samples_of(wiring, 7, numbers)["moisture"]  # nan stands for no grain
     assert (made.t, made.water, made.is_dry) == (7, 0.25, False)
     np.testing.assert_allclose(made.profile, [0.001, 0.002, 0.003])
 

@@ -21,7 +21,7 @@ from swath.tools.height_map.gather import Gatherer, Samples, pool
 from swath.tools.height_map.passing import Passing, thicknesses
 from swath.tools.height_map.poses import PoseTrack, euler_of, make_track
 from swath.tools.height_map.source import Wanted
-from tests.rays.height_rays import cast_heights, surface
+from tests.rays.height_rays import cast_heights, cells_at, surface
 
 DATA = Path(os.environ.get("SWATH_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 VINEYARD = DATA / "lms200_vineyard_protolidar" / "lms200_scans.npz"
@@ -138,7 +138,7 @@ def test_heights_step_and_ground_of_a_made_drive(tmp_path):
     assert np.allclose(surface(grid, x, np.full(23, 0.4), 0.5), 5.0, atol=0.011)
     assert np.allclose(grid.ground_height(x, 0 * x), 5.0, atol=1e-3)
     assert np.isnan(surface(grid, [0.0, 50.0], [0.0, 0.0], 0.5)).all()
-    lit = grid.cells_at(5.0, -0.4)
+    lit = cells_at(grid, 5.0, -0.4)
     assert grid.quantiles.reshape(-1, LEVELS)[lit, 0] != NONE
 
 

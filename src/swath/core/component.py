@@ -8,8 +8,9 @@ A level of a slot, an FMU, a ROS 2 node, a recorded log and a user's Python file
 """
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from swath.core.errors import WiringError
 from swath.core.random import Stream
@@ -49,6 +50,46 @@ class Component(Protocol):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs: ...
     def save(self) -> State: ...
     def load(self, state: State) -> None: ...
+
+
+class KeepsState:
+    """`save` and `load` of an object whose state lies in the attributes that it names in `kept`.
+
+    Of an attribute that has `save` and `load` itself, or a dictionary of such, these are asked; others are
+    copied. Keys of the saved state are the names without leading underscores. Without `kept`: no state.
+    """
+
+    kept: ClassVar[tuple[str, ...]] = ()
+
+    def save(self) -> State:
+        """A copy of everything that is needed to go on exactly."""
+        return {name.lstrip("_"): _saved(getattr(self, name)) for name in self.kept}
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment. KeyError for the state of something else."""
+        for name in self.kept:
+            setattr(self, name, _restored(self.__dict__.get(name), state[name.lstrip("_")]))
+
+
+@runtime_checkable
+class _HasState(Protocol):
+    def save(self) -> Any: ...
+    def load(self, state: Any, /) -> None: ...
+
+
+def _saved(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _saved(part) for key, part in value.items()}
+    return value.save() if isinstance(value, _HasState) else deepcopy(value)
+
+
+def _restored(held: Any, saved: Any) -> Any:
+    if isinstance(held, dict):
+        return {key: _restored(held.get(key), part) for key, part in saved.items()}
+    if isinstance(held, _HasState):
+        held.load(saved)
+        return held
+    return deepcopy(saved)
 
 
 def check_fit(source: str, out: Port, target: str, into: Port) -> None:

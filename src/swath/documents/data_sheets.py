@@ -7,7 +7,6 @@ The key carries the unit. A remark on what exactly is meant goes to `note`. The 
 """
 
 import copy
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from swath.core.errors import InputError
+from swath.documents.hints import near_miss
 from swath.documents.sheet_fields import Entry, build, entries, model_of
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, KeyPath, key_path, read_document
@@ -52,9 +52,7 @@ def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
     if path.is_file():
         return path
     names = sheet_names(kind)
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f", did you mean {near[0]!r}?" if near else ""
-    raise InputError(kind, name, f"expected a file or one of {', '.join(names)}{hint}")
+    raise InputError(kind, name, f"expected a file or one of {', '.join(names)}{near_miss(name, names)}")
 
 
 @dataclass(frozen=True)
@@ -79,9 +77,8 @@ class Sheet:
         """The number at a dotted key, in the unit of the sheet. InputError when there is none."""
         value = self.value(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            near = difflib.get_close_matches(key, self.numbers(), n=1)
-            hint = f", did you mean {near[0]!r}?" if near else ""
-            raise InputError(key, None, f"expected a number of the data sheet{hint}", file=self.path)
+            expected = f"expected a number of the data sheet{near_miss(key, self.numbers())}"
+            raise InputError(key, None, expected, file=self.path)
         return float(value)
 
     def error(self, key: str, expected: str) -> InputError:

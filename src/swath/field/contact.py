@@ -67,7 +67,7 @@ def parts_of(solids: Solids) -> Parts:
     half_mesh = [np.abs(m.corners).max(axis=(0, 1)) for m in solids.mesh_shape]
     half = [solids.box_half, solids.ellipsoid_half, half_capsule, np.array(half_mesh).reshape(-1, 3)]
     centre = [solids.box_centre, solids.ellipsoid_centre, 0.5 * (a + b), solids.mesh_centre]
-    axes = [solids.box_axes, solids.ellipsoid_axes, _frames_along(b - a), solids.mesh_axes]
+    axes = [solids.box_axes, solids.ellipsoid_axes, frames_along(b - a), solids.mesh_axes]
     names = ("box", "ellipsoid", "capsule", "mesh")
     kind = tuple(name for name, some in zip(names, half, strict=True) for _ in range(len(some)))
     mesh = (*[None] * (len(kind) - len(half_mesh)), *solids.mesh_shape)
@@ -217,7 +217,7 @@ def _surface(mesh: SolidMesh) -> _Surface:
     return _Surface(corners, centre, radius, middles, around)
 
 
-def _frames_along(direction: Array) -> Array:
+def frames_along(direction: Array) -> Array:
     """Frames (n, 3, 3) whose third column has these directions (n, 3); any for length 0."""
     size = np.linalg.norm(direction, axis=1, keepdims=True)
     z = np.where(size > 0.0, direction / np.maximum(size, 1e-300), [0.0, 0.0, 1.0])

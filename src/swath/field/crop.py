@@ -174,11 +174,6 @@ class Crop:
     habit: Habit
     organs: Organs = field(default_factory=Organs)
 
-    def straw_below(self, relative_height: float) -> float:
-        """Share of a stem's straw mass below a height given as a fraction of the plant's height."""
-        s = min(max(relative_height, 0.0), 1.0)
-        return float(1.0 - (1.0 - s) ** self.yields.straw_exponent)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Head:

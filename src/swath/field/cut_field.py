@@ -10,7 +10,7 @@ from swath.core.errors import InputError
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex
 from swath.field.height_bounds import stem_reach
 from swath.field.pages import Key, PageStore
-from swath.kernels import repeatable, start_warp
+from swath.kernels import filled, member_array, repeatable, start_warp
 
 Array = NDArray[np.float64]
 CORNERS_MAX = 64
@@ -32,7 +32,6 @@ class Cutter:
         self._pages = np.zeros((PAGES_MAX, 3), np.int32)
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
         self._masses: tuple[Array, Array] = (np.zeros((4, 0)), np.zeros((4, 0)))
-        self._kept: list[Any] = []  # arrays whose memory the kernel reads
         self._pools: dict[str, Any] = {}
         self._land: Any = None
         self._launch: Any = None
@@ -122,74 +121,75 @@ class Cutter:
         stale = [name for name, pool in pools.items() if self._pools.get(name) is not pool]
         if self._launch is not None and not stale:
             return
-        wp = start_warp()
+        start_warp()
         from swath.field import cut_kernel as kernel
 
         if self._land is None:
-            self._land = kernel.Land()
             library = self.stems.library
-            self._land.tile_size, self._land.height_max = library.tile_size, library.height_max
-            self._land.stem_reach, self._land.sway = stem_reach(library), self.sway
-        kinds = {"table": wp.int32, "cut_slot": wp.int32, "tile_prototype": wp.int32, "tile_top": wp.float32}
-        kinds |= {"cut": wp.uint8, "code_max": wp.uint8, "tile_stand": wp.vec4}
+            self._land = filled(
+                kernel.Land,
+                tile_size=library.tile_size,
+                height_max=library.height_max,
+                stem_reach=stem_reach(library),
+                sway=self.sway,
+            )
         for name in stale:
             self._pools[name] = pools[name]
-            setattr(self._land, name, wp.array(pools[name], dtype=kinds[name], device="cpu", copy=False))
+            setattr(self._land, name, member_array(kernel.Land, name, pools[name]))
         self._land.table_x, self._land.table_y = p.table_x, p.table_y
         if self._launch is None:
-            self._prepare(wp)
+            self._prepare()
         else:
             self._launch.set_param_at_index(0, self._land)
 
-    def _prepare(self, wp: Any) -> None:
+    def _prepare(self) -> None:
         """The launch, with room for some stems."""
         from swath.field import cut_kernel as kernel
 
         stems, library = self.stems, self.stems.library
-        roots = kernel.Roots()
-        column = stems.column.astype(np.uint8)
-        for name, array, kind in (
-            ("first", stems.first, np.int32),
-            ("count", stems.count, np.int32),
-            ("stem", stems.stem, np.int32),
-            ("column", column, np.uint8),
-            ("rank", stems.rank, np.float64),
-            ("height", stems.height, np.float64),
-            ("ear", stems.ear_height, np.float64),
-            ("grain", library.grain_kg, np.float64),
-            ("straw", library.straw_kg, np.float64),
-            ("is_crop", stems.is_crop, np.uint8),
-        ):
-            setattr(roots, name, self._share(wp, np.ascontiguousarray(array, kind)))
+        arrays = {
+            "first": stems.first,
+            "count": stems.count,
+            "stem": stems.stem,
+            "column": stems.column,
+            "rank": stems.rank,
+            "height": stems.height,
+            "ear": stems.ear_height,
+            "grain": library.grain_kg,
+            "straw": library.straw_kg,
+            "is_crop": stems.is_crop,
+        }
+        kinds: dict[str, Any] = dict.fromkeys(("first", "count", "stem"), np.int32)
+        kinds |= dict.fromkeys(("column", "is_crop"), np.uint8)
+        self._roots = filled(
+            kernel.Roots,
+            **{n: np.ascontiguousarray(a, kinds.get(n, np.float64)) for n, a in arrays.items()},
+        )
         inputs = [
             self._land,
-            roots,
-            self._share(wp, self._polygon),
-            self._share(wp, self._ask),
+            self._roots,
+            self._share(self._polygon),
+            self._share(self._ask),
             kernel.Masses(),
             kernel.Masses(),
-            self._share(wp, self._pages),
-            self._share(wp, self._tiles),
-            self._share(wp, self._report),
+            self._share(self._pages),
+            self._share(self._tiles),
+            self._share(self._report),
         ]
         self._launch = repeatable(kernel.cut_cells, inputs)
         self._make_room(0)
 
     def _make_room(self, count: int) -> None:
         """Output for so many stems, or a little more."""
-        wp = start_warp()
         from swath.field.cut_kernel import Masses
 
         room = max(4096, ceil(1.5 * count))
         self._masses = (np.zeros((4, room)), np.zeros((4, room)))
         for index, block in zip((4, 5), self._masses, strict=True):
-            masses = Masses()
-            for name, row in zip(("above", "straw", "grain", "left"), block, strict=True):
-                setattr(masses, name, wp.array(row, dtype=wp.float64, device="cpu", copy=False))
-            self._launch.set_param_at_index(index, masses)
+            rows = dict(zip(("above", "straw", "grain", "left"), block, strict=True))
+            self._launch.set_param_at_index(index, filled(Masses, **rows))
         self._report[ROOM] = room
 
-    def _share(self, wp: Any, array: NDArray[Any]) -> Any:
+    def _share(self, array: NDArray[Any]) -> Any:
         """The same memory for Warp."""
-        self._kept.append(array)
-        return wp.array(array, device="cpu", copy=False)
+        return start_warp().array(array, device="cpu", copy=False)

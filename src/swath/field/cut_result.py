@@ -35,13 +35,7 @@ class Cut:
     grain_left: float = 0.0
 
     def __add__(self, other: "Cut") -> "Cut":
-        return Cut(
-            self.grain + other.grain,
-            self.straw + other.straw,
-            self.stem_count + other.stem_count,
-            self.area + other.area,
-            self.grain_left + other.grain_left,
-        )
+        return Cut(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
 class StemIndex:
@@ -128,11 +122,8 @@ def check_polygon(polygon: Any, key: str = "polygon") -> Array:
     return p[::-1] if sum(cross) < 0.0 else p
 
 
-def rows_inside(polygon: Array) -> tuple[Ints, Ints, Ints]:
-    """Cells whose centre lies in a convex counter-clockwise polygon given in cell units.
-
-    Returns (row, first column, column after the last) of the rows that have any.
-    """
+def cells_inside(polygon: Array) -> tuple[Ints, Ints]:
+    """Columns and rows (n,) of cells whose centre is in a convex counter-clockwise polygon in cell units."""
     ax, ay = polygon[:, 0], polygon[:, 1]
     ex, ey = np.roll(ax, -1) - ax, np.roll(ay, -1) - ay
     rows = np.arange(int(np.ceil(ay.min() - 0.5)), int(np.floor(ay.max() - 0.5)) + 1)
@@ -148,15 +139,6 @@ def rows_inside(polygon: Array) -> tuple[Ints, Ints, Ints]:
     rows = rows[some]
     first = np.ceil(low[some] - 0.5).astype(np.int64)
     after = np.floor(high[some] - 0.5).astype(np.int64) + 1
-    keep = after > first
-    return rows[keep], first[keep], after[keep]
-
-
-def split_at_tiles(row: Ints, first: Ints, after: Ints) -> tuple[Ints, Ints, Ints]:
-    """The same runs of cells, cut where they pass from one tile to the next."""
-    tile = first // TILE_CELLS
-    count = (after - 1) // TILE_CELLS - tile + 1
+    count = np.maximum(after - first, 0)
     step = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    tile = np.repeat(tile, count) + step
-    row, first, after = np.repeat(row, count), np.repeat(first, count), np.repeat(after, count)
-    return row, np.maximum(first, tile * TILE_CELLS), np.minimum(after, (tile + 1) * TILE_CELLS)
+    return np.repeat(first, count) + step, np.repeat(rows, count)

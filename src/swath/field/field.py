@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.boundary import Region
-from swath.field.cell_counts import recount_pages, standing_share
 from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
-from swath.field.cut_result import Cut, StemIndex, check_polygon
+from swath.field.cut_result import Cut, StemIndex, cells_inside, check_polygon
 from swath.field.edge_defects import BrokenEdge
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
@@ -20,6 +19,7 @@ from swath.field.height_bounds import update_tops
 from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import Change, Key, PageStore
+from swath.field.recount import recount_pages
 from swath.field.straw import spread, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
@@ -79,11 +79,6 @@ class Field:
         """Line of the first edge, without gaps and teeth: for whoever needs an edge and has no machine."""
         return next(iter(self.edges.values())).shape
 
-    @property
-    def nominal_edge(self) -> EdgeShape:
-        """To be removed: the edge of a machine is `SiteSetup.edge`, any edge is `first_edge`."""
-        return self.first_edge
-
     def to_stand(self, x: Any, y: Any) -> tuple[Array, Array]:
         """World points in the stand frame."""
         c, s = self._turn
@@ -124,7 +119,13 @@ class Field:
 
     def ground_height(self, x: Any, y: Any) -> Array:
         """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""
-        (z00, z10, z01, z11), fu, fv = self._corners(x, y)
+        u, v = (a / self.maker.node for a in self._points(x, y))
+        iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+        slot = self._slots(iu // PAGE_NODES, iv // PAGE_NODES)
+        a, b, fu, fv = iu % PAGE_NODES, iv % PAGE_NODES, u - iu, v - iv
+        z = self.pages.ground
+        z00, z10 = z[slot, b, a].astype(np.float64), z[slot, b, a + 1].astype(np.float64)
+        z01, z11 = z[slot, b + 1, a].astype(np.float64), z[slot, b + 1, a + 1].astype(np.float64)
         low, high = z00 + (z10 - z00) * fu, z01 + (z11 - z01) * fu
         return np.asarray(low + (high - low) * fv)
 
@@ -134,15 +135,6 @@ class Field:
         groups: equal parts of the points that are also averaged over.
         """
         return Footprint(points, self._turn, self.maker.node, self._nodes, groups=groups)
-
-    def ground_normal(self, x: Any, y: Any) -> Array:
-        """Upward unit normal of the soil surface in the world, shape (..., 3)."""
-        (z00, z10, z01, z11), fu, fv = self._corners(x, y)
-        gu = ((z10 - z00) * (1 - fv) + (z11 - z01) * fv) / self.maker.node
-        gv = ((z01 - z00) * (1 - fu) + (z11 - z10) * fu) / self.maker.node
-        c, s = self._turn
-        normal = np.stack([-(c * gu - s * gv), -(s * gu + c * gv), np.ones_like(gu)], axis=-1)
-        return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
     def cut(self, polygon: Any, height_m: float) -> Cut:
         """Cut the crop within a convex polygon (n, 2) [m] at a height above the ground [m].
@@ -161,11 +153,16 @@ class Field:
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
-        return standing_share(self.store, self._cells(polygon)) * self.maker.cell**2
+        points = check_polygon(polygon)
+        corners = np.stack(self._points(points[:, 0], points[:, 1]), axis=-1) / self.maker.cell
+        return int(np.count_nonzero(self._stands(*cells_inside(corners)))) * self.maker.cell**2
 
     def standing(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, in the shape of x and y."""
-        u, v = (np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y))
+        return self._stands(*(np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y)))
+
+    def _stands(self, u: NDArray[np.int64], v: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """True where crop stands, for columns and rows of cells."""
         slot = self._slots(u // PAGE_CUT_CELLS, v // PAGE_CUT_CELLS)
         p, u, v = self.pages, u % PAGE_CUT_CELLS, v % PAGE_CUT_CELLS
         row = p.cut_slot[slot]
@@ -213,6 +210,10 @@ class Field:
         _check_near(np.asarray(x), np.asarray(y))
         self.grain.add(x, y, mass_kg)
 
+    def receive(self, mass_kg: float, place: Any) -> None:
+        """Grain [kg] that falls onto the ground right below a world point (3,) [m]: a `GrainReceiver`."""
+        self.deposit_grain(float(place[0]), float(place[1]), mass_kg)
+
     @property
     def ground_grain_kg(self) -> float:
         """Mass of all grain laid on the ground [kg]: without what the header shed."""
@@ -221,7 +222,7 @@ class Field:
     @property
     def straw_kg(self) -> float:
         """Mass of all straw laid on the field [kg]."""
-        return sum(float(m.sum()) for m in self._all_straw().values())
+        return sum(float(m.sum()) for m in self.store.all_straw().values())
 
     def recount(self) -> Cut:
         """What is missing now against the start, stem by stem from the codes alone."""
@@ -253,26 +254,14 @@ class Field:
     def _depth_per_kg(self) -> float:
         return 1.0 / (self.straw_density * self.maker.node**2)
 
-    def _all_straw(self) -> dict[Key, Array]:
-        return self.store.all_straw()
-
     def _finish(self, keys: list[Key]) -> None:
-        self._retop(keys)
-        write_depth(self.store, keys, self._depth_per_kg)
-
-    def _retop(self, keys: list[Key]) -> None:
         update_tops(self.store, self.library, keys, sway=self._sway)
+        write_depth(self.store, keys, self._depth_per_kg)
 
     @property
     def _sway(self) -> float:
         """The most that wind leans stems aside per height."""
         return 0.0 if self.wind is None else self.wind.slope_max
-
-    def _cells(self, polygon: Any) -> Array:
-        """Polygon in units of cut cells of the stand frame."""
-        points = check_polygon(polygon)
-        _check_near(points[:, 0], points[:, 1])
-        return np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.cell
 
     def _points(self, x: Any, y: Any) -> tuple[Array, Array]:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
@@ -281,18 +270,12 @@ class Field:
 
     def _slots(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
         """Slots of pages, made where they are missing."""
-        p = self.pages
-        column, row = i - p.table_x, j - p.table_y
-        ny, nx = p.table.shape
-        known = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-        if known.all():
-            slot = p.table[row, column]
-            if (slot >= 0).all():
-                return slot.astype(np.int64)
+        slot = self.pages.slots_at(i, j)
+        if (slot >= 0).all():
+            return slot
         pairs = np.unique(np.stack([i.ravel(), j.ravel()], axis=-1), axis=0)
         self.store.need([(int(a), int(b)) for a, b in pairs])
-        p = self.pages
-        return p.table[j - p.table_y, i - p.table_x].astype(np.int64)
+        return self.pages.slots_at(i, j)
 
     def _nodes(self, first_i: float, last_i: float, first_j: float, last_j: float) -> Block:
         """Heights of the lattice nodes of a rectangle of pages with its far border."""
@@ -305,15 +288,6 @@ class Field:
                 v, u = PAGE_NODES * b, PAGE_NODES * a
                 heights[v : v + PAGE_NODES + 1, u : u + PAGE_NODES + 1] = self.pages.ground[slot]
         return int(first_i), int(first_j), heights
-
-    def _corners(self, x: Any, y: Any) -> tuple[Array, Array, Array]:
-        """Heights of the four lattice nodes around points, (4, ...), and the fractions between them."""
-        u, v = (a / self.maker.node for a in self._points(x, y))
-        iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-        slot = self._slots(iu // PAGE_NODES, iv // PAGE_NODES)
-        a, b, ground = iu % PAGE_NODES, iv % PAGE_NODES, self.pages.ground
-        z = [ground[slot, b, a], ground[slot, b, a + 1], ground[slot, b + 1, a], ground[slot, b + 1, a + 1]]
-        return np.array(z, dtype=np.float64), u - iu, v - iv
 
 
 def make_field(

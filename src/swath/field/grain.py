@@ -3,6 +3,7 @@
 from math import floor, fsum, isfinite
 from typing import Any, Protocol
 
+from swath.core.component import KeepsState
 from swath.core.errors import InputError
 
 SQUARE = 0.5  # grain on the ground is counted by squares of this side [m]
@@ -16,25 +17,10 @@ class GrainReceiver(Protocol):
         ...
 
 
-class GrainGround(Protocol):
-    """The part of a field that takes grain."""
-
-    def deposit_grain(self, x: float, y: float, mass_kg: float) -> None: ...
-
-
-class GroundReceiver:
-    """Takes grain onto the ground right below where it comes from."""
-
-    def __init__(self, ground: GrainGround) -> None:
-        self.ground = ground
-
-    def receive(self, mass_kg: float, place: Any) -> None:
-        """Lay it down."""
-        self.ground.deposit_grain(float(place[0]), float(place[1]), mass_kg)
-
-
-class GrainPiles:
+class GrainPiles(KeepsState):
     """Mass of grain on the ground, by squares of the world [kg]."""
+
+    kept = ("_mass",)
 
     def __init__(self) -> None:
         self._mass: dict[tuple[int, int], float] = {}
@@ -57,11 +43,3 @@ class GrainPiles:
     def total(self) -> float:
         """All of it [kg]."""
         return fsum(self._mass.values())
-
-    def save(self) -> dict[tuple[int, int], float]:
-        """Mass by square."""
-        return dict(self._mass)
-
-    def load(self, state: dict[tuple[int, int], float]) -> None:
-        """Back to a saved moment; an empty state is the start."""
-        self._mass = dict(state)

@@ -92,10 +92,7 @@ def _code_around(store: PageStore, page: Ints, reach: int) -> NDArray[np.uint8]:
     tx = (page[:, 0] * PAGE_TILES)[:, None, None] + step
     ty = (page[:, 1] * PAGE_TILES)[:, None, None] + step[:, None]
     tx, ty = np.broadcast_arrays(tx, ty)
-    column, row = tx // PAGE_TILES - p.table_x, ty // PAGE_TILES - p.table_y
-    ny, nx = p.table.shape
-    known = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-    slot = np.where(known, p.table[np.clip(row, 0, ny - 1), np.clip(column, 0, nx - 1)], -1)
+    slot = p.slots_at(tx // PAGE_TILES, ty // PAGE_TILES)
     code = store.code_max[slot, ty % PAGE_TILES, tx % PAGE_TILES]
     return np.where(slot >= 0, code, STANDING).astype(np.uint8)
 

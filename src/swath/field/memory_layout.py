@@ -158,6 +158,17 @@ class Pages:
     tile_bump: NDArray[np.float32]
     revision: int = 0
 
+    def slots_at(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Slots of pages by their indices, -1 where one is not in memory."""
+        column, row = i - self.table_x, j - self.table_y
+        ny, nx = self.table.shape
+        known = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+        if known.all():
+            return self.table[row, column].astype(np.int64)
+        if self.table.size == 0:
+            return np.full(known.shape, -1)
+        return np.where(known, self.table[row.clip(0, ny - 1), column.clip(0, nx - 1)], -1).astype(np.int64)
+
 
 @dataclass(frozen=True, eq=False)
 class SolidMesh:

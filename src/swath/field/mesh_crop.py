@@ -1,6 +1,5 @@
 """A crop whose plants are the user's own meshes: sections `mesh` and `parts` of its data sheet."""
 
-import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,6 +10,7 @@ from pydantic import BaseModel, Field
 
 from swath.core.units import CM
 from swath.documents.data_sheets import Sheet
+from swath.documents.hints import near_miss
 from swath.documents.sheet_fields import Key
 from swath.documents.validation import STRICT
 from swath.field.memory_layout import Organ
@@ -128,9 +128,8 @@ def _placed(
     for part in found:
         name = next((n for n in (*part.names, ANY) if n in parts), None)
         if name is None:
-            near = difflib.get_close_matches(part.names[0], list(parts), n=1)
-            hint = f", did you mean {near[0]!r}?" if near else ""
-            expected = f"expected an entry for this part of {path.name}, or for '*'{hint}"
+            expected = f"expected an entry for this part of {path.name}, or for '*'"
+            expected += near_miss(part.names[0], parts)
             raise sheet.document.error(("parts", part.names[0]), None, expected)
         used.add(name)
         facts = parts[name]

@@ -74,10 +74,6 @@ class PageStore:
         self._free: list[int] = []
         self._free_cut: list[int] = []
 
-    def slot_at(self, key: Key) -> int:
-        """Slot of a page, -1 when it is not in memory."""
-        return self.keys.get(key, -1)
-
     def need(self, keys: Sequence[Key]) -> None:
         """Bring pages into memory; forget the ones unused for longest when there are too many."""
         missing = []

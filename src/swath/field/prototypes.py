@@ -133,16 +133,7 @@ class _Pieces:
 
     def take(self, order: Ints) -> "_Pieces":
         """The same pieces in another order."""
-        return _Pieces(
-            self.source[order],
-            self.tile[order],
-            self.a[order],
-            self.b[order],
-            self.half[order],
-            self.radius[order],
-            self.base[order],
-            self.pointed[order],
-        )
+        return _Pieces(*(values[order] for values in vars(self).values()))
 
 
 def _top(plants: Plants) -> float:

@@ -70,20 +70,6 @@ class Raster:
         value = (weights * np.where(known, corners, 0.0)).sum(axis=0) / total
         return np.asarray(np.where(inside, value, np.nan))
 
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        """Slope (d/dx, d/dy) [value per m] of the bilinear surface; nan where one of the four cells is nan.
-
-        Piecewise: it jumps across lines through cell centres, and is zero outwards in the outer half cell.
-        """
-        (c00, c10, c01, c11), fx, fy, inside = self._corners(x, y)
-        gx = ((c10 - c00) * (1 - fy) + (c11 - c01) * fy) / self.cell
-        gy = ((c01 - c00) * (1 - fx) + (c11 - c10) * fx) / self.cell
-        east, north = self.centres()
-        flat_x = (np.asarray(x) < east[0]) | (np.asarray(x) > east[-1])
-        flat_y = (np.asarray(y) < north[0]) | (np.asarray(y) > north[-1])
-        gx, gy = np.where(flat_x, 0.0 * gx, gx), np.where(flat_y, 0.0 * gy, gy)
-        return np.asarray(np.where(inside, gx, np.nan)), np.asarray(np.where(inside, gy, np.nan))
-
     def shifted(self, dx: float, dy: float) -> "Raster":
         """The same map with its coordinates moved by (dx, dy) [m]."""
         return Raster(self.values, self.x0 + dx, self.y0 + dy, self.cell, self.epsg)

@@ -13,7 +13,7 @@ from swath.core.frames import Pose
 from swath.field.contact import Parts, joined, nearest, overlaps, parts_of
 from swath.field.convex import Vector
 from swath.field.field import Field
-from swath.field.grain import GrainReceiver, GroundReceiver
+from swath.field.grain import GrainReceiver
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
 from swath.field.solids import merge, moved
@@ -184,7 +184,7 @@ class SiteSetup:
     @property
     def receiver(self) -> GrainReceiver:
         """Whoever takes the grain that leaves the machine."""
-        return GroundReceiver(self.field) if self.grain_receiver is None else self.grain_receiver
+        return self.grain_receiver or self.field
 
     def solids(self) -> Solids:
         """Everything hard that this machine's sensors can see: obstacles and the other machines."""

@@ -1,7 +1,7 @@
 """Obstacles and machine bodies: boxes, posts and stones that a ray can hit."""
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,59 +25,60 @@ KNIFE_CLEARANCE = 0.1  # of the header's body above ground [m], assumed
 
 Metres = Annotated[float, Ge(-PLACE), Le(PLACE)]
 Size = Annotated[float, Gt(0.0), Le(100.0)]
+Heading = Annotated[float, Ge(-360.0), Le(360.0)]
 Share = Annotated[float, Ge(0.0), Le(1.0)]
 ObstacleName = Annotated[str, MinLen(1), MaxLen(40)]
 
 
-@dataclass(frozen=True)
-class PostObstacle:
-    """An upright round post. x_m, y_m: its foot on the ground; name: in reports, none = kind and number."""
+@dataclass(frozen=True, kw_only=True)
+class Placed:
+    """x_m, y_m: where it stands; name: in reports, none = its kind and number."""
 
     x_m: Metres
     y_m: Metres
+    name: ObstacleName | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PostObstacle(Placed):
+    """An upright round post. x_m, y_m: its foot on the ground; name: in reports, none = kind and number."""
+
     kind: Literal["post"] = "post"
     height_m: Size = 2.0
     diameter_m: Size = 0.15
     reflectance: Share = WOOD
-    name: ObstacleName | None = None
 
 
-@dataclass(frozen=True)
-class BoxObstacle:
+@dataclass(frozen=True, kw_only=True)
+class BoxObstacle(Placed):
     """A box on the ground. x_m, y_m: its middle; heading_deg: of its length, from east to the left
     name: in reports, none = its kind and number
     """
 
-    x_m: Metres
-    y_m: Metres
     kind: Literal["box"] = "box"
     length_m: Size = 2.0
     width_m: Size = 2.0
     height_m: Size = 2.0
-    heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    heading_deg: Heading = 0.0
     reflectance: Share = PAINT
-    name: ObstacleName | None = None
 
 
-@dataclass(frozen=True)
-class StoneObstacle:
+@dataclass(frozen=True, kw_only=True)
+class StoneObstacle(Placed):
     """An ellipsoid, half of its height above ground. x_m, y_m: its middle
     name: in reports, none = its kind and number
     """
 
-    x_m: Metres
-    y_m: Metres
     kind: Literal["stone"] = "stone"
     length_m: Size = 0.5
     width_m: Size = 0.4
     height_m: Size = 0.5
-    heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    heading_deg: Heading = 0.0
     reflectance: Share = STONE
-    name: ObstacleName | None = None
 
 
-@dataclass(frozen=True)
-class MeshObstacle:
+@dataclass(frozen=True, kw_only=True)
+class MeshObstacle(Placed):
     """A thing from a mesh file (OBJ, PLY, GLB; extra `mesh`). x_m, y_m: its foot.
 
     file: the mesh; unit: of its coordinates; up: its axis that points up, none = y in GLB, else z
@@ -87,8 +88,6 @@ class MeshObstacle:
     name: in reports, none = its kind and number
     """
 
-    x_m: Metres
-    y_m: Metres
     file: str
     kind: Literal["mesh"] = "mesh"
     unit: Literal["m", "cm", "mm", "inch"] = "m"
@@ -96,11 +95,10 @@ class MeshObstacle:
     scale: Annotated[float, Gt(0.0), Le(1000.0)] = 1.0
     foot: Literal["base", "origin"] = "base"
     z_m: Annotated[float, Ge(-100.0), Le(100.0)] = 0.0
-    heading_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 0.0
+    heading_deg: Heading = 0.0
     pitch_deg: Annotated[float, Ge(-90.0), Le(90.0)] = 0.0
     roll_deg: Annotated[float, Ge(-180.0), Le(180.0)] = 0.0
     reflectance: Share = PAINT
-    name: ObstacleName | None = None
 
 
 Obstacle = Annotated[
@@ -249,21 +247,7 @@ def merge(*solids: Solids) -> Solids:
 
 def moved(solids: Solids, pose: Pose) -> Solids:
     """Solids of an inner frame in the outer frame of a pose."""
-    return Solids(
-        box_centre=pose.apply(solids.box_centre),
-        box_axes=pose.rotation @ solids.box_axes,
-        box_half=solids.box_half,
-        box_reflectance=solids.box_reflectance,
-        capsule_a=pose.apply(solids.capsule_a),
-        capsule_b=pose.apply(solids.capsule_b),
-        capsule_radius=solids.capsule_radius,
-        capsule_reflectance=solids.capsule_reflectance,
-        ellipsoid_centre=pose.apply(solids.ellipsoid_centre),
-        ellipsoid_axes=pose.rotation @ solids.ellipsoid_axes,
-        ellipsoid_half=solids.ellipsoid_half,
-        ellipsoid_reflectance=solids.ellipsoid_reflectance,
-        mesh_shape=solids.mesh_shape,
-        mesh_centre=pose.apply(solids.mesh_centre),
-        mesh_axes=pose.rotation @ solids.mesh_axes,
-        mesh_reflectance=solids.mesh_reflectance,
-    )
+    places = ("box_centre", "capsule_a", "capsule_b", "ellipsoid_centre", "mesh_centre")
+    axes = ("box_axes", "ellipsoid_axes", "mesh_axes")
+    there: dict[str, Any] = {name: pose.apply(getattr(solids, name)) for name in places}
+    return replace(solids, **there | {name: pose.rotation @ getattr(solids, name) for name in axes})

@@ -114,12 +114,6 @@ class EdgeShape:
         """Direction of the track [rad] at s [m], in (-pi, pi]."""
         return np.asarray(wrap_angle(self._at(s)[2]))
 
-    def curvature_at(self, s: Any) -> Array:
-        """Curvature [1/m] at s [m], > 0 bends left, 0 beyond the ends."""
-        s = np.asarray(s, dtype=float)
-        curvature = np.array([p.curvature for p in self.pieces])[self._index(s)]
-        return np.where((s < 0.0) | (s > self.length), 0.0, curvature)
-
     def _index(self, s: Array) -> NDArray[np.intp]:
         return np.clip(np.searchsorted(self._starts, s, side="right") - 1, 0, len(self.pieces) - 1)
 

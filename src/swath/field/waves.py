@@ -50,12 +50,8 @@ class Waves:
         return Waves(*(np.zeros(0) for _ in range(4)))
 
     def __add__(self, other: "Waves") -> "Waves":
-        return Waves(
-            np.concatenate([self.kx, other.kx]),
-            np.concatenate([self.ky, other.ky]),
-            np.concatenate([self.amplitude, other.amplitude]),
-            np.concatenate([self.phase, other.phase]),
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Waves(*(np.concatenate(pair) for pair in pairs))
 
     def height(self, x: Any, y: Any) -> Array:
         """Value at world points, in the shape of x and y broadcast."""

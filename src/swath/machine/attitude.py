@@ -5,36 +5,19 @@ but does not roll the body. A tyre bridges what is shorter than itself: it stand
 over its contact patch, so a wave of length l along the path is damped by sinc(patch_length / l).
 """
 
-from math import atan, atan2, copysign, cos, isfinite, sin
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from math import atan, atan2, copysign, cos, isfinite
+from typing import NamedTuple
 
 import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.footprint import Footprint
+from swath.field.field import Field
 from swath.machine.machine_sheet import Axle, dynamics_of
 from swath.signals.setup import MachineGeometry
 
 ALONG, ACROSS = 4, 2  # ground samples of one contact patch
 SAMPLES = ALONG * ACROSS
-
-
-class Ground(Protocol):
-    """The part of a field that carries machines."""
-
-    def ground_height(self, x: Any, y: Any, /) -> Any:
-        """Height of the ground [m] at world x, y [m]."""
-        ...
-
-
-@runtime_checkable
-class PagedGround(Ground, Protocol):
-    """Ground that is quicker to read under the same points again and again, as `Field`."""
-
-    def footprint(self, points: Any, /, *, groups: int = 1) -> Footprint:
-        """Reader of the heights under points (n, 2) [m] of a body."""
-        ...
 
 
 class Stance(NamedTuple):
@@ -53,11 +36,8 @@ class Stance(NamedTuple):
 class TerrainFollower:
     """Reads the ground under four tyres. stance: the last one"""
 
-    def __init__(self, ground: Ground, machine: MachineGeometry) -> None:
-        self._ground, self._points = ground, _tyre_points(machine)
-        self._footprint: Footprint | None = None
-        if isinstance(ground, PagedGround):
-            self._footprint = ground.footprint(self._points, groups=4)
+    def __init__(self, ground: Field, machine: MachineGeometry) -> None:
+        self._footprint = ground.footprint(_tyre_points(machine), groups=4)
         self._wheelbase = -machine.steered_x  # < 0 where the steered axle is ahead
         self._front_track, self._rear_track = machine.front_track, machine.rear_track
         self.stance, self._place = Stance(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -70,8 +50,7 @@ class TerrainFollower:
         """
         if not (isfinite(x) and isfinite(y) and isfinite(yaw)):
             raise InputError("place", (x, y, yaw), "expected a finite place and heading")
-        means = self._look if self._footprint is None else self._footprint.means
-        left, right, rear_left, rear_right = means(x, y, yaw)
+        left, right, rear_left, rear_right = self._footprint.means(x, y, yaw)
         z = 0.5 * (left + right)
         fall = 0.5 * (rear_left + rear_right) - z
         pitch = atan2(copysign(1.0, self._wheelbase) * fall, abs(self._wheelbase))
@@ -85,13 +64,6 @@ class TerrainFollower:
         """pose_world_machine of the last stance."""
         (x, y, yaw), a = self._place, self.stance
         return Pose.from_euler((x, y, a.z), a.roll, a.pitch, yaw)
-
-    def _look(self, x: float, y: float, yaw: float) -> list[float]:
-        """Mean heights under the tyres from a ground that has no pages."""
-        (px, py), c, s = self._points.T, cos(yaw), sin(yaw)
-        found = self._ground.ground_height(x + c * px - s * py, y + s * px + c * py)
-        means: list[float] = np.asarray(found, dtype=float).reshape(4, SAMPLES).mean(axis=1).tolist()
-        return means
 
 
 def _tyre_points(machine: MachineGeometry) -> np.ndarray:

@@ -1,11 +1,15 @@
 """Running totals that stay exact over hours."""
 
+from swath.core.component import KeepsState
 
-class Total:
+
+class Total(KeepsState):
     """Neumaier's compensated sum: the error does not grow with the number of terms.
 
     Neumaier 1974, doi:10.1002/zamm.19740540106.
     """
+
+    kept = ("_total", "_rest")
 
     def __init__(self, total: float = 0.0, rest: float = 0.0) -> None:
         self._total, self._rest = total, rest
@@ -23,7 +27,3 @@ class Total:
     def value(self) -> float:
         """The sum so far."""
         return self._total + self._rest
-
-    def save(self) -> tuple[float, float]:
-        """Everything that is needed to go on exactly."""
-        return self._total, self._rest

@@ -1,10 +1,13 @@
 """What a line sweeps over between two moments, as convex polygons without gaps."""
 
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from swath.core.component import KeepsState
 from swath.core.frames import Array, Pose
+from swath.signals import MachineState
 
 Corner = list[float]  # x, y [m]
 Corners = list[Corner]
@@ -13,6 +16,34 @@ Corners = list[Corner]
 def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Array:
     """World xy of a line across the machine, shape (2, 2): left end, right end [m]."""
     return pose.apply(((x, left_y, 0.0), (x, right_y, 0.0)))[:, :2]
+
+
+class LinePath(KeepsState):
+    """Where a line on a machine was last. step: poses closer together than this are joined [m]"""
+
+    kept = ("_last",)
+
+    def __init__(self, step: float) -> None:
+        self._step = step
+        self._last: Array | None = None
+
+    def over(
+        self, states: Sequence[MachineState], line_at: Callable[[Pose], Array]
+    ) -> Iterator[tuple[Array, Array]]:
+        """Positions (n, 2) of the line before and after every part of its way through new states.
+
+        line_at: the line's points in the world at a pose; the first state ever seen only says where it is
+        """
+        for index, state in enumerate(states):
+            now = line_at(state.pose)
+            if self._last is None:
+                self._last = now
+                continue
+            travel = float(np.hypot(*(now - self._last).T).max())
+            if travel < 1e-6 or (travel < self._step and index < len(states) - 1):
+                continue
+            yield self._last, now
+            self._last = now
 
 
 def swept(before: Array, after: Array) -> list[Array]:

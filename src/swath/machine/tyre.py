@@ -18,21 +18,6 @@ ROLLING_SPEED = 0.1  # rolling resistance grows to its full value up to this spe
 CREEP_DAMPING = 0.5  # damping ratio of the lateral carcass spring at standstill (estimate)
 
 
-def brush(slip: float, stiffness: float, friction: float) -> float:
-    """Side force over load for a slip tan(alpha); odd, the sign of the slip (the force acts against it).
-
-    stiffness: cornering stiffness over load [1/rad]; friction: lateral force over load when all slides
-    """
-    x = stiffness * abs(slip) / (3.0 * friction)
-    share = friction if x >= 1.0 else friction * x * (3.0 - x * (3.0 - x))
-    return share if slip >= 0.0 else -share
-
-
-def slide_slip(stiffness: float, friction: float) -> float:
-    """Slip tan(alpha) from which the whole patch slides."""
-    return 3.0 * friction / stiffness
-
-
 def creep_damping(speed: float, stiffness: float, relaxation: float) -> float:
     """Damping force over load per lateral speed [s/m]; 0 above CREEP_SPEED.
 

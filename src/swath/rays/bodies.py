@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.field import Field
 from swath.field.memory_layout import Solids
+from swath.kernels import filled
 from swath.rays.device import start_warp
-from swath.rays.field_arrays import Castable, LiveScene
+from swath.rays.field_arrays import LiveScene
 from swath.rays.refusals import check_origins, check_range
-from swath.rays.single.buffers import CLAMPED, MISPLACED, PACKET, BeamBuffer
+from swath.rays.single.buffers import CLAMPED, MISPLACED, PACKET, BeamBuffer, share
 from swath.rays.spread import SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
@@ -30,7 +32,7 @@ class BodyCaster:
 
     def __init__(
         self,
-        field: Castable,
+        field: Field,
         table: SpreadTable,
         beams: BeamBuffer,
         apart: Any,
@@ -49,7 +51,7 @@ class BodyCaster:
         self._launch: Any = None
         self._made_for = -1  # version of the scene
         self._called = (0.0, 0)  # range and flag of solids it has
-        self._kept: list[Any] = []  # arrays whose memory it reads
+        self._kept: tuple[Any, ...] = ()  # what it reads
 
     def cast_beams(self, *, range_max: float, solids: Solids | None = None) -> int:
         """Nearest body of each beam within range_max [m]: fills distance, kind (organ), cosine, reflectance.
@@ -64,7 +66,7 @@ class BodyCaster:
         scene = self.scene.refresh(wp)
         has_solids = int(self.beams.meet(solids, range_max))
         if self._made_for != self.scene.version:
-            self._prepare(wp, scene, range_max, has_solids)
+            self._prepare(scene, range_max, has_solids)
         elif self._called != (range_max, has_solids):
             self._launch.set_param_at_index(5, range_max)
             self._launch.set_param_at_index(6, has_solids)
@@ -75,42 +77,47 @@ class BodyCaster:
             check_origins(self.field, self.beams.origins[: self.beams.count])
         return found >> CLAMPED
 
-    def _prepare(self, wp: Any, scene: Any, range_max: float, has_solids: int) -> None:
+    def _prepare(self, scene: Any, range_max: float, has_solids: int) -> None:
         """The launch that is repeated until the field's memory moves."""
         from swath.rays.single.kernel import cast_bodies
 
-        self._kept = []
-        apart = self._keep(wp, self._apart)
-        inputs = [scene, self._pack(wp), self.beams.struct(), apart, self.line_count, range_max, has_solids]
+        self._kept = self._pack(), share(self._apart)
+        canopy, apart = self._kept
+        inputs = [scene, canopy, self.beams.struct(), apart, self.line_count, range_max, has_solids]
         self._launch = self.beams.record(cast_bodies, inputs, threads=1)
         self._made_for = self.scene.version
 
-    def _pack(self, wp: Any) -> Any:
+    def _pack(self) -> Any:
         """The table as native code reads it."""
         from swath.rays.single.kernel import Canopy
 
-        table, canopy = self.table, Canopy()
-        canopy.axes = self._keep(wp, np.concatenate(table.scaled_axes()))
-        canopy.size = wp.vec4i(*(len(a) for a in table.axes))
-        canopy.quantile = self._keep(wp, table.quantile.ravel())
-        canopy.ground = self._keep(wp, double_log(table.ground_share).ravel())
-        canopy.lift = self._keep(wp, table.ground_lift.ravel())
-        canopy.node_count = table.quantile.shape[-1]
+        table = self.table
         depth, top_bound = below_top_bound(table)
-        canopy.depth, canopy.top_bound = self._keep(wp, depth), self._numbers[0] * top_bound
-        canopy.fine = table.fine
-        canopy.lean = self._keep(wp, lean_of_packets(table.lean).ravel())
-        canopy.height, canopy.exit, canopy.divergence, canopy.pitch = self._numbers
-        canopy.density_max = self.field.library.density_max
-        canopy.cosine = table.cosine
-        canopy.tangents = wp.vec2(*np.exp(table.scaled_axes()[2][[0, -1]]))
-        canopy.correlation = wp.vec2(*table.correlation)
-        return canopy
-
-    def _keep(self, wp: Any, array: Any) -> Any:
-        kept = np.ascontiguousarray(array, dtype=np.float32)
-        self._kept.append(kept)
-        return self.scene.share(wp, kept, wp.float32)
+        height, exit_diameter, divergence, pitch = self._numbers
+        arrays = {
+            "axes": np.concatenate(table.scaled_axes()),
+            "quantile": table.quantile,
+            "ground": double_log(table.ground_share),
+            "lift": table.ground_lift,
+            "depth": depth,
+            "lean": lean_of_packets(table.lean),
+        }
+        return filled(
+            Canopy,
+            **{name: np.ascontiguousarray(array.ravel(), np.float32) for name, array in arrays.items()},
+            size=tuple(len(a) for a in table.axes),
+            node_count=table.quantile.shape[-1],
+            top_bound=height * top_bound,
+            fine=table.fine,
+            height=height,
+            exit=exit_diameter,
+            divergence=divergence,
+            pitch=pitch,
+            density_max=self.field.library.density_max,
+            cosine=table.cosine,
+            tangents=tuple(np.exp(table.scaled_axes()[2][[0, -1]])),
+            correlation=tuple(table.correlation),
+        )
 
 
 def below_top_bound(table: SpreadTable) -> tuple[NDArray[np.float64], float]:

@@ -8,9 +8,10 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swath.field.field import Field
 from swath.field.solids import NOTHING, solid_count
 from swath.rays.device import ThreadPool, ray_device, start_warp, thread_count
-from swath.rays.field_arrays import Castable, LiveScene
+from swath.rays.field_arrays import LiveScene
 from swath.rays.hits import CastOptions, Hits
 from swath.rays.packets.packing import SUB_RAYS_MAX, Packing, pack_bundles, pack_image
 from swath.rays.packets.traversal import PacketTraversal, can_compile
@@ -30,7 +31,7 @@ class RayCaster:
     plain kernel runs, on a copy of that memory that is renewed after each change.
     """
 
-    def __init__(self, field: Castable, *, threads: int | None = None, device: str | None = None) -> None:
+    def __init__(self, field: Field, *, threads: int | None = None, device: str | None = None) -> None:
         self.field = field
         self.threads = thread_count() if threads is None else threads
         self.device = ray_device() if device is None else device

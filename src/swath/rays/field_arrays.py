@@ -1,24 +1,21 @@
 """What kernels see of a field: its arrays as they are now, on the device that rays run on."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.field import Field
 from swath.field.memory_layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
-from swath.field.wind import GUST_SHARE, Sway
+from swath.field.wind import GUST_SHARE
+from swath.kernels import member_array
 from swath.rays.geometry import make_solid_arrays
-from swath.rays.refusals import Place
 
 F32 = NDArray[np.float32]
-
-
-class Castable(Place, Protocol):
-    """What rays need of a field."""
-
-    @property
-    def wind(self) -> Sway | None:
-        """What sways the stand."""
+POOLS = (
+    *("table", "ground", "straw", "tile_plane", "tile_stand", "tile_top", "tile_bump"),
+    *("tile_prototype", "cut_slot", "cut"),
+)
 
 
 class LiveScene:
@@ -28,7 +25,7 @@ class LiveScene:
     crop by this share of its height
     """
 
-    def __init__(self, field: Castable, device: str, *, top_room: float = 0.0) -> None:
+    def __init__(self, field: Field, device: str, *, top_room: float = 0.0) -> None:
         self.field, self.device, self.top_room = field, device, top_room
         self.version = 0
         self._scene: Any = None
@@ -71,7 +68,7 @@ class LiveScene:
             self._scene = Scene()
         if self._library is not self.field.library:
             self._library, self._pages = self.field.library, None
-            self._take_library(wp, self._library)
+            self._take_library(self._library)
         scene, pages = self._scene, self.field.pages
         yaw = self.field.stand_yaw
         if pages is self._pages and pages.revision == self._revision and yaw == self._place[0]:
@@ -82,47 +79,33 @@ class LiveScene:
             self._place, self.version = place, self.version + 1
             scene.turn = wp.vec2d(np.cos(yaw), np.sin(yaw))
             scene.table_x, scene.table_y = pages.table_x, pages.table_y
-        for name, dtype in (
-            ("table", wp.int32),
-            ("ground", wp.float32),
-            ("straw", wp.float32),
-            ("tile_plane", wp.vec3),
-            ("tile_stand", wp.vec4),
-            ("tile_top", wp.float32),
-            ("tile_bump", wp.float32),
-            ("tile_prototype", wp.int32),
-            ("cut_slot", wp.int32),
-            ("cut", wp.uint8),
-        ):
+        for name in POOLS:
             pool = getattr(pages, name)
             if self._held.get(name) is not pool or self.device != "cpu":
-                self._held[name] = pool
-                self.version += 1
-                setattr(scene, name, self.share(wp, pool, dtype))
-        self._hold_tops(wp, page_tops(pages, self._library.tile_size, self.top_room))
+                self._hold(name, pool)
+        self._hold_tops(page_tops(pages, self._library.tile_size, self.top_room))
         return scene
 
-    def _hold_tops(self, wp: Any, tops: F32) -> None:
+    def _hold_tops(self, tops: F32) -> None:
         held = self._held.get("page_top")
         if held is not None and held.shape == tops.shape and self.device == "cpu":
             held[:] = tops
             return
-        self._held["page_top"] = tops
-        self.version += 1
-        self._scene.page_top = self.share(wp, tops, wp.float32)
+        self._hold("page_top", tops)
 
-    def _take_library(self, wp: Any, library: PlantLibrary) -> None:
-        packed = {
-            "prims": (pack_primitives(library), wp.vec4),
-            "cell_start": (library.cell_start, wp.int32),
-            "cell_items": (library.cell_items, wp.int32),
-            "reflectance": (library.reflectance, wp.float32),
-        }
-        scene = self._scene
+    def _hold(self, name: str, array: NDArray[Any]) -> None:
+        """Another array under a name of the scene."""
+        from swath.rays.kernel.scene import Scene
+
+        self._held[name] = array
         self.version += 1
-        for name, (array, dtype) in packed.items():
-            self._held[name] = array
-            setattr(scene, name, self.share(wp, array, dtype))
+        setattr(self._scene, name, member_array(Scene, name, array, self.device))
+
+    def _take_library(self, library: PlantLibrary) -> None:
+        self._hold("prims", pack_primitives(library))
+        for name in ("cell_start", "cell_items", "reflectance"):
+            self._hold(name, getattr(library, name))
+        scene = self._scene
         scene.tile_size = library.tile_size
         scene.side = library.tile_size / library.columns
         scene.columns, scene.bins, scene.bin_height = library.columns, library.bins, library.bin_height

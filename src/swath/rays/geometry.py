@@ -1,13 +1,15 @@
 """Solids of all kinds as one list of boxes, capsules, ellipsoids and meshes with a frame each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.contact import frames_along
 from swath.field.memory_layout import SolidMesh, Solids
+from swath.kernels import filled
 
 BOX, CAPSULE, ELLIPSOID, MESH = 0, 1, 2, 3
 _TREES: WeakKeyDictionary[SolidMesh, dict[str, Any]] = WeakKeyDictionary()  # search tree on each device
@@ -44,7 +46,7 @@ def pack_solids(solids: Solids) -> SolidList:
             solids.mesh_centre,
         ]
     )
-    axes = np.concatenate([solids.box_axes, _frames(along), solids.ellipsoid_axes, solids.mesh_axes])
+    axes = np.concatenate([solids.box_axes, frames_along(along), solids.ellipsoid_axes, solids.mesh_axes])
     rods = np.stack([radius, radius, 0.5 * length], axis=-1)
     shells = [np.abs(m.corners).max(axis=(0, 1)) for m in solids.mesh_shape]
     half = np.concatenate([solids.box_half, rods, solids.ellipsoid_half, np.reshape(shells, (-1, 3))])
@@ -78,23 +80,12 @@ def make_solid_arrays(wp: Any, solids: Solids, device: str) -> Any:
     """Solids as the kernels read them; on the CPU the arrays are those of the list, elsewhere copies."""
     from swath.rays.kernel.scene import SolidArrays
 
-    arrays = SolidArrays()
     packed = pack_solids(solids)
-    arrays.count = len(packed.kind)
-    if arrays.count == 0:
-        return arrays
+    if len(packed.kind) == 0:
+        return SolidArrays()
     tree = np.array([0 if m is None else _tree(wp, m, device).id for m in packed.mesh], np.uint64)
-    for name, array, dtype in (
-        ("kind", packed.kind, wp.int32),
-        ("centre", packed.centre, wp.vec3d),
-        ("axes", packed.axes, wp.mat33),
-        ("half", packed.half, wp.vec3),
-        ("bound", packed.bound, wp.float32),
-        ("reflectance", packed.reflectance, wp.float32),
-        ("tree", tree, wp.uint64),
-    ):
-        setattr(arrays, name, wp.array(array, dtype=dtype, device=device, copy=device != "cpu"))
-    return arrays
+    members = {f.name: getattr(packed, f.name) for f in fields(packed) if f.name != "mesh"}
+    return filled(SolidArrays, device, count=len(packed.kind), tree=tree, **members)
 
 
 def _tree(wp: Any, mesh: SolidMesh, device: str) -> Any:
@@ -106,13 +97,3 @@ def _tree(wp: Any, mesh: SolidMesh, device: str) -> Any:
             points, wp.array(np.arange(3 * len(mesh.corners)), dtype=wp.int32, device=device)
         )
     return trees[device]
-
-
-def _frames(along: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Right-handed frames (n, 3, 3) whose third column points along the vectors (n, 3)."""
-    length = np.linalg.norm(along, axis=1, keepdims=True)
-    z = np.where(length > 0.0, along / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])
-    helper = np.where(np.abs(z[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    x = np.cross(helper, z)
-    x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
-    return np.stack([x, np.cross(z, x), z], axis=-1)

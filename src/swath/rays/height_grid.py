@@ -31,6 +31,17 @@ TILE = 32  # cells along a tile
 NODE_CELLS = 8  # cells between two nodes of the ground lattice
 NODES = TILE // NODE_CELLS
 NONE = -32768  # first quantile of a cell that was never measured
+STORED: dict[str, tuple[str, type]] = {  # key in the file -> field of `HeightGrid`, its type
+    "origin_m": ("origin", np.float64),
+    "yaw_rad": ("yaw", np.float64),
+    "cell_m": ("cell", np.float64),
+    "table": ("table", np.int32),
+    "height_quantiles_mm": ("quantiles", np.int16),
+    "thickness": ("thickness", np.float32),
+    "count": ("count", np.uint16),
+    "intensity": ("intensity", np.float32),
+    "ground_m": ("ground", np.float32),
+}
 LIMIT_M = 32.0  # heights beyond are not plants [m]
 
 
@@ -88,36 +99,13 @@ class HeightGrid:
         u, v = self.to_local(x, y)
         return np.asarray(self.origin[2] + lattice_height(self.ground, self.node, u, v))
 
-    def cells_at(self, x: Any, y: Any) -> NDArray[np.int64]:
-        """Index of the cell of world points into the flattened pools, -1 = not held."""
-        u, v = self.to_local(x, y)
-        i, j = np.floor(u / self.cell).astype(np.int64), np.floor(v / self.cell).astype(np.int64)
-        ny, nx = self.table.shape
-        known = (i >= 0) & (j >= 0) & (i < nx * TILE) & (j < ny * TILE)
-        i, j = np.where(known, i, 0), np.where(known, j, 0)
-        row = self.table[j // TILE, i // TILE]
-        cell = (row.astype(np.int64) * TILE + j % TILE) * TILE + i % TILE
-        return np.asarray(np.where(known & (row >= 0), cell, -1))
-
     def save(self, path: Path) -> None:
         """Write the file in one go; the same grid gives the same bytes."""
         about = np.frombuffer(json.dumps(dict(self.about), sort_keys=True).encode(), np.uint8)
+        arrays: dict[str, Any] = {key: np.asarray(getattr(self, name)) for key, (name, _) in STORED.items()}
         part = path.with_name(path.name + ".part")
         with part.open("wb") as file:
-            np.savez_compressed(
-                file,
-                format=np.array(FORMAT),
-                origin_m=self.origin,
-                yaw_rad=np.array(self.yaw),
-                cell_m=np.array(self.cell),
-                table=self.table,
-                height_quantiles_mm=self.quantiles,
-                thickness=self.thickness,
-                count=self.count,
-                intensity=self.intensity,
-                ground_m=self.ground,
-                about=about,
-            )
+            np.savez_compressed(file, format=np.array(FORMAT), **arrays, about=about)
         part.replace(path)
 
 
@@ -166,18 +154,9 @@ def _grid_of(arrays: Mapping[str, NDArray[Any]]) -> HeightGrid:
         with np.errstate(over="ignore"):
             return np.ascontiguousarray(arrays[name], kind)
 
-    return HeightGrid(
-        origin=take("origin_m", np.float64),
-        yaw=float(take("yaw_rad", np.float64).item()),
-        cell=float(take("cell_m", np.float64).item()),
-        table=take("table", np.int32),
-        quantiles=take("height_quantiles_mm", np.int16),
-        thickness=take("thickness", np.float32),
-        count=take("count", np.uint16),
-        intensity=take("intensity", np.float32),
-        ground=take("ground_m", np.float32),
-        about=dict(json.loads(bytes(take("about", np.uint8)).decode())),
-    )
+    fields: dict[str, Any] = {name: take(key, kind) for key, (name, kind) in STORED.items()}
+    fields |= {name: float(fields[name].item()) for name in ("yaw", "cell")}
+    return HeightGrid(**fields, about=dict(json.loads(bytes(take("about", np.uint8)).decode())))
 
 
 def _fault(g: HeightGrid) -> str | None:

@@ -3,10 +3,9 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.field.memory_layout import Solids
-from swath.rays.device import start_warp
+from swath.kernels import filled
 from swath.rays.height_cells import Cells, block_tops, first_cells, patches
 from swath.rays.height_grid import NODES, HeightGrid
 from swath.rays.refusals import check_range, refuse_below
@@ -31,7 +30,6 @@ class HeightCaster:
         self._whole, self._real = np.zeros(2, np.int32), np.zeros(3, np.float32)
         self._seed = self._whole.view(np.uint32)
         self._beams = BeamBuffer(0)
-        self._kept: list[NDArray[Any]] = []  # arrays whose memory the launch reads
         self._launch: Any = None
         self._scene: Any = None
 
@@ -79,26 +77,26 @@ class HeightCaster:
         return beams.record(cast_heights, [*self.arguments(), beams.struct()])
 
     def _make_scene(self) -> Any:
-        wp = start_warp()
         from swath.rays.single.kernel import Heights
 
-        def kept(array: NDArray[Any]) -> Any:
-            self._kept.append(array)
-            return share(array)
-
-        g, scene = self.grid, Heights()
-        scene.origin = wp.vec3d(*g.origin)
-        scene.turn = wp.vec2d(np.cos(g.yaw), np.sin(g.yaw))
-        scene.cell, scene.nodes_per_m = g.cell, 1.0 / g.node
-        scene.first, scene.ground = kept(first_cells(g).ravel()), kept(g.ground)
+        g, cells = self.grid, self.cells
         tops = block_tops(g) if self.skips else np.full(np.array(g.ground.shape) - 1, np.inf, np.float32)
         ty, tx = g.table.shape
-        tile_tops = tops.reshape(ty, NODES, tx, NODES).max(axis=(1, 3))
-        scene.block_top, scene.top_bound = kept(tops.ravel()), float(tops.max())
-        scene.tile_top = kept(tile_tops.ravel())
-        scene.patch = kept(patches(g.ground).ravel())
-        cells = self.cells
-        scene.quantiles, scene.lid = kept(cells.quantiles.ravel()), kept(cells.lid)
-        scene.rest, scene.cut = kept(cells.rest.view(np.int16)), kept(cells.cut)
-        scene.intensity = kept(g.intensity.reshape(-1))
-        return scene
+        return filled(
+            Heights,
+            origin=tuple(g.origin.tolist()),
+            turn=(np.cos(g.yaw), np.sin(g.yaw)),
+            cell=g.cell,
+            nodes_per_m=1.0 / g.node,
+            first=first_cells(g).ravel(),
+            ground=g.ground,
+            block_top=tops.ravel(),
+            top_bound=float(tops.max()),
+            tile_top=tops.reshape(ty, NODES, tx, NODES).max(axis=(1, 3)).ravel(),
+            patch=patches(g.ground).ravel(),
+            quantiles=cells.quantiles.ravel(),
+            lid=cells.lid,
+            rest=cells.rest.view(np.int16),
+            cut=cells.cut,
+            intensity=g.intensity.reshape(-1),
+        )

@@ -1,34 +1,18 @@
 """Checks of rays: a finite range > 0, origins above the ground and over pages that are in memory."""
 
 from math import cos, floor, isfinite, sin
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, Pages, PlantLibrary
+from swath.field.field import Field
+from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, Pages
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 BELOW = 0.001  # an origin so far below the ground still counts as on it [m]
 FEW_PAGES = 4
-
-
-class Place(Protocol):
-    """Where things lie in a field; `stand_yaw` [rad] turns the stand frame into the world."""
-
-    @property
-    def pages(self) -> Pages:
-        """Page memory; its arrays are replaced when they grow."""
-
-    @property
-    def library(self) -> PlantLibrary:
-        """Plant prototypes."""
-
-    @property
-    def stand_yaw(self) -> float:
-        """Turns the stand frame into the world [rad]."""
 
 
 def check_range(range_max: float) -> None:
@@ -37,7 +21,7 @@ def check_range(range_max: float) -> None:
         raise InputError("range_max", range_max, "expected a finite range > 0 m")
 
 
-def check_origins(field: Place, origins: Array) -> None:
+def check_origins(field: Field, origins: Array) -> None:
     """Raises InputError when a ray starts where no page of the field is in memory, or under the ground.
 
     origins: (n, 3) world [m]. Origins close to each other and above all ground around cost next to nothing.
@@ -51,7 +35,7 @@ def check_origins(field: Place, origins: Array) -> None:
     u, v = [(c * x + s * y) / side for x, y in corners], [(c * y - s * x) / side for x, y in corners]
     i0, i1, j0, j1 = floor(min(u)), floor(max(u)), floor(min(v)), floor(max(v))
     if (i1 - i0 + 1) * (j1 - j0 + 1) <= FEW_PAGES:
-        slots = [_slot(pages, i, j) for i in range(i0, i1 + 1) for j in range(j0, j1 + 1)]
+        slots = pages.slots_at(*np.mgrid[i0 : i1 + 1, j0 : j1 + 1]).ravel().tolist()
         if min(slots) >= 0 and all(low[2] > pages.ground[n].max() for n in slots):
             return
     _check_each(pages, side, origins, (c * origins[:, 0] + s * origins[:, 1]) / side,
@@ -70,20 +54,10 @@ def _box(points: Array, block: int = 64) -> tuple[list[float], list[float]]:
     return np.concatenate(low).min(axis=0).tolist(), np.concatenate(high).max(axis=0).tolist()
 
 
-def _slot(pages: Pages, i: int, j: int) -> int:
-    column, row = i - pages.table_x, j - pages.table_y
-    ny, nx = pages.table.shape
-    return int(pages.table[row, column]) if 0 <= column < nx and 0 <= row < ny else -1
-
-
 def _check_each(pages: Pages, side: float, origins: Array, u: Array, v: Array) -> None:
     """u, v: origins in the stand frame, in pages."""
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-    column, row = i - pages.table_x, j - pages.table_y
-    ny, nx = pages.table.shape
-    known = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
-    slot = np.full(len(origins), -1, np.int64)
-    slot[known] = pages.table[row[known], column[known]]
+    slot = pages.slots_at(i, j)
     if (slot < 0).any():
         place = _named(origins[int(np.argmin(slot))])
         expected = "expected a ray that starts over known ground: call field.ensure(x, y, radius) first"

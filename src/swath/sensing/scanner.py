@@ -47,7 +47,7 @@ class Scanner:
     line_count: beams that share an azimuth; reach: no echo comes from further away [m]
     echo_count: echoes per beam of a scan; angle_noise: one sigma of the beams' direction [rad], None = the
     sheet's; dropout: chance that a beam is lost
-    noise: what the electronics add
+    noise: what the electronics add; sweep: where the beams of a sweep start
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Scanner:
             Port("scan", Scan, unit="m", shape=(len(self.azimuth),)),
             Port("truth", ScanTruth),
         )
-        self._sweep = Sweep(self.mounting, self.beam_t)
+        self.sweep = Sweep(self.mounting, self.beam_t)
         self._blind_scans, self._has_echo = 0, False
         self.noise = Noise(self.sheet, is_on=params.noise == "data_sheet", angle=angle_noise, dropout=dropout)
 
@@ -105,27 +105,10 @@ class Scanner:
         points = np.full((len(self.azimuth), self.echo_count, 3), np.nan)
         return self.outputs_of(0, nothing, nothing, points, np.full((len(self.azimuth), 3), np.nan))
 
-    @property
-    def has_angle_noise(self) -> bool:
-        """Do the beams point elsewhere in every sweep?"""
-        return self.noise.angle != 0.0
-
     def axes_at(self, t: int) -> F64:
         """Beam frames of the sweep that ends at t [ns]: where the beams really point."""
         swing = self.noise.swing(t, len(self.azimuth))
         return self.axes if swing is None else _beam_axes(self.azimuth + swing, self.elevation)
-
-    def sweep(self, states: tuple[MachineState, ...], end: int) -> tuple[F64, F64]:
-        """Sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world, each beam at its own
-        time of the sweep that ends at `end` [ns]."""
-        return self._sweep(states, end)
-
-    def measure(self, true_range: F64, rng: np.random.Generator, signal: F64 | None = None) -> F64:
-        """True ranges [m] as reported: constant bias, noise, resolution; any shape, nan stays nan.
-
-        signal: received energy over the least detectable, for sensors whose noise grows as it falls
-        """
-        return self.noise.measure(true_range, rng, signal)
 
     def outputs_of(
         self, t: int, ranges: F64 | F32, intensity: F64 | F32, points: F64, origins: F64

@@ -10,8 +10,9 @@ import numpy as np
 
 from swath.core.component import Outputs
 from swath.core.random import Stream
+from swath.kernels import filled
 from swath.rays.heights import HeightCaster
-from swath.rays.single.buffers import BeamBuffer, share
+from swath.rays.single.buffers import BeamBuffer
 from swath.sensing.echo import least_energy
 from swath.sensing.scanner import Scanner
 from swath.sensing.weather import Weather, disturb
@@ -81,7 +82,7 @@ class SingleRays:
         beams.origins[:count] = origins
         self._rotations[:count] = rotations
         self._words[2] = t
-        if self.scanner.has_angle_noise:
+        if self.scanner.noise.angle != 0.0:
             self._forward[:count] = self.scanner.axes_at(t)[:, :, 0]
 
     def scan_heights(self, caster: HeightCaster) -> None:
@@ -142,19 +143,28 @@ class SingleRays:
     def _aiming(self) -> Any:
         from swath.sensing.native.kernel import Aiming
 
-        aiming = Aiming()
-        aiming.words, aiming.rotations = share(self._words), share(self._rotations.reshape(-1))
-        aiming.forward, aiming.is_drawn = share(self._forward), self._is_drawn
-        return aiming
+        words, rotations = self._words, self._rotations.reshape(-1)
+        return filled(
+            Aiming, words=words, rotations=rotations, forward=self._forward, is_drawn=self._is_drawn
+        )
 
     def _electronics(self) -> Any:
         from swath.sensing.native.kernel import Electronics
 
-        sheet, noise, e = self.scanner.sheet, self.scanner.noise, Electronics()
-        e.range_min, e.least_energy = sheet.range_min, least_energy(sheet.range_10)
-        e.judged, e.blind, e.is_noisy = self._judged, self._blind, int(noise.is_on)
-        e.bias, e.resolution, e.at_reach = noise.bias, sheet.resolution, sheet.signal_at_reach
-        e.sigma, e.by_signal = share(self._sigma.ravel()), share(self._by_signal.ravel())
-        e.ranges, e.intensity = share(self._ranges.ravel()), share(self._intensity.ravel())
-        e.points = share(self._points.reshape(-1, 3))
-        return e
+        sheet, noise = self.scanner.sheet, self.scanner.noise
+        return filled(
+            Electronics,
+            range_min=sheet.range_min,
+            least_energy=least_energy(sheet.range_10),
+            judged=self._judged,
+            blind=self._blind,
+            is_noisy=int(noise.is_on),
+            bias=noise.bias,
+            resolution=sheet.resolution,
+            at_reach=sheet.signal_at_reach,
+            sigma=self._sigma.ravel(),
+            by_signal=self._by_signal.ravel(),
+            ranges=self._ranges.ravel(),
+            intensity=self._intensity.ravel(),
+            points=self._points.reshape(-1, 3),
+        )

@@ -48,7 +48,9 @@ def save_table(table: SpreadTable, path: Path) -> list[Path]:
     arrays = {k: np.asarray(getattr(table, k), dtype=np.float32) for k in ARRAYS}
     arrays["quantile"] = arrays["quantile"].astype(np.float16)  # to 0.3 mm of a crop of 1 m
     extra = {"fine": np.float64(table.fine), "cosine": np.float64(table.cosine)}
-    _write_npz(path, {**arrays, **extra, "correlation": np.array(table.correlation)})
+    everything: dict[str, Any] = {**arrays, **extra, "correlation": np.array(table.correlation)}
+    with path.open("wb") as file:  # numpy gives every member the same time stamp
+        np.savez_compressed(file, **everything)
     about = {**table.about, "range": valid_range(table)}
     sheet = path.with_suffix(".yaml")
     sheet.write_text(dump(about), encoding="utf-8")
@@ -62,20 +64,6 @@ def valid_range(table: SpreadTable) -> dict[str, list[float]]:
         key: [round(float(axis[0] / unit), 3), round(float(axis[-1] / unit), 3)]
         for (key, unit), axis in zip(units.items(), table.axes, strict=True)
     }
-
-
-def _write_npz(path: Path, arrays: dict[str, Any]) -> None:
-    """As np.savez_compressed, with a fixed time stamp in the archive."""
-    import io
-    import zipfile
-
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, array in arrays.items():
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, np.asarray(array), allow_pickle=False)
-            info = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
-            info.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(info, buffer.getvalue())
 
 
 def _about(path: Path) -> dict[str, object]:

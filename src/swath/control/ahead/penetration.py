@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -35,7 +35,7 @@ class Params:
     least_echoes: Annotated[int, Ge(5), Le(10_000)] = 30
 
 
-class Penetration:
+class Penetration(KeepsState):
     """Looks at the strip that the header will cut. Takes the ground as level with the machine."""
 
     inputs = (Port("scan", Scan, unit="m", shape=(None,)),)
@@ -66,13 +66,6 @@ class Penetration:
             return {"ahead": _nothing(scan.t)}
         top = float(np.percentile(points[:, 2], self._p.top_percentile))
         return {"ahead": self._sample(scan.t, points, top)}
-
-    def save(self) -> State:
-        """Nothing to keep."""
-        return {}
-
-    def load(self, state: State) -> None:
-        """Nothing to restore."""
 
     def _sample(self, t: int, points: F64, top: float) -> CropAhead:
         origin, ground = self._mounting.position, self._p.ground_m

@@ -16,7 +16,7 @@ from math import erf
 import numpy as np
 
 from swath.control.edge.height_step import Rays, Step
-from swath.core.component import State
+from swath.core.component import KeepsState
 from swath.signals import F64
 
 REACHED = 0.9  # share of the rays within the stand that are stopped above the height that is watched
@@ -35,13 +35,15 @@ _MET = np.linspace(0.0, 60.0, 3001)
 _PHI = np.array([0.5 * (1.0 + erf(z / np.sqrt(2.0))) for z in _Z])
 
 
-class CanopyOffset:
+class CanopyOffset(KeepsState):
     """Counts the rays that are stopped in the canopy, across the edge and within the stand.
 
     memory_m: travel after which old rays count 1/e; 0 = nothing is learned and `shift` is the guess
     lean, spot: first guess of the shift, over the height of the crop [1] and whatever that is [m]
     parts: of plants that make an echo together
     """
+
+    kept = ("_seen", "_heights", "_since", "_shift")
 
     def __init__(self, memory_m: float, lean: float, spot: float = 0.0, *, parts: int = 1) -> None:
         self._memory, self._lean, self._spot = memory_m, lean, spot
@@ -87,19 +89,6 @@ class CanopyOffset:
     def shift(self, height: float) -> float:
         """How far the edge of the feet lies behind the detected step [m], of crop `height` [m] tall."""
         return self._shift if np.isfinite(self._shift) else self._guess(height)
-
-    def save(self) -> State:
-        """Counts and the last fit."""
-        return {
-            "seen": self._seen.copy(),
-            "heights": self._heights.copy(),
-            "rest": (self._since, self._shift),
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._seen, self._heights = state["seen"].copy(), state["heights"].copy()
-        self._since, self._shift = state["rest"]
 
     def _guess(self, height: float) -> float:
         return self._lean * max(height, 0.0) + self._spot

@@ -11,7 +11,7 @@ from swath.control.edge.height_step import Gates, SplitRule, Step, find_step
 from swath.control.edge.line_fit import Line, Prior
 from swath.control.edge.profile import Profile, Reach, crop_sign, make_profile
 from swath.control.edge.tracking import EdgeTrack, Memory
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG, MM
@@ -62,8 +62,10 @@ class EdgeParams:
     reference_m: Annotated[float, Ge(0), Le(30)] = 0.0
 
 
-class EdgeDetector:
+class EdgeDetector(KeepsState):
     """Scan and odometry in, crop edge out. Subclasses set `split`."""
+
+    kept = ("_track", "_canopy_offset", "_time", "_crop", "_stubble", "_ground")
 
     Params = EdgeParams
     split: SplitRule
@@ -107,23 +109,6 @@ class EdgeDetector:
         if scan is not None and scan.t > self._time:
             self._take(scan, speed, yaw_rate)
         return {"edge": self._report(t + dt, speed, yaw_rate)}
-
-    def save(self) -> State:
-        """The track, its time, the heights and the canopy offset."""
-        heights = (self._crop, self._stubble, self._ground)
-        return {
-            "track": self._track.save(),
-            "canopy_offset": self._canopy_offset.save(),
-            "time": self._time,
-            "heights": heights,
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._track.load(state["track"])
-        self._canopy_offset.load(state["canopy_offset"])
-        self._time = state["time"]
-        self._crop, self._stubble, self._ground = state["heights"]
 
     def _take(self, scan: Scan, speed: float, yaw_rate: float) -> None:
         elapsed = (scan.t - self._time) / NS

@@ -11,7 +11,7 @@ import numpy as np
 
 from swath.control.edge.height_step import Step
 from swath.control.edge.line_fit import Line, Prior, fit_line
-from swath.core.component import State
+from swath.core.component import KeepsState
 from swath.signals import F64
 
 X, U, VARIANCE, QUALITY, AGE, IS_USED, SLOPE, COLUMNS = range(8)
@@ -39,8 +39,10 @@ class Memory:
     min_share: float = 0.6
 
 
-class EdgeTrack:
+class EdgeTrack(KeepsState):
     """The edge over time, in the (x, u) frame of the machine now."""
+
+    kept = ("_rows", "line", "is_found", "_unseen")
 
     def __init__(self, memory: Memory, prior: Prior, x0: float) -> None:
         self._memory, self._prior, self._x0 = memory, prior, x0
@@ -100,22 +102,6 @@ class EdgeTrack:
         share = len(used) / len(recent)
         fading = max(0.0, 1.0 - self._unseen / (self._memory.lost_s + 1e-9))
         return float(np.clip(share * used[:, QUALITY].mean() * fading, 0.01, 1.0))
-
-    def save(self) -> State:
-        """Rows, line and flags."""
-        return {
-            "rows": self._rows.copy(),
-            "line": None if self.line is None else tuple(self.line),
-            "is_found": self.is_found,
-            "unseen": self._unseen,
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._rows = state["rows"].copy()
-        self.line = None if state["line"] is None else Line(*state["line"])
-        self.is_found = state["is_found"]
-        self._unseen = state["unseen"]
 
     def _fit(self) -> None:
         used = self._rows[self._rows[:, IS_USED] > 0.0]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import KMH
@@ -20,7 +20,7 @@ class Params:
     speed_kmh: Annotated[float, Ge(0), Le(40)] = 7.0
 
 
-class ConstantSpeed:
+class ConstantSpeed(KeepsState):
     """The same forward speed at all times."""
 
     inputs = (Port("odometry", Odometry, optional=True),)
@@ -36,13 +36,6 @@ class ConstantSpeed:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The same command, valid at t + dt."""
         return {"command": SpeedCommand(t + dt, self._speed)}
-
-    def save(self) -> State:
-        """There is nothing to keep."""
-        return {}
-
-    def load(self, state: State) -> None:
-        """There is nothing to restore."""
 
 
 LEVEL = Level(

@@ -10,7 +10,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.control.speed.throughput_target import Common, has_crop, ramped, room
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -32,8 +32,10 @@ class Params(Common):
     smooth_s: Annotated[float, Ge(0), Le(20)] = 0.5
 
 
-class FeedRate:
+class FeedRate(KeepsState):
     """PI on the share of the throughput that is free; the integral waits while a ramp or bound holds."""
+
+    kept = ("_speed", "_base", "_free")
 
     inputs = (Port("feed", FeedReading, optional=True), Port("engine", EngineState, optional=True))
     outputs = (Port("command", SpeedCommand),)
@@ -62,14 +64,6 @@ class FeedRate:
         if abs(apart) <= APART * self._speed or apart * self._free < 0.0:
             self._base *= 1.0 + h / p.reset_s * self._free
         return {"command": SpeedCommand(t + dt, self._speed)}
-
-    def save(self) -> State:
-        """Command, integral and smoothed free share."""
-        return {"speed": self._speed, "base": self._base, "free": self._free}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._speed, self._base, self._free = state["speed"], state["base"], state["free"]
 
 
 LEVEL = Level(

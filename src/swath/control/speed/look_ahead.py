@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from math import exp, isfinite, sqrt
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.speed.throughput_target import Common, has_crop, ramped, room
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -39,8 +38,10 @@ class Params(Common):
     power: Annotated[float, Gt(0), Le(3)] = 1.0
 
 
-class LookAhead:
+class LookAhead(KeepsState):
     """Feed-forward on the crop ahead, with a factor that is learned."""
+
+    kept = ("_speed", "_distance", "_seen_t", "_raw", "_places", "_past", "_sums")
 
     inputs = (
         Port("odometry", Odometry),
@@ -75,28 +76,6 @@ class LookAhead:
         wanted = self._wanted(inputs["feed"], inputs["engine"])
         self._speed = ramped(p, self._speed, wanted, h)
         return {"command": SpeedCommand(t + dt, self._speed)}
-
-    def save(self) -> State:
-        """Way, what was seen and cut, what was learned, the command."""
-        return {
-            "speed": self._speed,
-            "distance": self._distance,
-            "seen_t": self._seen_t,
-            "raw": np.array(self._raw, dtype=float).reshape(-1, 2),
-            "places": np.array(self._places, dtype=float).reshape(-1, 2),
-            "past_t": np.array([t for t, _ in self._past], dtype=np.int64),
-            "past": np.array([a for _, a in self._past], dtype=float),
-            "sums": self._sums,
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._speed, self._distance, self._seen_t = state["speed"], state["distance"], state["seen_t"]
-        self._raw = deque(((a, b) for a, b in state["raw"].tolist()), maxlen=KEPT)
-        self._places = deque(((a, b) for a, b in state["places"].tolist()), maxlen=KEPT)
-        past = zip(state["past_t"].tolist(), state["past"].tolist(), strict=True)
-        self._past = deque(past, maxlen=KEPT)
-        self._sums = state["sums"]
 
     @property
     def factor(self) -> float:

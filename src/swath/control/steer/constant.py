@@ -5,7 +5,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.signals import SteerCommand
@@ -19,7 +19,7 @@ class Params:
     curvature_per_m: Annotated[float, Ge(-0.5), Le(0.5)] = 0.0
 
 
-class ConstantSteer:
+class ConstantSteer(KeepsState):
     """The same curvature at all times: a vehicle that only drives, and step responses."""
 
     inputs: tuple[Port, ...] = ()
@@ -35,13 +35,6 @@ class ConstantSteer:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The same command, valid at t + dt."""
         return {"command": SteerCommand(t + dt, self._curvature, True)}
-
-    def save(self) -> State:
-        """There is nothing to keep."""
-        return {}
-
-    def load(self, state: State) -> None:
-        """There is nothing to restore."""
 
 
 LEVEL = Level(

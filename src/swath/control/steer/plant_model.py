@@ -3,7 +3,7 @@
 from collections import deque
 from typing import NamedTuple
 
-from swath.core.component import State
+from swath.core.component import KeepsState, State
 
 
 class Place(NamedTuple):
@@ -60,7 +60,7 @@ class ActuatorModel:
         self.curvature = state["curvature"]
 
 
-class SlipObserver:
+class SlipObserver(KeepsState):
     """Side slip of the header end: its direction of travel against what the steering explains [rad].
 
     On a side slope a combine crabs by about slope / normalised cornering stiffness, 1.4 deg on 10 %. Observer
@@ -68,6 +68,8 @@ class SlipObserver:
     1 / `distance` [1/m]; innovations are clipped to +-`clip` [m] so that a step of the edge is not taken for
     slip.
     """
+
+    kept = ("slip", "_error")
 
     def __init__(self, distance: float, clip: float, limit: float) -> None:
         self._pole = 1.0 / distance if distance > 0.0 else 0.0
@@ -95,11 +97,3 @@ class SlipObserver:
         self.slip = min(max(self.slip, -self._limit), self._limit)
         if abs(error - self._error) > 3.0 * self._clip:
             self._error = error
-
-    def save(self) -> State:
-        """Slip and lateral error."""
-        return {"slip": self.slip, "error": self._error}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self.slip, self._error = state["slip"], state["error"]

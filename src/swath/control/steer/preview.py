@@ -28,7 +28,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.control.steer.plant_model import ActuatorModel, Place, SlipObserver
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -67,8 +67,10 @@ class Params:
     engage_s: Annotated[float, Ge(0), Le(10)] = 0.5
 
 
-class Preview:
+class Preview(KeepsState):
     """The header end is aimed along the edge, with prediction over the delay and a slip observer."""
+
+    kept = ("_command", "_held", "_engaged", "_lost", "_slip", "_actuator")
 
     inputs = (Port("edge", CropEdge), Port("odometry", Odometry))
     outputs = (Port("command", SteerCommand),)
@@ -111,17 +113,6 @@ class Preview:
         wanted = min(max(wanted, -self._limit), self._limit)
         self._command += min(max(wanted - self._command, -step), step)
         return {"command": SteerCommand(t + dt, self._command, self._lost <= self._p.hold_s)}
-
-    def save(self) -> State:
-        """Command, held bend, timers, slip and the actuator model."""
-        own = (self._command, self._held, self._engaged, self._lost)
-        return {"own": own, "slip": self._slip.save(), "actuator": self._actuator.save()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._command, self._held, self._engaged, self._lost = state["own"]
-        self._slip.load(state["slip"])
-        self._actuator.load(state["actuator"])
 
     def _measured(self, odometry: Odometry) -> float:
         """Driven curvature [1/m]: yaw rate over speed, at a crawl from the steering angle."""

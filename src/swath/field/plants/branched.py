@@ -17,11 +17,13 @@ from swath.field.plants.parts import (
     Stalks,
     arc,
     assemble,
+    heights_of,
     normal,
     pointing,
     rods,
     shared,
     stalk_capsules,
+    stalks_of,
 )
 
 Ints = NDArray[np.int64]
@@ -82,21 +84,16 @@ class PodYield(GrainYield):
 
 def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
     """Grain is shared out by the length of a plant's pods, straw by the volume of its main stem."""
-    height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
-    scale = normal(rng, 1.0, crop.stem.diameter_cv, count)
-    lean = np.maximum(normal(rng, crop.stem.lean_mean, crop.stem.lean_sd, count), 0.0)
-    if how.upright:
-        lean = np.zeros(count)
-    length = UPRIGHT_TOP * height
-    stalks = Stalks(length, np.tan(lean) * length, rng.uniform(-np.pi, np.pi, count), scale)
+    height = heights_of(crop, rng, count)
+    stalks = stalks_of(crop, rng, UPRIGHT_TOP * height, upright=how.upright)
     lines, owner = _branches(crop.organs[BranchFacts], stalks, rng)
     pods, weight = _pods(crop.organs[PodFacts], stalks, lines, owner, rng, limit=height)
     stalk = stalk_capsules(crop.stem, stalks, 2 * how.stalk_parts)
-    parts = [stalk, _rods(crop.organs[BranchFacts], lines, owner, scale)]
+    parts = [stalk, _rods(crop.organs[BranchFacts], lines, owner, stalks.scale)]
     if how.ears:
         parts.append(pods)
     grain = shared(weight, crop.yields.grain_mass)
-    straw = shared(length * scale**2, crop.yields.straw_mass)
+    straw = shared(stalks.length * stalks.scale**2, crop.yields.straw_mass)
     return assemble(height, grain, straw, parts)
 
 

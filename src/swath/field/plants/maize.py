@@ -19,11 +19,13 @@ from swath.field.plants.parts import (
     apart,
     assemble,
     blades,
+    heights_of,
     normal,
     pointing,
     rods,
     shared,
     stalk_capsules,
+    stalks_of,
 )
 
 TAPER = (0.9, 1.1, 1.0, 0.4)  # width of a blade from its foot to its tip, relative
@@ -69,13 +71,9 @@ class CobYield(GrainYield):
 def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
     """Grain is shared out by cob volume, straw by stalk volume."""
     tassel = crop.organs[TasselFacts]
-    height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
-    scale = normal(rng, 1.0, crop.stem.diameter_cv, count)
-    lean = np.maximum(normal(rng, crop.stem.lean_mean, crop.stem.lean_sd, count), 0.0)
-    if how.upright:
-        lean = np.zeros(count)
+    height = heights_of(crop, rng, count)
     length = np.maximum(height - tassel.length, 0.1 * height)
-    stalks = Stalks(length, np.tan(lean) * length, rng.uniform(-np.pi, np.pi, count), scale)
+    stalks = stalks_of(crop, rng, length, upright=how.upright)
     plane = 0.5 * np.pi + normal(rng, 0.0, PLANE_SD, count)
     cobs, volume = _cobs(crop.organs[CobFacts], stalks, plane, rng)
     parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts), _tassels(tassel, stalks, rng)]
@@ -85,7 +83,7 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
         leafing = Leafing(plane=plane, taper=TAPER)
         parts.append(blades(crop.organs[LeafFacts], stalks, how.leaf_parts + 1, rng, leafing))
     grain = shared(volume, crop.yields.grain_mass)
-    straw = shared(length * scale**2, crop.yields.straw_mass)
+    straw = shared(stalks.length * stalks.scale**2, crop.yields.straw_mass)
     return assemble(height, grain, straw, parts)
 
 

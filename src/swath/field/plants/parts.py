@@ -1,13 +1,13 @@
 """What plants are made of: stalks, rods along a line, blades; drawn for all stems at once."""
 
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, fields, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.documents.sheet_fields import Quantity
-from swath.field.crop import CV, StemFacts
+from swath.field.crop import CV, Crop, StemFacts
 from swath.field.memory_layout import Organ, Shape
 
 Array = NDArray[np.float64]
@@ -196,23 +196,21 @@ def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generato
 def assemble(height: Array, grain: Array, straw: Array, parts: list[Part]) -> Plants:
     """All parts, those of one stem together."""
     sizes = [part.radius.size for part in parts]
-    order = np.argsort(np.concatenate([part.owner.ravel() for part in parts]), kind="stable")
-
-    def sorted_by_owner(values: list[Array]) -> Array:
-        return np.concatenate(values)[order]
-
-    return Plants(
-        height,
-        grain,
-        straw,
-        np.repeat([int(part.shape) for part in parts], sizes)[order].astype(np.uint8),
-        np.repeat([int(part.organ) for part in parts], sizes)[order].astype(np.uint8),
-        sorted_by_owner([part.a.reshape(-1, 3) for part in parts]),
-        sorted_by_owner([part.b.reshape(-1, 3) for part in parts]),
-        sorted_by_owner([part.radius.ravel() for part in parts]),
-        sorted_by_owner([part.width.reshape(-1, 3) for part in parts]),
-        np.concatenate([part.owner.ravel() for part in parts])[order].astype(np.int32),
+    owner = np.concatenate([part.owner.ravel() for part in parts])
+    order = np.argsort(owner, kind="stable")
+    a, b, width = (
+        np.concatenate([getattr(part, name).reshape(-1, 3) for part in parts])[order]
+        for name in ("a", "b", "width")
     )
+    radius = np.concatenate([part.radius.ravel() for part in parts])[order]
+    shape, organ = (
+        np.repeat([int(n) for n in kind], sizes)[order].astype(np.uint8) for kind in _kinds(parts)
+    )
+    return Plants(height, grain, straw, shape, organ, a, b, radius, width, owner[order].astype(np.int32))
+
+
+def _kinds(parts: list[Part]) -> tuple[list[int], list[int]]:
+    return [part.shape for part in parts], [part.organ for part in parts]
 
 
 def normal(rng: np.random.Generator, mean: float, sd: float, count: int) -> Array:
@@ -232,22 +230,22 @@ def joined(one: Plants, two: Plants, order: NDArray[np.int64]) -> Plants:
     owner = place[np.concatenate([one.owner, two.owner + len(one.height)])]
     pieces = np.argsort(owner, kind="stable")
 
-    def of_stems(a: Array, b: Array) -> Array:
-        return np.concatenate([a, b])[order]
+    one, two = (replace(p, reflectance=p.own_reflectance()) for p in (one, two))
+    both = {f.name: np.concatenate([getattr(one, f.name), getattr(two, f.name)]) for f in fields(Plants)}
+    stems = ("height", "grain_kg", "straw_kg")
+    both = {name: values[order if name in stems else pieces] for name, values in both.items()}
+    return Plants(**both | {"owner": owner[pieces].astype(np.int32)})
 
-    def of_pieces(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
-        return np.concatenate([a, b])[pieces]
 
-    return Plants(
-        of_stems(one.height, two.height),
-        of_stems(one.grain_kg, two.grain_kg),
-        of_stems(one.straw_kg, two.straw_kg),
-        of_pieces(one.shape, two.shape),
-        of_pieces(one.organ, two.organ),
-        of_pieces(one.a, two.a),
-        of_pieces(one.b, two.b),
-        of_pieces(one.radius, two.radius),
-        of_pieces(one.width, two.width),
-        owner[pieces].astype(np.int32),
-        of_pieces(one.own_reflectance(), two.own_reflectance()),
-    )
+def stalks_of(crop: Crop, rng: np.random.Generator, length: Array, *, upright: bool = False) -> Stalks:
+    """Leaning stalks of these lengths [m], (n,)."""
+    count, stem = len(length), crop.stem
+    scale = normal(rng, 1.0, stem.diameter_cv, count)
+    lean = np.maximum(normal(rng, stem.lean_mean, stem.lean_sd, count), 0.0)
+    reach = np.zeros(count) if upright else np.tan(lean) * length
+    return Stalks(length, reach, rng.uniform(-np.pi, np.pi, count), scale)
+
+
+def heights_of(crop: Crop, rng: np.random.Generator, count: int) -> Array:
+    """Heights of plants [m], (count,)."""
+    return normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)

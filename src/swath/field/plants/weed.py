@@ -9,12 +9,12 @@ from swath.field.plants.parts import (
     LeafFacts,
     Leafing,
     Plants,
-    Stalks,
     assemble,
     blades,
-    normal,
+    heights_of,
     shared,
     stalk_capsules,
+    stalks_of,
 )
 
 TAPER = (0.6, 1.2, 0.8)  # width of a leaf from its foot to its tip, relative
@@ -22,15 +22,13 @@ TAPER = (0.6, 1.2, 0.8)  # width of a leaf from its foot to its tip, relative
 
 def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
     """No grain; the mass is shared out by stem volume."""
-    height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
-    scale = normal(rng, 1.0, crop.stem.diameter_cv, count)
-    lean = np.maximum(normal(rng, crop.stem.lean_mean, crop.stem.lean_sd, count), 0.0)
-    stalks = Stalks(height, np.tan(lean) * height, rng.uniform(-np.pi, np.pi, count), scale)
+    height = heights_of(crop, rng, count)
+    stalks = stalks_of(crop, rng, height)
     parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts, Organ.WEED)]
     if how.leaves:
         leafing = Leafing(taper=TAPER, organ=Organ.WEED)
         parts.append(blades(crop.organs[LeafFacts], stalks, how.leaf_parts, rng, leafing))
-    mass = shared(height * scale**2, crop.yields.straw_mass)
+    mass = shared(height * stalks.scale**2, crop.yields.straw_mass)
     return assemble(height, np.zeros(count), mass, parts)
 
 

@@ -15,13 +15,12 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
 from swath.field.crop import load_crop
-from swath.field.field_setup import FieldSetup, drilled, from_azimuth
+from swath.field.field_setup import FieldSetup, from_azimuth
 from swath.field.hashing import hash_uniform
-from swath.field.plants.drawing import Detail
 from swath.field.raster import Raster
+from swath.field.stand.uniform import Params as UniformParams
+from swath.field.stand.uniform import Uniform
 from swath.field.waves import Waves, make_random_field
-from swath.field.weeds import Weeds
-from swath.field.wind import Wind
 
 Array = NDArray[np.float64]
 Metres = Annotated[float, Ge(-1e5), Le(1e5)]
@@ -80,19 +79,13 @@ class Tramlines:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params:
+class Params(UniformParams):
     """As `uniform`, changed by maps. density_file: stems per m2; height_file: height of the crop [m]; both
     GeoTIFF; where they hold nothing, nothing grows, or the crop has its own height. height_variation,
     density_variation: smooth random change on top. patches, lodging: lodged places. tramlines: bare tracks.
     wind: that sways the crop; detail: `reduced` = the same plants of fewer primitives (docs/crops.md).
     """
 
-    crop: str = "wheat"
-    stems_per_m2: Annotated[float, Gt(0.0), Le(DENSITY_LIMIT)] | None = None
-    row_spacing_m: Annotated[float, Ge(0.0), Le(1.0)] | None = None
-    row_azimuth_deg: Azimuth = 0.0
-    height_factor: Annotated[float, Gt(0.0), Le(4.0)] = 1.0
-    lean_deg: Annotated[float, Ge(0.0), Le(80.0)] = 0.0
     lean_azimuth_deg: Azimuth = 90.0
     density_file: str | None = None
     height_file: str | None = None
@@ -101,12 +94,9 @@ class Params:
     patches: tuple[Patch, ...] = ()
     lodging: Lodging | None = None
     tramlines: Tramlines | None = None
-    weeds: Weeds | None = None
-    wind: Wind | None = None
-    detail: Detail = "full"
 
 
-class Maps:
+class Maps(Uniform):
     """A stand of maps and patches."""
 
     def __init__(self, params: Params, setup: FieldSetup) -> None:
@@ -126,12 +116,8 @@ class Maps:
         return maps
 
     def _take(self, params: Params, setup: FieldSetup, density: Raster | None, height: Raster | None) -> None:
-        self.params, self.crop = params, params.crop
-        self._stems, self.row_spacing = drilled(
-            params.crop, params.stems_per_m2, params.row_spacing_m, setup.folder
-        )
-        self.weeds, self.wind, self.detail = params.weeds, params.wind, params.detail
-        self.row_heading = from_azimuth(params.row_azimuth_deg)
+        Uniform.__init__(self, params, setup)
+        self.params, self._stems = params, self.density_max
         self._density, self._height = density, height
         stream = setup.stream.child("stand")
         self._density_waves = _variation(params.density_variation, stream.child("density"))

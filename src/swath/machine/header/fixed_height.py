@@ -5,18 +5,17 @@ Between poses the ends go straight: with a step of 0.1 m the outer end of a 6 m 
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol
+from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
-from swath.core.frames import Array
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
-from swath.machine.sweep import line_ends, signed_area, swept
+from swath.machine.sweep import LinePath, line_ends, signed_area, swept
 from swath.signals import CropFlow, MachineState
 
 
@@ -28,29 +27,23 @@ class Params:
     sweep_step_m: Annotated[float, Ge(0), Le(0.5)] = 0.1
 
 
-class Cutter(Protocol):
-    """The part of a field that a header works on."""
-
-    def cut(self, polygon: Array, height: float, /) -> Any:
-        """Cut the crop over a convex polygon (n, 2) [m] at a height [m]."""
-        ...
-
-
-class FixedHeightHeader:
+class FixedHeightHeader(KeepsState):
     """A knife of the header's width at a fixed height above ground."""
+
+    kept = ("_path",)
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self._params = params
-        self._field: Cutter = setup.field
+        self._field = setup.field
         left, right = setup.machine.header_end("left"), setup.machine.header_end("right")
         self._knife = (left[0], left[1], right[1])
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing cut; the knife's place is taken from the first state that comes."""
-        self._ends: Array | None = None
+        self._path = LinePath(self._params.sweep_step_m)
         return {"flow": CropFlow(0, 0.0, 0.0, 0.0, 0, 0.0, 0.0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -59,39 +52,14 @@ class FixedHeightHeader:
         header_fill = area cut / area swept: the cut share of the header's width; 0 when it did not move. The
         field cuts whole cells, so over a few centimetres it scatters (0.7 to 1.2 at 4 cm); average it.
         """
-        grain = straw = area = swept_area = 0.0
-        stem_count = 0
-        for polygon in self._polygons(inputs["state"]):
-            cut = self._field.cut(polygon, self._params.cutting_height_m)
-            grain, straw, area = grain + cut.grain, straw + cut.straw, area + cut.area
-            stem_count += int(cut.stem_count)
-            swept_area += signed_area(polygon)
-        fill = area / swept_area if swept_area > 0.0 else 0.0
-        return {"flow": CropFlow(t + dt, grain, straw, area, stem_count, fill, dt / NS)}
-
-    def save(self) -> State:
-        """Where the knife was last."""
-        return {"ends": None if self._ends is None else self._ends.copy()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved place."""
-        ends = state["ends"]
-        self._ends = None if ends is None else np.array(ends)
-
-    def _polygons(self, states: tuple[MachineState, ...]) -> list[Array]:
-        polygons: list[Array] = []
-        for index, state in enumerate(states):
-            ends = line_ends(state.pose, *self._knife)
-            if self._ends is None:
-                self._ends = ends
-                continue
-            travel = float(np.hypot(*(ends - self._ends).T).max())
-            is_last = index == len(states) - 1
-            if travel < 1e-6 or (travel < self._params.sweep_step_m and not is_last):
-                continue
-            polygons += swept(self._ends, ends)
-            self._ends = ends
-        return polygons
+        taken, swept_area = Cut(), 0.0
+        for before, now in self._path.over(inputs["state"], lambda pose: line_ends(pose, *self._knife)):
+            for polygon in swept(before, now):
+                taken += self._field.cut(polygon, self._params.cutting_height_m)
+                swept_area += signed_area(polygon)
+        fill = taken.area / swept_area if swept_area > 0.0 else 0.0
+        sums = taken.grain, taken.straw, taken.area, taken.stem_count
+        return {"flow": CropFlow(t + dt, *sums, fill, dt / NS)}
 
 
 LEVEL = Level(

@@ -4,25 +4,26 @@ The knife is straight and stiff. Where it is above the ground decides the stubbl
 Equations, sources and validation: docs/header.md.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, Protocol
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.frames import Array, Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
+from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
 from swath.machine.header.predictor import Predictor
-from swath.machine.sweep import signed_area, swept
+from swath.machine.sweep import LinePath, signed_area, swept
 from swath.signals import CropFlow, HeaderState, MachineState
 
 BEST_INDEX, INDEX_WIDTH = (
@@ -84,36 +85,10 @@ class Params:
     loss_percent: Annotated[float, Ge(0), Le(10)] = 0.2
 
 
-class Ground(Protocol):
-    """The part of a field that a header works on."""
-
-    def cut(self, polygon: Array, height: float, /) -> Any:
-        """Cut the crop over a convex polygon (n, 2) [m] at a height [m]."""
-        ...
-
-    def ground_height(self, x: Any, y: Any, /) -> Any:
-        """Height of the ground [m] at world x, y [m]."""
-        ...
-
-
-@dataclass
-class _Taken:
-    """Sums of one step."""
-
-    grain: float = 0.0
-    straw: float = 0.0
-    area: float = 0.0
-    stem_count: int = 0
-    grain_left: float = 0.0
-
-    def add(self, cut: Any) -> None:
-        """Add what one polygon gave."""
-        for part in fields(self):
-            setattr(self, part.name, getattr(self, part.name) + getattr(cut, part.name))
-
-
-class HeightControlHeader:
+class HeightControlHeader(KeepsState):
     """A stiff knife on feeder and tilt cylinders."""
+
+    kept = ("_path", "_pose", "_speed", "_feelers", "_lift", "_tilt", "_raising", "_leaning", "_predictor")
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow), Port("height", HeaderState))
@@ -123,7 +98,7 @@ class HeightControlHeader:
         if p.feeler_range_m <= p.cutting_height_m:
             expected = f"expected more than cutting_height_m = {p.cutting_height_m:g}"
             raise InputError("feeler_range_m", p.feeler_range_m, expected)
-        self._field: Ground = setup.field
+        self._field = setup.field
         self.kinematics = HeaderKinematics(setup.machine, p.cutting_height_m)
         half, count = self.kinematics.half, 2 * p.sections + 1
         knife = np.linspace(half, -half, count)
@@ -147,7 +122,7 @@ class HeightControlHeader:
         gains, band = (gain, p.integral_per_s2), p.dead_band_m
         self._raising = Controller(*gains, band, (-p.lower_m_s, p.raise_m_s), self._period)
         self._leaning = Controller(*gains, band / self.kinematics.half, (-limit, limit), self._period)
-        self._knife: Array | None = None
+        self._path = LinePath(p.sweep_step_m)
         self._pose: Pose | None = None
         self._speed = 0.0
         heights = np.full(self._nodes, p.cutting_height_m)
@@ -175,32 +150,6 @@ class HeightControlHeader:
         flow = self._cut(t + dt, dt, states, points[: self._nodes], heights)
         return {"flow": flow, "height": self._state(t + dt, heights, reading)}
 
-    def save(self) -> State:
-        """Where the knife was, cylinders, feelers, controllers."""
-        pose = None if self._pose is None else (self._pose.position.copy(), self._pose.rotation.copy())
-        return {
-            "knife": None if self._knife is None else self._knife.copy(),
-            "pose": pose,
-            "speed": self._speed,
-            "feelers": self._feelers.save(),
-            "lift": self._lift.save(),
-            "tilt": self._tilt.save(),
-            "sums": (self._raising.sum, self._leaning.sum),
-            "predictor": self._predictor.save(),
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._knife = None if state["knife"] is None else np.array(state["knife"])
-        pose = state["pose"]
-        self._pose = None if pose is None else Pose(np.array(pose[0]), np.array(pose[1]))
-        self._speed = state["speed"]
-        self._feelers.load(state["feelers"])
-        self._lift.load(state["lift"])
-        self._tilt.load(state["tilt"])
-        self._raising.sum, self._leaning.sum = state["sums"]
-        self._predictor.load(state["predictor"])
-
     def _control(self, t: int, dt: int, reading: Array, pose: Pose) -> None:
         """Mean of the feelers to the lift; what they differ by from side to side to the tilt."""
         up, lean = self._predictor.look(t, dt, self._lift, self._tilt, pose) if self._p.lead else (0.0, 0.0)
@@ -213,20 +162,12 @@ class HeightControlHeader:
     def _cut(
         self, t: int, dt: int, states: tuple[MachineState, ...], knife: Array, heights: Array
     ) -> CropFlow:
-        taken, swept_area = _Taken(), 0.0
-        for index, state in enumerate(states):
-            now = state.pose.apply(knife)[::2, :2]
-            if self._knife is None:
-                self._knife = now
-                continue
-            travel = float(np.hypot(*(now - self._knife).T).max())
-            if travel < 1e-6 or (travel < self._p.sweep_step_m and index < len(states) - 1):
-                continue
+        taken, swept_area = Cut(), 0.0
+        for before, now in self._path.over(states, lambda pose: pose.apply(knife)[::2, :2]):
             for first, last, height in self._runs(heights):
-                for polygon in swept(self._knife[[first, last]], now[[first, last]]):
-                    taken.add(self._field.cut(polygon, height))
+                for polygon in swept(before[[first, last]], now[[first, last]]):
+                    taken += self._field.cut(polygon, height)
                     swept_area += signed_area(polygon)
-            self._knife = now
         fill = taken.area / swept_area if swept_area > 0.0 else 0.0
         lost = taken.grain * self._loss_share()
         return CropFlow(
@@ -234,7 +175,7 @@ class HeightControlHeader:
             taken.grain - lost,
             taken.straw,
             taken.area,
-            int(taken.stem_count),
+            taken.stem_count,
             fill,
             dt / NS,
             lost_grain=lost,

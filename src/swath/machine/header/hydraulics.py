@@ -1,20 +1,23 @@
 """Sensors, control law and cylinders of the header: each exact over a step for an input held over it."""
 
 from collections import deque
+from copy import copy
 from math import exp
 
 import numpy as np
 
-from swath.core.component import State
+from swath.core.component import KeepsState
 from swath.core.frames import Array
 from swath.core.schedule import NS
 
 
-class Delayed:
+class Delayed(KeepsState):
     """Readings, (n,), through a first-order smoothing and a delay.
 
     lag [s]; delay [ns]; between samples the smoothed values are taken as straight lines
     """
+
+    kept = ("_past", "_smooth")
 
     def __init__(self, start: Array, lag: float, delay: int) -> None:
         self._lag, self._delay = lag, delay
@@ -34,16 +37,6 @@ class Delayed:
             return first
         return np.asarray(first + (second - first) * ((then - t0) / (t1 - t0)))
 
-    def save(self) -> State:
-        """Smoothed values, now and as far back as the delay reaches."""
-        return {"t": [t for t, _ in self._past], "past": np.array([h for _, h in self._past])}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        past = np.array(state["past"])
-        self._past = deque(zip(state["t"], past, strict=True))
-        self._smooth = past[-1]
-
 
 class Feelers(Delayed):
     """Heights [m], (n,), through a limited range, then as `Delayed`."""
@@ -57,11 +50,13 @@ class Feelers(Delayed):
         return super().read(t, dt, np.clip(values, 0.0, self._range))
 
 
-class Controller:
+class Controller(KeepsState):
     """PI with a dead band: rate of a cylinder from an error.
 
     gain [1/s]; integral [1/s2]; the integral fades within the dead band and rests while the rate is limited
     """
+
+    kept = ("sum",)
 
     def __init__(
         self, gain: float, integral: float, dead_band: float, limits: tuple[float, float], period: float
@@ -84,8 +79,10 @@ class Controller:
         return rate
 
 
-class Cylinder:
+class Cylinder(KeepsState):
     """A cylinder behind a valve: dead time [ns], then the rate follows within a lag [s], up to a stop."""
+
+    kept = ("place", "_rate", "_wanted", "_queue")
 
     def __init__(self, dead_time: int, lag: float, stroke: tuple[float, float]) -> None:
         self._dead_time, self._lag, self._stroke = dead_time, lag, stroke
@@ -108,19 +105,9 @@ class Cylinder:
 
     def later(self, t: int, duration: int) -> float:
         """The place `duration` after t [ns] if nothing else is commanded."""
-        twin = Cylinder(self._dead_time, self._lag, self._stroke)
-        twin.load(self.save())
+        twin = copy(self)
+        twin._queue = self._queue.copy()
         return twin.advance(t, duration)
-
-    def save(self) -> State:
-        """Place, rate and the commands under way."""
-        kept = (self.place, self._rate, self._wanted)
-        return {"kept": kept, "queue": list(self._queue)}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self.place, self._rate, self._wanted = state["kept"]
-        self._queue = deque((int(t), float(rate)) for t, rate in state["queue"])
 
     def _move(self, duration: int) -> None:
         h = duration / NS

@@ -9,7 +9,7 @@ from math import exp
 
 import numpy as np
 
-from swath.core.component import State
+from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.machine.header.hydraulics import Cylinder, Delayed
@@ -17,8 +17,10 @@ from swath.machine.header.hydraulics import Cylinder, Delayed
 GYRO_LAG = 0.03  # smoothing of the rates of roll and pitch [s], estimate
 
 
-class Predictor:
+class Predictor(KeepsState):
     """feeler_lag, valve_lag [s]; feeler_delay, dead_time [ns]; knife_x: ahead of the fixed axle [m]"""
+
+    kept = ("_own", "_axes", "_rates")
 
     def __init__(
         self, feeler_lag: float, feeler_delay: int, valve_lag: float, dead_time: int, knife_x: float
@@ -36,15 +38,6 @@ class Predictor:
         rise, lean = self._turning(dt, pose)
         up = lift.later(t, self._coming) - float(seen[0]) + self._time * self._x * rise
         return up, tilt.later(t, self._coming) - float(seen[1]) + self._time * lean
-
-    def save(self) -> State:
-        """Own places as the feelers show them, the last axes, the rates."""
-        return {"own": self._own.save(), "axes": self._axes, "rates": self._rates}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._own.load(state["own"])
-        self._axes, self._rates = state["axes"], state["rates"]
 
     def _turning(self, dt: int, pose: Pose) -> tuple[float, float]:
         """Rates [1/s] at which the forward and the left axis rise, as an ideal gyro shows them, smoothed."""

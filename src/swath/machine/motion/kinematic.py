@@ -11,7 +11,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -30,8 +30,10 @@ class Params:
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
 
 
-class Kinematic:
+class Kinematic(KeepsState):
     """Rear-steered vehicle without slip. The steering angle is held over a step."""
+
+    kept = ("_x", "_y", "_yaw", "_speed", "_distance")
 
     inputs = (
         Port("steering", SteerState),
@@ -67,15 +69,6 @@ class Kinematic:
         self._yaw += turn
         self._distance += abs(travel)
         return self._output(t + dt, steer)
-
-    def save(self) -> State:
-        """Place, heading, speed, distance."""
-        return {k: getattr(self, f"_{k}") for k in ("x", "y", "yaw", "speed", "distance")}
-
-    def load(self, state: State) -> None:
-        """Back to a saved place."""
-        for key, value in state.items():
-            setattr(self, f"_{key}", value)
 
     def _output(self, t: int, steer: float) -> Outputs:
         self._follower.at(self._x, self._y, self._yaw)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import MissingExtra
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -60,8 +60,10 @@ class Params:
     substep_ms: Annotated[float, Gt(0), Le(5)] = 2.5
 
 
-class Multibody:
+class Multibody(KeepsState):
     """Rear-steered machine of rigid bodies. The steering angle is held over a step."""
+
+    kept = ("wheels", "_grain", "_aim", "_parked", "_angles", "_header", "_distance", "_unseen")
 
     inputs = (
         Port("steering", SteerState),
@@ -112,7 +114,7 @@ class Multibody:
         mj.mj_resetData(self.model, d)
         self.wheels.reset()
         self._fill(p.grain_kg, force=True)
-        self._lift = self._tilt = self._distance = 0.0
+        self._header, self._distance = (0.0, 0.0), 0.0
         self._aim, self._parked, self._unseen = 0.0, True, LOOK
         self._angles = [0.0, 0.0]
         x, y = float(self._start.position[0]), float(self._start.position[1])
@@ -146,7 +148,7 @@ class Multibody:
 
     def hold_header(self, lift: float, tilt: float) -> None:
         """Set the header: feeder raised by `lift`, header turned by `tilt` (left side up) [rad]."""
-        self._lift, self._tilt = lift, tilt
+        self._header = lift, tilt
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate over dt in equal substeps."""
@@ -160,7 +162,7 @@ class Multibody:
             self.hold_header(header.lift, header.tilt)
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
-        self.data.qpos[self._driven_q] = (*self._ackermann(steer), self._lift, self._tilt)
+        self.data.qpos[self._driven_q] = (*self._ackermann(steer), *self._header)
         self.data.qvel[self._driven] = 0.0
         before = self._ground_speed()
         for _ in range(count):
@@ -170,33 +172,17 @@ class Multibody:
 
     def save(self) -> State:
         """MuJoCo's integration state, tyre slips, drive, brake, header, grain."""
-        return {
-            "mujoco": self._state(),
-            "wheels": self.wheels.save(),
-            "grain": self._grain,
-            "aim": self._aim,
-            "parked": self._parked,
-            "angles": list(self._angles),
-            "header": (self._lift, self._tilt),
-            "distance": self._distance,
-            "unseen": self._unseen,
-        }
+        kind = self._mj.mjtState.mjSTATE_INTEGRATION
+        kept = np.empty(self._mj.mj_stateSize(self.model, kind))
+        self._mj.mj_getState(self.model, self.data, kept, kind)
+        return {**super().save(), "mujoco": kept}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._fill(state["grain"], force=True)
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         self._mj.mj_setState(self.model, self.data, state["mujoco"], kind)
-        self.wheels.load(state["wheels"])
-        self._aim, self._parked, self._angles = state["aim"], state["parked"], list(state["angles"])
-        self._lift, self._tilt = state["header"]
-        self._distance, self._unseen = state["distance"], state["unseen"]
-
-    def _state(self) -> Any:
-        kind = self._mj.mjtState.mjSTATE_INTEGRATION
-        kept = np.empty(self._mj.mj_stateSize(self.model, kind))
-        self._mj.mj_getState(self.model, self.data, kept, kind)
-        return kept
+        super().load(state)
 
     def _ackermann(self, steer: float) -> tuple[float, float]:
         """Angles of the left and the right wheel about their kingpins [rad] for a single-wheel angle."""

@@ -116,7 +116,7 @@ def held(car: Car, d: Drive) -> Moment:
 def side_force(
     slip: wp.float64, along: wp.float64, across: wp.float64, relaxation: wp.float64, car: Car
 ) -> wp.float64:
-    """Side force over load against the slip: `tyre.brush`, and at a crawl `tyre.creep_damping`."""
+    """Side force over load against the slip: the brush of tyre.py, and at a crawl `tyre.creep_damping`."""
     x = wp.min(car.stiffness * wp.abs(slip) / (THREE * car.friction), ONE)
     force = wp.sign(slip) * car.friction * x * (THREE - x * (THREE - x))
     if wp.abs(along) < CREEP_SPEED:

@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.machine.attitude import Ground
+from swath.core.component import KeepsState
+from swath.field.field import Field
 from swath.machine.soil import Brixius, Firm
 from swath.machine.tyre import creep_damping
 
@@ -32,8 +33,6 @@ REACH = 0.65  # the bed reaches this far ahead and behind, over the free radius
 POINTS = 11  # springs along; two across
 FADE_SPEED = 0.1  # rolling resistance grows to its full value up to this rim speed [m/s]
 SINK = 1.0 / 3.0  # rolling radius: free radius less this share of the deflection
-LISTS = ("_along", "_side", "loads", "air_times")
-GROUND = ("_height", "_seen", "_rise_x", "_rise_y", "_basis")
 Array = NDArray[np.float64]
 
 
@@ -74,10 +73,12 @@ class Wheel:
         return 2.0 * self.damping * self.load * sqrt(1.5 / (9.81 * self.deflection))
 
 
-class Wheels:
+class Wheels(KeepsState):
     """Forces on all wheels of a machine. Order of the rows: as the wheels were given."""
 
-    def __init__(self, ground: Ground, wheels: list[Wheel]) -> None:
+    kept = ("_along", "_side", "loads", "air_times", "_height", "_seen", "_rise_x", "_rise_y", "_basis")
+
+    def __init__(self, ground: Field, wheels: list[Wheel]) -> None:
         self._ground, self.wheels = ground, wheels
         beds = [w.bed() for w in wheels]
         self._s, self._q, self._j = (np.stack([b[i] for b in beds]) for i in range(3))
@@ -216,18 +217,6 @@ class Wheels:
         """Energy in the vertical springs [J]."""
         sunk = self._sunk(middles, axes)
         return float(0.5 * (self._rates @ (sunk * sunk).sum(axis=1)))
-
-    def save(self) -> dict[str, Any]:
-        """Slips, loads, times in the air, and the ground that was last read."""
-        kept = {k.strip("_"): list(getattr(self, k)) for k in LISTS}
-        return {**kept, "ground": [getattr(self, k).copy() for k in GROUND]}
-
-    def load(self, state: dict[str, Any]) -> None:
-        """Back to a saved moment."""
-        for key in LISTS:
-            setattr(self, key, list(state[key.strip("_")]))
-        for key, values in zip(GROUND, state["ground"], strict=True):
-            setattr(self, key, values.copy())
 
 
 def _lagged(slip: float, slide: float, pace: float, h: float, lag: float) -> float:

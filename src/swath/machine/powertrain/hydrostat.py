@@ -10,27 +10,21 @@ from typing import Annotated
 
 from annotated_types import Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, Outputs
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import MS
 from swath.field.site_setup import SiteSetup
-from swath.machine.compensated_sum import Total
-from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.machine_sheet import dynamics_of
 from swath.machine.powertrain.power_balance import (
     Powers,
-    engine_state,
+    Powertrain,
     fuel_rate,
     full_torque,
     governed_speed,
     governed_torque,
-    powers,
-    propulsion_power,
-    pull,
 )
-from swath.signals import EngineState, MachineLoad, MachineState
+from swath.signals import MachineState
 
 STALL_SHARE = 0.3  # the engine does not fall below this share of rated speed: it would stall [-]
 HEADROOM = 0.2  # a drive that yields starts from this much above the present speed [m/s]
@@ -46,60 +40,35 @@ class Params:
     substep_ms: Annotated[float, Gt(0), Le(50)] = 25.0
 
 
-class HydrostatPowertrain:
+class HydrostatPowertrain(Powertrain):
     """Engine speed and torque as states; the limit of the ground speed as a third."""
 
-    inputs = (Port("state", MachineState), Port("load", MachineLoad))
-    outputs = (Port("engine", EngineState),)
+    kept = (*Powertrain.kept, "_speed", "_torque", "_limit")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
+        super().__init__(params, setup)
         self._p = params
-        self._drivetrain, self._dynamics = drivetrain_of(setup.machine), dynamics_of(setup.machine)
-        self._width = setup.machine.header_width
 
     def reset(self, stream: Stream) -> Outputs:
         """Running without crop, as its governor holds it."""
-        e = self._drivetrain.engine
-        taken = powers(MachineLoad(0, *[0.0] * 7), 0.0, self._width, self._drivetrain)
+        e, taken = self._drivetrain.engine, self._at_rest()
         self._torque = taken.total / e.rated_speed
         self._speed = governed_speed(self._torque, e)
-        self._fuel, self._limit = Total(), self._dynamics.max_speed
-        self._before: float | None = None
-        return {"engine": self._sample(0, taken)}
+        self._limit = self._dynamics.max_speed
+        return self._sample(0, taken)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate engine and limit over dt; the powers are held."""
         state: MachineState = inputs["state"]
-        load: MachineLoad = inputs["load"]
-        h, w = dt / NS, self._drivetrain
-        accel = 0.0 if self._before is None else (state.speed - self._before) / h
-        self._before = state.speed
-        force = pull(state, accel, load.tank_content, self._dynamics)
-        driving = propulsion_power(force, state.speed, w.hydrostat.efficiency)
-        taken = powers(load, driving, self._width, w)
-        belts = taken.belts / w.engine.rated_speed
+        h, e = dt / NS, self._drivetrain.engine
+        taken, force = self._taken(state, inputs["load"], self._gained(state.speed) / h)
+        belts = taken.belts / e.rated_speed
         count = max(1, ceil(h / (self._p.substep_ms * MS) - 1e-9))
         for _ in range(count):
             self._advance(belts, taken.propulsion, h / count)
         self._limit = self._new_limit(state.speed, force, h)
-        self._fuel.add(fuel_rate(self._torque * self._speed, self._speed, w.engine) * h)
-        return {"engine": self._sample(t + dt, taken)}
-
-    def save(self) -> State:
-        """Engine speed and torque, limit, fuel, the last ground speed."""
-        return {
-            "speed": self._speed,
-            "torque": self._torque,
-            "limit": self._limit,
-            "fuel": self._fuel.save(),
-            "before": self._before,
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._speed, self._torque = state["speed"], state["torque"]
-        self._limit, self._before = state["limit"], state["before"]
-        self._fuel = Total(*state["fuel"])
+        self._fuel.add(fuel_rate(self._torque * self._speed, self._speed, e) * h)
+        return self._sample(t + dt, taken)
 
     def _rates(self, speed: float, torque: float, belts: float, power: float) -> tuple[float, float]:
         e, k = self._drivetrain.engine, self._drivetrain.consumers.speed_exponent
@@ -139,15 +108,12 @@ class HydrostatPowertrain:
         held += h * (self._p.recover_m_s2 * strength - self._dynamics.decel * (1.0 - strength))
         return max(0.0, min(limit, held))
 
-    def _sample(self, t: int, taken: Powers) -> EngineState:
-        e = self._drivetrain.engine
-        belts = taken.belts * (self._speed / e.rated_speed) ** self._drivetrain.consumers.speed_exponent
-        asked = belts / e.rated_speed + taken.propulsion / self._speed
-        load = asked / full_torque(min(self._speed, e.rated_speed), e)
-        power = self._torque * self._speed
-        return engine_state(
-            t, taken, self._speed, power, load, self._fuel.value, self._limit, self._drivetrain
-        )
+    def _sample(self, t: int, taken: Powers) -> Outputs:
+        e, speed = self._drivetrain.engine, self._speed
+        belts = taken.belts * (speed / e.rated_speed) ** self._drivetrain.consumers.speed_exponent
+        asked = belts / e.rated_speed + taken.propulsion / speed
+        load = asked / full_torque(min(speed, e.rated_speed), e)
+        return self._state(t, taken, speed=speed, power=self._torque * speed, load=load, limit=self._limit)
 
 
 LEVEL = Level(

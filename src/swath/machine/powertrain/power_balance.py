@@ -1,9 +1,14 @@
 """Who takes how much power, and what the engine can give and burns."""
 
+import math
 from dataclasses import dataclass
+from typing import ClassVar
 
-from swath.machine.drivetrain_sheet import Drivetrain, Engine
-from swath.machine.machine_sheet import Dynamics
+from swath.core.component import KeepsState, Outputs, Port
+from swath.field.site_setup import SiteSetup
+from swath.machine.compensated_sum import Total
+from swath.machine.drivetrain_sheet import Drivetrain, Engine, drivetrain_of
+from swath.machine.machine_sheet import Dynamics, dynamics_of
 from swath.machine.tyre import GRAVITY
 from swath.signals import EngineState, MachineLoad, MachineState
 
@@ -93,35 +98,47 @@ def fuel_rate(power: float, speed: float, e: Engine) -> float:
     return e.fuel_per_work * power + e.fuel_idle * speed / e.rated_speed
 
 
-def engine_state(
-    t: int,
-    p: Powers,
-    speed: float,
-    power: float,
-    load: float,
-    used: float,
-    limit: float,
-    drivetrain: Drivetrain,
-) -> EngineState:
-    """The sample: belts scaled to the engine's speed."""
-    e = drivetrain.engine
-    ratio = speed / e.rated_speed
-    r = ratio ** (1.0 + drivetrain.consumers.speed_exponent)
-    return EngineState(
-        t,
-        speed=speed,
-        speed_ratio=ratio,
-        load=load,
-        power=power,
-        fuel=fuel_rate(power, speed, e),
-        fuel_used=used,
-        header_power=p.header * r,
-        threshing_power=p.threshing * r,
-        separation_power=p.separation * r,
-        cleaning_power=p.cleaning * r,
-        chopper_power=p.chopper * r,
-        unloading_power=p.unloading * r,
-        propulsion_power=p.propulsion,
-        auxiliary_power=p.auxiliary * r,
-        speed_limit=limit,
-    )
+class Powertrain(KeepsState):
+    """What every level has: the sheet of its machine, the fuel used, the ground speed before."""
+
+    inputs = (Port("state", MachineState), Port("load", MachineLoad))
+    outputs = (Port("engine", EngineState),)
+    kept: ClassVar[tuple[str, ...]] = ("_fuel", "_before")
+
+    def __init__(self, params: object, setup: SiteSetup) -> None:
+        self._drivetrain, self._dynamics = drivetrain_of(setup.machine), dynamics_of(setup.machine)
+        self._width = setup.machine.header_width
+
+    def _at_rest(self) -> Powers:
+        """Nothing threshed, nothing burnt; the powers of running empty."""
+        self._fuel, self._before = Total(), math.nan
+        return powers(MachineLoad(0, *[0.0] * 7), 0.0, self._width, self._drivetrain)
+
+    def _gained(self, speed: float) -> float:
+        """Ground speed gained since the last step [m/s], 0 in the first."""
+        before, self._before = self._before, speed
+        return 0.0 if math.isnan(before) else speed - before
+
+    def _taken(self, state: MachineState, load: MachineLoad, accel: float) -> tuple[Powers, float]:
+        """Powers at rated speed [W] and the force at the wheels [N] at an acceleration [m/s2]."""
+        force = pull(state, accel, load.tank_content, self._dynamics)
+        driving = propulsion_power(force, state.speed, self._drivetrain.hydrostat.efficiency)
+        return powers(load, driving, self._width, self._drivetrain), force
+
+    def _state(self, t: int, p: Powers, *, speed: float, power: float, load: float, limit: float) -> Outputs:
+        """The sample, belts scaled to the speed [rad/s]. power [W]; limit: of the ground speed [m/s]."""
+        e, ratio = self._drivetrain.engine, speed / self._drivetrain.engine.rated_speed
+        r = ratio ** (1.0 + self._drivetrain.consumers.speed_exponent)
+        engine = EngineState(
+            t,
+            speed=speed,
+            speed_ratio=ratio,
+            load=load,
+            power=power,
+            fuel=fuel_rate(power, speed, e),
+            fuel_used=self._fuel.value,
+            speed_limit=limit,
+            propulsion_power=p.propulsion,
+            **{f"{name}_power": value * r for name, value in vars(p).items() if name != "propulsion"},
+        )
+        return {"engine": engine}

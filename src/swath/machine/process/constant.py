@@ -8,7 +8,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -33,8 +33,10 @@ class Params:
     swath_step_m: Annotated[float, Gt(0), Le(5)] = 0.25
 
 
-class ConstantProcess:
+class ConstantProcess(KeepsState):
     """No delay, a constant loss."""
+
+    kept = ("_totals", "_outlet")
 
     inputs = (Port("flow", CropFlow, history=True), Port("state", MachineState))
     outputs = (Port("load", MachineLoad),)
@@ -62,16 +64,6 @@ class ConstantProcess:
         self._outlet.drop(straw, inputs["state"])
         rate = NS / dt
         return {"load": self._load(t + dt, grain * rate, straw * rate, lost * rate)}
-
-    def save(self) -> State:
-        """Totals and the open end of the swath."""
-        totals = {name: total.save() for name, total in self._totals.items()}
-        return {"totals": totals, "outlet": self._outlet.save()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._totals = {name: Total(*state["totals"][name]) for name in TOTALS}
-        self._outlet.load(state["outlet"])
 
     def _load(self, t: int, grain: float, straw: float, lost: float) -> MachineLoad:
         tank_total, lost_total, straw_total = (self._totals[name].value for name in TOTALS)

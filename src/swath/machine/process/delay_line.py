@@ -8,7 +8,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -45,8 +45,10 @@ class Params:
     swath_step_m: Annotated[float, Gt(0), Le(5)] = 0.25
 
 
-class DelayLineProcess:
+class DelayLineProcess(KeepsState):
     """Feeder, then a line for the grain and a line for straw with the lost grain."""
+
+    kept = ("_feeder", "_grain", "_straw", "_grain_mixer", "_straw_mixer", "_totals", "_outlet")
 
     inputs = (Port("flow", CropFlow, history=True), Port("state", MachineState))
     outputs = (Port("load", MachineLoad),)
@@ -60,7 +62,6 @@ class DelayLineProcess:
         self._loss = p.loss_percent * PERCENT
         rear = setup.machine.body[0]
         self._outlet = StrawOutlet(setup.field, rear, p.swath_width_m, p.swath_step_m, ridge=True)
-        self._parts: dict[str, Conveyor | Mixer] = {}
 
     def reset(self, stream: Stream) -> Outputs:
         """Empty."""
@@ -69,13 +70,6 @@ class DelayLineProcess:
         self._grain = Conveyor(p.grain_delay_s - p.feed_delay_s, 1, joined=JOINED)
         self._straw = Conveyor(p.straw_delay_s - p.feed_delay_s, 2, joined=JOINED)
         self._grain_mixer, self._straw_mixer = Mixer(1), Mixer(2)
-        self._parts = {
-            "feeder": self._feeder,
-            "grain": self._grain,
-            "straw": self._straw,
-            "grain_mixer": self._grain_mixer,
-            "straw_mixer": self._straw_mixer,
-        }
         self._totals = {name: Total() for name in TOTALS}
         self._outlet.reset()
         return {"load": self._load(0, 1.0, [0.0, 0.0], [0.0, 0.0], 0.0, 0.0, 0.0)}
@@ -93,19 +87,6 @@ class DelayLineProcess:
         self._totals["straw"].add(dropped)
         self._outlet.drop(dropped, inputs["state"])
         return {"load": self._load(t + dt, h, cut, fed, tank, dropped, gone)}
-
-    def save(self) -> State:
-        """Everything inside, totals, the open end of the swath."""
-        parts = {name: part.save() for name, part in self._parts.items()}
-        totals = {name: total.save() for name, total in self._totals.items()}
-        return {"parts": parts, "totals": totals, "outlet": self._outlet.save()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        for name, part in self._parts.items():
-            part.load(state["parts"][name])
-        self._totals = {name: Total(*state["totals"][name]) for name in TOTALS}
-        self._outlet.load(state["outlet"])
 
     def _load(
         self, t: int, h: float, cut: list[float], fed: list[float], tank: float, straw: float, lost: float

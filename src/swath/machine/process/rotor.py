@@ -9,12 +9,11 @@ layer.
 """
 
 from math import exp, expm1
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.component import State
+from swath.core.component import KeepsState
 
 Array = NDArray[np.float64]
 FRONT, WIDTH, EAR, FREE, STRAW, FED, SCALE = range(
@@ -22,34 +21,26 @@ FRONT, WIDTH, EAR, FREE, STRAW, FED, SCALE = range(
 )  # rows: front and width of the length, kg, factor on rates
 
 
-def coupled(ear: Any, free: Any, threshing: Any, separation: Any) -> tuple[Any, Any]:
+def coupled(ear: float, free: float, threshing: float, separation: float) -> tuple[float, float]:
     """(grain in the ear, free grain) after a length, from those before it; both rates times the length.
 
     Exact for any two rates, equal ones too.
     """
-    gap = np.asarray(separation) - threshing
-    small = np.abs(gap) < 1e-6
-    safe = np.where(small, 1.0, gap)
-    grown = np.where(small, 1.0 + 0.5 * gap, np.expm1(safe) / safe)
-    left = np.exp(-np.asarray(separation))
-    return ear * np.exp(-np.asarray(threshing)), free * left + ear * threshing * left * grown
-
-
-def coupled_one(ear: float, free: float, threshing: float, separation: float) -> tuple[float, float]:
-    """As `coupled`, for plain numbers and many times faster."""
     gap = separation - threshing
     grown = 1.0 + 0.5 * gap if abs(gap) < 1e-6 else expm1(gap) / gap
     left = exp(-separation)
     return ear * exp(-threshing), free * left + ear * threshing * left * grown
 
 
-class Rotor:
+class Rotor(KeepsState):
     """Parcels of crop that pass through the rotors; each parcel of one step is exact on its own.
 
     A parcel has a front and a width; it is threshed until its front comes to the end, then leaves bit by bit.
     threshing, separation: rates over the whole length at the nominal layer; exponent: both go with
     layer^-exponent; passage: time through it at nominal speed [s]
     """
+
+    kept = ("_parcels",)
 
     def __init__(self, threshing: float, separation: float, exponent: float, passage: float) -> None:
         if abs(separation - threshing) < 1e-6 * threshing:
@@ -98,14 +89,6 @@ class Rotor:
         """Grain and straw in it [kg]."""
         total = self._parcels.sum(axis=1)
         return float(total[EAR] + total[FREE]), float(total[STRAW])
-
-    def save(self) -> State:
-        """The parcels."""
-        return {"parcels": self._parcels.copy()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._parcels = np.array(state["parcels"])
 
     def _leave(self) -> list[float]:
         """Take out what is beyond the end; the first parcels first."""

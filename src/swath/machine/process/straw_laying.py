@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from swath.core.abilities import Closes, HasNotes
-from swath.core.component import Component, Inputs, Outputs, Port, State
+from swath.core.component import Component, Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.field.site_setup import SiteSetup
 from swath.machine.process.straw_outlet import StrawOutlet
@@ -14,10 +14,12 @@ from swath.signals import MachineLoad, MachineState
 WIDTH, STEP = 1.4, 0.25  # of the swath [m], as the built-in levels have it
 
 
-class LaidStraw:
+class LaidStraw(KeepsState):
     """A process, and what its load grows by: `dropped_straw` laid as a swath behind the machine,
     `unloaded_grain` poured out at the end of the unloading pipe.
     """
+
+    kept = ("part", "_outlet", "_left")
 
     def __init__(self, part: Component, setup: SiteSetup) -> None:
         self.part = part
@@ -53,16 +55,6 @@ class LaidStraw:
             self._outlet.drop(max(self._left[0] - before[0], 0.0), state)
             self._pipe.pour(max(self._left[1] - before[1], 0.0), state)
         return outputs
-
-    def save(self) -> State:
-        """State of the process, the open end of the swath, and what had left the machine."""
-        return {"part": self.part.save(), "outlet": self._outlet.save(), "left": self._left}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self.part.load(state["part"])
-        self._outlet.load(state["outlet"])
-        self._left = tuple(state["left"])
 
     def close(self) -> None:
         """Let go of the process."""

@@ -1,33 +1,25 @@
 """Straw behind the machine: a swath, or chopped and spread, laid where the outlet passes."""
 
 from math import atan2, hypot
-from typing import Any, Protocol
 
 import numpy as np
 
-from swath.core.component import State
+from swath.core.component import KeepsState
 from swath.core.frames import Array
+from swath.field.field import Field
 from swath.machine.sweep import line_ends, signed_area, swept
 from swath.signals import MachineState
 
 
-class StrawGround(Protocol):
-    """The part of a field that takes straw."""
-
-    def deposit_straw(self, polygon: Array, mass: float, /, *, heading: float | None = None) -> Any:
-        """Lay straw [kg] over a convex polygon (n, 2) [m], as a ridge along a heading [rad]."""
-        ...
-
-
-class StrawOutlet:
+class StrawOutlet(KeepsState):
     """Lays straw over the ground that the outlet passed, every `step` [m] of travel.
 
     outlet_x: ahead of the fixed axle [m]; width [m]; ridge: heaped along the path, otherwise even
     """
 
-    def __init__(
-        self, ground: StrawGround, outlet_x: float, width: float, step: float, *, ridge: bool
-    ) -> None:
+    kept = ("_ends", "_origin", "_loose")
+
+    def __init__(self, ground: Field, outlet_x: float, width: float, step: float, *, ridge: bool) -> None:
         self._ground, self._step, self._ridge = ground, step, ridge
         self._outlet = (outlet_x, 0.5 * width, -0.5 * width)
         self._arm = 1.01 * hypot(outlet_x, 0.5 * width)
@@ -73,16 +65,6 @@ class StrawOutlet:
         x, y, c, s = _stance(state)
         x0, y0, c0, s0 = self._origin
         return hypot(x - x0, y - y0) + self._arm * hypot(c - c0, s - s0) < self._step
-
-    def save(self) -> State:
-        """The open end of the swath."""
-        ends = None if self._ends is None else self._ends.copy()
-        return {"ends": ends, "origin": self._origin, "loose": self._loose}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._ends = None if state["ends"] is None else np.array(state["ends"])
-        self._origin, self._loose = state["origin"], state["loose"]
 
 
 def _stance(state: MachineState) -> tuple[float, float, float, float]:

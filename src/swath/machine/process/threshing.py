@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -18,13 +18,14 @@ from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import Cleaning, drivetrain_of
-from swath.machine.process.rotor import Rotor, coupled_one
+from swath.machine.process.rotor import Rotor, coupled
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.machine.process.transport import Conveyor, Masses, Mixer, flow_delay
 from swath.machine.process.unloading_pipe import UnloadingPipe
 from swath.signals import CropFlow, EngineState, MachineLoad, MachineState
 
 TOTALS = ("tank", "lost", "straw", "unloaded")
+PARTS = ("_spread", "_header", "_feeder", "_rotor", "_shoe", "_returns", "_elevator", "_lift")
 JOINED = 0.02  # transports join what entered within this time [s], or this share of their length
 RETURNS_MAX = 0.3  # of the shoe's grain
 
@@ -67,8 +68,10 @@ class Flows:
     cleaning: float = 0.0
 
 
-class ThreshingProcess:
+class ThreshingProcess(KeepsState):
     """Transport, threshing, separation and cleaning with delays and losses that depend on the load."""
+
+    kept = (*PARTS, "_totals", "_back", "_loss_share", "_shoe_loss", "_is_unloading", "_outlet")
 
     inputs = (
         Port("flow", CropFlow, history=True),
@@ -96,21 +99,11 @@ class ThreshingProcess:
         self._returns = Conveyor(t.returns, 2, joined=JOINED)
         d = w.threshing
         self._rotor = Rotor(d.rotor_threshing, d.rotor_separation, d.rotor_exponent, t.rotor)
-        self._parts: dict[str, Conveyor | Mixer | Rotor] = {
-            "spread": self._spread,
-            "header": self._header,
-            "feeder": self._feeder,
-            "rotor": self._rotor,
-            "shoe": self._shoe,
-            "returns": self._returns,
-            "elevator": self._elevator,
-            "lift": self._lift,
-        }
 
     def reset(self, stream: Stream) -> Outputs:
         """Empty, but for the tank's start."""
-        for part in self._parts.values():
-            part.clear()
+        for part in PARTS:
+            getattr(self, part).clear()
         self._totals = {name: Total() for name in TOTALS}
         self._back = [0.0, 0.0]
         self._loss_share, self._shoe_loss, self._is_unloading = 0.0, 0.0, False
@@ -135,27 +128,6 @@ class ThreshingProcess:
         self._pipe.pour(flows.unloaded, inputs["state"])
         return {"load": self._load(t + dt, h, flows)}
 
-    def save(self) -> State:
-        """Everything inside, totals, the open end of the swath."""
-        return {
-            "parts": {name: part.save() for name, part in self._parts.items()},
-            "totals": {name: total.save() for name, total in self._totals.items()},
-            "back": list(self._back),
-            "loss": (self._loss_share, self._shoe_loss),
-            "is_unloading": self._is_unloading,
-            "outlet": self._outlet.save(),
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        for name, part in self._parts.items():
-            part.load(state["parts"][name])
-        self._totals = {name: Total(*state["totals"][name]) for name in TOTALS}
-        self._back = list(state["back"])
-        self._loss_share, self._shoe_loss = state["loss"]
-        self._is_unloading = state["is_unloading"]
-        self._outlet.load(state["outlet"])
-
     def _feed(self, cut: tuple[CropFlow, ...], h: float, ratio: float, flows: Flows) -> Masses:
         """Header and feeder house: grain and straw [kg] that reach the drum."""
         t = self._drivetrain.transport
@@ -175,7 +147,7 @@ class ThreshingProcess:
         flows.drum, flows.returns = grain + straw, sum(back)
         layer = straw / h / d.straw / max(ratio, 0.05)
         scale = threshability * max(layer, 1e-3) ** -d.drum_exponent
-        ear, free = coupled_one(grain, 0.0, d.drum_threshing * scale, d.drum_separation * scale)
+        ear, free = coupled(grain, 0.0, d.drum_threshing * scale, d.drum_separation * scale)
         chaff, through = straw * d.chaff, grain - ear - free
         crop = (ear, free, straw - chaff, grain)
         more, out = self._rotor.advance(crop, layer=layer, dt=h, ratio=ratio, threshability=threshability)

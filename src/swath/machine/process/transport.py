@@ -3,20 +3,20 @@
 from collections import deque
 from math import exp
 
-import numpy as np
-
-from swath.core.component import State
+from swath.core.component import KeepsState
 
 Masses = list[float]
 
 
-class Conveyor:
+class Conveyor(KeepsState):
     """Plug flow over a length: what enters comes out unchanged after that much path, first in, first out.
 
     length and paths are in one unit of choice: metres, seconds at nominal speed, or shares of the length.
     What enters during a step lies evenly over the path of that step, so a delay is exact to rounding however
     it falls between steps. Ways shorter than `joined` share a packet.
     """
+
+    kept = ("_path", "_packets", "_held")
 
     def __init__(self, length: float, streams: int, *, joined: float = 0.0) -> None:
         self.length, self.streams, self._joined = length, streams, joined
@@ -49,26 +49,6 @@ class Conveyor:
         """Masses on it [kg], kept up step by step."""
         return list(self._held)
 
-    def recount(self) -> Masses:
-        """Masses on it [kg], added up from its packets."""
-        held = [0.0] * self.streams
-        for _, _, masses in self._packets:
-            for k, mass in enumerate(masses):
-                held[k] += mass
-        return held
-
-    def save(self) -> State:
-        """Way and packets."""
-        rows = [[a, b, *masses] for a, b, masses in self._packets]
-        packets = np.array(rows, dtype=float).reshape(-1, 2 + self.streams)
-        return {"path": self._path, "packets": packets, "held": np.array(self._held)}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._path = float(state["path"])
-        self._held = state["held"].tolist()
-        self._packets = deque((row[0], row[1], row[2:]) for row in state["packets"].tolist())
-
     def _leave(self, until: float) -> Masses:
         out = [0.0] * self.streams
         packets = self._packets
@@ -84,8 +64,10 @@ class Conveyor:
         return out
 
 
-class Mixer:
+class Mixer(KeepsState):
     """A well-mixed volume: d(held)/dt = in - held / lag, solved exactly for an even inflow over a step."""
+
+    kept = ("_held",)
 
     def __init__(self, streams: int) -> None:
         self.streams = streams
@@ -111,14 +93,6 @@ class Mixer:
     def held(self) -> Masses:
         """Masses in it [kg]."""
         return list(self._held)
-
-    def save(self) -> State:
-        """Masses in it."""
-        return {"held": np.array(self._held)}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._held = state["held"].tolist()
 
 
 def flow_delay(held: float, delay: float, flow: float, exponent: float) -> float:

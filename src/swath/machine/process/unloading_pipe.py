@@ -1,30 +1,18 @@
 """The unloading pipe of a grain tank: where grain that leaves the tank comes out."""
 
-from typing import Protocol
-
 import numpy as np
 
 from swath.core.frames import Array
-from swath.field.grain import GrainReceiver
+from swath.field.site_setup import SiteSetup
 from swath.signals import MachineState
-from swath.signals.setup import MachineGeometry
 
 BESIDE_HEADER = 1.5  # of the pipe's end, leftward beyond the header [m]: the middle of a cart; an estimate
-
-
-class PipeSetup(Protocol):
-    """What the pipe asks of a setup."""
-
-    @property
-    def machine(self) -> MachineGeometry: ...
-    @property
-    def receiver(self) -> GrainReceiver: ...
 
 
 class UnloadingPipe:
     """Pours grain out at its end: to the left of the header, over the fixed axle, at the top of the body."""
 
-    def __init__(self, setup: PipeSetup) -> None:
+    def __init__(self, setup: SiteSetup) -> None:
         machine = setup.machine
         left = machine.header_y + 0.5 * machine.header_width + BESIDE_HEADER
         self._setup = setup

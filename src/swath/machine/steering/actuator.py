@@ -15,7 +15,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -41,8 +41,10 @@ class Params:
     dead_band_percent: Annotated[float, Ge(0), Lt(90)] | None = None
 
 
-class Actuator:
+class Actuator(KeepsState):
     """Angle servo with a queue of commands that have not arrived yet."""
+
+    kept = ("_angle", "_wanted", "_seen", "_queue")
 
     inputs = (Port("command", SteerCommand),)
     outputs = (Port("steering", SteerState),)
@@ -78,20 +80,6 @@ class Actuator:
             self._wanted = wanted_angle(arrived, self._machine, self._angle)
         self._turn(end - now)
         return {"steering": SteerState(end, self._angle, self._rate())}
-
-    def save(self) -> State:
-        """Angle, target and the commands under way."""
-        return {
-            "angle": self._angle,
-            "wanted": self._wanted,
-            "seen": self._seen,
-            "queue": [(at, c.t, c.curvature, c.is_engaged) for at, c in self._queue],
-        }
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._angle, self._wanted, self._seen = state["angle"], state["wanted"], state["seen"]
-        self._queue = deque((at, SteerCommand(t, kappa, on)) for at, t, kappa, on in state["queue"])
 
     def _turn(self, duration: int) -> None:
         error = self._wanted - self._angle

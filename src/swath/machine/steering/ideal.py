@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import atan
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -28,8 +28,10 @@ def wanted_angle(command: SteerCommand, machine: MachineGeometry, held: float) -
     return min(max(angle, -machine.max_steer), machine.max_steer)
 
 
-class IdealSteering:
+class IdealSteering(KeepsState):
     """No dead time, no rate limit, no lag."""
+
+    kept = ("_angle",)
 
     inputs = (Port("command", SteerCommand),)
     outputs = (Port("steering", SteerState),)
@@ -47,14 +49,6 @@ class IdealSteering:
         before = self._angle
         self._angle = wanted_angle(inputs["command"], self._machine, before)
         return {"steering": SteerState(t + dt, self._angle, (self._angle - before) * NS / dt)}
-
-    def save(self) -> State:
-        """The angle."""
-        return {"angle": self._angle}
-
-    def load(self, state: State) -> None:
-        """Back to a saved angle."""
-        self._angle = state["angle"]
 
 
 LEVEL = Level(

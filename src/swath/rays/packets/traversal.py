@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.memory_layout import PlantLibrary
+from swath.kernels import filled
 from swath.rays.device import ThreadPool, start_warp
 from swath.rays.hits import Hits
 from swath.rays.packets.index import PacketIndex, make_index
@@ -45,15 +46,7 @@ class PacketTraversal:
 
         self.library, self._pool = library, pool
         self.index: PacketIndex = make_index(library)
-        shared, index = Index(), self.index
-        shared.columns, shared.bins = index.columns, index.bins
-        shared.side, shared.bin_height, shared.step = index.side, index.bin_height, index.step
-        shared.halo = index.halo
-        shared.extent = wp.vec3(*index.extent)
-        shared.start = wp.array(index.start, dtype=wp.int32, device="cpu", copy=False)
-        shared.primitive = wp.array(index.primitive, dtype=wp.int32, device="cpu", copy=False)
-        shared.coarse = wp.array(index.coarse, dtype=wp.int16, device="cpu", copy=False)
-        self._shared, self._job = shared, np.zeros(1, JOB)
+        self._shared, self._job = filled(Index, **vars(self.index)), np.zeros(1, JOB)
         self._launch: Any = None
         self._version = -1
 

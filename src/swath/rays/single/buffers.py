@@ -6,6 +6,7 @@ import numpy as np
 
 from swath.field.memory_layout import Solids
 from swath.field.solids import NOTHING, solid_count
+from swath.kernels import filled
 from swath.rays.device import start_warp
 from swath.rays.geometry import make_solid_arrays
 
@@ -41,15 +42,8 @@ class BeamBuffer:
         if self._struct is None:
             from swath.rays.single.kernel import Beams
 
-            beams = Beams()
-            beams.count = self.count
-            beams.origins, beams.directions = share(self.origins), share(self.directions)
-            beams.normal, beams.score, beams.distance = (
-                share(a) for a in (self.normal, self.score, self.distance)
-            )
-            beams.kind, beams.cell, beams.flags = (share(a) for a in (self.kind, self.cell, self.flags))
-            beams.cosine, beams.reflectance = share(self.cosine), share(self.reflectance)
-            self._struct = beams
+            arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+            self._struct = filled(Beams, count=self.count, **arrays)
         return self._struct
 
     def record(self, kernel: Any, inputs: list[Any], *, threads: int | None = None) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 from numpy.typing import NDArray
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -66,12 +66,14 @@ class Params:
     shadows: bool = True
 
 
-class RaysCamera:
+class RaysCamera(KeepsState):
     """A camera on a machine.
 
     pinhole: its intrinsics; mounting, optical: pose_machine_sensor of the body frame (x forward) and of the
     optical frame (z forward)
     """
+
+    kept = ("_last", "ray_count")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.params, self.setup = params, setup
@@ -126,14 +128,6 @@ class RaysCamera:
         nearest = np.where(np.isnan(depths), np.inf, depths).argmin(axis=2)[..., None]
         depth, label = (np.take_along_axis(a, nearest, axis=2)[..., 0] for a in (depths, labels))
         return self._image(t, depth.astype(np.float32), label, colour)
-
-    def save(self) -> State:
-        """The last pose and the ray counter."""
-        return {"last": self._last, "ray_count": self.ray_count}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._last, self.ray_count = state["last"], state["ray_count"]
 
     def _light(self, hits: Hits, eye: F64, directions: F64, solids: Solids, t: int) -> F64:
         """Linear light that comes along each ray, (..., 3)."""

@@ -8,17 +8,18 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, Outputs
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.signals import FeedReading, LossReading, MachineLoad, YieldReading
+from swath.sensing.crop_flow.ideal import IdealCropFlow
+from swath.signals import MachineLoad
 
 Share = Annotated[float, Ge(0), Le(100)]
 Seconds = Annotated[float, Ge(0), Le(60)]
-READINGS = ("feed", "yield", "moisture", "tank", "separation", "cleaning")
+SENSORS = ("feed", "yield", "moisture", "tank", "loss", "loss")  # in the order of `IdealCropFlow.truth`
 
 
 @dataclass(frozen=True)
@@ -56,53 +57,33 @@ class Params:
     loss_noise_percent: Share = 10.0
 
 
-class DelayedCropFlow:
+class DelayedCropFlow(IdealCropFlow):
     """Six sensors, one beside the other."""
 
-    inputs = (Port("load", MachineLoad),)
-    outputs = (Port("feed", FeedReading), Port("grain", YieldReading), Port("loss", LossReading))
+    kept = ("_lines", "_smooth")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        p = params
-        self._moisture = p.moisture_percent * PERCENT
-        loss = (p.loss_delay_s, p.loss_lag_s)
-        self._delay, self._lag = np.array(
-            [
-                (p.feed_delay_s, p.feed_lag_s),
-                (p.yield_delay_s, p.yield_lag_s),
-                (p.moisture_delay_s, p.moisture_lag_s),
-                (0.0, p.tank_lag_s),
-                loss,
-                loss,
-            ]
-        ).T
-        self._scale_sd, self._noise_sd = (
-            PERCENT
-            * np.array(
-                [
-                    (p.feed_scale_percent, p.feed_noise_percent),
-                    (p.yield_scale_percent, p.yield_noise_percent),
-                    (p.moisture_scale_percent, p.moisture_noise_percent),
-                    (0.0, p.tank_noise_percent),
-                    (p.loss_scale_percent, p.loss_noise_percent),
-                    (p.loss_scale_percent, p.loss_noise_percent),
-                ]
-            ).T
+        super().__init__(params, setup)
+        given = vars(params)
+        self._delay, self._lag, scale, noise = (
+            np.array([given.get(f"{sensor}_{what}", 0.0) for sensor in SENSORS])
+            for what in ("delay_s", "lag_s", "scale_percent", "noise_percent")
         )
+        self._scale_sd, self._noise_sd = PERCENT * scale, PERCENT * noise
         self._counts = [round(d / setup.period) for d in self._delay.tolist()]
 
     def reset(self, stream: Stream) -> Outputs:
         """Draw the scale errors; nothing flows."""
         self._stream = stream
-        self._scale = 1.0 + self._scale_sd * stream.at(0).standard_normal(len(READINGS))
-        start = self._truth(MachineLoad(0, *[0.0] * 7))
-        self._lines = [deque([v] * n) for v, n in zip(start.tolist(), self._counts, strict=True)]
-        self._smooth = start
-        return self._readings(0, self._smooth)
+        self._scale = 1.0 + self._scale_sd * stream.at(0).standard_normal(len(SENSORS))
+        start = self.truth(MachineLoad(0, *[0.0] * 7))
+        self._lines = [deque([v] * n) for v, n in zip(start, self._counts, strict=True)]
+        self._smooth = np.array(start)
+        return self.readings(0, start)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Readings at t + dt; a delay is rounded to whole steps."""
-        now = self._truth(inputs["load"]).tolist()
+        now = self.truth(inputs["load"])
         arrived = []
         for line, value in zip(self._lines, now, strict=True):
             line.append(value)
@@ -110,32 +91,10 @@ class DelayedCropFlow:
         h = dt / NS
         kept = np.array([exp(-h / lag) if lag > 0.0 else 0.0 for lag in self._lag.tolist()])
         self._smooth = np.array(arrived) + (self._smooth - arrived) * kept
-        noise = self._noise_sd * self._stream.at(t + dt).standard_normal(len(READINGS))
+        noise = self._noise_sd * self._stream.at(t + dt).standard_normal(len(SENSORS))
         read = self._smooth * self._scale * (1.0 + noise)
         read[3] = self._smooth[3] + noise[3]
-        return self._readings(t + dt, np.maximum(read, 0.0))
-
-    def save(self) -> State:
-        """What is on its way, and the smoothed values."""
-        return {"lines": [np.array(line) for line in self._lines], "smooth": self._smooth.copy()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._lines = [deque(line.tolist()) for line in state["lines"]]
-        self._smooth = np.array(state["smooth"])
-
-    def _truth(self, load: MachineLoad) -> np.ndarray:
-        rotors = load.threshing_loss + load.separation_loss
-        flows = (load.feeder_flow, load.grain_flow, self._moisture, load.tank_level)
-        return np.array([*flows, rotors, load.cleaning_loss])
-
-    def _readings(self, t: int, read: np.ndarray) -> Outputs:
-        feed, grain, moisture, tank, separation, cleaning = read.tolist()
-        return {
-            "feed": FeedReading(t, feed),
-            "grain": YieldReading(t, grain, moisture, tank),
-            "loss": LossReading(t, separation, cleaning),
-        }
+        return self.readings(t + dt, np.maximum(read, 0.0).tolist())
 
 
 LEVEL = Level(

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
@@ -21,7 +21,7 @@ class Params:
     reach_m: Annotated[float, Gt(0), Le(20)] = 3.0
 
 
-class TruthEdge:
+class TruthEdge(KeepsState):
     """Looks the edge up in the field's cut cells at three distances ahead."""
 
     inputs = (Port("state", MachineState),)
@@ -45,13 +45,6 @@ class TruthEdge:
         curvature = float(2 * bend * np.cos(heading) ** 3)
         edge = CropEdge(t + dt, float(offset), heading, curvature, float(x[1]), 1.0, np.nan, np.nan)
         return {"edge": edge}
-
-    def save(self) -> State:
-        """Nothing to keep."""
-        return {}
-
-    def load(self, state: State) -> None:
-        """Nothing to restore."""
 
 
 def true_offset(setup: SiteSetup, state: MachineState, x: float, reach: float) -> float:

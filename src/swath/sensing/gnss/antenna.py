@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import State
+from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
@@ -28,8 +28,10 @@ class Place:
     z_m: Annotated[float, Gt(0), Le(30)] = 3.9
 
 
-class Antenna:
+class Antenna(KeepsState):
     """Path of an antenna. mounting: pose_machine_sensor; reach: how far back it is asked for [ns]."""
+
+    kept = ("_states",)
 
     def __init__(self, place: Place, reach: int = 0) -> None:
         self.mounting = Pose.from_euler((place.x_m, place.y_m, place.z_m))
@@ -60,14 +62,6 @@ class Antenna:
         position, rotation = poses_at(self._states, times)
         place = position + rotation @ self.mounting.position
         return place[0], (place[2] - place[1]) * (NS / WINDOW)
-
-    def save(self) -> State:
-        """The states that are still needed."""
-        return {"states": tuple(self._states)}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._states = list(state["states"])
 
 
 def fix_of(

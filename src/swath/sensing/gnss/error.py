@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -78,8 +78,10 @@ class Params:
         return replace(own, **{k: v for k, v in given.items() if v is not None})
 
 
-class ErrorGnss:
+class ErrorGnss(KeepsState):
     """The true place, late and a little off."""
+
+    kept = ("_wander", "_antenna")
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("fix", Fix),)
@@ -128,15 +130,6 @@ class ErrorGnss:
         if t < 0:
             return 0
         return min((q for begin, end, q in self._losses if begin <= t < end), default=self._own)
-
-    def save(self) -> State:
-        """Where the wandering errors stand, and the states under way."""
-        return {"wander": self._wander.copy(), **self._antenna.save()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._wander = np.array(state["wander"])
-        self._antenna.load(state)
 
 
 LEVEL = Level(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
@@ -17,8 +17,10 @@ class Params:
     antenna: Place = field(default_factory=Place)
 
 
-class IdealGnss:
+class IdealGnss(KeepsState):
     """Passes the truth on, without delay."""
+
+    kept = ("_antenna",)
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("fix", Fix),)
@@ -39,14 +41,6 @@ class IdealGnss:
         position, velocity = self._antenna.at(t + dt)
         quality = FIX_QUALITIES.index("fix")
         return {"fix": fix_of(t + dt, self._setup, position, velocity, (0.0, 0.0, 0.0), quality)}
-
-    def save(self) -> State:
-        """The states that the next velocity needs."""
-        return self._antenna.save()
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._antenna.load(state)
 
 
 LEVEL = Level(

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -42,8 +42,10 @@ class Params:
     accel_scale_percent: Share = 0.1
 
 
-class ErrorImu:
+class ErrorImu(KeepsState):
     """The true rates and forces, scaled, biased and noisy."""
+
+    kept = ("_bias", "_motion")
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("inertial", Inertial),)
@@ -75,15 +77,6 @@ class ErrorImu:
         seconds = dt / NS
         self._bias = self._bias + self._walk * sqrt(seconds) * walk
         return self._read(t + dt, self._motion.take(inputs["state"]), self._density / sqrt(seconds) * white)
-
-    def save(self) -> State:
-        """The bias, and the last state and velocity."""
-        return {"bias": self._bias.copy(), **self._motion.save()}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._bias = np.array(state["bias"])
-        self._motion.load(state)
 
     def _read(self, t: int, truth: tuple[F64, F64], noise: F64) -> Outputs:
         rate, force = np.stack(truth) * self._scale + self._bias + noise

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
@@ -17,8 +17,10 @@ class Params:
     mount: Place = field(default_factory=Place)
 
 
-class IdealImu:
+class IdealImu(KeepsState):
     """Passes the truth on."""
+
+    kept = ("_motion",)
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("inertial", Inertial),)
@@ -35,14 +37,6 @@ class IdealImu:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One sample at t + dt."""
         return {"inertial": sample_of(t + dt, *self._motion.take(inputs["state"]))}
-
-    def save(self) -> State:
-        """The last state and velocity."""
-        return self._motion.save()
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._motion.load(state)
 
 
 LEVEL = Level(

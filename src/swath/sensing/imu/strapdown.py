@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core.component import State
+from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.units import DEG
@@ -48,8 +48,10 @@ class Place:
         return Pose.from_euler((self.x_m, self.y_m, self.z_m), *angles)
 
 
-class Strapdown:
+class Strapdown(KeepsState):
     """Watches the states go by. mounting: pose_machine_sensor."""
+
+    kept = ("_last", "_velocity", "_reading")
 
     def __init__(self, mounting: Pose) -> None:
         self.mounting = mounting
@@ -76,14 +78,6 @@ class Strapdown:
             self._reading = self._between(path)
         self._last = path[-1] if path else None
         return self._reading
-
-    def save(self) -> State:
-        """The last state, velocity and reading."""
-        return {"last": self._last, "velocity": self._velocity, "reading": self._reading}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._last, self._velocity, self._reading = state["last"], state["velocity"], state["reading"]
 
     def _between(self, path: Sequence[MachineState]) -> tuple[F64, F64]:
         first, last = path[0].pose.rotation, path[-1].pose.rotation

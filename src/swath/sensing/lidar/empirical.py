@@ -43,6 +43,8 @@ class Params(OutdoorParams):
 class EmpiricalLidar(ScanningLidar):
     """Scans bodies with a moving scanner."""
 
+    kept = (*ScanningLidar.kept, "_clamped", "_notes")
+
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
         self.params = params
@@ -88,14 +90,9 @@ class EmpiricalLidar(ScanningLidar):
         """What the user of a run should know of the scanner and of the table, each once."""
         return [*self.scanner.notes, *self._notes]
 
-    def save(self) -> State:
-        """As every scanner, and what was noted."""
-        return {**super().save(), "clamped": self._clamped, "notes": list(self._notes)}
-
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         super().load(state)
-        self._clamped, self._notes = state["clamped"], list(state["notes"])
         self._ensured = (math.inf, math.inf)
 
     def _ensure(self, middle: F64) -> None:

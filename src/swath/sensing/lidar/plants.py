@@ -87,7 +87,7 @@ class PlantsLidar(ScanningLidar):
             air = self._stream.child("weather").at(t)
             distance, albedo = disturb(self.params.weather, distance, albedo, self.sheet.range_min, air)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
-        measured = self.scanner.measure(echoes.distance, rng, echoes.signal)
+        measured = self.scanner.noise.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
 

@@ -62,6 +62,8 @@ class ReplayLidar(ScanningLidar):
     beam_count: beams since the start; unmeasured_count: those that ended where nothing was measured
     """
 
+    kept = (*ScanningLidar.kept, "beam_count", "unmeasured_count")
+
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
         self.params = params
@@ -117,14 +119,9 @@ class ReplayLidar(ScanningLidar):
             found.append(f"lidar: {share:.2g} % of the beams ended where nothing was measured")
         return found
 
-    def save(self) -> State:
-        """As every scanner, and the counters; what was cut is the field's to remember."""
-        return {**super().save(), "counts": (self.beam_count, self.unmeasured_count)}
-
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         super().load(state)
-        self.beam_count, self.unmeasured_count = state["counts"]
         self.watch.forget()
 
 

@@ -2,11 +2,11 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, State
+from swath.core.component import Inputs, KeepsState, Outputs
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.site_setup import SiteSetup
@@ -28,11 +28,13 @@ class OutdoorParams(ScannerParams):
     weather: Weather = field(default_factory=Weather)
 
 
-class ScanningLidar(ABC):
+class ScanningLidar(KeepsState, ABC):
     """A scanner on a moving machine; a level says what its beams meet.
 
     scanner: its beams, noise and sheet; ray_count: rays since the start
     """
+
+    kept: ClassVar[tuple[str, ...]] = ("_last", "ray_count")
 
     def __init__(self, params: ScannerParams, setup: SiteSetup, *, echo_count: int = 1) -> None:
         angle_noise, dropout = None, 0.0
@@ -71,11 +73,3 @@ class ScanningLidar(ABC):
     def notes(self) -> list[str]:
         """What the user of a run should know of the scanner."""
         return self.scanner.notes
-
-    def save(self) -> State:
-        """The last pose and the ray counter; constants follow from the stream."""
-        return {"last": self._last, "ray_count": self.ray_count}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._last, self.ray_count = state["last"], state["ray_count"]

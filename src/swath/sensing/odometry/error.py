@@ -5,7 +5,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
@@ -36,7 +36,7 @@ class Params:
     steer_noise_deg: Angle = 0.05
 
 
-class ErrorOdometry:
+class ErrorOdometry(KeepsState):
     """Truth, scaled, biased and noisy."""
 
     inputs = (Port("state", MachineState), Port("steering", SteerState))
@@ -69,13 +69,6 @@ class ErrorOdometry:
                 float(steering.angle + self._steer_bias + p.steer_noise_deg * DEG * noise[2]),
             )
         }
-
-    def save(self) -> State:
-        """Nothing to keep: the constants follow from the stream, the noise from the time."""
-        return {}
-
-    def load(self, state: State) -> None:
-        """Nothing to restore."""
 
 
 LEVEL = Level(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
@@ -14,7 +14,7 @@ class Params:
     """No parameters."""
 
 
-class IdealOdometry:
+class IdealOdometry(KeepsState):
     """Passes the truth on."""
 
     inputs = (Port("state", MachineState), Port("steering", SteerState))
@@ -32,13 +32,6 @@ class IdealOdometry:
         state: MachineState = inputs["state"]
         steering: SteerState = inputs["steering"]
         return {"odometry": Odometry(t + dt, state.speed, state.yaw_rate, steering.angle)}
-
-    def save(self) -> State:
-        """Nothing to keep."""
-        return {}
-
-    def load(self, state: State) -> None:
-        """Nothing to restore."""
 
 
 LEVEL = Level(IdealOdometry, Params, "true speed, yaw rate and steer angle", cost="none", tolerance="exact")

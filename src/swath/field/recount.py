@@ -1,62 +1,14 @@
-"""Counting and recounting the cells of pages."""
+"""What is gone from a field, counted anew from the codes of its cells: the check of what cuts returned."""
 
-from dataclasses import dataclass
 from math import fsum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.cut_result import (
-    TILE_CELLS,
-    Cut,
-    StemIndex,
-    cell_in_tile,
-    rows_inside,
-    split_at_tiles,
-)
+from swath.field.cut_result import TILE_CELLS, Cut, StemIndex, cell_in_tile
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
 from swath.field.pages import Codes, PageStore, inflate_codes
 from swath.field.tile_generator import PageMaker
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-PAGE_CELLS = PAGE_CUT_CELLS * PAGE_CUT_CELLS
-
-
-@dataclass(frozen=True)
-class _Runs:
-    """Runs of cells within one tile each. slot: of the page; tile_x, tile_y, cell_x, cell_y: tile in the
-    page and first cell in the tile; length [cells].
-    """
-
-    slot: Ints
-    tile_x: Ints
-    tile_y: Ints
-    cell_x: Ints
-    cell_y: Ints
-    length: Ints
-
-    def take(self, which: NDArray[np.bool_]) -> "_Runs":
-        """Some of the runs."""
-        return _Runs(*(getattr(self, n)[which] for n in self.__dataclass_fields__))
-
-
-def standing_share(store: PageStore, polygon: Array) -> float:
-    """Number of standing cells within a polygon (cell units)."""
-    runs = _runs(store, polygon)
-    p = store.pages
-    fraction = p.tile_stand[runs.slot, runs.tile_y, runs.tile_x, 3]
-    row = p.cut_slot[runs.slot]
-    runs_alive = fraction > 0.0
-    whole = runs_alive & (row == -1 - STANDING)
-    total = int(runs.length[whole].sum())
-    dense = runs.take(runs_alive & (row >= 0))
-    base = p.cut_slot[dense.slot].astype(np.int64) * PAGE_CELLS
-    base += (dense.tile_y * TILE_CELLS + dense.cell_y) * PAGE_CUT_CELLS
-    base += dense.tile_x * TILE_CELLS + dense.cell_x
-    before = np.cumsum(dense.length) - dense.length
-    flat = np.arange(int(dense.length.sum())) + np.repeat(base - before, dense.length)
-    return total + int(np.count_nonzero(p.cut.reshape(-1)[flat] == STANDING))
 
 
 def recount_pages(store: PageStore, maker: PageMaker, stems: StemIndex) -> Cut:
@@ -105,25 +57,6 @@ def _recount_tile(
     area = float(np.count_nonzero(newly)) * cell**2 if stand[3] > 0.0 else 0.0
     gone = (then == STANDING) & (after != STANDING) & stems.is_crop[mine]
     return Cut(grain, straw, int(np.count_nonzero(gone)), area, left)
-
-
-def _runs(store: PageStore, polygon: Array) -> _Runs:
-    """Cells of a polygon as runs; the pages they lie on are brought into memory."""
-    row, first, after = split_at_tiles(*rows_inside(polygon))
-    i, j = first // PAGE_CUT_CELLS, row // PAGE_CUT_CELLS
-    slot = np.empty(len(row), np.int64)
-    if row.size:
-        i0, j0, nx = int(i.min()), int(j.min()), int(i.max() - i.min()) + 1
-        pair = (j - j0) * nx + (i - i0)
-        found = np.flatnonzero(np.bincount(pair))
-        places = [(i0 + int(n) % nx, j0 + int(n) // nx) for n in found]
-        store.need(places)
-        lookup = np.zeros(int(found[-1]) + 1, np.int64)
-        for n, key in zip(found, places, strict=True):
-            lookup[n] = store.keys[key]
-        slot = lookup[pair]
-    x, y = first - i * PAGE_CUT_CELLS, row - j * PAGE_CUT_CELLS
-    return _Runs(slot, x // TILE_CELLS, y // TILE_CELLS, x % TILE_CELLS, y % TILE_CELLS, after - first)
 
 
 def _full(codes: Codes) -> NDArray[np.uint8]:
