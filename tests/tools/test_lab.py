@@ -10,10 +10,9 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.distributions import wasserstein1
-from swath.tools.lab.comparison import compare_levels, describe, rating_of, repeatability
+from swath.tools.lab.comparison import compare_levels, describe, list_rows, rating_of, repeatability
 from swath.tools.lab.lab import Case, CaseHeights, Lab, Settings, run_lab
 from swath.tools.lab.measured_heights import MeasuredHeights, read_measured
-from swath.tools.lab.table import list_rows
 
 TINY = {"densities": (150.0,), "sensors": ("sick-lms511-hr",), "depressions_deg": (45.0,)}
 TINY |= {"passes": 1, "stops": 2, "levels": ("plants",)}

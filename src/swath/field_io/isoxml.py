@@ -75,7 +75,7 @@ def read_taskdata(path: Path) -> TaskData:
     Raises InputError when nothing can be read: no TASKDATA.XML, no time log, no whole record in any.
     """
     path = Path(path)
-    files = dict(task_files(path))
+    files = task_files(path)
     if "TASKDATA.XML" not in files:
         raise InputError("taskdata", None, "expected a TASKDATA.XML beside the time logs", file=path)
     described = _read_description(files)

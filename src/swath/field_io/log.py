@@ -224,7 +224,7 @@ def _assemble(
     """Project, sort, tell machines apart and fill in what follows from other columns."""
     epsg = utm_epsg(*np.median(lon_lat, axis=0))
     east, north = transform(lon_lat, "EPSG:4326", f"EPSG:{epsg}").T
-    names, machine, notes = _declared_machines(table, found, good)
+    names, machine, notes = declared_machines(table, found, good)
     if "time" in found.columns:
         order = np.lexsort((values["time"], machine))
     else:
@@ -262,15 +262,17 @@ def _assemble(
     )  # fmt: skip
 
 
-def _declared_machines(
-    table: Table, found: ColumnMap, good: NDArray[np.bool_]
+def declared_machines(
+    table: Table, found: ColumnMap, rows: Any = slice(None)
 ) -> tuple[tuple[str, ...], NDArray[np.int64], list[str]]:
+    """Names of the machines in some rows, the index of that of each row, (n,), and what was assumed."""
+    one = ("1",), np.zeros(len(table.row_number[rows]), dtype=np.int64)
     if "machine" not in found.columns:
-        return ("1",), np.zeros(int(good.sum()), dtype=np.int64), []
-    texts = np.array(table.texts(found.columns["machine"].column))[good]
+        return *one, []
+    texts = np.array(table.texts(found.columns["machine"].column))[rows]
     names, machine = np.unique(texts, return_inverse=True)
     if len(names) > 50:
-        return ("1",), np.zeros(len(texts), dtype=np.int64), [f"{len(names)} machine names: column not used"]
+        return *one, [f"{len(names)} machine names: column not used"]
     shown = tuple("".join(c if c.isprintable() else "?" for c in str(n)[:60]) for n in names)
     return shown, machine.astype(np.int64), []
 

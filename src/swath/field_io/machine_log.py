@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field_io.columns import ColumnMap, find_columns, guess
-from swath.field_io.log import PLAUSIBLE, not_working, si_values
+from swath.field_io.log import PLAUSIBLE, declared_machines, not_working, si_values
 from swath.field_io.table import Table, read_table
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
         raise InputError("log.header", None, f"expected a column for {', '.join(missing)}", file=path)
     if len(table.row_number) < 2:
         raise InputError("log", len(table.row_number), "expected at least two whole rows", file=path)
-    names, machine = _machines(table, found)
+    names, machine, notes = declared_machines(table, found)
     order, time, duration, gap = _clock(table, found, machine)
     keys = ("speed", "grain_flow", "header_width", "elevation", *there)
     values = {k: _limited(table, found, k)[order] for k in keys}
@@ -92,7 +92,17 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
     measured = {k: values[k] for k in there}
     width = values["header_width"]
     return MachineLog(
-        machine[order], time, duration, gap, speed, width, flow, grade, measured, names, table.notes
+        machine[order],
+        time,
+        duration,
+        gap,
+        speed,
+        width,
+        flow,
+        grade,
+        measured,
+        names,
+        (*table.notes, *notes),
     )
 
 
@@ -101,13 +111,6 @@ def _limited(table: Table, found: ColumnMap, key: str) -> Array:
     values = si_values(table, found, key)
     low, high = LIMITS[key]
     return np.where((values >= low) & (values <= high), values, np.nan)
-
-
-def _machines(table: Table, found: ColumnMap) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    if "machine" not in found.columns:
-        return ("1",), np.zeros(len(table.row_number), dtype=np.int64)
-    names, index = np.unique(table.texts(found.columns["machine"].column), return_inverse=True)
-    return tuple(str(n) for n in names), index.astype(np.int64)
 
 
 def _clock(

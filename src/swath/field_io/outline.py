@@ -12,6 +12,7 @@ from swath.core.errors import InputError, MissingExtra
 from swath.field.projection import known_crs, transform
 from swath.field_io.clean import Cleaned
 from swath.field_io.table import shapefile_parts
+from swath.field_io.taskfiles import readable
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
@@ -26,23 +27,15 @@ def read_outline(path: Path, epsg: int) -> Any:
     Several polygons are united; the largest part is the field. Raises InputError.
     """
     shapely = _shapely()
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise InputError(
-                "boundary", path.stat().st_size, f"expected at most {LARGEST_BYTES} bytes", file=path
-            )
+    with readable("boundary", "GeoJSON or a polygon shapefile", path):
+        size = path.stat().st_size
+        if size > LARGEST_BYTES:
+            raise InputError("boundary", size, f"expected at most {LARGEST_BYTES} bytes", file=path)
         with path.open("rb") as stream:
             zipped = stream.read(4) == b"PK\x03\x04"
         is_bare = path.suffix.lower() == ".shp"
-        read = _from_zip if zipped else _from_shp if is_bare else _from_geojson
-        geometries, crs = read(path)
+        geometries, crs = (_from_zip if zipped else _from_shp if is_bare else _from_geojson)(path)
         shapes = [shapely.geometry.shape(g) for g in geometries]
-    except InputError:
-        raise
-    except Exception as error:  # whatever json, zipfile, pyshp and shapely meet in a damaged file
-        raise InputError(
-            "boundary", None, f"expected GeoJSON or a polygon shapefile: {_reason(error)}", file=path
-        ) from error
     polygons = [s for s in shapes if s.geom_type in ("Polygon", "MultiPolygon") and not s.is_empty]
     if not polygons:
         raise InputError("boundary", [s.geom_type for s in shapes][:3], "expected a polygon", file=path)
@@ -138,10 +131,6 @@ def _largest(shape: Any, path: Path | None) -> Any:
     if not parts:
         raise InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
     return max(parts, key=lambda p: p.area)
-
-
-def _reason(error: Exception) -> str:
-    return str(error).splitlines()[0][:120] if str(error) else type(error).__name__
 
 
 def _shapely() -> Any:

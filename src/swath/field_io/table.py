@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
 from swath.field_io.isoxml import is_taskdata, read_taskdata
+from swath.field_io.taskfiles import readable
 
 Array = NDArray[np.float64]
 LARGEST_BYTES = 1 << 30  # of an unpacked log; a season of one combine is about 1e8
@@ -144,27 +145,16 @@ def _read_shapefile(path: Path) -> Table:
         import shapefile
     except ImportError as error:
         raise MissingExtra("geo", "reading a shapefile") from error
-    try:
-        with zipfile.ZipFile(path) as archive:
-            parts = shapefile_parts(archive, path)
-            if "dbf" not in parts:
-                raise InputError("log", None, "expected a .dbf beside the .shp in the archive", file=path)
-            reader = shapefile.Reader(
-                shp=io.BytesIO(archive.read(parts["shp"])),
-                dbf=io.BytesIO(archive.read(parts["dbf"])),
-                encoding="utf-8", encodingErrors="replace",
-            )  # fmt: skip
-            crs = archive.read(parts["prj"]).decode("utf-8", "replace") if "prj" in parts else ""
+    with readable("log", "a zipped point shapefile", path), zipfile.ZipFile(path) as archive:
+        parts = shapefile_parts(archive, path)
+        if "dbf" not in parts:
+            raise InputError("log", None, "expected a .dbf beside the .shp in the archive", file=path)
+        files = {kind: io.BytesIO(archive.read(parts[kind])) for kind in ("shp", "dbf")}
+        reader = shapefile.Reader(**files, encoding="utf-8", encodingErrors="replace")
+        crs = archive.read(parts["prj"]).decode("utf-8", "replace") if "prj" in parts else ""
         names = [field[0] for field in reader.fields[1:]]
         points = np.array([_point(shape) for shape in reader.iterShapes()], dtype=float).reshape(-1, 2)
         records = [tuple(record) for record in reader.iterRecords()]
-    except InputError:
-        raise
-    except (
-        Exception
-    ) as error:  # pyshp and zipfile raise what their parsers meet: struct, index, value, key errors
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError("log", None, f"expected a zipped point shapefile: {reason}", file=path) from error
     if not records or len(records) != len(points):
         raise InputError(
             "log", None, f"expected as many points as records: {len(points)}, {len(records)}", file=path

@@ -3,11 +3,12 @@
 import math
 import zipfile
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from contextlib import contextmanager
+from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from xml.parsers import expat
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 
 LARGEST_BYTES = 1 << 30  # of all files together
 _BROKEN = (expat.ExpatError, ValueError)
@@ -18,33 +19,37 @@ def is_log_file(path: Path) -> bool:
     return path.name.upper().startswith("TLG") and path.suffix.upper() in (".BIN", ".XML")
 
 
-def task_files(path: Path) -> Iterator[tuple[str, bytes]]:
-    """Upper-case name -> content of every xml and bin of the folder or zip."""
-    total = 0
+@contextmanager
+def readable(key: str, what: str, path: Path) -> Iterator[None]:
+    """Makes an InputError of whatever a parser meets in a damaged file: zlib, struct, index, value errors."""
     try:
+        yield
+    except SwathError:
+        raise
+    except Exception as error:
+        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise InputError(key, None, f"expected {what}: {reason}", file=path) from error
+
+
+def task_files(path: Path) -> dict[str, bytes]:
+    """Upper-case name -> content of every xml and bin of the folder or zip."""
+    with readable("taskdata", "readable files", path):
         if path.is_dir() or not zipfile.is_zipfile(path):
             folder = path if path.is_dir() else path.parent
-            for part in sorted(folder.iterdir()):
-                if part.suffix.upper() in (".XML", ".BIN") and part.is_file():
-                    total += part.stat().st_size
-                    _check_size(total, path)
-                    yield part.name.upper(), part.read_bytes()
-            return
+            parts = [p for p in sorted(folder.iterdir()) if _is_part(p) and p.is_file()]
+            _check_size(sum(p.stat().st_size for p in parts), path)
+            return {p.name.upper(): p.read_bytes() for p in parts}
         with zipfile.ZipFile(path) as archive:
-            infos = archive.infolist()
-            top = next((i for i in infos if PurePosixPath(i.filename).name.upper() == "TASKDATA.XML"), None)
-            home = PurePosixPath(top.filename).parent if top else PurePosixPath()
-            for info in infos:
-                inside = PurePosixPath(info.filename)
-                if inside.parent == home and inside.suffix.upper() in (".XML", ".BIN"):
-                    total += info.file_size
-                    _check_size(total, path)
-                    yield inside.name.upper(), archive.read(info)
-    except InputError:
-        raise
-    except Exception as error:  # zipfile raises what its parsers meet: zlib, struct, runtime errors
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError("taskdata", None, f"expected readable files: {reason}", file=path) from error
+            names = {info: PurePosixPath(info.filename) for info in archive.infolist()}
+            top = next((p for p in names.values() if p.name.upper() == "TASKDATA.XML"), None)
+            home = top.parent if top else PurePosixPath()
+            inside = {i: p for i, p in names.items() if p.parent == home and _is_part(p)}
+            _check_size(sum(info.file_size for info in inside), path)
+            return {p.name.upper(): archive.read(info) for info, p in inside.items()}
+
+
+def _is_part(path: PurePath) -> bool:
+    return path.suffix.upper() in (".XML", ".BIN")
 
 
 def _check_size(total: int, path: Path) -> None:

@@ -6,11 +6,10 @@ from typing import Any
 
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
-from swath.report.html import CSS, render_page
+from swath.report.html import render_page
 from swath.terminal.outcome import incident_text, limit_text, window_text
 from swath.terminal.tables import number
 
-__all__ = ["CSS", "Figure", "render"]
 FACTORS = {("m", "cm"): 100.0, ("1", "%"): 100.0}  # (unit, shown unit) -> factor
 PRETTY = {"m2": "m²", "1": ""}
 RUN = (

@@ -44,10 +44,12 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, compare with what was held out, write, print."""
+    from dataclasses import replace
+
     from swath.core.errors import InputError
     from swath.field.crop import load_crop
     from swath.sensing.tables import save_table
-    from swath.tools.calibrate.fit import quality, with_description
+    from swath.tools.calibrate.fit import quality
     from swath.tools.calibrate.stand_scans import EchoSettings
 
     if args.out.suffix != ".npz":
@@ -66,8 +68,10 @@ def run(args: argparse.Namespace) -> int:
         table, held_out = fit_samples(load_crop(args.crop), samples, args.seed)
         source = f"{len(samples.height)} measured beams of {path.name}"
     fit: dict[str, object] = {"held_out_places": len(held_out), **(quality(held_out) if held_out else {})}
-    table = with_description(table, source=source, echo=echo, crop=args.crop, fit=fit)
-    files = save_table(table, args.out)
+    reading = {"echo": echo.rule, "percentile": percentile, "sub_rays": echo.sub_rays}
+    reading |= {"profile": echo.profile, "sensor": echo.sensor}
+    about = {"crop": args.crop, "source": source, "reading": reading, "fit": fit}
+    files = save_table(replace(table, about=about), args.out)
     _report(table, held_out)
     for file in files:
         print(file)

@@ -1,7 +1,7 @@
 """Fits the spread table of the LiDAR level `empirical`, and tests it on beams it was not fitted to."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import product
 from statistics import NormalDist
 from typing import Any
@@ -81,16 +81,8 @@ def fit_plants(
         seen.append(stands.scan(place, design.lines, echo, stream.child(f"place{k}")))
         if progress is not None:
             progress(k + 1, total)
-    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
-    table = SpreadTable(
-        *axes,
-        **table_cells(places, seen, tuple(len(a) for a in axes), silhouette[0] / crop.stand.height),
-        silhouette=silhouette,
-        fine=FINE,
-        lean=stands.tips(stream.child("tips")),
-        cosine=_cosine(crop, seen),
-        correlation=fit_correlation(places, seen),
-    )
+    cosine, correlation = _cosine(crop, seen), fit_correlation(places, seen)
+    table = make_table(stands, axes, places, seen, stream, cosine=cosine, correlation=correlation)
     others = SampleStands(crop, stream.child("held_out"), tile_count=max(design.tile_count // 2, 2))
     held_out = []
     for k, place in enumerate(_elsewhere(axes, design.held_out, stream.child("places"))):
@@ -99,6 +91,35 @@ def fit_plants(
         if progress is not None:
             progress(len(places) + k + 1, total)
     return table, held_out
+
+
+def make_table(
+    stands: SampleStands,
+    axes: Sequence[F64],
+    places: Sequence[Place],
+    seen: Sequence[Returns],
+    stream: Stream,
+    *,
+    cosine: float,
+    correlation: tuple[float, float],
+) -> SpreadTable:
+    """A table of a full grid of places. How crop adds up along a beam and leans over an edge: of `stands`."""
+    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
+    shape = tuple(len(a) for a in axes)
+    cells = table_cells(places, seen, shape, silhouette[0] / stands.crop.stand.height)
+    density, height, depression, spot = axes
+    return SpreadTable(
+        density,
+        height,
+        depression,
+        spot,
+        **cells,
+        silhouette=silhouette,
+        fine=FINE,
+        lean=stands.tips(stream.child("tips")),
+        cosine=cosine,
+        correlation=correlation,
+    )
 
 
 def compare_place(table: SpreadTable, place: Place, returns: Returns, stream: Stream) -> Agreement:
@@ -204,22 +225,3 @@ def _elsewhere(axes: Sequence[F64], count: int, stream: Stream) -> list[Place]:
         height = rng.uniform(axes[1][0], axes[1][-1])
         places.append(Place(float(density), float(height), float(np.arctan(tangent)), float(spot)))
     return places
-
-
-def with_description(
-    table: SpreadTable, *, source: str, echo: EchoSettings, crop: str, fit: dict[str, object]
-) -> SpreadTable:
-    """The table with what its YAML says."""
-    about: dict[str, object] = {
-        "crop": crop,
-        "source": source,
-        "reading": {
-            "echo": echo.rule,
-            "percentile": echo.percentile,
-            "sub_rays": echo.sub_rays,
-            "profile": echo.profile,
-            "sensor": echo.sensor,
-        },
-        "fit": fit,
-    }
-    return replace(table, about=about)

@@ -12,7 +12,7 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import Crop
 from swath.rays.spread import SpreadTable
-from swath.tools.calibrate.fit import FINE, RELATIVE_MAX, HeldOut, compare_place, table_cells
+from swath.tools.calibrate.fit import RELATIVE_MAX, HeldOut, compare_place, make_table
 from swath.tools.calibrate.stand_scans import Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 
@@ -21,7 +21,8 @@ COLUMNS = ("stems_per_m2", "crop_height_m", "depression_deg", "spot_mm", "height
 NODES_MOST = (8, 8, 8, 4)  # nodes of an axis at most; where more values occur they are gathered
 FEWEST = 50  # beams that make a cell
 EVERY = 5  # each so many-th beam is held out
-TYPICAL_COSINE, TYPICAL_CORRELATION = 0.66, (0.0, 0.35)  # of the bundled wheat table, where nothing is known
+TYPICAL: dict[str, Any] = {"cosine": 0.66, "correlation": (0.0, 0.35)}
+"""Of the bundled wheat table, where nothing is known."""
 
 
 @dataclass(frozen=True)
@@ -70,19 +71,7 @@ def fit_samples(
         seen.append(_returns(relative[mine] * place.height, ground_below) if mine.sum() >= FEWEST else None)
     filled = _filled(places, seen)
     stands = SampleStands(crop, stream, tile_count=16)
-    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
-    table = SpreadTable(
-        density=axes[0],
-        height=axes[1],
-        depression=axes[2],
-        spot=axes[3],
-        **table_cells(places, filled, shape, silhouette[0] / crop.stand.height),
-        silhouette=silhouette,
-        fine=FINE,
-        lean=stands.tips(stream.child("tips")),
-        cosine=TYPICAL_COSINE,
-        correlation=TYPICAL_CORRELATION,
-    )
+    table = make_table(stands, axes, places, filled, stream, **TYPICAL)
     held_out = []
     for c, place in enumerate(places):
         mine = (cell == c) & ~is_fit

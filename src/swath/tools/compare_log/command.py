@@ -1,7 +1,6 @@
 """`swath compare log`: a machine model against a recorded log."""
 
 import argparse
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -75,20 +74,6 @@ def run_log(args: argparse.Namespace) -> int:
     for note in made.log.notes:
         console.print(f"note: {note}", markup=False)
     if args.out is not None:
-        write_comparison(made, args.out, command=_command(args))
+        write_comparison(made, args.out)
         console.print(f"written: {args.out}/report.html", markup=False)
     return 0
-
-
-def _command(args: argparse.Namespace) -> str:
-    """The command line that was given, without the folder of the log."""
-    parts = ["swath", "compare", "log", args.model, args.log.name]
-    for key in ("fit", "on"):
-        parts += [p for value in getattr(args, key) for p in (f"--{key}", value)]
-    defaults = {"share": 0.5, "process": "threshing", "engine": "ideal", "straw": 0.65, "flow_floor": 0.0,
-                "load_over": "present", "friction": 0.0, "machine": None}  # fmt: skip
-    for key, default in defaults.items():
-        if getattr(args, key) != default:
-            parts += [f"--{key.replace('_', '-')}", str(getattr(args, key))]
-    parts += [f"--{k.replace('_', '-')}" for k in ("alternate", "whole_crop") if getattr(args, k)]
-    return shlex.join(parts)

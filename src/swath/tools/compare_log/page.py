@@ -20,7 +20,7 @@ WINDOW = 600  # records of the excerpt
 FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "series.parquet")
 
 
-def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> list[Path]:
+def write_comparison(made: LogComparison, out: Path) -> list[Path]:
     """Write results.json, comparison.png, report.html, machine.yaml (as fitted), series.parquet.
 
     out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
@@ -45,7 +45,6 @@ def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> li
         statistics=statistic_rows(made),
         image=as_image(fig, kind="png", dpi=130),
         notes=made.log.notes,
-        command=command,
     )
     (out / "machine.yaml").write_text(dump(made.sheet, width=110), encoding="utf-8")
     _write_series(made, out / "series.parquet")

@@ -46,11 +46,10 @@ def run_stand(args: argparse.Namespace) -> int:
     """Scan, compare, write; print the comparisons."""
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
-    from swath.tools.lab.comparison import compare_levels
+    from swath.tools.lab.comparison import compare_levels, write_table
     from swath.tools.lab.lab import run_lab
     from swath.tools.lab.measured_heights import read_measured
     from swath.tools.lab.page import HEAD, comparison_rows, write_lab_report
-    from swath.tools.lab.table import write_table
 
     settings = _settings(args)
     _check_out(args.out)

@@ -8,10 +8,9 @@ import numpy as np
 from swath.report import plots
 from swath.report.html import signed, write_page
 from swath.report.page import Figure
-from swath.tools.lab.comparison import RATED, CaseComparison, describe
+from swath.tools.lab.comparison import RATED, CaseComparison, describe, samples
 from swath.tools.lab.lab import Lab
 from swath.tools.lab.plots import histograms_figure
-from swath.tools.lab.table import samples
 
 LABELS = {
     "wasserstein_m": ("Wasserstein-1 cm", 100.0, 1),
