@@ -10,7 +10,7 @@ import swath
 from swath.commands.main import main
 from swath.core.errors import InputError, SwathError
 from swath.core.registry import Registry
-from swath.core.renamed import GONE, MODULES, NAMES, present_name
+from swath.core.renamed import GONE, MODULES, NAMES, present_name, why_gone
 from swath.documents.data_sheets import read_sheet, sheet_names
 from swath.documents.yaml_document import parse
 from swath.field.crop import load_crop
@@ -202,7 +202,8 @@ def test_every_module_of_0_1_is_found_or_says_what_to_do_instead():
             continue
         assert not missing or module in ("swath.sim", "swath.study"), module  # only what was in them moved
         for name in names.split():
-            assert missing_names(migrate_python(f"from {module} import {name}")) == []
+            missing = missing_names(migrate_python(f"from {module} import {name}"))
+            assert not missing or why_gone(f"{module}.{name}"), (module, name)
 
 
 def test_no_present_name_is_an_old_one():
