@@ -2,7 +2,7 @@
 
 import math
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -199,7 +199,7 @@ def test_brakes_to_a_stop_and_holds_on_a_slope():
 
 
 def test_the_engine_limits_the_speed():
-    engine = EngineState(0, **{k: 1.0 for k in EngineState.__dataclass_fields__ if k != "t"})
+    engine = EngineState(0, **{k: 1.0 for k in (f.name for f in fields(EngineState)) if k != "t"})
     assert run(make(start_speed_kmh=3.6), 6.0, drive=engine)[-1].speed == pytest.approx(1.0, abs=0.02)
 
 
