@@ -1,7 +1,8 @@
 """A crop-edge detector of your own, in one file: copy it, change it, name it in a scenario.
 
-    combine:
-      edge: {level: examples/my_edge_detector.py:MyEdgeDetector, threshold_m: 0.45}
+    machines:
+      combine:
+        edge: {level: examples/my_edge_detector.py:MyEdgeDetector, threshold_m: 0.45}
 
 A scan goes in, the edge comes out, in the machine frame: x forward, y left, z up from the ground, origin
 under the middle of the fixed axle. This one takes every echo above a fixed height for crop. It is simple on

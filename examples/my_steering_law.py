@@ -1,7 +1,8 @@
 """A steering law of your own, in one file: copy it, change it, name it in a scenario.
 
-    combine:
-      steer: {level: examples/my_steering_law.py:MySteeringLaw, preview_m: 8}
+    machines:
+      combine:
+        steer: {level: examples/my_steering_law.py:MySteeringLaw, preview_m: 8}
 
 The detected edge and the odometry go in, the wanted path curvature comes out. This one is pure pursuit: the
 machine drives the circle through a point of the edge line `preview_m` ahead of the fixed axle,

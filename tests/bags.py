@@ -25,6 +25,17 @@ TYPES = {
 }
 
 
+def on_earth(local):
+    """East, north, up of PLANE [m], (n, 3), as longitude, latitude [deg] and height [m], iterated."""
+    local = np.asarray(local, dtype=float).reshape(-1, 3)
+    scale = np.array([1.0 / (6.39e6 * np.cos(PLANE.lat * DEG)), 1.0 / 6.39e6]) / DEG
+    points = np.array([[PLANE.lon, PLANE.lat, PLANE.height]])
+    for _ in range(20):
+        off = local - PLANE(points)
+        points = points + np.column_stack([off[:, :2] * scale, off[:, 2]])
+    return points
+
+
 def ranges_at(x, y):
     """What the scanner measures there: ground at 0, a wall 0.8 m high to the right of y = -1.3."""
     d = MOUNT.turn(np.stack([np.cos(AZIMUTH), np.sin(AZIMUTH), 0 * AZIMUTH], axis=1))
@@ -106,7 +117,7 @@ class Bag:
         )
 
     def fix(self, seconds, place, status=0):
-        lon, lat, up = PLANE.back(np.array([place]))[0]
+        lon, lat, up = on_earth(np.array([place]))[0]
         return self.make(
             "sensor_msgs/NavSatFix",
             header=self.header(seconds, "gps"),

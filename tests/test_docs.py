@@ -1,4 +1,7 @@
-"""The pages: links lead somewhere, every page is linked, and the command lines they print are understood."""
+"""The pages: links lead somewhere, every page is linked, and what they print is understood.
+
+Command lines are parsed, YAML is read as a scenario or as part of one, Python runs.
+"""
 
 import re
 import shlex
@@ -6,14 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from swath.commands.main import UsageError, make_parser
+import swath
+from swath.commands.main import RENAMED, UsageError, make_parser
 from swath.core.errors import InputError
-from swath.scenario.scenario import load_scenario, scenario_names
+from swath.documents.yaml_document import dump, parse
+from swath.scenario.catalogue import CATALOGUE
+from swath.scenario.scenario import load_scenario, parse_scenario, scenario_names
+from swath.scenario.versions import FORMAT, SECTIONS
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 PATH = re.compile(r"`((?:docs|src|examples|tests|benchmarks)/[\w./-]+)")
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+INLINE = re.compile(r"`swath (?!\w+ \d)([a-z][\w-]*(?: [a-z]\w*)?)")
 LINE = re.compile(r"^(?:    )?swath (\w[^\n]*)$", re.MULTILINE)
 
 
@@ -36,12 +45,12 @@ def test_every_page_is_linked():
 
 def command_lines(page):
     """Whole command lines of a page's listings, without comments and what the shell does with them."""
-    for line in LINE.findall(page.read_text(encoding="utf-8")):
-        words = shlex.split(line.rstrip("\\").rstrip(), comments=True)
+    for line in LINE.findall(re.sub(r"\\\n\s*", "", page.read_text(encoding="utf-8"))):
+        words = shlex.split(line, comments=True)
         cut = [i for i, word in enumerate(words) if word in (">", "&", "|")]
         words = words[: cut[0]] if cut else words
         is_form = any(w.startswith(("[", "<")) or w.isupper() or "..." in w for w in words)
-        if words and words[0] in NAMES and not is_form and not line.endswith("\\"):
+        if words and words[0] in NAMES and not is_form:
             yield words
 
 
@@ -69,3 +78,84 @@ def test_a_printed_command_line_is_understood(page, words, monkeypatch):
     except InputError as error:
         if "there is no" not in str(error) and "expected a file" not in str(error):  # a file of the reader's
             pytest.fail(f"{page}: swath {' '.join(words)}: {error}")
+
+
+def test_every_command_that_is_named_exists():
+    old = {" ".join(words) for words in RENAMED}
+    texts = {p.name: p.read_text(encoding="utf-8") for p in PAGES}
+    named = {(name, found) for name, text in texts.items() for found in INLINE.findall(text)}
+    shown = {name: [f[2] for f in FENCE.finditer(t) if f[1] in ("", "sh")] for name, t in texts.items()}
+    named |= {(name, line.split()[0]) for name in texts for t in shown[name] for line in LINE.findall(t)}
+    assert len(named) > 40
+    unknown = {(page, text) for page, text in named if text.split()[0] not in NAMES}
+    assert {text for page, text in unknown if page != "migrate.md"} == set()
+    assert {text for page, text in unknown} <= old
+
+
+def listings(language):
+    """(page and line, text) of every listing in a language."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for found in FENCE.finditer(text):
+            if found[1] == language:
+                yield pytest.param(found[2], id=f"{page.name}:{text.count(chr(10), 0, found.start()) + 1}")
+
+
+BASE = {
+    "format": FORMAT,
+    "field": {"edge": {"shape": "straight"}},
+    "machines": {"combine": {"machine": "lexion-700-class"}},
+}
+
+
+def filled(part):
+    """A listing with what is missing for a scenario; one of slots alone belongs to the combine."""
+    if all(CATALOGUE.kind_of(key) for key in part):
+        part = {"machines": {"combine": part}}
+    assert set(part) <= {"format", "machines", *SECTIONS}
+    whole = {**BASE, **part, "field": {**BASE["field"], **part.get("field", {})}}
+    return {**whole, "machines": {**BASE["machines"], **part.get("machines", {})}}
+
+
+@pytest.mark.parametrize("text", list(listings("yaml")))
+def test_yaml_is_a_scenario_or_a_part_of_one(text):
+    part = parse(text).data
+    if "name" in part:
+        assert part.get("format") == FORMAT
+    try:
+        parse_scenario(text if "name" in part else dump(filled(part)))
+    except InputError as error:
+        for one in (error, *getattr(error, "others", ())):  # the reader's own files are not here
+            assert "there is no" in one.expected or "the key is missing" in one.expected, one
+
+
+TINY = f"""
+format: {FORMAT}
+name: straight
+run: {{distance_m: 2, record: standard}}
+field: {{edge: {{shape: straight}}, stand: {{level: uniform, stems_per_m2: 100}}}}
+machines:
+  combine: {{lidar: off, edge: truth, motion: {{level: single_track, start_speed_kmh: 7}}}}
+"""
+PRELUDE = {  # what a page takes for granted
+    "signals.md": "from typing import Annotated\nfrom swath.core.signal import About, Quantity, Signal\n"
+    "from swath.core.frozen import frozen\n",
+}
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if "```python" in p.read_text()], ids=lambda p: p.name)
+def test_python_runs(page, tmp_path, monkeypatch):
+    """From top to bottom, with a short run in place of the one that the page makes."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    code = "\n".join(found[2] for found in FENCE.finditer(page.read_text()) if found[1] == "python")
+    if "runs/straight-1" in code:
+        swath.run("tiny.yaml", "runs/straight-1", report=False)
+    code = code.replace('"straight"', '"tiny.yaml"')
+    try:
+        exec(compile(PRELUDE.get(page.name, "") + code, page.name, "exec"), {})
+    except ModuleNotFoundError as error:
+        if str(error.name).startswith("swath"):
+            raise
+        pytest.skip(f"needs {error.name}")

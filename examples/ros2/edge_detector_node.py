@@ -1,7 +1,8 @@
 """A crop-edge detector of your own as a ROS 2 node: only rclpy, standard messages, numpy and the algorithm.
 
-    combine:
-      edge: {level: ros2}
+    machines:
+      combine:
+        edge: {level: ros2}
 
 swath sends the scan on /combine/edge/step/scan (sensor_msgs/PointCloud2), asks on /combine/edge/step and
 waits for the answer on /combine/edge/answer (both sensor_msgs/JointState: named numbers). Copy this file and

@@ -1,7 +1,8 @@
 """A steering law of your own as a ROS 2 node: only rclpy, standard messages and the law.
 
-    combine:
-      steer: {level: ros2}
+    machines:
+      combine:
+        steer: {level: ros2}
 
 swath asks on /combine/steer/step and waits for the answer on /combine/steer/answer. Both are
 sensor_msgs/JointState: named numbers, `name[i]` is `position[i]`. Copy this file and change `Law`.

@@ -84,12 +84,14 @@ class Loop:
     reference_x: float = 8.0
     seed: int = 1
     sense: object = None
+    law_params: object = None
+    law: object = Preview
 
     def run(self, distance):
         """Rows (travelled [m], error of the header end to its target [m], curvature command, engaged)."""
         period, fine, wheelbase = 0.04, 0.005, MACHINE.wheelbase
         setup = setup_of(self.side, period)
-        law = Preview(self.params, setup)
+        law = self.law(self.law_params or self.params, setup)
         law.reset(Stream(1, "steer"))
         a, b = setup.machine.header_end(self.side)
         out = 1.0 if self.side == "left" else -1.0

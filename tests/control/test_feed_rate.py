@@ -150,17 +150,6 @@ def seen(scan, pose, **params):
     return sight.step(0, STEP, {"scan": scan})["ahead"]
 
 
-@pytest.mark.parametrize("extinction", [1.0, 2.0, 4.0, 8.0])
-@pytest.mark.parametrize("ragged", [0.0, 0.05])
-def test_extinction_of_a_random_stand_is_found(extinction, ragged):
-    """Unbiased although the top is ragged: an exponential has no memory."""
-    found = [
-        seen(*random_stand(extinction, 0.85, count=400, seed=s, ragged=ragged)).extinction for s in range(20)
-    ]
-    assert np.mean(found) == pytest.approx(extinction, rel=0.08)
-    assert np.std(found) / np.mean(found) < 0.2
-
-
 def test_height_and_place_of_the_canopy():
     scan, pose = random_stand(4.0, 0.85, count=400, seed=1)
     ahead = seen(scan, pose)

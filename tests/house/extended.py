@@ -35,7 +35,8 @@ class Extended:
 
     def __init__(self, folder: Path):
         self.folder, self.package = folder, folder / "src" / "swath"
-        shutil.copytree(SOURCE, self.package)  # with the compiled files: times are kept, so they stay valid
+        # with the compiled files, which stay valid as times are kept, but none that is being written
+        shutil.copytree(SOURCE, self.package, ignore=shutil.ignore_patterns("*.pyc.*"))
 
     def write(self, path, text):
         """Write a file of the package, new or anew."""

@@ -18,7 +18,7 @@ def test_no_module_begins_with_an_underscore():
     hidden = [
         p.name for p in FILES if p.name.startswith("_") and p.name not in ("__init__.py", "__main__.py")
     ]
-    assert hidden == set()
+    assert hidden == []
 
 
 def test_every_package_says_what_it_holds():

@@ -35,7 +35,7 @@ def scenario(*sets, process=None, powertrain=None):
     text = TEXT
     for slot, keys in (("process", process), ("powertrain", powertrain)):
         if keys is not None:
-            text += f"  {slot}: {json.dumps(keys)}\n"
+            text += f"    {slot}: {json.dumps(keys)}\n"
     return parse_scenario(text, sets=list(sets))
 
 

@@ -16,24 +16,24 @@ pytest.importorskip("fmpy")
 pytestmark = needs_cc
 LIDAR = "{sub_rays: 1, noise: none, sector_deg: [-1, 1], step_deg: 1.0}"
 EDGE = """
-  edge:
-    level: fmu
-    file: {file}
-    inputs: {{ranges: scan.ranges}}
-    outputs: {{edge.offset: digits}}
-    constants:
-      edge.heading: 0
-      edge.curvature: 0
-      edge.reference_x: 8
-      edge.confidence: 0.5
-      edge.crop_height: nan
-      edge.stubble_height: nan
+    edge:
+      level: fmu
+      file: {file}
+      inputs: {{ranges: scan.ranges}}
+      outputs: {{edge.offset: digits}}
+      constants:
+        edge.heading: 0
+        edge.curvature: 0
+        edge.reference_x: 8
+        edge.confidence: 0.5
+        edge.crop_height: nan
+        edge.stubble_height: nan
 """
 
 
 def text(lidar, edge):
-    plain = TEXT.replace("  lidar: off\n  edge: truth\n", "")
-    return plain + f"  lidar: {lidar}\n{edge}\n"
+    plain = TEXT.replace("    lidar: off\n    edge: truth\n", "")
+    return plain + f"    lidar: {lidar}\n{edge}\n"
 
 
 def test_an_edge_detector_gets_the_ranges_of_every_scan(tmp_path):
@@ -75,17 +75,17 @@ def test_a_scan_of_another_length_is_refused(tmp_path):
 
 def test_a_scanner_that_is_an_fmu(tmp_path):
     keys = f"""
-    level: fmu
-    file: {engine_fmu(tmp_path)}
-    parameters: {{length: 4, x: [1.0, 2.0, 3.0, 4.5]}}
-    outputs: {{scan.ranges: y}}
-    constants:
-      scan.beam_t: [-0.01, -0.005, -0.002, 0]
-      scan.azimuth: [-0.1, 0, 0.1, 0.2]
-      scan.elevation: [0, 0, 0, 0]
-      scan.intensity: [1, 1, 1, 1]
+      level: fmu
+      file: {engine_fmu(tmp_path)}
+      parameters: {{length: 4, x: [1.0, 2.0, 3.0, 4.5]}}
+      outputs: {{scan.ranges: y}}
+      constants:
+        scan.beam_t: [-0.01, -0.005, -0.002, 0]
+        scan.azimuth: [-0.1, 0, 0.1, 0.2]
+        scan.elevation: [0, 0, 0, 0]
+        scan.intensity: [1, 1, 1, 1]
 """
-    made = parse_scenario(text(keys, "  edge: truth"), sets=["run.distance_m=0.5"])
+    made = parse_scenario(text(keys, "    edge: truth"), sets=["run.distance_m=0.5"])
     run_job(made, tmp_path / "run", hooks=[ReportWriter()])
     world = assemble(made)
     drive(world, until_s=0.1)

@@ -4,13 +4,14 @@ import importlib.util
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import read_fmu
-from swath.link.fmi.open_unit import make_instance
 from swath.link.fmi.ssp import read_system
+from swath.link.fmi.unit import make_instance
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from tests.link.fmu_scenario import scenario
@@ -94,7 +95,10 @@ def test_every_number_is_that_of_fmpy(tmp_path):
     fmu = read_fmu(store_fmu(tmp_path))
     folder = extract(str(fmu.file), tmp_path / "unpacked")
     theirs = FMU2Slave(
-        guid=fmu.token, unzipDirectory=str(folder), modelIdentifier=fmu.identifier, instanceName="theirs"
+        guid=fmu.token,
+        unzipDirectory=str(folder),
+        modelIdentifier=Path(fmu.library).stem,
+        instanceName="theirs",
     )
     outputs = [v for v in fmu.of("output") if v.kind == "real"]
     ours = make_instance(fmu, "ours", [fmu.variables[n] for n in ("grain_in", "straw_in")], outputs)

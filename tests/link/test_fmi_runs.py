@@ -226,16 +226,16 @@ def test_what_is_no_fmu_for_this_system_is_refused(tmp_path):
 
 
 MISTAKES = [
-    ({"inputs": {"gran_in": "flow.grain"}}, r"inputs\.gran_in = gran_in: .* did you mean grain_in"),
-    ({"inputs": {"grain_in": "flow.gain"}}, r"inputs\.grain_in = flow\.gain: .* did you mean flow\.grain"),
+    ({"inputs": {"gran_in": "flow.grain"}}, r"inputs\.gran_in = gran_in: .* did you mean 'grain_in"),
+    ({"inputs": {"grain_in": "flow.gain"}}, r"inputs\.grain_in = flow\.gain: .* did you mean 'flow\.grain"),
     ({"inputs": {"grain_in": "state.speed"}}, r"expected m/s, but grain_in is in kg/s"),
     ({"inputs": {"grain_in": "state.speed/s"}}, r"only amounts have a rate"),
     ({"inputs": {"ranges": "flow.grain"}}, r"expected an array, like ranges"),
     ({"inputs": {"tank_grain": "flow.grain"}}, r"expected an input of the FMU, it is of causality output"),
     ({"outputs": {"load.tank_grain": "grain_flow"}}, r"expected kg, but grain_flow is in kg/s"),
-    ({"outputs": {"load.tank": "tank_grain"}}, r"did you mean load\.tank"),
+    ({"outputs": {"load.tank": "tank_grain"}}, r"did you mean 'load\.tank"),
     ({"constants": {"load.tank_grain": [1.0]}}, r"expected a number"),
-    ({"parameters": {"losses": 1.0}}, r"did you mean loss"),
+    ({"parameters": {"losses": 1.0}}, r"did you mean 'loss"),
     ({"parameters": {"loss": "much"}}, r"parameters\.loss = much: expected a number"),
     ({"units": {"grain_in": "bushel"}}, r"units\.grain_in = bushel: expected a unit such as"),
 ]
@@ -267,7 +267,7 @@ def test_mistakes_of_the_file(store, keys, message):
 @needs_cc
 def test_a_mistake_has_its_full_key_and_its_line(store):
     keys = store_keys(store, inputs={"gran_in": "flow.grain"})
-    message = r"^combine\.process\.inputs\.gran_in = gran_in: .* \(text:13\)$"
+    message = r"^combine\.process\.inputs\.gran_in = gran_in: .* \(text:15\)$"
     with pytest.raises(InputError, match=message):
         assemble(scenario(process=keys))
 
@@ -296,7 +296,7 @@ def test_missing_outputs_are_listed(folder):
 def test_the_scenario_of_a_run_gives_the_same_digest(store, tmp_path):
     keys = store_keys(store, step_ms=20, constants={"load.return_flow": 0.25})
     first = run_job(scenario(process=keys), tmp_path / "a")
-    again = run_job(load_scenario(str(tmp_path / "a")), tmp_path / "b", report=False)
+    again = run_job(load_scenario(str(tmp_path / "a")), tmp_path / "b")
     assert again.summary["digest"] == first.summary["digest"]
 
 

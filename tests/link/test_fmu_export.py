@@ -29,7 +29,7 @@ SCAN_SETS = ["run.max_duration_s=4", "combine.motion.start_speed_kmh=5", "combin
 
 def scenario(process="threshing"):
     keys = ", ".join(f"{k}: {v}" for k, v in PROCESS[process].items())
-    return parse_scenario(LONG + f"  process: {{{keys}}}\n  powertrain: {{level: hydrostat}}\n")
+    return parse_scenario(LONG + f"    process: {{{keys}}}\n    powertrain: {{level: hydrostat}}\n")
 
 
 class Spy:

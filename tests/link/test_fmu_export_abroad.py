@@ -20,7 +20,7 @@ pytest.importorskip("pythonfmu3", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu", reason="needs the extra fmi")
 from swath.link.fmi.export import export_fmu
 
-WHOLE = TEXT + "  process: {level: threshing, straw: chop}\n  powertrain: {level: hydrostat}\n"
+WHOLE = TEXT + "    process: {level: threshing, straw: chop}\n    powertrain: {level: hydrostat}\n"
 VERSIONS = (3, 2)
 MINE = """
 from swath.machine.powertrain.ideal import IdealPowertrain, Params
@@ -91,7 +91,7 @@ def test_arrays_have_a_variable_for_each_element_in_fmi_2(tmp_path):
 
 def test_files_of_the_user_travel_with_it(tmp_path):
     (tmp_path / "mine.py").write_text(MINE)
-    text = TEXT + f"  powertrain: {{level: '{tmp_path}/mine.py:Mine'}}\n"
+    text = TEXT + f"    powertrain: {{level: '{tmp_path}/mine.py:Mine'}}\n"
     export_fmu(parse_scenario(text), ["powertrain"], tmp_path / "mine.fmu")
     (tmp_path / "mine.py").unlink()
     with zipfile.ZipFile(tmp_path / "mine.fmu") as archive:

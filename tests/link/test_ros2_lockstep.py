@@ -56,7 +56,7 @@ def test_a_detector_as_a_node_sees_the_scan_to_the_last_bit(tmp_path):
     }
     with node(EXAMPLES / "edge_detector_node.py"):
         found = {
-            name: run_job(parse_scenario(SCANNED.format(edge=level)), tmp_path / name, report=False).summary
+            name: run_job(parse_scenario(SCANNED.format(edge=level)), tmp_path / name).summary
             for name, level in levels.items()
         }
     assert found["node"]["digest"] == found["alone"]["digest"]

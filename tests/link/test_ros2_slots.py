@@ -16,7 +16,7 @@ from swath.core.random import Stream
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
-from swath.signals import CropEdge, SteerCommand
+from swath.signals import CropEdge, Scan, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.fake_run import GEOMETRY, MOUNTING
 from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
@@ -117,6 +117,33 @@ def test_an_answer_that_cannot_be_used_names_the_node_and_what_is_wrong(steer, n
         steer.reset(Stream(1, "combine.steer"))
     assert str(caught.value).startswith("combine.steer: the answer of /careless for 0 s: ")
     assert words in str(caught.value)
+
+
+def test_a_scan_carries_the_frame_of_its_own_sensor():
+    from rclpy.executors import SingleThreadedExecutor
+
+    from swath.link.ros2.middleware import close_node, latched_qos, open_node, type_of
+    from swath.link.ros2.slotnode import SlotNode
+
+    control = ControlSetup(GEOMETRY, {"scan": MOUNTING}, "left", 0.02)
+    inputs, outputs = (Port("scan", Scan, optional=True),), (Port("edge", CropEdge),)
+    fed = {"scan": "combine.lidar_left"}
+    slot = SlotNode(LinkSetup("combine", "edge", inputs, outputs, control, Path(), fed), inputs, outputs)
+    listener, frames = open_node("listener", "a test"), []
+    cloud = type_of("sensor_msgs/msg/PointCloud2")
+    topic = f"{slot.step_topic}/scan"
+    listener.create_subscription(cloud, topic, lambda m: frames.append(m.header.frame_id), latched_qos())
+    executor = SingleThreadedExecutor(context=listener.context)
+    executor.add_node(listener)
+    beams, echoes = np.zeros(3), np.ones((3, 1), np.float32)
+    slot.ask(0, 0, {"scan": Scan(0, beams, beams, beams, echoes, echoes)})
+    end = time.monotonic() + 30.0
+    while not frames and time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    executor.shutdown()
+    close_node(listener)
+    slot.close()
+    assert frames == ["combine/lidar_left"]
 
 
 def test_two_nodes_that_would_answer_are_refused(steer):

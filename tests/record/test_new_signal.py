@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+from docs.make.signals import messages_table, signals_page
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -15,7 +16,7 @@ from swath.core.frozen import frozen
 from swath.core.random import Stream
 from swath.core.signal import About, Quantity, Signal
 from swath.link.fmi.description import Description, Variable
-from swath.link.fmi.samples import Samples
+from swath.link.fmi.part import samples_of
 from swath.link.fmi.units import parse_unit
 from swath.link.fmi.wiring import make_wiring
 from swath.link.levels.log import LogPlayer
@@ -24,7 +25,6 @@ from swath.link.ros2.record import numbers_of, sample_of
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.signals import F64
-from swath.signals.page import messages_table, signals_page
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 from tests.record.test_exact_samples import same_bits
@@ -110,7 +110,7 @@ def test_an_fmu_takes_it_and_gives_it():
     assert wiring.input_ports[0].history
     given = {"moisture.share": [float("nan")], "moisture.water": [250.0], "moisture.profile": [1.0, 2.0, 3.0]}
     numbers = [x for out in wiring.outputs for x in given[out.variable.name]]
-    made = Samples(wiring).build(7, numbers)["moisture"]  # nan stands for no grain
+    made = samples_of(wiring, 7, numbers)["moisture"]  # nan stands for no grain
     assert (made.t, made.water, made.is_dry) == (7, 0.25, False)
     np.testing.assert_allclose(made.profile, [0.001, 0.002, 0.003])
 

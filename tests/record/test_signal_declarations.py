@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from docs.make.signals import bundled_signals, messages_of, signals_page, with_table
 from mcap.reader import make_reader
 
 from swath.core.errors import InputError
@@ -19,7 +20,6 @@ from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.signals import CropEdge, Fix, Odometry, Scan
 from swath.signals.flat import build, flat_fields
-from swath.signals.page import bundled_signals, messages_of, signals_page, with_table
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -36,7 +36,7 @@ def sample_of(signal):
 
 
 def test_pages_are_as_made():
-    """`python -m swath.signals.page docs` makes them."""
+    """`python -m docs.make.signals` makes them."""
     assert (DOCS / "signals.md").read_text() == signals_page(bundled_signals())
     assert (DOCS / "run-folder.md").read_text() == with_table((DOCS / "run-folder.md").read_text())
 

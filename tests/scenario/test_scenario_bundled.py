@@ -4,11 +4,11 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from docs.make.scenario import reference
 
 from swath.core.errors import InputError
 from swath.documents.yaml_document import parse, read_document
 from swath.scenario.catalogue import CATALOGUE
-from swath.scenario.reference import reference
 from swath.scenario.scenario import find_scenario, load_scenario, parse_scenario, scenario_names
 from swath.scenario.schema import scenario_schema
 
@@ -62,7 +62,7 @@ def test_every_level_can_be_chosen_by_name_or_says_what_it_needs():
 
 def test_reference_is_up_to_date():
     written = (DOCS / "scenario.md").read_text(encoding="utf-8")
-    assert written == reference(), "run: swath schema --markdown --out docs/scenario.md"
+    assert written == reference(), "run: python -m docs.make.scenario"
 
 
 def test_schema_refuses_a_wrong_unit_and_a_wrong_level(validator):

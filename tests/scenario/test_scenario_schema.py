@@ -4,9 +4,9 @@ import json
 
 import jsonschema
 import pytest
+from docs.make.scenario import reference
 
 from swath.documents.yaml_document import parse
-from swath.scenario.reference import reference
 from swath.scenario.scenario import parse_scenario
 from swath.scenario.schema import meanings, scenario_schema
 from tests.fake_levels import FAKE, GOOD

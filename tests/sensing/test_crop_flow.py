@@ -48,12 +48,6 @@ def test_ideal_reads_what_is():
     assert (out["loss"].separation, out["loss"].cleaning) == (pytest.approx(0.12), 0.05)
 
 
-def test_without_errors_it_equals_ideal():
-    exact, ideal = make(**EXACT), IdealCropFlow(IdealParams(), SETUP)
-    ideal.reset(Stream(1, "x"))
-    assert run(exact, 3) == run(ideal, 3)
-
-
 def test_delay_and_smoothing_are_a_late_first_order():
     quiet = {name: 0.0 for name in EXACT if name.endswith("percent")}
     out = run(make(yield_delay_s=1.0, yield_lag_s=2.0, **quiet), 100)

@@ -11,6 +11,10 @@ from swath.tools.scan.point_cloud import make_cloud, write_las, write_ply
 POSE = Pose.from_euler((1000.0, -2000.0, 2.5), 0.0, 0.3, 1.0)
 
 
+def xyz(cloud):
+    return np.stack([cloud[axis] for axis in "xyz"], axis=1)
+
+
 def echoes(count=40):
     """A scan with up to two echoes per beam, and the cloud made of it."""
     rng = np.random.default_rng(5)
@@ -27,14 +31,14 @@ def echoes(count=40):
 
 def test_points_lie_where_the_beams_went():
     scan, truth, cloud = echoes()
-    assert len(cloud.points) == np.isfinite(scan.ranges).sum()
-    away = cloud.xyz - truth.sensor_position[cloud.points["beam"]]
-    expected = scan.ranges[cloud.points["beam"], cloud.points["echo"]]
+    assert len(cloud) == np.isfinite(scan.ranges).sum()
+    away = xyz(cloud) - truth.sensor_position[cloud["beam"]]
+    expected = scan.ranges[cloud["beam"], cloud["echo"]]
     assert np.linalg.norm(away, axis=1) == pytest.approx(expected.astype(float))
     back = away @ POSE.rotation / expected[:, None]
-    assert np.allclose(back, beam_directions(scan.azimuth, scan.elevation)[cloud.points["beam"]], atol=1e-9)
-    assert set(cloud.points["echo_count"]) == {1, 2}
-    assert cloud.points["time"].max() == pytest.approx(2.0)
+    assert np.allclose(back, beam_directions(scan.azimuth, scan.elevation)[cloud["beam"]], atol=1e-9)
+    assert set(cloud["echo_count"]) == {1, 2}
+    assert cloud["time"].max() == pytest.approx(2.0)
 
 
 def test_ply_is_read_by_another_program(tmp_path):
@@ -42,10 +46,10 @@ def test_ply_is_read_by_another_program(tmp_path):
     _, _, cloud = echoes()
     path = write_ply(tmp_path / "scan.ply", cloud)
     read = trimesh.load(path)
-    assert np.allclose(read.vertices, cloud.xyz, atol=1e-9)
+    assert np.allclose(read.vertices, xyz(cloud), atol=1e-9)
     data = read.metadata["_ply_raw"]["vertex"]["data"]
     for name in ("intensity", "time", "beam", "echo", "echo_count"):
-        assert np.array_equal(np.asarray(data[name]).ravel(), cloud.points[name])
+        assert np.array_equal(np.asarray(data[name]).ravel(), cloud[name])
 
 
 @pytest.mark.parametrize("name", ["scan.las", "scan.laz"])
@@ -57,13 +61,13 @@ def test_las_is_read_by_another_program(tmp_path, name):
     las = laspy.read(path)
     assert las.header.version == "1.4"
     assert las.header.are_points_compressed == name.endswith("laz")
-    assert np.allclose(las.xyz, cloud.xyz, atol=0.5 * module.LAS_STEP + 1e-9)
-    assert np.allclose(las.gps_time, cloud.points["time"])
-    assert np.allclose(las.intensity / 65535, np.minimum(cloud.points["intensity"], 1.0), atol=1e-5)
-    assert np.array_equal(las.return_number, cloud.points["echo"] + 1)
-    assert np.array_equal(las.number_of_returns, cloud.points["echo_count"])
-    assert np.array_equal(las.beam, cloud.points["beam"])
-    assert np.allclose(np.radians(las.scan_angle * 0.006), cloud.points["azimuth"], atol=1e-4)
+    assert np.allclose(las.xyz, xyz(cloud), atol=0.5 * module.LAS_STEP + 1e-9)
+    assert np.allclose(las.gps_time, cloud["time"])
+    assert np.allclose(las.intensity / 65535, np.minimum(cloud["intensity"], 1.0), atol=1e-5)
+    assert np.array_equal(las.return_number, cloud["echo"] + 1)
+    assert np.array_equal(las.number_of_returns, cloud["echo_count"])
+    assert np.array_equal(las.beam, cloud["beam"])
+    assert np.allclose(np.radians(las.scan_angle * 0.006), cloud["azimuth"], atol=1e-4)
 
 
 def test_same_cloud_same_bytes(tmp_path):

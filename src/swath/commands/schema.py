@@ -9,7 +9,6 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("schema", help="JSON Schema of scenario files, for editors")
     parser.add_argument("--out", type=Path, metavar="F", help="file to write (default: print it)")
-    parser.add_argument("--markdown", action="store_true", help="the reference of all keys as text instead")
     parser.set_defaults(run=run)
 
 
@@ -17,10 +16,9 @@ def run(args: argparse.Namespace) -> int:
     """Print or write it."""
     import json
 
-    from swath.scenario.reference import reference
     from swath.scenario.schema import scenario_schema
 
-    text = reference() if args.markdown else json.dumps(scenario_schema(), indent=1) + "\n"
+    text = json.dumps(scenario_schema(), indent=1) + "\n"
     if args.out is None:
         print(text, end="")
     else:

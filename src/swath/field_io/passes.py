@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.units import DEG, KMH
 from swath.field.projection import Origin
 from swath.field_io.clean import Cleaned
 
@@ -168,37 +169,32 @@ def _length(track: Track, window: Straight) -> float:
     return float(np.hypot(*(track.line[window.last] - track.line[window.first])))
 
 
+TRACK_PROPERTIES = {
+    "header_width": ("header_width_m", 1.0, 3),
+    "mean_speed": ("mean_speed_kmh", KMH, 3),
+    "start_time": ("start_time_s", 1.0, 2),
+    "azimuth": ("azimuth_deg", DEG, 3),
+    "length": ("length_m", 1.0, 2),
+}
+STRAIGHT_PROPERTIES = {"azimuth": ("azimuth_deg", DEG, 4), "lateral_sd": ("lateral_sd_m", 1.0, 4)}
+"""Field of Track or Straight -> property of the GeoJSON, its unit in SI, digits."""
+
+
 def to_geojson(tracks: tuple[Track, ...], origin: Origin) -> dict[str, Any]:
     """Tracks as a FeatureCollection in lon/lat (RFC 7946); lengths in m, angles in degrees."""
     return {"type": "FeatureCollection", "features": [_feature(t, origin) for t in tracks]}
 
 
 def _feature(track: Track, origin: Origin) -> dict[str, Any]:
-    windows = [
-        {
-            "first": w.first,
-            "last": w.last,
-            "azimuth_deg": round(float(np.degrees(w.azimuth)), 4),
-            "lateral_sd_m": round(w.lateral_sd, 4),
-        }
-        for w in track.straights
+    places = np.round(origin.to_lon_lat(track.line), 9).tolist()
+    straights = [
+        {"first": w.first, "last": w.last, **_written(w, STRAIGHT_PROPERTIES)} for w in track.straights
     ]
+    properties = {"machine": track.machine, "pass": track.index, **_written(track, TRACK_PROPERTIES)}
     return {
         "type": "Feature",
-        "geometry": {
-            "type": "LineString",
-            "coordinates": np.round(origin.to_lon_lat(track.line), 9).tolist(),
-        },
-        "properties": {
-            "machine": track.machine,
-            "pass": track.index,
-            "header_width_m": round(track.header_width, 3),
-            "mean_speed_kmh": round(track.mean_speed * 3.6, 3),
-            "start_time_s": round(track.start_time, 2),
-            "azimuth_deg": round(float(np.degrees(track.azimuth)), 3),
-            "length_m": round(track.length, 2),
-            "straights": windows,
-        },
+        "geometry": {"type": "LineString", "coordinates": places},
+        "properties": {**properties, "straights": straights},
     }
 
 
@@ -207,24 +203,21 @@ def from_feature(feature: dict[str, Any], origin: Origin, file: Any) -> Track:
     try:
         p = feature["properties"]
         lon_lat = np.array(feature["geometry"]["coordinates"], dtype=float)[:, :2]
-        windows = tuple(
-            Straight(
-                int(w["first"]), int(w["last"]), float(np.radians(w["azimuth_deg"])), float(w["lateral_sd_m"])
-            )
+        straights = tuple(
+            Straight(int(w["first"]), int(w["last"]), **_read(w, STRAIGHT_PROPERTIES))
             for w in p.get("straights", ())
         )
-        return Track(
-            line=origin.to_local(lon_lat),
-            machine=str(p["machine"]),
-            index=int(p["pass"]),
-            header_width=float(p["header_width_m"]),
-            mean_speed=float(p["mean_speed_kmh"]) / 3.6,
-            start_time=float(p["start_time_s"]),
-            azimuth=float(np.radians(p["azimuth_deg"])),
-            length=float(p["length_m"]),
-            straights=windows,
-        )
+        numbers = _read(p, TRACK_PROPERTIES)
+        line = origin.to_local(lon_lat)
+        return Track(line, str(p["machine"]), int(p["pass"]), straights=straights, **numbers)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise InputError(
-            "tracks", str(error), "expected LineString features with the pass's properties", file=file
-        ) from error
+        expected = "expected LineString features with the pass's properties"
+        raise InputError("tracks", str(error), expected, file=file) from error
+
+
+def _written(of: Any, table: dict[str, tuple[str, float, int]]) -> dict[str, float]:
+    return {name: round(getattr(of, k) / unit, digits) for k, (name, unit, digits) in table.items()}
+
+
+def _read(properties: Any, table: dict[str, tuple[str, float, int]]) -> dict[str, float]:
+    return {k: float(properties[name]) * unit for k, (name, unit, _) in table.items()}

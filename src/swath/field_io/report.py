@@ -30,49 +30,39 @@ class ImportReport:
         parts = {k: v for k, v in vars(self).items() if k not in ("out", "notes")}
         return {**parts, "notes": list(self.notes)}
 
+    def lines(self) -> list[tuple[str, str, str]]:
+        """What, how much, and more about it, for the terminal."""
+        read, field, crop, terrain = self.rows["read"], self.field, self.crop, self.terrain
+        spacing = "" if field["pass_spacing_m"] is None else f", {field['pass_spacing_m']:.2f} m apart"
+        percentiles = f"10-90 %: {crop['yield_p10_t_ha']:.2f}-{crop['yield_p90_t_ha']:.2f}"
+        left_out = [("  broken", self.rows["broken"]), ("  not used", self.removed)]
+        return [
+            ("rows in the log", f"{read:,}", self.source["profile"]),
+            *((what, f"{n:,}", k.replace("_", " ")) for what, of in left_out for k, n in of.items() if n),
+            ("records used", f"{self.kept:,}", f"{100 * self.kept / max(read, 1):.1f} %"),
+            *(
+                (f"machine {m['name']}", f"{m['records']:,}",
+                 f"flow delay {m['flow_delay_s']:+.1f} s, {m['flow_delay_method']}")
+                for m in self.machines
+            ),
+            ("area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"),
+            ("passes", f"{field['passes']}", f"{field['pass_length_m'] / 1000:.1f} km{spacing}"),
+            ("yield", f"{crop['yield_t_ha']:.2f} t/ha", percentiles),
+            ("stems", f"{crop['stems_per_m2']:.0f} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"),
+            ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"]),
+            *(("note", "", note) for note in self.notes),
+        ]  # fmt: skip
+
     def __rich__(self) -> Any:
         """A table for the terminal."""
         from rich.markup import escape
         from rich.table import Table
 
-        table = Table(
-            title=escape(f"field {self.out}"),
-            title_justify="left",
-            show_header=False,
-            box=None,
-            padding=(0, 2),
-        )
+        title = escape(f"field {self.out}")
+        table = Table(title=title, title_justify="left", show_header=False, box=None, padding=(0, 2))
         table.add_column(style="bold")
         table.add_column(justify="right")
         table.add_column(style="dim")
-        table.add_row("rows in the log", f"{self.rows['read']:,}", escape(self.source["profile"]))
-        for name, count in self.rows["broken"].items():
-            if count:
-                table.add_row("  broken", f"{count:,}", name.replace("_", " "))
-        for name, count in self.removed.items():
-            if count:
-                table.add_row("  not used", f"{count:,}", name.replace("_", " "))
-        table.add_row(
-            "records used", f"{self.kept:,}", f"{100 * self.kept / max(self.rows['read'], 1):.1f} %"
-        )
-        for machine in self.machines:
-            delay = f"flow delay {machine['flow_delay_s']:+.1f} s, {machine['flow_delay_method']}"
-            table.add_row(escape(f"machine {machine['name']}"), f"{machine['records']:,}", delay)
-        field, crop, terrain = self.field, self.crop, self.terrain
-        spacing = "" if field["pass_spacing_m"] is None else f", {field['pass_spacing_m']:.2f} m apart"
-        table.add_row(
-            "area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"
-        )
-        table.add_row("passes", f"{field['passes']}", f"{field['pass_length_m'] / 1000:.1f} km{spacing}")
-        table.add_row(
-            "yield",
-            f"{crop['yield_t_ha']:.2f} t/ha",
-            f"10-90 %: {crop['yield_p10_t_ha']:.2f}-{crop['yield_p90_t_ha']:.2f}",
-        )
-        table.add_row(
-            "stems", f"{crop['stems_per_m2']:.0f} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"
-        )
-        table.add_row("terrain", f"{terrain['relief_m']:.1f} m", escape(terrain["source"]))
-        for note in self.notes:
-            table.add_row("note", "", escape(note))
+        for line in self.lines():
+            table.add_row(*map(escape, line))
         return table

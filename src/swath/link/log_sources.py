@@ -148,7 +148,7 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
     if both := sorted(set(whole) & set(numbers)):
         raise InputError("topics", both[0], "expected a topic for the output or for its numbers, not both")
     for name, given in numbers.items():
-        fixed = [k.partition(".")[2] for k in params.values if k.partition(".")[0] == name]
+        fixed = numbers_of(name, params.values)
         lacking = [
             f.name
             for f in flat_fields(ports[name].signal).values()
@@ -162,6 +162,12 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
         for n, given in numbers.items()
     }
     return [made[name] for name in ports if name in made]
+
+
+def numbers_of(port: str, given: Mapping[str, float]) -> dict[str, float]:
+    """Those of `output.number: value` that belong to an output, by number."""
+    lead = f"{port}."
+    return {key.removeprefix(lead): value for key, value in given.items() if key.startswith(lead)}
 
 
 def to_local(params: Params, base: Path) -> ToLocal | None:

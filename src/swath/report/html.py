@@ -1,7 +1,4 @@
-"""HTML pages from the Jinja2 templates in `report/templates/`; everything that is put in is escaped.
-
-Pages of the tools extend the same `base.html.j2`; their templates lie beside them, in a folder they name.
-"""
+"""HTML pages from the Jinja2 templates in `templates/`; everything that is put in is escaped."""
 
 from functools import cache
 from pathlib import Path
@@ -11,16 +8,32 @@ TEMPLATES = Path(__file__).parent / "templates"
 CSS = (TEMPLATES / "base.css").read_text(encoding="utf-8")
 
 
-def render_page(template: str, folder: Path = TEMPLATES, **values: Any) -> str:
-    """The page that a template makes of some values. folder: where it lies, if not among the shared ones."""
-    return str(_environment(folder).get_template(template).render(css=CSS, **values))
+def render_page(template: str, **values: Any) -> str:
+    """The page that a template makes of some values; a name that it uses and `values` lacks is an error."""
+    return str(_environment().get_template(template).render(css=CSS, **values))
+
+
+def write_page(path: Path, template: str, **values: Any) -> Path:
+    """Render and write a page; one that is half written is never seen under its name."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(render_page(template, **values), encoding="utf-8")
+    part.replace(path)
+    return path
+
+
+def signed(value: float, digits: int) -> str:
+    """A number with a real minus sign, and without one where it rounds to 0; a dash for nan."""
+    if value != value:
+        return "–"
+    text = f"{value:.{digits}f}"
+    return text.replace("-", "" if float(text) == 0.0 else "−")
 
 
 @cache
-def _environment(folder: Path) -> Any:
+def _environment() -> Any:
     import jinja2
 
-    loader = jinja2.FileSystemLoader([folder, TEMPLATES])
+    loader = jinja2.FileSystemLoader(TEMPLATES)
     return jinja2.Environment(
         loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

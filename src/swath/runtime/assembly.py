@@ -197,7 +197,8 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     period = from_hz(choice.common.rate_hz) * 1e-9
     control = ControlSetup(place.card, _mountings(place, choice), section.common.edge_side, period)
     if choice.found.is_link:
-        return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base)
+        fed = {port: source for port, (source, _) in choice.wires.items()}
+        return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base, fed)
     if choice.kind.is_control and not choice.found.sees_truth:
         return control
     return _site_setup(place, period)

@@ -87,6 +87,7 @@ class LinkSetup:
     outputs: ports that the rest of the machine expects of the slot
     control: geometry, sensor mounting, side of the edge and period
     base: folder that relative file names start from
+    sources: input port -> slot that feeds it, e.g. `combine.lidar_left`
     """
 
     machine_name: str
@@ -95,6 +96,7 @@ class LinkSetup:
     outputs: tuple[Port, ...]
     control: ControlSetup
     base: Path
+    sources: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -73,5 +73,5 @@ LEVEL = Level(
     Params,
     "a slope, waves and ISO 8608 roughness",
     cost="1 ms per page of 8 m x 8 m",
-    tolerance="spectra of profiles within 15 % of ISO 8608 per octave, 0.05-2 cycles/m",
+    tolerance="slope and waves exact; profiles within 15 % of ISO 8608 per octave, 0.05-2 cycles/m",
 )

@@ -22,6 +22,8 @@ from swath.scenario.slots import REGISTRY
 from swath.signals import SteerCommand
 from swath.signals.setup import ControlSetup
 
+STATE = ("_t", "_speed", "_curvature", "_line", "_must_release", "answer_count")
+
 
 class ControllerBox:
     """A steering law that is connected to the machine by a bus.
@@ -87,13 +89,11 @@ class ControllerBox:
 
     def save(self) -> dict[str, Any]:
         """Everything but the bus."""
-        own = (self._t, self._speed, self._curvature, dict(self._line), self._must_release, self.answer_count)
-        return {"own": own, "law": self._law.save()}
+        return {"own": {name: vars(self)[name] for name in STATE}, "law": self._law.save()}
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Back to a saved moment."""
-        self._t, self._speed, self._curvature, self._line = state["own"][:4]
-        self._must_release, self.answer_count = state["own"][4:]
+        vars(self).update(state["own"])
         self._law.load(state["law"])
 
 

@@ -31,15 +31,37 @@ def add(parsers: Any) -> None:
 
 
 def run_box(args: argparse.Namespace) -> int:
-    """Serve the machine until Ctrl-C, or with `--once` until it has switched off."""
-    from swath.link.can import box, j1939
-    from swath.link.can.box_of_scenario import plan_box
-    from swath.link.can.bus import Node
-    from swath.scenario.scenario import load_scenario
+    """Serve the machine until Ctrl-C, or with `--once` until it has switched off.
 
-    plan = plan_box(load_scenario(args.scenario, sets=args.sets))
-    node = Node(_where(args, plan.where), args.address or plan.address, device_class=j1939.NO_CLASS)
-    served = box.ControllerBox(plan.law, node, period=plan.period, wheelbase=plan.wheelbase)
+    The box is that of the first machine that has the slot `steer`: of level `can`, which says bus and law, or
+    a law itself, which then runs every 100 ms on the default bus. It knows the machine's data sheet, not the
+    mounting of the sensor.
+    """
+    from swath.core.errors import InputError
+    from swath.documents.validation import adapter_of
+    from swath.link.can import box, j1939
+    from swath.link.can.bus import Node
+    from swath.link.levels.can import Params
+    from swath.machine.machine_sheet import load_machine
+    from swath.scenario.scenario import load_scenario
+    from swath.signals.setup import ControlSetup
+
+    scenario = load_scenario(args.scenario, sets=args.sets)
+    section = next((m for m in scenario.machines.values() if "steer" in m.slots), None)
+    if section is None:
+        raise InputError("steer", "off", "expected a steering law for the box to run")
+    steer = section.slots["steer"]
+    machine = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
+    params = steer.params if isinstance(steer.params, Params) else Params()
+    setup = ControlSetup(machine, {}, section.common.edge_side, params.period * 1e-9)
+    if isinstance(steer.params, Params):
+        law = params.make_law(setup, None if scenario.file is None else scenario.file.parent)
+    else:
+        keys = adapter_of(steer.params.__class__).dump_python((steer.params,), mode="json")[0]
+        law = box.make_law(steer.level, keys, setup, period=params.period)
+    address = args.address or params.box_address or j1939.NAVIGATION
+    node = Node(_where(args, params.where), address, device_class=j1939.NO_CLASS)
+    served = box.ControllerBox(law, node, period=params.period, wheelbase=machine.wheelbase)
     try:
         box.run_box(served, node, once=args.once, say=lambda text: print(text, flush=True))
     finally:

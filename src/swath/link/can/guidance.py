@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from math import atan, isfinite, tan
+from typing import Any
 
 from swath.core.schedule import NS
 from swath.link.can.bus import Message
@@ -17,6 +18,14 @@ ALL_CLEAR, TIMEOUT, OUT_OF_RANGE = 0, 5, 6  # exit reason codes
 INTENDED = 1  # to steer
 ODOMETER = 4_211_081.215  # m, where the distance starts again from 0
 AGE_MAX = 6.4255  # s
+# Signal of the two messages about the edge -> field of CropEdge.
+LINE = {
+    "EdgeOffset": "offset",
+    "EdgeHeading": "heading",
+    "EdgeCurvature": "curvature",
+    "EdgeReference": "reference_x",
+}
+QUALITY = {"EdgeConfidence": "confidence", "CropHeight": "crop_height", "StubbleHeight": "stubble_height"}
 
 
 def to_bus(curvature: float) -> float:
@@ -95,39 +104,20 @@ def edge_values(edge: CropEdge | None, t: int, cycle: int) -> tuple[Values, Valu
     count: Values = {"Cycle": cycle % 251}
     if edge is None:
         return {}, {"EdgeConfidence": 0.0, **count}
-    line: Values = {
-        "EdgeOffset": edge.offset,
-        "EdgeHeading": edge.heading,
-        "EdgeCurvature": edge.curvature,
-        "EdgeReference": edge.reference_x,
-    }
-    quality: Values = {
-        "EdgeConfidence": edge.confidence,
-        "EdgeAge": min((t - edge.t) / NS, AGE_MAX),
-        "CropHeight": edge.crop_height,
-        "StubbleHeight": edge.stubble_height,
-    }
-    return line, {**quality, **count}
+    fields = vars(edge)
+    line: Values = {signal: fields[name] for signal, name in LINE.items()}
+    quality: Values = {signal: fields[name] for signal, name in QUALITY.items()}
+    return line, {**quality, "EdgeAge": min((t - edge.t) / NS, AGE_MAX), **count}
 
 
 def edge_of(line: Values, quality: Values, t: int) -> CropEdge:
     """The crop edge that the two messages tell, at the controller's time t [ns]."""
-    nan = float("nan")
-
-    def number(values: Values, key: str, missing: float = nan) -> float:
-        value = values.get(key)
-        return missing if value is None else value
-
-    return CropEdge(
-        t - round(number(quality, "EdgeAge", 0.0) * NS),
-        offset=number(line, "EdgeOffset"),
-        heading=number(line, "EdgeHeading"),
-        curvature=number(line, "EdgeCurvature"),
-        reference_x=number(line, "EdgeReference"),
-        confidence=number(quality, "EdgeConfidence", 0.0),
-        crop_height=number(quality, "CropHeight"),
-        stubble_height=number(quality, "StubbleHeight"),
-    )
+    told = {signal: value for signal, value in {**line, **quality}.items() if value is not None}
+    known = {"EdgeConfidence": 0.0, **told}
+    fields: dict[str, Any] = {
+        name: known.get(signal, float("nan")) for signal, name in (LINE | QUALITY).items()
+    }
+    return CropEdge(t - round(told.get("EdgeAge", 0.0) * NS), **fields)
 
 
 def measured_curvature(odometry: Odometry | None, wheelbase: float) -> float | None:

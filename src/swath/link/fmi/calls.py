@@ -8,100 +8,73 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import SwathError
 from swath.link.fmi.description import Description, Variable
-from swath.link.fmi.errors import FmuError
 
 STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 KEPT_MESSAGES = 5
-_C2: dict[str, Any] = {"Real": ctypes.c_double, "Integer": ctypes.c_int, "Boolean": ctypes.c_int}
-_C3: dict[str, Any] = {
+_TYPES: dict[str, Any] = {
+    "Real": ctypes.c_double,
+    "Integer": ctypes.c_int,
     "Float32": ctypes.c_float,
     "Float64": ctypes.c_double,
-    "Int8": ctypes.c_int8,
-    "UInt8": ctypes.c_uint8,
-    "Int16": ctypes.c_int16,
-    "UInt16": ctypes.c_uint16,
-    "Int32": ctypes.c_int32,
-    "UInt32": ctypes.c_uint32,
-    "Int64": ctypes.c_int64,
-    "UInt64": ctypes.c_uint64,
-    "Boolean": ctypes.c_bool,
+    **{f"{u}Int{n}": getattr(ctypes, f"c_{u.lower()}int{n}") for u in ("", "U") for n in (8, 16, 32, 64)},
 }
 _LOGS: dict[str, "deque[str]"] = {}
+
+
+class FmuError(SwathError):
+    """An FMU that failed, refused, crashed or gave no answer; the level adds slot, file and time."""
 
 
 @dataclass
 class Group:
     """Neighbouring variables that one call sets or gets.
 
-    refs, values: arrays of C; start, stop: where their numbers lie in the flat list; name: of the function,
-    without Get or Set; is_discrete: may only change at an event
+    name: of the function, without Get or Set; kind: real, int or bool; values: array of C; args: of the
+    function after the instance; start, stop: where their numbers lie in the flat list; is_discrete: may
+    only change at an event
     """
 
     name: str
     kind: str
-    refs: Any
-    ref_count: Any
     values: Any
-    value_count: Any
+    args: tuple[Any, ...]
     start: int
     stop: int
     is_discrete: bool
 
+    def fill(self, numbers: Sequence[float]) -> None:
+        """Put the group's part of the flat list into its array."""
+        part: Sequence[float] = numbers[self.start : self.stop]
+        if self.kind != "real":
+            part = [round(x) if self.kind == "int" else x != 0.0 for x in part]
+        self.values[:] = part
+
 
 def make_groups(variables: Sequence[Variable], major: int) -> list[Group]:
     """Groups in the order of the variables. FmuError for one that is not a number."""
-    groups: list[list[Variable]] = []
-    for v in variables:
-        if v.kind not in ("real", "int", "bool"):
-            raise FmuError(f"variable {v.name} is of type {v.type}, expected a number or a boolean")
-        last = groups[-1][-1] if groups else None
-        same = last is not None and last.type == v.type and last.variability == v.variability
-        if same:
-            groups[-1].append(v)
-        else:
-            groups.append([v])
-    made, start = [], 0
-    for group in groups:
-        made.append(_group(group, start, major))
-        start = made[-1].stop
+    made: list[Group] = []
+    for (kind, variability), members in groupby(variables, key=lambda v: (v.type, v.variability)):
+        group = list(members)
+        if not group[0].is_number:
+            raise FmuError(f"variable {group[0].name} is of type {kind}, expected a number or a boolean")
+        if kind == "Enumeration":
+            kind = "Integer" if major == 2 else "Int64"
+        boolean = ctypes.c_int if major == 2 else ctypes.c_bool
+        refs = [r for v in group for r in v.refs]
+        start, count = made[-1].stop if made else 0, sum(v.size for v in group)
+        values = (_TYPES.get(kind, boolean) * count)()
+        args: tuple[Any, ...] = ((ctypes.c_uint * len(refs))(*refs), ctypes.c_size_t(len(refs)), values)
+        args = args if major == 2 else (*args, ctypes.c_size_t(count))
+        is_discrete = variability == "discrete"
+        made.append(Group(kind, group[0].kind, values, args, start, start + count, is_discrete))
     return made
-
-
-def _group(variables: list[Variable], start: int, major: int) -> Group:
-    kind = variables[0].type
-    if major == 2:
-        kind = "Integer" if kind == "Enumeration" else kind
-    else:
-        kind = "Int64" if kind == "Enumeration" else kind
-    refs = [r for v in variables for r in v.refs]
-    count = sum(v.size for v in variables)
-    return Group(
-        name=kind,
-        kind=variables[0].kind,
-        refs=(ctypes.c_uint * len(refs))(*refs),
-        ref_count=ctypes.c_size_t(len(refs)),
-        values=((_C2 if major == 2 else _C3)[kind] * count)(),
-        value_count=ctypes.c_size_t(count),
-        start=start,
-        stop=start + count,
-        is_discrete=variables[0].variability == "discrete",
-    )
-
-
-def fill(group: Group, numbers: Sequence[float]) -> None:
-    """Put the group's part of the flat list into its array."""
-    part = numbers[group.start : group.stop]
-    if group.kind == "real":
-        group.values[:] = part
-    elif group.kind == "int":
-        group.values[:] = [round(x) for x in part]
-    else:
-        group.values[:] = [x != 0.0 for x in part]
 
 
 class Library:
@@ -112,26 +85,21 @@ class Library:
 
     def __init__(self, description: Description, folder: Path, name: str) -> None:
         assert description.library is not None
-        self.prefix = f"fmi{description.major}"
-        self.name = name
+        self.prefix, self.name = f"fmi{description.major}", name
         self.messages: deque[str] = deque(maxlen=KEPT_MESSAGES)
         self.is_dead = False
         _LOGS[name] = self.messages
-        file = folder / description.library
         try:
-            self._dll = ctypes.CDLL(str(file))
+            self._dll = ctypes.CDLL(str(folder / description.library))
         except OSError as error:
             raise FmuError(f"its binary {description.library} cannot be loaded: {error}") from error
-        self._functions: dict[str, Any] = {}
 
     def function(self, name: str) -> Any:
         """A function of the FMU by its name without prefix. FmuError where the binary has none."""
-        if name not in self._functions:
-            try:
-                self._functions[name] = getattr(self._dll, self.prefix + name)
-            except AttributeError as error:
-                raise FmuError(f"its binary has no function {self.prefix}{name}") from error
-        return self._functions[name]
+        try:
+            return getattr(self._dll, self.prefix + name)
+        except AttributeError as error:
+            raise FmuError(f"its binary has no function {self.prefix}{name}") from error
 
     def call(self, name: str, *args: Any) -> int:
         """Call and check the status: ok and warning are returned, FmuError for anything else."""
@@ -144,83 +112,62 @@ class Library:
         """The error for a status that is not good, with what the FMU logged."""
         self.is_dead |= status == FATAL
         word = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
-        said = f"; it says: {self.said}" if self.messages else ""
-        return FmuError(f"{self.prefix}{name} gave {word}{said}")
+        return FmuError(f"{self.prefix}{name} gave {word}{self.said}")
 
     @property
     def said(self) -> str:
-        """The last messages of the FMU in one line."""
-        return " | ".join(" ".join(m.split()) for m in self.messages)
+        """The last messages of the FMU in one line, as the end of an error; empty without any."""
+        said = " | ".join(" ".join(m.split()) for m in self.messages)
+        return f"; it says: {said}" if said else ""
 
     def unload(self) -> None:
         """Let go of the binary."""
+        from fmpy import freeLibrary
+
         _LOGS.pop(self.name, None)
-        self._functions.clear()
-        handle = self._dll._handle
-        if hasattr(ctypes, "windll"):
-            ctypes.windll.kernel32.FreeLibrary(ctypes.c_void_p(handle))
-        else:
-            close = ctypes.CDLL(None).dlclose
-            close.argtypes = [ctypes.c_void_p]
-            close(handle)
+        freeLibrary(self._dll._handle)
 
 
-def log_categories(description: Description) -> list[str]:
-    """The categories worth listening to: warnings and errors, so that a chatty FMU costs nothing."""
+def log_categories(description: Description) -> tuple[Any, Any] | None:
+    """Count and names of the categories worth listening to, warnings and errors; None without any."""
     wanted = ("warn", "discard", "error", "fatal")
-    return [c for c in description.log_categories if any(w in c.lower() for w in wanted)]
-
-
-class Callbacks2(ctypes.Structure):
-    """fmi2CallbackFunctions (FMI 2.0.4, section 2.1.5)."""
-
-    _fields_ = [
-        ("logger", ctypes.c_void_p),
-        ("allocateMemory", ctypes.c_void_p),
-        ("freeMemory", ctypes.c_void_p),
-        ("stepFinished", ctypes.c_void_p),
-        ("componentEnvironment", ctypes.c_void_p),
-    ]
+    found = [c.encode() for c in description.log_categories if any(w in c.lower() for w in wanted)]
+    return (ctypes.c_size_t(len(found)), (ctypes.c_char_p * len(found))(*found)) if found else None
 
 
 @cache
-def callbacks2() -> tuple[Callbacks2, Any]:
-    """The callbacks that all instances of FMI 2 share, and what must stay alive for them."""
-    kind = ctypes.CFUNCTYPE(
-        None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p
-    )
+def callbacks2() -> Any:
+    """The callbacks that all instances of FMI 2 share (FMI 2.0.4, section 2.1.5)."""
+    from fmpy import calloc, fmi2, free
 
     def log(_: Any, name: bytes | None, status: int, __: Any, message: bytes | None) -> None:
         if status >= WARNING and (kept := _LOGS.get(_text(name))) is not None:
             kept.append(_text(message))
 
-    logger, libc = kind(log), ctypes.CDLL(None)
-    made = Callbacks2(
-        ctypes.cast(logger, ctypes.c_void_p),
-        ctypes.cast(libc.calloc, ctypes.c_void_p),
-        ctypes.cast(libc.free, ctypes.c_void_p),
-        None,
-        None,
-    )
+    made = fmi2.fmi2CallbackFunctions()
+    made.logger = fmi2.fmi2CallbackLoggerTYPE(log)
+    made.allocateMemory = ctypes.cast(calloc, fmi2.fmi2CallbackAllocateMemoryTYPE)
+    made.freeMemory = ctypes.cast(free, fmi2.fmi2CallbackFreeMemoryTYPE)
     try:
         from fmpy.logging import addLoggerProxy
 
         addLoggerProxy(ctypes.byref(made))  # fills in the variadic arguments, which ctypes cannot
     except (ImportError, OSError, AttributeError):
         pass
-    return made, (logger, libc)
+    return made
 
 
 def logger3(library: Library) -> Any:
     """fmi3LogMessageCallback of one instance."""
-    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+    from fmpy.fmi3 import fmi3LogMessageCallback
+
     kept = library.messages
 
     def log(_: Any, status: int, __: Any, message: bytes | None) -> None:
         if status >= WARNING:
             kept.append(_text(message))
 
-    return kind(log)
+    return fmi3LogMessageCallback(log)
 
 
 def _text(value: bytes | None) -> str:

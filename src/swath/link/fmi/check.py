@@ -1,48 +1,37 @@
 """Checks an FMU in a child process: reads it, steps it, saves and restores its state."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from itertools import islice
 from math import isfinite
 from pathlib import Path
 
 from swath.core.errors import SwathError
+from swath.link.fmi.calls import FmuError
 from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import Description, Variable, read_fmu
-from swath.link.fmi.errors import FmuError
 from swath.link.fmi.ssp import SUFFIXES, read_system
 
 Row = tuple[str, str, str]  # what was looked at, result (ok, note or bad), what was found
 SHOWN_FAULTS = 20
 
 
-@dataclass(frozen=True)
-class Finding:
-    """rows: one per thing looked at; is_usable: it can fill a slot."""
-
-    rows: tuple[Row, ...]
-
-    @property
-    def is_usable(self) -> bool:
-        """True when nothing is bad."""
-        return all(result != "bad" for _, result, _ in self.rows)
-
-
 def check_fmu(
     file: Path, *, step_s: float = 0.1, duration_s: float = 1.0, timeout_s: float = 10.0
-) -> Finding:
+) -> list[Row]:
     """Run an FMU with its inputs at their start values; of a system, one component after the other.
 
-    InputError for a file that is none at all.
+    One row for each thing looked at; it can fill a slot when none is `bad`. InputError for a file that is
+    none at all.
     """
     if file.suffix.lower() not in SUFFIXES:
-        return Finding(tuple(_check(read_fmu(file), step_s, duration_s, timeout_s)))
-    rows: list[Row] = []
-    system = read_system(file)
-    for path, fmu in system.components.items():
-        found = _check(fmu, step_s, duration_s, timeout_s)
-        rows += [(f"{path}: {what}", result, text) for what, result, text in found]
-    return Finding(tuple(rows))
+        return _check(read_fmu(file), step_s, duration_s, timeout_s)
+    return [
+        (f"{path}: {what}", result, text)
+        for path, fmu in read_system(file).components.items()
+        for what, result, text in _check(fmu, step_s, duration_s, timeout_s)
+    ]
 
 
 def _check(fmu: Description, step_s: float, duration_s: float, timeout_s: float) -> list[Row]:
@@ -61,20 +50,17 @@ def _check(fmu: Description, step_s: float, duration_s: float, timeout_s: float)
         return rows
     rows.append(("binary", "ok", fmu.library))
     trial = _Trial(fmu, step_s, round(duration_s / step_s), timeout_s)
-    try:
-        trial.run()
-    finally:
-        trial.unit.close()
-    return [*rows, *trial.rows]
+    with closing(trial.unit):
+        return [*rows, *trial.rows()]
 
 
-def usable(fmu: Description, *causalities: str) -> list[Variable]:
-    """Variables of these causalities that are numbers."""
-    return [v for v in fmu.of(*causalities) if v.kind in ("real", "int", "bool")]
+def usable(fmu: Description, causality: str) -> list[Variable]:
+    """Variables of this causality that are numbers."""
+    return [v for v in fmu.of(causality) if v.is_number]
 
 
 def _units(fmu: Description) -> list[Row]:
-    both = usable(fmu, "input", "output")
+    both = [*usable(fmu, "input"), *usable(fmu, "output")]
     strange = sorted({v.unit_name for v in both if v.unit is None and v.unit_name is not None})
     without = [v.name for v in both if v.unit_name is None and v.kind == "real"]
     rows = [("units", "note", f"not defined: {name}; write it under `units`") for name in strange]
@@ -89,27 +75,25 @@ class _Trial:
     def __init__(self, fmu: Description, step_s: float, count: int, timeout_s: float) -> None:
         self.fmu, self.step_s, self.count = fmu, step_s, max(count, 1)
         self.inputs, self.outputs = usable(fmu, "input"), usable(fmu, "output")
-        self.numbers = [x for v in self.inputs for x in start_of(v)]
+        self.numbers = [x for v in self.inputs for x in v.numbers()]
         self.unit = ChildProcess(fmu, "check", self.inputs, self.outputs, timeout_s)
-        self.rows: list[Row] = []
 
-    def run(self) -> None:
-        """Fill the rows."""
-        for what, look in (("start", self._start), ("steps", self._steps), ("state", self._state)):
+    def rows(self) -> Iterator[Row]:
+        """One row for each thing tried."""
+        trials = (("start", self._start), ("steps", self._steps), ("state", self._state))
+        for what, trial in (*trials, ("again", self._again)):
             try:
-                look()
+                yield (what, *trial())
             except SwathError as error:
-                self.rows.append((what, "bad", str(error)))
+                yield what, "bad", str(error)
                 return
-        self._again()
 
-    def _start(self) -> None:
+    def _start(self) -> tuple[str, str]:
         self.first = self.unit.start({})
         self._look(self.first, 0.0)
-        counts = f"{len(self.inputs)} inputs, {len(self.outputs)} outputs"
-        self.rows.append(("start", "ok", counts))
+        return "ok", f"{len(self.inputs)} inputs, {len(self.outputs)} outputs"
 
-    def _steps(self) -> None:
+    def _steps(self) -> tuple[str, str]:
         started = time.perf_counter()
         for k in range(self.count):
             try:
@@ -118,13 +102,11 @@ class _Trial:
                 raise FmuError(f"at t = {k * self.step_s:g} s: {error}") from error
             self._look(values, (k + 1) * self.step_s)
         cost = (time.perf_counter() - started) / self.count * 1e6
-        text = f"{self.count} of {self.step_s:g} s, {cost:.0f} us each, in its own process"
-        self.rows.append(("steps", "ok", text))
+        return "ok", f"{self.count} of {self.step_s:g} s, {cost:.0f} us each, in its own process"
 
-    def _state(self) -> None:
+    def _state(self) -> tuple[str, str]:
         if not self.fmu.saves_state:
-            self.rows.append(("state", "note", "cannot be saved, nor can a run with it"))
-            return
+            return "note", "cannot be saved, nor can a run with it"
         t = self.count * self.step_s
         how = "as bytes" if self.fmu.serializes else "in memory only"
         state = self.unit.save()
@@ -132,27 +114,15 @@ class _Trial:
         self.unit.load(state)
         if self.unit.step(t, self.step_s, self.numbers) != ahead:
             raise FmuError(f"saved {how}, but going back gives other outputs")
-        self.rows.append(("state", "ok", f"saved {how}, going back gives the same outputs"))
+        return "ok", f"saved {how}, going back gives the same outputs"
 
-    def _again(self) -> None:
-        try:
-            same = self.unit.start({}) == self.first
-        except SwathError as error:
-            self.rows.append(("again", "bad", str(error)))
-            return
-        found = ("ok", "same outputs as at first") if same else ("note", "other outputs than at first")
-        self.rows.append(("again", *found))
+    def _again(self) -> tuple[str, str]:
+        if self.unit.start({}) == self.first:
+            return "ok", "same outputs as at first"
+        return "note", "other outputs than at first"
 
     def _look(self, values: Sequence[float], t: float) -> None:
-        at = 0
+        left = iter(values)
         for variable in self.outputs:
-            if not all(map(isfinite, values[at : at + variable.size])):
+            if not all(map(isfinite, islice(left, variable.size))):
                 raise FmuError(f"{variable.name} is not a finite number at t = {t:g} s")
-            at += variable.size
-
-
-def start_of(variable: Variable) -> list[float]:
-    """Start values of a variable, one per element; 0 where it has none."""
-    value = variable.start
-    numbers = value if isinstance(value, list) else [value or 0.0]
-    return list(numbers) if len(numbers) == variable.size else [numbers[0]] * variable.size

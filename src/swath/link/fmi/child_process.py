@@ -1,5 +1,9 @@
-"""An FMU in a child process: its crash or hang becomes an error that names it."""
+"""An FMU in a child process: its crash or hang becomes an error that names it.
 
+The child is `python -m swath.link.fmi.child_process FD`; it answers the verbs of `Unit`, one by one.
+"""
+
+import ctypes
 import os
 import pickle
 import shutil
@@ -15,18 +19,21 @@ from pathlib import Path
 from typing import Any
 
 import swath
+from swath.core.errors import SwathError
+from swath.link.fmi.calls import FmuError
 from swath.link.fmi.description import Description, Variable
-from swath.link.fmi.errors import FmuError
 from swath.link.fmi.instance import Numbers, Steps, unpack
 
 START_TIMEOUT_S = 60.0  # of loading Python and the FMU, on a busy machine
 CLOSE_TIMEOUT_S = 2.0
+PR_SET_PDEATHSIG = 1
 
 
 class ChildProcess:
     """A unit whose FMU runs in a child process. timeout_s: for every answer; the start has a minute more.
 
     child: the process, None before the start and after the end; folder: where the FMU is unpacked
+    notes: what the user should know
     """
 
     def __init__(
@@ -36,9 +43,11 @@ class ChildProcess:
         inputs: Sequence[Variable],
         outputs: Sequence[Variable],
         timeout_s: float,
+        notes: Sequence[str] = (),
     ) -> None:
+        self.notes = notes
         self._spec = (replace(description, package=None), name, tuple(inputs), tuple(outputs))
-        self._unpacked: Any | None = None
+        self._remove: Any = None  # the unpacked files, here so that it is done even if the child dies
         self.folder: Path | None = None
         self._timeout_s = timeout_s
         self.child: subprocess.Popen[bytes] | None = None
@@ -47,9 +56,11 @@ class ChildProcess:
     def start(self, starts: Mapping[str, Any]) -> list[float]:
         """Start the process if there is none, and the FMU in it; outputs at t = 0."""
         if self.child is None:
+            folder = self.folder = unpack(self._spec[0].file)
+            self._remove = weakref.finalize(self, shutil.rmtree, folder, True)
             self._launch()
-            self._ask("make", (*self._spec, self._unpack()), extra_s=START_TIMEOUT_S, doing="being loaded")
-        found: list[float] = self._ask("start", dict(starts), extra_s=START_TIMEOUT_S, doing="initialising")
+            self._ask("make", *self._spec, folder, doing="being loaded", extra_s=START_TIMEOUT_S)
+        found: list[float] = self._ask("start", dict(starts), doing="initialising", extra_s=START_TIMEOUT_S)
         return found
 
     def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
@@ -63,7 +74,7 @@ class ChildProcess:
 
     def save(self) -> Any:
         """The state of the FMU."""
-        return self._ask("save", None, doing="saving its state")
+        return self._ask("save", doing="saving its state")
 
     def load(self, state: Any) -> None:
         """Back to it."""
@@ -81,15 +92,8 @@ class ChildProcess:
             except subprocess.TimeoutExpired:
                 child.kill()
                 child.wait()
-        unpacked, self._unpacked = self._unpacked, None
-        if unpacked is not None:
-            unpacked()
-
-    def _unpack(self) -> Path:
-        """The files of the FMU, removed here even if the child dies."""
-        folder = self.folder = unpack(self._spec[0].file)
-        self._unpacked = weakref.finalize(self, shutil.rmtree, folder, True)
-        return folder
+        if self._remove is not None:
+            self._remove()
 
     def _launch(self) -> None:
         ours, theirs = socket.socketpair()
@@ -97,15 +101,15 @@ class ChildProcess:
         path = os.pathsep.join([folder, *filter(None, [os.environ.get("PYTHONPATH")])])
         with theirs:
             self.child = subprocess.Popen(
-                [sys.executable, "-m", "swath.link.fmi.worker", str(theirs.fileno())],
+                [sys.executable, "-m", "swath.link.fmi.child_process", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 env={**os.environ, "PYTHONPATH": path},
             )
         self._pipe = Connection(ours.detach())
 
-    def _ask(self, verb: str, what: Any, *, doing: str, extra_s: float = 0.0) -> Any:
-        if self._pipe is None or self.child is None:
+    def _ask(self, verb: str, *what: Any, doing: str, extra_s: float = 0.0) -> Any:
+        if self._pipe is None:
             raise FmuError("its process has ended")
         limit = self._timeout_s + extra_s
         try:
@@ -139,3 +143,39 @@ class ChildProcess:
         if self.child is not None:
             self.child.kill()
         self.close()
+
+
+def serve(pipe: Connection) -> None:
+    """The child's side: answer requests until the pipe is closed."""
+    from swath.link.fmi.unit import make_instance
+
+    instance: Any = None
+    reply: tuple[bool, Any]
+    try:
+        while True:
+            verb, what = pickle.loads(pipe.recv_bytes())
+            try:
+                if verb == "make":
+                    instance, reply = make_instance(*what), (True, None)
+                else:
+                    reply = (True, getattr(instance, verb)(*what))
+            except SwathError as error:
+                reply = (False, str(error))
+            except Exception as error:
+                reply = (False, f"{type(error).__name__}: {error}")
+            pipe.send_bytes(pickle.dumps(reply, protocol=5))
+    except (EOFError, OSError):
+        if instance is not None:
+            instance.close()
+
+
+def _main() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then closes the pipe
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    os.dup2(2, 1)  # what an FMU prints must not mix with the results on stdout
+    serve(Connection(int(sys.argv[1])))
+
+
+if __name__ == "__main__":
+    _main()

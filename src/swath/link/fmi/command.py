@@ -7,6 +7,8 @@ from typing import Any
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""
+    from swath.terminal.options import add_scenario_options
+
     parser = parsers.add_parser("fmu", help="show, check and export FMUs")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     shows = verbs.add_parser("show", help="variables, units and capabilities of an FMU")
@@ -15,38 +17,22 @@ def add(parsers: Any) -> None:
     shows.set_defaults(run=run_show)
     checks = verbs.add_parser("check", help="run an FMU in a process of its own and say what was found")
     checks.add_argument("file", type=Path, metavar="X.fmu", help="an FMU")
-    checks.add_argument("--step-ms", type=float, default=100.0, metavar="MS", help="step (default 100)")
-    checks.add_argument("--duration-s", type=float, default=1.0, metavar="S", help="how long (default 1)")
-    checks.add_argument(
-        "--timeout-s", type=float, default=10.0, metavar="S", help="for an answer (default 10)"
-    )
+    for flag, default, text in (
+        ("--step-ms", 100.0, "step"),
+        ("--duration-s", 1.0, "how long"),
+        ("--timeout-s", 10.0, "for an answer"),
+    ):
+        checks.add_argument(flag, type=float, default=default, help=f"{text} (default {default:g})")
     checks.set_defaults(run=run_check)
-    _add_export(verbs)
-
-
-def _add_export(verbs: Any) -> None:
-    from swath.terminal.options import add_scenario_options
 
     exports = verbs.add_parser("export", help="slots of a scenario as an FMU for other tools")
-    exports.add_argument(
-        "scenario", metavar="NAME|FILE", help="a bundled scenario, a YAML file, a run folder"
-    )
-    exports.add_argument(
-        "--part",
-        action="append",
-        default=[],
-        dest="parts",
-        metavar="SLOT",
-        help="combine.process, or process where there is one machine; may be given several times",
-    )
+    exports.add_argument("scenario", metavar="NAME|FILE", help="bundled scenario, YAML file or run folder")
     exports.add_argument("--fmi", type=int, default=3, metavar="N", help="version, 3 (default) or 2")
+    slot = "combine.process, or process where there is one machine; may be given several times"
+    key = "a key of the scenario that becomes a parameter, e.g. field.stand.stems_per_m2"
+    exports.add_argument("--part", action="append", default=[], dest="parts", metavar="SLOT", help=slot)
     exports.add_argument(
-        "--parameter",
-        action="append",
-        default=[],
-        dest="parameters",
-        metavar="KEY",
-        help="a key of the scenario that becomes a parameter, e.g. field.stand.stems_per_m2",
+        "--parameter", action="append", default=[], dest="parameters", metavar="KEY", help=key
     )
     add_scenario_options(exports)
     exports.set_defaults(run=run_export)
@@ -106,12 +92,13 @@ def run_check(args: argparse.Namespace) -> int:
     for flag, value in (("--step-ms", args.step_ms), ("--duration-s", args.duration_s)):
         if not value > 0.0:
             raise InputError(flag, value, "expected > 0")
-    finding = check_fmu(
+    rows = check_fmu(
         args.file, step_s=args.step_ms * 1e-3, duration_s=args.duration_s, timeout_s=args.timeout_s
     )
-    table("", ("what", "result", "found"), finding.rows)
-    print("it can fill a slot" if finding.is_usable else "it cannot fill a slot as it is")
-    return 0 if finding.is_usable else 1
+    table("", ("what", "result", "found"), rows)
+    is_usable = all(result != "bad" for _, result, _ in rows)
+    print("it can fill a slot" if is_usable else "it cannot fill a slot as it is")
+    return 0 if is_usable else 1
 
 
 def run_export(args: argparse.Namespace) -> int:

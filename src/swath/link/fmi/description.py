@@ -3,6 +3,7 @@
 import re
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from swath.core.errors import InputError, MissingExtra
 from swath.link.fmi.repair import repaired
-from swath.link.fmi.units import BASE, Unit, parse_unit
+from swath.link.fmi.units import BASE, Unit, known_unit
 
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
 _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
@@ -42,6 +43,17 @@ class Variable:
     dimensions: tuple[tuple[int, int], ...] = ()
     description: str = ""
 
+    @property
+    def is_number(self) -> bool:
+        """True for a number or a boolean, or arrays of them."""
+        return self.kind in ("real", "int", "bool")
+
+    def numbers(self, value: Any = None) -> list[float]:
+        """A value (None = the start value, else 0) as one number per element."""
+        value = self.start if value is None else value
+        numbers = [float(x) for x in value] if isinstance(value, list) else [float(value or 0.0)]
+        return numbers if len(numbers) == self.size else numbers[:1] * self.size
+
 
 @dataclass(frozen=True)
 class Description:
@@ -56,7 +68,6 @@ class Description:
     name: str
     tool: str
     token: str
-    identifier: str
     platforms: tuple[str, ...]
     library: str | None
     one_per_process: bool
@@ -97,8 +108,12 @@ class Description:
         }
         if not any(name in self.variables for name in starts) or not lengths:
             return self
-        variables = {n: _resized(v, lengths) for n, v in self.variables.items()}
-        return replace(self, variables=variables)
+        sized = {
+            n: replace(v, size=prod(lengths.get(ref, length) for ref, length in v.dimensions))
+            for n, v in self.variables.items()
+            if v.dimensions
+        }
+        return replace(self, variables=self.variables | sized)
 
 
 @dataclass(frozen=True)
@@ -130,15 +145,13 @@ def read_fmu(file: Path, key: str = "file") -> Description:
         has = "model exchange" if model.modelExchange is not None else "scheduled execution"
         raise InputError(key, str(file), f"expected an FMU for co-simulation, this one is for {has} only")
     library, misplaced = _library(names, side.modelIdentifier, model.fmiMajorVersion, fmpy)
-    units = {u.name: _unit(u) for u in model.unitDefinitions}
-    variables = _variables(model, units, faults)
+    variables = _variables(model, {u.name: _unit(u) for u in model.unitDefinitions}, faults)
     return Description(
         file=file,
         version=model.fmiVersion,
         name=model.modelName or file.stem,
         tool=model.generationTool or "",
         token=model.guid or "",
-        identifier=side.modelIdentifier,
         platforms=_platforms(names),
         library=library,
         one_per_process=side.canBeInstantiatedOnlyOncePerProcess,
@@ -162,18 +175,15 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
     from fmpy import read_model_description
     from fmpy.model_description import ValidationError
 
-    strict = {"validate_variable_names": False, "validate_model_structure": True}
     faults: list[str] = []
     try:
-        return read_model_description(str(file), **strict), faults
+        return read_model_description(str(file), validate_model_structure=True), faults
     except ValidationError as error:
         faults = [" ".join(str(p).split()) for p in error.problems]
     except Exception as error:
         faults = [" ".join(str(error).split())]
-    try:
+    with suppress(Exception):
         return read_model_description(str(file), validate=False), faults
-    except Exception:
-        pass
     try:
         with repaired(file) as (copy, repairs):
             return read_model_description(str(copy), validate=False), repairs or faults
@@ -207,7 +217,7 @@ def _variable(v: Any, units: dict[str | None, Unit | None]) -> Variable:
         causality=v.causality or "local",
         variability=v.variability or "",
         unit_name=name,
-        unit=None if name is None else units.get(name) or _known(name),
+        unit=None if name is None else units.get(name) or known_unit(name),
         start=_start(v.start, kind, bool(v.dimensions)),
         refs=(v.valueReference,),
         size=prod(v.shape or ()),
@@ -218,13 +228,6 @@ def _variable(v: Any, units: dict[str | None, Unit | None]) -> Variable:
         ),
         description=v.description or "",
     )
-
-
-def _resized(variable: Variable, lengths: Mapping[int, int]) -> Variable:
-    if not variable.dimensions:
-        return variable
-    sizes = [lengths.get(ref, length) for ref, length in variable.dimensions]
-    return replace(variable, size=prod(sizes))
 
 
 def _start(text: str | None, kind: str, is_array: bool) -> Any:
@@ -245,7 +248,7 @@ def _arrays(scalars: dict[str, Variable]) -> dict[str, Variable]:
     """Arrays of FMI 2: all of `name[i]` or `name[i,j]`, rows first, as one variable `name`."""
     groups: dict[str, list[tuple[tuple[int, ...], Variable]]] = {}
     for variable in scalars.values():
-        if (match := _INDEXED.match(variable.name)) and variable.kind in ("real", "int", "bool"):
+        if (match := _INDEXED.match(variable.name)) and variable.is_number:
             index = tuple(int(i) for i in match["index"].split(","))
             groups.setdefault(match["base"], []).append((index, variable))
     made = {}
@@ -255,19 +258,13 @@ def _arrays(scalars: dict[str, Variable]) -> dict[str, Variable]:
         if base in scalars or any(m.type != first.type or m.causality != first.causality for _, m in members):
             continue
         starts = [m.start for _, m in members]
-        made[base] = Variable(
+        made[base] = replace(
+            first,
             name=base,
-            kind=first.kind,
-            type=first.type,
-            causality=first.causality,
-            variability=first.variability,
-            unit_name=first.unit_name,
-            unit=first.unit,
             start=None if None in starts else starts,
             refs=tuple(m.refs[0] for _, m in members),
             size=len(members),
             is_array=True,
-            description=first.description,
         )
     return made
 
@@ -276,15 +273,8 @@ def _unit(u: Any) -> Unit | None:
     """A unit as the FMU defines it; one without definition by its name, None where that says nothing."""
     base = u.baseUnit
     if base is None:
-        return _known(u.name)
+        return known_unit(u.name)
     return Unit(u.name, tuple(int(getattr(base, b)) for b in BASE), float(base.factor), float(base.offset))
-
-
-def _known(name: str) -> Unit | None:
-    try:
-        return parse_unit(name)
-    except InputError:
-        return None
 
 
 def _clocks(file: Path) -> tuple[Clock, ...]:
@@ -317,15 +307,14 @@ def _platforms(names: list[str]) -> tuple[str, ...]:
 
 def _library(names: list[str], identifier: str, major: int, fmpy: Any) -> tuple[str | None, list[str]]:
     """The binary for this system, and what is odd about where it lies."""
-    folders = [fmpy.platform, fmpy.platform_tuple]
-    right = folders[0] if major == 2 else folders[1]
-    for folder in sorted(folders, key=lambda f: f != right):
+    right, other = fmpy.platform, fmpy.platform_tuple
+    if major == 3:
+        right, other = other, right
+    for folder in (right, other):
         name = f"binaries/{folder}/{identifier}{fmpy.sharedLibraryExtension}"
         if name in names:
-            odd = (
-                [] if folder == right else [f"the binary lies in binaries/{folder}, not in binaries/{right}"]
-            )
-            return name, odd
+            odd = f"the binary lies in binaries/{folder}, not in binaries/{right}"
+            return name, [] if folder == right else [odd]
     return None, []
 
 

@@ -9,6 +9,7 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
+import uuid
 import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -22,7 +23,7 @@ from swath.core.schedule import NS, from_hz
 from swath.documents.yaml_document import dump
 from swath.link.fmi.export_slave import FILE
 from swath.link.fmi.export_variables import Variable, check_slots, list_variables
-from swath.link.fmi.export_xml import Model, describe_model
+from swath.link.fmi.export_xml import describe_model
 from swath.scenario.scenario import Scenario
 
 PACKAGES = {3: "pythonfmu3", 2: "pythonfmu"}
@@ -80,7 +81,7 @@ def export_fmu(
     """
     if version not in PACKAGES:
         raise InputError("--fmi", version, "expected 2 or 3")
-    binaries = find_binaries(version)
+    package, binaries = PACKAGES[version], find_binaries(version)
     names = check_slots(scenario, slots)
     variables, given = list_variables(scenario, names, parameters)
     if version == 2:
@@ -95,20 +96,25 @@ def export_fmu(
     files["slavemodule.txt"] = module.encode()
     identifier = "_".join(n.replace(".", "_").replace("-", "_") for n in names)[:60]
     periods = [from_hz(_rate(scenario, n)) for n in names]
-    model = Model(
-        name=" ".join(names),
+    description = describe_model(
+        variables,
+        version,
         identifier=identifier,
-        token=f"{{{_uuid(token)}}}",
-        description=f"{', '.join(names)} of the swath scenario {scenario.name}",
-        tool=f"swath {__version__} with {PACKAGES[version]} {importlib.metadata.version(PACKAGES[version])}",
+        token=f"{{{uuid.UUID(token)}}}",
         step=gcd(*periods) / NS,
         stop=float(scenario.run.max_duration_s),
+        modelName=" ".join(names),
+        description=f"{', '.join(names)} of the swath scenario {scenario.name}",
+        generationTool=f"swath {__version__} with {package} {importlib.metadata.version(package)}",
+        variableNamingConvention="structured",
     )
-    entries = {"modelDescription.xml": describe_model(model, variables, version)}
+    entries = {"modelDescription.xml": description}
     entries |= {f"resources/{name}": data for name, data in sorted(files.items())}
-    for name, file in binaries.items():
-        entries[f"binaries/{name}/{identifier}{file.suffix}"] = file.read_bytes()
-    entries |= _licences(version)
+    for name, binary in binaries.items():
+        entries[f"binaries/{name}/{identifier}{binary.suffix}"] = binary.read_bytes()
+    for file in importlib.metadata.files(package) or []:
+        if file.name.upper().startswith("LICENSE"):
+            entries[f"documentation/licenses/{package}.txt"] = Path(str(file.locate())).read_bytes()
     _write(out, entries)
     return variables
 
@@ -150,20 +156,17 @@ def _manifest(
     return json.dumps(manifest, indent=1).encode()
 
 
-def _packed(data: Any, files: dict[str, bytes], key: str = "") -> Any:
+def _packed(data: Any, files: dict[str, bytes]) -> Any:
     """The data with paths to files of the user replaced by those of copies, which are added to `files`."""
     if isinstance(data, dict):
-        return {k: _packed(v, files, str(k)) for k, v in data.items()}
+        return {k: _packed(v, files) for k, v in data.items()}
     if isinstance(data, list):
-        return [_packed(v, files, key) for v in data]
-    if (
-        not isinstance(data, str)
-        or not Path(data.rpartition(":")[0] if ".py:" in data else data).is_absolute()
-    ):
+        return [_packed(v, files) for v in data]
+    if not isinstance(data, str):
         return data
     text, colon, name = data.rpartition(":") if ".py:" in data else (data, "", "")
     source = Path(text)
-    if not source.exists():
+    if not source.is_absolute() or not source.exists():
         return data
     target = f"files/{hashlib.sha256(text.encode()).hexdigest()[:8]}-{source.name}"
     members = [f for f in sorted(source.rglob("*")) if f.is_file()] if source.is_dir() else [source]
@@ -171,20 +174,6 @@ def _packed(data: Any, files: dict[str, bytes], key: str = "") -> Any:
         place = f"{target}/{file.relative_to(source).as_posix()}" if source.is_dir() else target
         files[place] = file.read_bytes()
     return f"{target}{colon}{name}"
-
-
-def _licences(version: int) -> dict[str, bytes]:
-    """Of the binaries."""
-    found = {}
-    for file in importlib.metadata.files(PACKAGES[version]) or []:
-        if file.name.upper().startswith("LICENSE"):
-            path = Path(str(file.locate()))
-            found[f"documentation/licenses/{PACKAGES[version]}.txt"] = path.read_bytes()
-    return found
-
-
-def _uuid(token: str) -> str:
-    return "-".join((token[:8], token[8:12], token[12:16], token[16:20], token[20:32]))
 
 
 def _write(out: Path, entries: dict[str, bytes]) -> None:

@@ -26,15 +26,15 @@ MICRO = 1_000
 Source = tuple[str, str]  # slot, output
 
 
+@dataclasses.dataclass
 class Held:
     """An input sample as it was set: values by number, held until set again.
 
     is_given: False while nothing is known of it, which the component sees as None
     """
 
-    def __init__(self, values: Mapping[str, Any], *, is_given: bool) -> None:
-        self.values = dict(values)
-        self.is_given = is_given
+    values: dict[str, Any]
+    is_given: bool
 
     def set(self, name: str, value: Any) -> None:
         """One number, or an array; `t` is the time of the sample [s], < 0 = now."""
@@ -106,18 +106,17 @@ class Feed:
     def save(self) -> State:
         """What is held and what waits."""
         return {
-            "values": dict(self.held.values),
-            "is_given": self.held.is_given,
+            "held": (dict(self.held.values), self.held.is_given),
             "waiting": (dict(self._pending), self._length),
-            "sample": self._sample,
-            "is_fresh": self._is_fresh,
+            "sample": (self._sample, self._is_fresh),
         }
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self.held.values, self.held.is_given = dict(state["values"]), state["is_given"]
-        self._pending, self._length = dict(state["waiting"][0]), state["waiting"][1]
-        self._sample, self._is_fresh = state["sample"], state["is_fresh"]
+        values, self.held.is_given = state["held"]
+        pending, self._length = state["waiting"]
+        self.held.values, self._pending = dict(values), dict(pending)
+        self._sample, self._is_fresh = state["sample"]
 
 
 class Part:

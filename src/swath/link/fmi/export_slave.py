@@ -9,9 +9,8 @@ import pickle
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from enum import IntEnum
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -19,38 +18,12 @@ from urllib.request import url2pathname
 import numpy as np
 
 from swath import __version__
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.link.fmi.export_part import Held, Part, Source
 from swath.link.fmi.export_variables import Variable
 
 FILE = "swath.json"
-
-
-class Status(IntEnum):
-    """As FMI numbers them."""
-
-    OK = 0
-    WARNING = 1
-    DISCARD = 2
-    ERROR = 3
-
-
-@dataclass(frozen=True)
-class Message:
-    """One line for the importer's log."""
-
-    status: int
-    category: str
-    msg: str
-    debug: bool = False
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """How a communication step ended; the names are pythonfmu3's."""
-
-    status: int = Status.OK
-    terminateSimulation: bool = False  # noqa: N815
+OK, WARNING, ERROR = 0, 1, 3  # as FMI numbers them
 
 
 class Session:
@@ -64,16 +37,15 @@ class Session:
     def __init__(self, resources: Path) -> None:
         manifest = json.loads((resources / FILE).read_text(encoding="utf-8"))
         self._resources, self.token = resources, str(manifest["token"])
-        self.slots = [str(s) for s in manifest["slots"]]
-        self.version = str(manifest["swath"])
-        self.variables = [_variable(v) for v in manifest["variables"]]
+        self.slots, self.version = list(manifest["slots"]), str(manifest["swath"])
+        self.variables = [Variable.of(entry) for entry in manifest["variables"]]
         self._set_values: dict[str, Any] = {}
         self._inputs: dict[Source, Held] = {}
         given = {tuple(s) for s in manifest["given"]}
         for v in self.variables:
             if v.causality == "input":
                 slot, output, name = v.key
-                held = self._inputs.setdefault((slot, output), Held({}, is_given=(slot, output) in given))
+                held = self._inputs.setdefault((slot, output), Held({}, (slot, output) in given))
                 held.values[name] = _shaped(v, v.start)
         self._part: Part | None = None
         self.is_running = False
@@ -105,18 +77,21 @@ class Session:
     def get(self, index: int) -> Any:
         """A variable's value now."""
         v = self.variables[index]
-        if v.causality == "output":
-            value = self.part.read(*v.key)
-            if value is None:
-                value = _shaped(v, v.start)
-            return value if not v.shape else self._flat(v, value)
-        if v.causality == "input":
-            slot, output, name = v.key
-            value = self._inputs[slot, output].values[name]
-            return value if not v.shape else np.ravel(value)
         if v.causality == "parameter":
             return self._set_values.get(v.key[0], v.start)
-        return 0.0 if self._part is None else self._part.t
+        if v.causality == "independent":
+            return 0.0 if self._part is None else self._part.t
+        slot, output, name = v.key
+        if v.causality == "input":
+            value = self._inputs[slot, output].values[name]
+        else:
+            value = self.part.read(slot, output, name)
+            value = _shaped(v, v.start) if value is None else value
+        if not v.shape:
+            return value
+        if np.shape(value) != v.shape:
+            raise InputError(v.name, str(np.shape(value)), f"expected an array of {v.shape}")
+        return np.asarray(value, dtype=float).ravel()
 
     def set(self, index: int, value: Any) -> None:
         """A variable's value. InputError for what cannot be set, or not any more."""
@@ -130,9 +105,7 @@ class Session:
         if self.is_running:
             raise InputError(v.name, value, "expected to be set before the initialisation ends")
         self._set_values[v.key[0]] = value
-        if self._part is not None:
-            self._part.world.close()
-            self._part = None
+        self.close()
 
     def save(self) -> dict[str, Any]:
         """Everything that changes."""
@@ -143,26 +116,17 @@ class Session:
         """Back to a saved moment of an instance of the same FMU."""
         if state.get("token") != self.token:
             raise InputError("FMU state", None, "expected one of this FMU")
-        if state["sets"] != self._set_values:
+        if state["part"] is None or state["sets"] != self._set_values:
             self.close()
-            self._set_values = dict(state["sets"])
-        self.is_running = state["running"]
-        if state["part"] is None:
-            self.close()
-        else:
+        self._set_values, self.is_running = dict(state["sets"]), state["running"]
+        if state["part"] is not None:
             self.part.load(state["part"])
 
     def close(self) -> None:
-        """Let go of the part."""
-        if self._part is not None:
-            self._part.world.close()
-            self._part = None
-
-    def _flat(self, v: Variable, value: Any) -> Any:
-        array = np.asarray(value, dtype=float)
-        if array.shape != v.shape:
-            raise InputError(v.name, str(array.shape), f"expected an array of {v.shape}")
-        return array.ravel()
+        """Let go of the part; the next value makes it anew."""
+        part, self._part = self._part, None
+        if part is not None:
+            part.world.close()
 
 
 class _Slave:
@@ -179,13 +143,16 @@ class _Slave:
 
     def __init__(self, **given: Any) -> None:
         self.instance_name = str(given["instance_name"])
-        self._messages: list[Message] = []
-        sys.path[:] = [p for p in sys.path if p != given["resources"]]  # the binary puts it first
-        self.session = Session(_folder(str(given["resources"])))
+        self._messages: list[Any] = []
+        resources = str(given["resources"])
+        sys.path[:] = [p for p in sys.path if p != resources]  # the binary puts it first
+        if resources.startswith("file:"):
+            resources = url2pathname(urlsplit(resources).path)
+        self.session = Session(Path(resources))
         self._refs = list(references(self.session.variables, split=self.is_split))
         if self.session.version != __version__:
             text = f"made by swath {self.session.version}, running in swath {__version__}: results may differ"
-            self._say(Status.WARNING, text)
+            self._say("Warning", text)
 
     def setup_experiment(self, *times: Any) -> None:
         """Times are taken from the first communication step."""
@@ -204,6 +171,15 @@ class _Slave:
         with suppress(Exception):  # also where the constructor failed, or Python is ending
             self.session.close()
 
+    def _step(self, t: float, h: float) -> bool:
+        """One communication step; what goes wrong is a line in the log and False."""
+        try:
+            self.session.step(t, h)
+        except Exception as error:
+            self._say("Error", _text(error))
+            return False
+        return True
+
     def _get(self, refs: Sequence[int]) -> list[Any]:
         found: list[Any] = []
         for ref in refs:
@@ -221,18 +197,15 @@ class _Slave:
         at = 0
         for ref in refs:
             index, element = self._refs[ref]
-            size = self.session.variables[index].size
+            variable = self.session.variables[index]
+            size = variable.size if element is None else 1
+            value = values[at : at + size] if variable.shape else values[at]
             if element is not None:
                 whole = np.array(self.session.get(index), dtype=float)
                 whole[element] = values[at]
-                self.session.set(index, whole)
-                at += 1
-            elif self.session.variables[index].shape:
-                self.session.set(index, values[at : at + size])
-                at += size
-            else:
-                self.session.set(index, values[at])
-                at += 1
+                value = whole
+            self.session.set(index, value)
+            at += size
 
     def _get_fmu_state(self) -> dict[str, Any]:
         return self.session.save()
@@ -249,25 +222,24 @@ class _Slave:
         state: dict[str, Any] = pickle.loads(data)
         return state
 
-    def _get_log_queue(self) -> list[Message]:
+    def _get_log_queue(self) -> list[Any]:
         return self._messages
 
-    def _say(self, status: Status, text: str) -> None:
-        category = f"logStatus{status.name.capitalize()}"
-        self._messages.append(Message(int(status), category, " ".join(text.split())))
+    def _say(self, word: str, text: str) -> None:
+        """A line for the importer's log, with the names that the binaries read. word: Warning or Error."""
+        status = WARNING if word == "Warning" else ERROR
+        line = " ".join(text.split())
+        self._messages.append(
+            SimpleNamespace(status=status, category=f"logStatus{word}", msg=line, debug=False)
+        )
 
 
 class Fmi3Slave(_Slave):
     """FMI 3 as pythonfmu3 calls it."""
 
-    def do_step(self, t: float, h: float) -> StepResult:
-        """One communication step. What goes wrong is a line in the log and the status error."""
-        try:
-            self.session.step(t, h)
-        except Exception as error:
-            self._say(Status.ERROR, _text(error))
-            return StepResult(Status.ERROR)
-        return StepResult()
+    def do_step(self, t: float, h: float) -> Any:
+        """One communication step; the result has the names of pythonfmu3."""
+        return SimpleNamespace(status=OK if self._step(t, h) else ERROR, terminateSimulation=False)
 
     get_float64 = get_int32 = get_int64 = get_boolean = get_string = _Slave._get
     set_float64 = set_int32 = set_int64 = set_boolean = set_string = _Slave._set
@@ -293,14 +265,9 @@ class Fmi2Slave(_Slave):
     def do_step(self, t: float, h: float) -> bool:
         """One communication step; False (discard) when it failed."""
         if self._failure:
-            self._say(Status.ERROR, self._failure)
+            self._say("Error", self._failure)
             return False
-        try:
-            self.session.step(t, h)
-        except Exception as error:
-            self._say(Status.ERROR, _text(error))
-            return False
-        return True
+        return self._step(t, h)
 
     def _get(self, refs: Sequence[int]) -> list[Any]:
         found = self._try(lambda: _Slave._get(self, refs))
@@ -319,7 +286,7 @@ class Fmi2Slave(_Slave):
             return work()
         except Exception as error:
             self._failure = _text(error)
-            self._say(Status.ERROR, self._failure)
+            self._say("Error", self._failure)
             return None
 
     def _start(self, ref: int) -> Any:
@@ -335,27 +302,12 @@ def references(variables: Sequence[Variable], *, split: bool) -> list[tuple[int,
     """(variable, element) of every value reference. split: one for each element of an array."""
     found: list[tuple[int, int | None]] = []
     for index, v in enumerate(variables):
-        if split and v.shape:
-            found += [(index, k) for k in range(v.size)]
-        else:
-            found.append((index, None))
+        found += [(index, k) for k in range(v.size)] if split and v.shape else [(index, None)]
     return found
 
 
 def _text(error: Exception) -> str:
-    from swath.core.errors import SwathError
-
     return str(error) if isinstance(error, SwathError) else f"{type(error).__name__}: {error}"
-
-
-def _folder(resources: str) -> Path:
-    if resources.startswith("file:"):
-        return Path(url2pathname(urlsplit(resources).path))
-    return Path(resources)
-
-
-def _variable(entry: dict[str, Any]) -> Variable:
-    return Variable(**{**entry, "shape": tuple(entry["shape"]), "key": tuple(entry["key"])})
 
 
 def _shaped(v: Variable, value: Any) -> Any:

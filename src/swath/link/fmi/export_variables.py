@@ -14,21 +14,13 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError
-from swath.core.graph import Node
+from swath.core.units import split_unit
+from swath.link.fmi.units import known_unit
 from swath.runtime.assembly import assemble, outside_of
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals.flat import amounts, flat_fields, read
 
-UNITS_OF_KEYS = {u: u for u in ("deg", "mm", "cm", "m", "ms", "s", "kg", "t", "mrad")} | {
-    "kmh": "km/h",
-    "percent": "%",
-    "hz": "Hz",
-    "kg_s": "kg/s",
-    "m_s": "m/s",
-    "m_s2": "m/s2",
-    "kw": "kW",
-}
 Key = tuple[str, ...]
 
 
@@ -55,6 +47,11 @@ class Variable:
         """How many numbers it is."""
         return int(np.prod(self.shape, dtype=int))
 
+    @classmethod
+    def of(cls, entry: dict[str, Any]) -> "Variable":
+        """From the plain data of `asdict`."""
+        return cls(**{**entry, "shape": tuple(entry["shape"]), "key": tuple(entry["key"])})
+
 
 def list_variables(
     scenario: Scenario, slots: Sequence[str], parameters: Sequence[str] = ()
@@ -72,7 +69,8 @@ def list_variables(
         found = [Variable("time", "independent", "real", "s", "simulated time")]
         found += _parameters(scenario, slots, parameters)
         names = _short_names(scenario)
-        own = _own_ports(nodes[0]) if len(slots) == 1 else {}
+        # what feeds the only slot -> its port
+        own = {w: p for p, w in reversed(nodes[0].wires.items())} if len(slots) == 1 else {}
         for slot, ports in outside.items():
             for output, port in ports.items():
                 name = own.get((slot, output)) or f"{names[slot]}.{output}"
@@ -85,8 +83,13 @@ def list_variables(
                     found += _sample(name, slot, port.name, port, whole, "output")
     finally:
         whole.close()
+    names_seen: set[str] = set()
+    for variable in found:
+        if variable.name in names_seen:
+            raise InputError("--parameter", variable.name, "there is another variable of this name")
+        names_seen.add(variable.name)
     sources = [(s, o) for s, ports in outside.items() for o in ports]
-    return _unique(found), [source for source in sources if whole.graph.latest(*source) is not None]
+    return found, [source for source in sources if whole.graph.latest(*source) is not None]
 
 
 def check_slots(scenario: Scenario, slots: Sequence[str]) -> tuple[str, ...]:
@@ -109,11 +112,6 @@ def _short_names(scenario: Scenario) -> dict[str, str]:
     return {f"{m}.{s}": s if is_one else f"{m.replace('-', '_')}.{s}" for m, s in names}
 
 
-def _own_ports(node: Node) -> dict[tuple[str, str], str]:
-    """What feeds a slot -> its port."""
-    return {wire: port for port, wire in reversed(node.wires.items())}
-
-
 def _sample(name: str, slot: str, output: str, port: Port, world: World, causality: str) -> list[Variable]:
     """The numbers of one input or output; what there is at t = 0 gives starts and lengths of arrays."""
     sample = world.graph.latest(slot, output)
@@ -121,23 +119,19 @@ def _sample(name: str, slot: str, output: str, port: Port, world: World, causali
     has_amounts = bool(amounts(signal))
     made = []
     for field in flat_fields(signal).values():
-        start = _zero(field.kind) if field.default is None else field.default
-        if sample is not None:
-            start = read(sample, field.name)
-        if field.kind in _PLAIN:
-            start = _PLAIN[field.kind](start)
+        start = (field.default or 0) if sample is None else read(sample, field.name)
         shape: tuple[int, ...] = ()
         if field.kind == "array":
-            start = np.asarray(start, dtype=float)
-            shape, start = start.shape, start.ravel().tolist()
+            shape, start = np.shape(start), np.ravel(start).astype(float).tolist()
             if sample is None or 0 in shape:
                 continue
+        else:
+            start = _PLAIN[field.kind](start)
         text = f"{field.name.partition('.')[0].replace('_', ' ')}: {field.quantity.meaning}"
         if has_amounts and field.name == "dt":
             start = 0.0 if causality == "input" else start
-            text = "time that the amounts belong to" + (
-                ", 0 = the communication step" if causality == "input" else ": the communication step"
-            )
+            text = "time that the amounts belong to"
+            text += ", 0 = the communication step" if causality == "input" else ": the communication step"
         elif field.quantity.is_amount:
             text = f"{text}, within dt"
         kind = "real" if field.kind == "array" else field.kind
@@ -152,10 +146,6 @@ def _sample(name: str, slot: str, output: str, port: Port, world: World, causali
 
 
 _PLAIN = {"real": float, "int": int, "bool": bool}
-
-
-def _zero(kind: str) -> Any:
-    return {"real": 0.0, "int": 0, "bool": False, "array": []}[kind]
 
 
 def _parameters(scenario: Scenario, slots: Sequence[str], more: Sequence[str]) -> list[Variable]:
@@ -178,9 +168,8 @@ def _parameters(scenario: Scenario, slots: Sequence[str], more: Sequence[str]) -
     for key in more:
         value = plain.get(key)
         if value is None:
-            near = (
-                ", ".join(k for k in plain if k.startswith(key.rpartition(".")[0])) or "a key of the scenario"
-            )
+            lead = key.rpartition(".")[0]
+            near = ", ".join(k for k in plain if k.startswith(lead)) or "a key of the scenario"
             raise InputError("--parameter", key, f"expected a key with a value, such as {near}")
         if (key,) not in known:
             made.append(_parameter(key, key, value, ""))
@@ -189,12 +178,9 @@ def _parameters(scenario: Scenario, slots: Sequence[str], more: Sequence[str]) -
 
 def _parameter(name: str, key: str, value: Any, text: str) -> Variable:
     kinds = {bool: "bool", int: "int", float: "real", str: "text"}
-    words = key.rpartition(".")[2].split("_")
-    units = [UNITS_OF_KEYS[u] for i in range(1, len(words)) if (u := "_".join(words[i:])) in UNITS_OF_KEYS]
-    kind = kinds[type(value)]
-    return Variable(
-        name, "parameter", kind, units[0] if units and kind == "real" else "", text, (), value, (key,)
-    )
+    kind, unit = kinds[type(value)], split_unit(key.rpartition(".")[2])[1]
+    unit = unit if kind == "real" and known_unit(unit) is not None else ""
+    return Variable(name, "parameter", kind, unit, text, (), value, (key,))
 
 
 def _leaves(data: Any, prefix: str = "") -> list[tuple[str, Any]]:
@@ -210,12 +196,3 @@ def _leaves(data: Any, prefix: str = "") -> list[tuple[str, Any]]:
 
 def _is_path(value: Any) -> bool:
     return isinstance(value, str) and ("/" in value or "\\" in value)
-
-
-def _unique(variables: list[Variable]) -> list[Variable]:
-    seen: set[str] = set()
-    for variable in variables:
-        if variable.name in seen:
-            raise InputError("--parameter", variable.name, "there is another variable of this name")
-        seen.add(variable.name)
-    return variables

@@ -1,9 +1,7 @@
 """modelDescription.xml of an exported FMU, for FMI 3.0 and FMI 2.0 (co-simulation)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
-from math import isfinite, isnan
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -23,31 +21,33 @@ ABILITIES = {
 }
 
 
-@dataclass(frozen=True)
-class Model:
-    """What the description says beside the variables.
+def describe_model(
+    variables: Sequence[Variable],
+    version: int,
+    *,
+    identifier: str,
+    token: str,
+    step: float,
+    stop: float,
+    **about: str,
+) -> bytes:
+    """The file, for FMI `version` 2 or 3.
 
-    name; identifier: of the binary, a C name; token; description; tool; step: the shortest period [s];
-    stop [s]: of the scenario
+    identifier: of the binary, a C name; step: the shortest period [s]; stop [s]: of the scenario
+    about: further attributes of the root, e.g. modelName
     """
-
-    name: str
-    identifier: str
-    token: str
-    description: str
-    tool: str
-    step: float
-    stop: float
-
-
-def describe_model(model: Model, variables: Sequence[Variable], version: int) -> bytes:
-    """The file, for FMI `version` 2 or 3."""
-    root = _root(model, version)
+    token_name, state = ("instantiationToken", "State") if version == 3 else ("guid", "state")
+    root = Element("fmiModelDescription", fmiVersion=f"{version}.0", attrib={**about, token_name: token})
+    side = {"modelIdentifier": identifier, **ABILITIES}
+    side |= {f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true"}
+    if version == 2:
+        side["canNotUseMemoryManagementFunctions"] = "true"
+    SubElement(root, "CoSimulation", side)
     _units(root, variables)
     log = SubElement(root, "LogCategories")
     for name, text in Fmi3Slave.log_categories.items():
         SubElement(log, "Category", name=name, description=text)
-    times = {"startTime": "0", "stopTime": repr(model.stop), "stepSize": repr(model.step)}
+    times = {"startTime": "0", "stopTime": repr(stop), "stepSize": repr(step)}
     SubElement(root, "DefaultExperiment", times)
     listed = SubElement(root, "ModelVariables")
     refs = list(references(variables, split=version == 2))
@@ -56,24 +56,7 @@ def describe_model(model: Model, variables: Sequence[Variable], version: int) ->
         listed.append(make(variables[index], ref, element))
     _structure(root, [ref for ref, (i, _) in enumerate(refs) if variables[i].causality == "output"], version)
     indent(root, " ")
-    whole: str = tostring(root, encoding="unicode")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{whole}\n'.encode()
-
-
-def _root(model: Model, version: int) -> Element:
-    root = Element("fmiModelDescription", fmiVersion=f"{version}.0", modelName=model.name)
-    root.set("instantiationToken" if version == 3 else "guid", model.token)
-    root.set("description", model.description)
-    root.set("generationTool", model.tool)
-    root.set("variableNamingConvention", "structured")
-    side = {"modelIdentifier": model.identifier, **ABILITIES}
-    if version == 3:
-        side |= {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
-    else:
-        side |= {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
-        side["canNotUseMemoryManagementFunctions"] = "true"
-    SubElement(root, "CoSimulation", side)
-    return root
+    return bytes(tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
 def _units(root: Element, variables: Sequence[Variable]) -> None:
@@ -143,10 +126,6 @@ def _structure(root: Element, outputs: list[int], version: int) -> None:
 
 def _number(value: Any) -> str:
     """As xs:double and xs:boolean have it."""
-    if isinstance(value, bool):
+    if isinstance(value, bool | int):
         return str(value).lower()
-    if isinstance(value, int):
-        return str(value)
-    if isnan(value):
-        return "NaN"
-    return repr(float(value)) if isfinite(value) else ("INF" if value > 0 else "-INF")
+    return {"nan": "NaN", "inf": "INF", "-inf": "-INF"}.get(repr(float(value)), repr(float(value)))

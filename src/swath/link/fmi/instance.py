@@ -12,11 +12,10 @@ import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from swath.link.fmi.calls import Group, Library, fill, make_groups
+from swath.link.fmi.calls import FmuError, Group, Library, log_categories, make_groups
 from swath.link.fmi.description import Description, Variable
-from swath.link.fmi.errors import FmuError
 
 Numbers = Sequence[float]
 Steps = Sequence[tuple[float, float, Numbers]]  # t, length [s], inputs
@@ -36,7 +35,14 @@ def unpack(file: Path) -> Path:
 
 
 class Instance(ABC):
-    """One FMU in this process."""
+    """One FMU in this process, loaded when it is first started.
+
+    folder: where the caller unpacked it and removes it; None = the instance does both
+    remembered: attributes that belong to the state beside the FMU's own
+    """
+
+    notes: Sequence[str] = ()
+    remembered: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,
@@ -49,27 +55,40 @@ class Instance(ABC):
         self.description, self.name = description, name
         self._inputs = make_groups(inputs, description.major)
         self._outputs = make_groups(outputs, description.major)
-        self.folder = folder or unpack(description.file)
-        self._clean = weakref.finalize(self, shutil.rmtree, self.folder, True) if folder is None else None
-        self.library = Library(description, self.folder, name)
-        self._is_open = True
+        self._given_folder = folder
+        self._clean: Any = None
+        self._library: Library | None = None
+        self.is_closed = False
         self.handle: Any = None
         self.is_running = False
         self._kept: list[Any] = []
 
+    @property
+    def library(self) -> Library:
+        """The loaded binary. FmuError before the start and after the end."""
+        if self._library is None:
+            raise FmuError("it was not started")
+        return self._library
+
     # the verbs
 
     def start(self, starts: Mapping[str, Any]) -> list[float]:
-        """A fresh instance, start values set by name, initialised; outputs at t = 0."""
+        """A fresh instance, start values set by name, initialised; outputs at t = 0.
+
+        FmuError where the binary cannot be loaded.
+        """
+        if self._library is None:
+            self._load()
         if self.library.is_dead:
             raise FmuError("it said fatal before, nothing more can be done with it")
-        if self.handle is not None:
-            self._again()
+        self._free()  # a fresh instance is surer than a reset by the exporter
         self.handle = ctypes.c_void_p(self._instantiate())
         if not self.handle.value:
             self.handle = None
-            said = f"; it says: {self.library.said}" if self.library.messages else ""
-            raise FmuError(f"it could not be instantiated{said}")
+            raise FmuError(f"it could not be instantiated{self.library.said}")
+        if categories := log_categories(self.description):
+            on = 1 if self.description.major == 2 else ctypes.c_bool(True)
+            self.library.function("SetDebugLogging")(self.handle, on, *categories)
         self._initialise(starts)
         self.is_running = True
         return self.outputs()
@@ -93,16 +112,16 @@ class Instance(ABC):
         if not self.description.saves_state:
             raise FmuError("it cannot save its state (canGetAndSetFMUState is false)")
         state = ctypes.c_void_p()
-        self.library.call(self._state_name("Get"), self.handle, ctypes.byref(state))
-        extra = self._extra()
+        self._state_call("Get{}", ctypes.byref(state))
+        extra = {name: vars(self)[name] for name in self.remembered}
         if not self.description.serializes:
             self._kept.append(state)
             return {"kept": len(self._kept) - 1, "extra": extra}
         size = ctypes.c_size_t()
-        self.library.call(f"Serialized{self._state()}Size", self.handle, state, ctypes.byref(size))
+        self._state_call("Serialized{}Size", state, ctypes.byref(size))
         buffer = ctypes.create_string_buffer(size.value)
-        self.library.call(f"Serialize{self._state()}", self.handle, state, buffer, size)
-        self.library.call(self._state_name("Free"), self.handle, ctypes.byref(state))
+        self._state_call("Serialize{}", state, buffer, size)
+        self._state_call("Free{}", ctypes.byref(state))
         return {"bytes": buffer.raw, "extra": extra}
 
     def load(self, state: Any) -> None:
@@ -110,28 +129,23 @@ class Instance(ABC):
         if "kept" in state:
             if state["kept"] >= len(self._kept):
                 raise FmuError("its state was saved by another instance (canSerializeFMUState is false)")
-            self.library.call(self._state_name("Set"), self.handle, self._kept[state["kept"]])
+            self._state_call("Set{}", self._kept[state["kept"]])
         else:
             made, data = ctypes.c_void_p(), state["bytes"]
             buffer = ctypes.create_string_buffer(data, len(data))
-            name = "DeSerializeFMUstate" if self.description.major == 2 else "DeserializeFMUState"
-            self.library.call(name, self.handle, buffer, ctypes.c_size_t(len(data)), ctypes.byref(made))
-            self.library.call(self._state_name("Set"), self.handle, made)
-            self.library.call(self._state_name("Free"), self.handle, ctypes.byref(made))
-        self._set_extra(state["extra"])
+            verb = "DeSerialize{}" if self.description.major == 2 else "Deserialize{}"
+            self._state_call(verb, buffer, ctypes.c_size_t(len(data)), ctypes.byref(made))
+            self._state_call("Set{}", made)
+            self._state_call("Free{}", ctypes.byref(made))
+        vars(self).update(state["extra"])
 
     def close(self) -> None:
-        """Terminate, free, unload, remove the unpacked files. Calling it again does nothing."""
-        if not self._is_open:
-            return
-        self._is_open = False
-        if self.handle is not None and not self.library.is_dead:
-            self._free_states()
-            if self.is_running:
-                self.library.function("Terminate")(self.handle)
-            self.library.function("FreeInstance")(self.handle)
-            self.library.unload()
-        self.handle = None
+        """Terminate, free, unload, remove the unpacked files; a later start loads it anew."""
+        if self._library is not None and not self._library.is_dead:
+            self._free()
+            self._library.unload()
+        self._library = self.handle = None
+        self.is_closed = True
         if self._clean is not None:
             self._clean()
 
@@ -144,74 +158,60 @@ class Instance(ABC):
     @abstractmethod
     def _advance(self, t: float, h: float, inputs: Numbers) -> None: ...
 
-    def _extra(self) -> Any:
-        """What the importer itself must remember of a moment."""
-        return None
-
-    def _set_extra(self, extra: Any) -> None:
-        """Back to it."""
-        assert extra is None
-
     def outputs(self) -> list[float]:
         """All outputs now."""
         found: list[float] = []
         for group in self._outputs:
-            self.get(group)
+            self.library.call("Get" + group.name, self.handle, *group.args)
             found += group.values[:]
         return found
 
-    def set(self, group: Group) -> None:
-        """Hand the group's array to the FMU."""
-        self.library.call("Set" + group.name, self.handle, group.refs, group.ref_count, *self._array(group))
+    def set(self, groups: Sequence[Group], numbers: Numbers) -> None:
+        """Hand the numbers of these groups, out of the flat list, to the FMU."""
+        for group in groups:
+            group.fill(numbers)
+            self.library.call("Set" + group.name, self.handle, *group.args)
 
-    def get(self, group: Group) -> None:
-        """Fill the group's array from the FMU."""
-        self.library.call("Get" + group.name, self.handle, group.refs, group.ref_count, *self._array(group))
-
-    def _array(self, group: Group) -> tuple[Any, ...]:
-        return (group.values,) if self.description.major == 2 else (group.values, group.value_count)
-
-    def set_starts(self, starts: Mapping[str, Any], *causalities: str) -> None:
-        """Set start values by name; only variables of these causalities, of all when none is given."""
+    def set_starts(self, starts: Mapping[str, Any]) -> None:
+        """Set start values by name."""
         for name, value in starts.items():
             variable = self.description.variables[name]
-            if causalities and variable.causality not in causalities:
+            if variable.kind != "string":
+                self.set(make_groups([variable], self.description.major), variable.numbers(value))
                 continue
-            if variable.kind == "string":
-                self._set_string(variable, str(value))
-                continue
-            (group,) = make_groups([variable], self.description.major)
-            numbers = [float(x) for x in value] if isinstance(value, list) else [float(value)]
-            if len(numbers) == 1:
-                numbers *= variable.size
-            fill(group, numbers)
-            self.set(group)
+            one, values = ctypes.c_size_t(1), (ctypes.c_char_p * 1)(str(value).encode("utf-8"))
+            args = ((ctypes.c_uint * 1)(variable.refs[0]), one, values)
+            self.library.call(
+                "SetString", self.handle, *args, *(() if self.description.major == 2 else (one,))
+            )
 
-    def _set_string(self, variable: Variable, text: str) -> None:
-        values = (ctypes.c_char_p * 1)(text.encode("utf-8"))
-        one = ctypes.c_size_t(1)
-        count = () if self.description.major == 2 else (one,)
-        refs = (ctypes.c_uint * 1)(variable.refs[0])
-        self.library.call("SetString", self.handle, refs, one, values, *count)
+    def _load(self) -> None:
+        self.is_closed = False
+        folder = self._given_folder
+        if folder is None:
+            folder = unpack(self.description.file)
+            self._clean = weakref.finalize(self, shutil.rmtree, folder, True)
+        self.folder = folder
+        self._library = Library(self.description, folder, self.name)
 
-    def _again(self) -> None:
-        """Let go of the instance for another start: a fresh one is surer than a reset by the exporter."""
-        self._free_states()
+    def _free(self) -> None:
+        """Let go of the instance and of the states kept in it."""
+        if self.handle is None:
+            return
+        for state in self._kept:
+            self.library.function(self._state_name("Free{}"))(self.handle, ctypes.byref(state))
+        self._kept.clear()
         if self.is_running:
             self.library.function("Terminate")(self.handle)
         self.library.function("FreeInstance")(self.handle)
         self.handle, self.is_running = None, False
 
-    def _free_states(self) -> None:
-        for state in self._kept:
-            self.library.function(self._state_name("Free"))(self.handle, ctypes.byref(state))
-        self._kept.clear()
+    def _state_call(self, name: str, *args: Any) -> None:
+        self.library.call(self._state_name(name), self.handle, *args)
 
-    def _state(self) -> str:
-        return "FMUstate" if self.description.major == 2 else "FMUState"
-
-    def _state_name(self, verb: str) -> str:
-        return verb + self._state()
+    def _state_name(self, name: str) -> str:
+        """FMI 2 writes FMUstate, FMI 3 FMUState."""
+        return name.format("FMUstate" if self.description.major == 2 else "FMUState")
 
 
 def is_close(a: float, b: float) -> bool:

@@ -1,18 +1,23 @@
 """An FMU as a component: feeds it, steps it, builds samples, and says in one line what went wrong."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from math import isfinite
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.link.fmi.errors import FmuError
+from swath.link.fmi.calls import FmuError
 from swath.link.fmi.feed import Feed
-from swath.link.fmi.open_unit import Unit
-from swath.link.fmi.samples import Samples
+from swath.link.fmi.unit import Unit
 from swath.link.fmi.wiring import Wiring
+from swath.signals.flat import build
 from swath.signals.setup import LinkSetup
 
 
@@ -27,11 +32,10 @@ class FmuPart:
     ) -> None:
         self.inputs, self.outputs = wiring.input_ports, wiring.output_ports
         self._wiring, self._unit, self._step_ns = wiring, unit, step
-        self._slot, self._who = setup.slot, f"{setup.name}: {file.name}"
-        self._file = file.name
+        self._slot, self._file, self._who = setup.slot, file.name, f"{setup.name}: {file.name}"
         self._notes = (*notes, *wiring.notes)
-        self._feed = Feed(wiring.inputs, start_numbers(wiring))
-        self._samples = Samples(wiring)
+        starts = [i.variable.numbers(wiring.starts.get(i.variable.name)) for i in wiring.inputs]
+        self._feed = Feed(wiring.inputs, [x for numbers in starts for x in numbers])
 
     @property
     def notes(self) -> list[str]:
@@ -43,52 +47,55 @@ class FmuPart:
     def reset(self, stream: Stream) -> Outputs:
         """The FMU initialised with its start values; its outputs at t = 0."""
         self._feed.reset()
-        made: Outputs = self._guarded(
-            0, lambda: self._samples.build(0, self._unit.start(self._wiring.starts))
-        )
-        return made
+        with self._named(" at the start"):
+            return samples_of(self._wiring, 0, self._unit.start(self._wiring.starts))
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The FMU from t to t + dt, in sub-steps when they are shorter."""
-        made: Outputs = self._guarded(t, lambda: self._run(t, dt, inputs))
-        return made
+        with self._named(f" at t = {t / NS:.4g} s" if t else " at the start"):
+            self._feed.take(t, dt, inputs)
+            end = t + dt
+            spans = pairwise([*range(t, end, self._step_ns), end])
+            steps = [(at / NS, (to - at) / NS, self._feed.numbers(at, to)) for at, to in spans]
+            return samples_of(self._wiring, end, self._unit.run(steps))
 
     def save(self) -> State:
         """The state of the FMU. SwathError for an FMU that cannot save it."""
-        state = self._guarded(None, self._unit.save)
-        return {"fmu": state, "feed": self._feed.save()}
+        with self._named():
+            return {"fmu": self._unit.save(), "feed": self._feed.save()}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._feed.load(state["feed"])
-        self._guarded(None, lambda: self._unit.load(state["fmu"]))
+        with self._named():
+            self._unit.load(state["fmu"])
 
     def close(self) -> None:
         """Let go of the FMU."""
         self._unit.close()
 
-    def _run(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        self._feed.take(t, dt, inputs)
-        steps, at, end = [], t, t + dt
-        while at < end:
-            to = min(at + self._step_ns, end)
-            steps.append((at / NS, (to - at) / NS, self._feed.numbers(at, to)))
-            at = to
-        return self._samples.build(end, self._unit.run(steps))
-
-    def _guarded(self, t: int | None, what: Any) -> Any:
+    @contextmanager
+    def _named(self, when: str = "") -> Iterator[None]:
+        """Errors of the FMU with slot, file and time."""
         try:
-            return what()
+            yield
         except FmuError as error:
-            when = "" if t is None else f" at t = {t / NS:.4g} s" if t else " at the start"
             raise SwathError(f"{self._who}{when}: {error}") from error
 
 
-def start_numbers(wiring: Wiring) -> list[float]:
-    """Start values of all inputs, as the FMU has them or as the scenario sets them; 0 where there is none."""
-    found: list[float] = []
-    for into in wiring.inputs:
-        value = wiring.starts.get(into.variable.name, into.variable.start)
-        numbers = [float(x) for x in value] if isinstance(value, list) else [float(value or 0.0)]
-        found += numbers if len(numbers) == into.variable.size else numbers[:1] * into.variable.size
-    return found
+def samples_of(wiring: Wiring, t: int, numbers: Sequence[float]) -> Outputs:
+    """The outputs at t [ns] from the flat list. FmuError where the FMU gives what is not a number."""
+    values = {p.name: dict(wiring.constants.get(p.name, {})) for p in wiring.output_ports}
+    at = 0
+    for out in wiring.outputs:
+        variable, scale = out.variable, out.scale
+        own, at = numbers[at : at + variable.size], at + variable.size
+        if not out.field.quantity.nan and not all(map(isfinite, own)):
+            bad = next(x for x in own if not isfinite(x))
+            raise FmuError(f"its variable {variable.name} is {bad}, expected a finite number")
+        if variable.is_array:
+            value: Any = scale.ours(np.asarray(own, dtype=np.float64))
+        else:
+            value = own[0] if scale.is_same else scale.ours(own[0])
+        values[out.port][out.field.name] = value
+    return {p.name: build(p.signal, t, values[p.name]) for p in wiring.output_ports}

@@ -17,9 +17,8 @@ from swath.core.errors import InputError
 from swath.link.fmi.description import Description, read_fmu
 from swath.link.fmi.units import BASE, Scale, Unit, parse_unit, scale
 
-SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
-SSC = "{http://ssp-standard.org/SSP1/SystemStructureCommon}"
-SSV = "{http://ssp-standard.org/SSP1/SystemStructureParameterValues}"
+_SSP = "{http://ssp-standard.org/SSP1/SystemStructure"
+SSD, SSC, SSV = f"{_SSP}Description}}", f"{_SSP}Common}}", f"{_SSP}ParameterValues}}"
 SUFFIXES = (".ssp", ".ssd")
 Node = tuple[str, str]  # path of an element, "" for the whole system; name of its connector
 Edge = tuple[Node, Scale, bool]  # where it starts, its transformation, whether units are left alone
@@ -99,12 +98,9 @@ def read_system(file: Path) -> System:
             raise InputError("file", str(file), f"expected a System Structure Package: {error}") from error
     try:
         root = ElementTree.parse(folder / name).getroot()
-    except UNREADABLE as error:
-        raise InputError("file", str(file), f"expected a System Structure Description: {error}") from error
-    top = root.find(SSD + "System")
-    if top is None:
-        raise InputError("file", str(file), "expected a System in the System Structure Description")
-    try:
+        top = root.find(SSD + "System")
+        if top is None:
+            raise ValueError("it has no System")
         reader = _Reader(system, folder, _units(root))
         reader.element("", top)
         reader.bindings("", top)
@@ -178,8 +174,7 @@ class _Reader:
 
     def _check_end(self, at: Node) -> None:
         component = self.system.components.get(at[0])
-        is_there = at[1] in component.variables if component is not None else at in self.system.kinds
-        if not is_there:
+        if at not in self.system.kinds if component is None else at[1] not in component.variables:
             text = f"expected connections between what is there, there is no {'.'.join(at).lstrip('.')}"
             raise InputError("file", str(self.system.file), text)
 
@@ -190,11 +185,8 @@ class _Reader:
                 text = f"expected parameters of {path or 'the system'} by their names, without a mapping"
                 raise InputError("file", str(self.system.file), text)
             source = binding.get("source")
-            if source is not None:
-                found = ElementTree.parse(self.folder / source).getroot().iter(SSV + "Parameter")
-            else:
-                found = binding.iter(SSV + "Parameter")
-            for parameter in found:
+            values = binding if source is None else ElementTree.parse(self.folder / source).getroot()
+            for parameter in values.iter(SSV + "Parameter"):
                 name = binding.get("prefix", "") + parameter.get("name", "")
                 self._set(path, name, parameter[0])
 

@@ -6,6 +6,7 @@ value in SI base units = factor * value + offset (FMI 2.0.4, section 2.2.2; FMI 
 import re
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 from swath.core.errors import InputError
 
@@ -47,12 +48,12 @@ class Scale:
         """True when nothing changes."""
         return self.factor == 1.0 and self.offset == 0.0
 
-    def ours(self, value: float) -> float:
-        """Their number as ours."""
+    def ours(self, value: Any) -> Any:
+        """Their number, or array, as ours."""
         return self.factor * value + self.offset
 
-    def theirs(self, value: float) -> float:
-        """Our number as theirs."""
+    def theirs(self, value: Any) -> Any:
+        """Our number, or array, as theirs."""
         return (value - self.offset) / self.factor
 
 
@@ -148,6 +149,14 @@ def parse_unit(text: str) -> Unit:
                 factor *= one ** (sign * power)
                 exponents = _plus(exponents, powers, sign * power)
     return Unit(text, exponents, factor)
+
+
+def known_unit(text: str) -> Unit | None:
+    """`parse_unit`, or None for one that is not known."""
+    try:
+        return parse_unit(text)
+    except InputError:
+        return None
 
 
 def _symbol(word: str, text: str) -> tuple[float, Exponents, int]:

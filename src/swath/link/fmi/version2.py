@@ -5,8 +5,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from swath.link.fmi.calls import DISCARD, PENDING, WARNING, callbacks2, fill, log_categories
-from swath.link.fmi.errors import FmuError
+from swath.link.fmi.calls import DISCARD, PENDING, WARNING, FmuError, callbacks2
 from swath.link.fmi.instance import Instance, Numbers, is_close
 
 CO_SIMULATION = 1
@@ -20,22 +19,18 @@ class Instance2(Instance):
     def _instantiate(self) -> int | None:
         make = self.library.function("Instantiate")
         make.restype = ctypes.c_void_p
-        self._callbacks = callbacks2()
         made: int | None = make(
             self.name.encode(),
             CO_SIMULATION,
             self.description.token.encode(),
             (self.folder / "resources").as_uri().encode(),
-            ctypes.byref(self._callbacks[0]),
+            ctypes.byref(callbacks2()),
             0,
             0,
         )
         return made
 
     def _initialise(self, starts: Mapping[str, Any]) -> None:
-        if categories := log_categories(self.description):
-            names = (ctypes.c_char_p * len(categories))(*(c.encode() for c in categories))
-            self.library.function("SetDebugLogging")(self.handle, 1, ctypes.c_size_t(len(categories)), names)
         zero = ctypes.c_double(0.0)
         self.library.call("SetupExperiment", self.handle, 0, zero, zero, 0, zero)
         self.set_starts(starts)
@@ -43,9 +38,7 @@ class Instance2(Instance):
         self.library.call("ExitInitializationMode", self.handle)
 
     def _advance(self, t: float, h: float, inputs: Numbers) -> None:
-        for group in self._inputs:
-            fill(group, inputs)
-            self.set(group)
+        self.set(self._inputs, inputs)
         at, end, left = t, t + h, h
         for _ in range(MOST_RETRIES):
             status = self._do_step(at, left)
@@ -53,8 +46,9 @@ class Instance2(Instance):
                 return
             if status != DISCARD:
                 raise self.library.failed("DoStep", status)
-            self._check_terminated(at)
-            reached = self._last_time()
+            if self._status("GetBooleanStatus", TERMINATED, ctypes.c_int()):
+                raise FmuError(f"it ended the simulation at {at:g} s of its own accord")
+            reached = self._status("GetRealStatus", LAST_SUCCESSFUL_TIME, ctypes.c_double())
             if reached is None or not at < reached:
                 raise self.library.failed("DoStep", status)
             if is_close(reached, end):
@@ -72,20 +66,10 @@ class Instance2(Instance):
             status = found.value
         return status
 
-    def _check_terminated(self, t: float) -> None:
-        ended = ctypes.c_int(0)
+    def _status(self, function: str, kind: int, found: Any) -> Any:
+        """What the FMU says about a discarded step, None where it does not."""
         try:
-            self.library.call("GetBooleanStatus", self.handle, TERMINATED, ctypes.byref(ended))
-        except FmuError:
-            return
-        if ended.value:
-            raise FmuError(f"it ended the simulation at {t:g} s of its own accord")
-
-    def _last_time(self) -> float | None:
-        """How far a discarded step came [s], None where the FMU does not say."""
-        reached = ctypes.c_double()
-        try:
-            self.library.call("GetRealStatus", self.handle, LAST_SUCCESSFUL_TIME, ctypes.byref(reached))
+            self.library.call(function, self.handle, kind, ctypes.byref(found))
         except FmuError:
             return None
-        return reached.value
+        return found.value

@@ -5,8 +5,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from swath.link.fmi.calls import fill, log_categories, logger3
-from swath.link.fmi.errors import FmuError
+from swath.link.fmi.calls import FmuError, logger3
 from swath.link.fmi.instance import Instance, Numbers, is_close
 
 MOST_EVENTS = 10_000
@@ -15,9 +14,8 @@ MOST_EVENTS = 10_000
 class Instance3(Instance):
     """An FMU of FMI 3 in this process."""
 
-    _next_event = math.inf
-    _ticks: tuple[int, ...] = ()
-    _discrete: tuple[float, ...] | None = None
+    remembered = ("_next_event", "_ticks", "_discrete")
+    _discrete: tuple[float, ...] | None
 
     def _instantiate(self) -> int | None:
         make = self.library.function("InstantiateCoSimulation")
@@ -40,22 +38,18 @@ class Instance3(Instance):
         return made
 
     def _initialise(self, starts: Mapping[str, Any]) -> None:
-        if categories := log_categories(self.description):
-            names = (ctypes.c_char_p * len(categories))(*(c.encode() for c in categories))
-            log = self.library.function("SetDebugLogging")
-            log(self.handle, ctypes.c_bool(True), ctypes.c_size_t(len(categories)), names)
         variables = self.description.variables
-        if any(variables[name].causality == "structuralParameter" for name in starts):
+        structural = {n: v for n, v in starts.items() if variables[n].causality == "structuralParameter"}
+        if structural:
             self.library.call("EnterConfigurationMode", self.handle)
-            self.set_starts(starts, "structuralParameter")
+            self.set_starts(structural)
             self.library.call("ExitConfigurationMode", self.handle)
-        others = {n: v for n, v in starts.items() if variables[n].causality != "structuralParameter"}
-        self.set_starts(others)
+        self.set_starts({n: v for n, v in starts.items() if n not in structural})
         no, zero = ctypes.c_bool(False), ctypes.c_double(0.0)
         self.library.call("EnterInitializationMode", self.handle, no, zero, zero, no, zero)
         self.library.call("ExitInitializationMode", self.handle)
         self._next_event = math.inf
-        self._ticks = tuple(0 for _ in self.description.clocks)
+        self._ticks = (0,) * len(self.description.clocks)
         self._discrete = None
         if self.description.has_events:
             self._update(0.0)
@@ -69,8 +63,10 @@ class Instance3(Instance):
             if not needs_event:
                 stop = end if is_close(stop, end) else stop
                 at, needs_event = self._do_step(at, h if at == t and stop == end else stop - at)
-            if needs_event or (self.description.has_events and self._is_due(at)):
-                self._event(at)
+            is_due = _is_past(min(self._next_event, self._next_tick()), at)
+            if needs_event or (self.description.has_events and is_due):
+                self.library.call("EnterEventMode", self.handle)
+                self._update(at)
             if is_close(at, end):
                 return
         raise FmuError(f"more than {MOST_EVENTS} events within one step")
@@ -79,16 +75,10 @@ class Instance3(Instance):
         """Where the step came to [s], and whether the FMU asks for an event there."""
         event, ends, early = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
         reached = ctypes.c_double(at + h)
+        no_going_back = ctypes.c_bool(not self.description.saves_state)
+        found = [ctypes.byref(x) for x in (event, ends, early, reached)]
         self.library.call(
-            "DoStep",
-            self.handle,
-            ctypes.c_double(at),
-            ctypes.c_double(h),
-            ctypes.c_bool(not self.description.saves_state),
-            ctypes.byref(event),
-            ctypes.byref(ends),
-            ctypes.byref(early),
-            ctypes.byref(reached),
+            "DoStep", self.handle, ctypes.c_double(at), ctypes.c_double(h), no_going_back, *found
         )
         to = reached.value if early.value else at + h
         if ends.value:
@@ -100,28 +90,15 @@ class Instance3(Instance):
 
     def _set_inputs(self, t: float, inputs: Numbers) -> None:
         """Continuous inputs as they are; discrete ones at an event when they changed, if there are events."""
-        if not self.description.has_events:
-            for group in self._inputs:
-                fill(group, inputs)
-                self.set(group)
-            return
-        for group in self._inputs:
-            if not group.is_discrete:
-                fill(group, inputs)
-                self.set(group)
-        discrete = [g for g in self._inputs if g.is_discrete]
+        has_events = self.description.has_events
+        self.set([g for g in self._inputs if not (has_events and g.is_discrete)], inputs)
+        discrete = [g for g in self._inputs if has_events and g.is_discrete]
         values = tuple(x for g in discrete for x in inputs[g.start : g.stop])
         if discrete and values != self._discrete:
             self.library.call("EnterEventMode", self.handle)
-            for group in discrete:
-                fill(group, inputs)
-                self.set(group)
+            self.set(discrete, inputs)
             self._discrete = values
             self._update(t)
-
-    def _event(self, at: float) -> None:
-        self.library.call("EnterEventMode", self.handle)
-        self._update(at)
 
     def _update(self, at: float) -> None:
         """In event mode at a time [s]: tick the clocks that are due, settle, back to step mode."""
@@ -145,21 +122,12 @@ class Instance3(Instance):
         self._next_event = then.value if has_next.value else math.inf
         self.library.call("EnterStepMode", self.handle)
 
-    def _is_due(self, at: float) -> bool:
-        return _is_past(min(self._next_event, self._next_tick()), at)
-
     def _next_tick(self) -> float:
         return min((self._time_of(k) for k in range(len(self._ticks))), default=math.inf)
 
     def _time_of(self, k: int) -> float:
         clock = self.description.clocks[k]
         return clock.shift + self._ticks[k] * clock.interval
-
-    def _extra(self) -> Any:
-        return self._next_event, self._ticks, self._discrete
-
-    def _set_extra(self, extra: Any) -> None:
-        self._next_event, self._ticks, self._discrete = extra
 
 
 def _is_past(when: float, now: float) -> bool:

@@ -1,6 +1,5 @@
 """Which number of which port an FMU variable is: as the scenario says, else by name, with units checked."""
 
-import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,12 +7,13 @@ from typing import Any
 
 from swath.core.component import Port
 from swath.core.errors import InputError
+from swath.documents.hints import near_miss
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.units import Scale, Unit, describe, parse_unit, scale
 from swath.signals.flat import FlatField, amounts, flat_fields
 from swath.signals.setup import LinkSetup
 
-RATES = ("/s", " per second")
+RATE = "/s"
 Value = Any  # number, boolean, list of numbers
 
 
@@ -72,62 +72,58 @@ class _Maker:
     def make(self) -> Wiring:
         self._check_names()
         inputs = self._inputs()
-        outputs, constants, ports = self._outputs()
+        constants = self._constants()
+        outputs = self._outputs(constants)
+        has = {p.name: {o.field.name for o in outputs if o.port == p.name} for p in self.setup.outputs}
+        ports = [p for p in self.setup.outputs if has[p.name] or p.name in constants]
+        if not ports:
+            text = f"expected outputs of the FMU for {_listed(self.setup.outputs[0])}; none of its names fits"
+            raise InputError("outputs", None, text)
+        for port in ports:
+            self._check_whole(port, has[port.name] | set(constants.get(port.name, {})))
         if self.unitless:
             listed = ", ".join(self.unitless)
             self.notes.append(f"variables without a unit are taken in SI units: {listed}")
         used = {i.port for i in inputs}
         return Wiring(
-            inputs=tuple(sorted(inputs, key=lambda i: (i.variable.type, i.variable.variability))),
-            outputs=tuple(sorted(outputs, key=lambda o: (o.variable.type, o.variable.variability))),
+            inputs=tuple(sorted(inputs, key=_call_order)),
+            outputs=tuple(sorted(outputs, key=_call_order)),
             constants=constants,
             input_ports=tuple(
-                replace(p, history=True) if amounts(p.signal) else p
+                replace(p, history=p.history or bool(amounts(p.signal)))
                 for p in self.setup.inputs
                 if p.name in used
             ),
             output_ports=tuple(ports),
-            starts=self._starts(),
+            starts=dict(self.params.parameters),
             notes=tuple(self.notes),
         )
 
-    # names
-
     def _check_names(self) -> None:
+        """Every variable that the scenario names is there, and every start value fits it."""
         for key in ("inputs", "parameters", "units"):
             for name in getattr(self.params, key):
-                self._variable(name, f"{key}.{name}", name)
+                self._variable(name, f"{key}.{name}")
         for name, unit in self.params.units.items():
             _parsed(name, unit)
         for name, source in self.params.outputs.items():
-            self._variable(source, f"outputs.{name}", source)
-
-    def _variable(self, name: str, key: str, value: str) -> Variable:
-        found = self.fmu.variables.get(name)
-        if found is None:
-            near = difflib.get_close_matches(name, list(self.fmu.variables), n=1)
-            hint = f", did you mean {near[0]}?" if near else ""
-            text = f"expected a variable of {self.fmu.file.name}{hint} (swath fmu show lists them)"
-            raise InputError(key, value, text)
-        return found
-
-    def _starts(self) -> dict[str, Value]:
+            self._variable(source, f"outputs.{name}")
         for name, value in self.params.parameters.items():
-            self._check_start(self.fmu.variables[name], value)
-        return dict(self.params.parameters)
+            variable, text = self.fmu.variables[name], None
+            if variable.kind == "other" or variable.causality in ("calculatedParameter", "independent"):
+                text = f"expected a variable that can be set, it is of causality {variable.causality}"
+            elif (variable.kind == "string") != isinstance(value, str):
+                text = "expected text" if variable.kind == "string" else "expected a number"
+            elif isinstance(value, list) and len(value) != variable.size:
+                text = f"expected {variable.size} numbers"
+            if text is not None:
+                raise InputError(f"parameters.{name}", value, text)
 
-    def _check_start(self, variable: Variable, value: Value) -> None:
-        key = f"parameters.{variable.name}"
-        if variable.kind == "other" or variable.causality in ("calculatedParameter", "independent"):
-            raise InputError(
-                key, value, f"expected a variable that can be set, it is of causality {variable.causality}"
-            )
-        if (variable.kind == "string") != isinstance(value, str):
-            raise InputError(
-                key, value, "expected text" if variable.kind == "string" else "expected a number"
-            )
-        if isinstance(value, list) and len(value) != variable.size:
-            raise InputError(key, value, f"expected {variable.size} numbers")
+    def _variable(self, name: str, key: str) -> None:
+        if name not in self.fmu.variables:
+            hint = near_miss(name, self.fmu.variables)
+            text = f"expected a variable of {self.fmu.file.name}{hint} (swath fmu show lists them)"
+            raise InputError(key, name, text)
 
     # inputs
 
@@ -149,30 +145,25 @@ class _Maker:
 
     def _guess(self, variable: Variable) -> str | None:
         """The one number whose name fits that of an input."""
-        wanted = _plain(variable.name)
-        hits = []
+        wanted, hits = _plain(variable.name), []
         for port in self.setup.inputs:
             for name in flat_fields(port.signal):
-                names = [name] if not amounts(port.signal) else [name, f"{name}/s"]
-                for target in names:
+                for target in (name, name + RATE) if amounts(port.signal) else (name,):
                     spellings = _spellings(port.name, target)
                     if wanted in spellings:
                         hits.append((spellings.index(wanted), f"{port.name}.{target}"))
         best = [t for rank, t in hits if rank == min(r for r, _ in hits)]
         if len(best) > 1:
-            choices = " or ".join(best)
-            text = f"expected one of {choices}; the name fits each of them"
+            text = f"expected one of {' or '.join(best)}; the name fits each of them"
             raise InputError(f"inputs.{variable.name}", None, text)
         return best[0] if best else None
 
     def _into(self, variable: Variable, target: str) -> Into:
-        key = f"inputs.{variable.name}"
+        key, bare = f"inputs.{variable.name}", target.removesuffix(RATE)
         if variable.causality != "input" and variable.variability != "tunable":
             text = f"expected an input of the FMU, it is of causality {variable.causality}"
             raise InputError(key, target, text)
-        bare = target
-        for suffix in RATES:
-            bare = bare.removesuffix(suffix)
+        _check_kind(key, target, variable)
         port, field = self._field(key, bare, target, self.setup.inputs)
         if variable.is_array != (field.kind == "array"):
             what = "an array" if variable.is_array else "a single number"
@@ -181,8 +172,7 @@ class _Maker:
         if bare != target and not adds_up:
             raise InputError(key, target, f"expected {bare}: only amounts have a rate")
         mode = "rate" if bare != target else "sum" if adds_up else "last"
-        unit = self._unit(variable)
-        ours = parse_unit(field.unit)
+        unit, ours = self._unit(variable), parse_unit(field.unit)
         if unit is not None and mode == "sum" and unit.fits(ours.per_second) and not unit.fits(ours):
             mode = "rate"
         ours = ours.per_second if mode == "rate" else ours
@@ -190,30 +180,20 @@ class _Maker:
 
     # outputs
 
-    def _outputs(self) -> tuple[list[Out], dict[str, dict[str, Value]], list[Port]]:
+    def _outputs(self, constants: Mapping[str, Mapping[str, Value]]) -> list[Out]:
         outs: dict[tuple[str, str], Out] = {}
         for target, source in self.params.outputs.items():
             key = f"outputs.{target}"
             port, field = self._field(key, target, target, self.setup.outputs)
             outs[port.name, field.name] = self._out(key, port, field, self.fmu.variables[source])
-        constants = self._constants()
         for port in self.setup.outputs:
             for field in flat_fields(port.signal).values():
-                is_given = (port.name, field.name) in outs or field.name in constants.get(port.name, {})
-                if not is_given and (variable := self._guess_output(port, field)) is not None:
+                if (port.name, field.name) in outs or field.name in constants.get(port.name, {}):
+                    continue
+                if (variable := self._guess_output(port, field)) is not None:
                     key = f"outputs.{port.name}.{field.name}"
                     outs[port.name, field.name] = self._out(key, port, field, variable)
-        ports = []
-        for port in self.setup.outputs:
-            has = {f for p, f in outs if p == port.name} | set(constants.get(port.name, {}))
-            if has:
-                self._check_whole(port, has)
-                ports.append(port)
-        if not ports:
-            first = self.setup.outputs[0]
-            text = f"expected outputs of the FMU for {_listed(first)}; none of its names fits"
-            raise InputError("outputs", None, text)
-        return list(outs.values()), constants, ports
+        return list(outs.values())
 
     def _constants(self) -> dict[str, dict[str, Value]]:
         found: dict[str, dict[str, Value]] = {}
@@ -228,21 +208,19 @@ class _Maker:
 
     def _guess_output(self, port: Port, field: FlatField) -> Variable | None:
         names = _spellings(port.name, field.name)
-        found = [v for v in self.fmu.of("output") if _plain(v.name) in names and v.kind != "other"]
-        found.sort(key=lambda v: names.index(_plain(v.name)))
-        fits = [v for v in found if v.is_array == (field.kind == "array")]
-        return fits[0] if fits else None
+        fits = [
+            v
+            for v in self.fmu.of("output")
+            if _plain(v.name) in names and v.kind != "other" and v.is_array == (field.kind == "array")
+        ]
+        return min(fits, key=lambda v: names.index(_plain(v.name)), default=None)
 
     def _out(self, key: str, port: Port, field: FlatField, variable: Variable) -> Out:
-        if variable.kind not in ("real", "int", "bool"):
-            raise InputError(
-                key, variable.name, f"expected a number, {variable.name} is of type {variable.type}"
-            )
+        _check_kind(key, variable.name, variable)
         if variable.is_array != (field.kind == "array"):
             what = "an array" if field.kind == "array" else "a single number"
             raise InputError(key, variable.name, f"expected {what}")
-        ours = parse_unit(field.unit)
-        unit = self._unit(variable)
+        unit, ours = self._unit(variable), parse_unit(field.unit)
         return Out(port.name, field, variable, self._scale(key, variable.name, variable, unit, ours))
 
     def _check_whole(self, port: Port, has: set[str]) -> None:
@@ -259,10 +237,8 @@ class _Maker:
         if override is not None:
             return _parsed(variable.name, override)
         if variable.unit is None and variable.unit_name is not None:
-            text = (
-                f"expected a unit that the FMU defines, {variable.unit_name!r} says nothing; write one here"
-            )
-            raise InputError(f"units.{variable.name}", None, text)
+            says = f"{variable.unit_name!r} says nothing; write one here"
+            raise InputError(f"units.{variable.name}", None, f"expected a unit that the FMU defines, {says}")
         return variable.unit
 
     def _scale(self, key: str, value: str, variable: Variable, theirs: Unit | None, ours: Unit) -> Scale:
@@ -280,20 +256,25 @@ class _Maker:
         return found
 
     def _field(self, key: str, name: str, value: str, ports: tuple[Port, ...]) -> tuple[Port, FlatField]:
-        port_name, _, field = name.partition(".")
-        for port in ports:
-            if port.name == port_name and field in flat_fields(port.signal):
-                return port, flat_fields(port.signal)[field]
-        choices = [f"{p.name}.{f}" for p in ports for f in flat_fields(p.signal)]
-        near = difflib.get_close_matches(name, choices, n=1)
-        hint = f", did you mean {near[0]}?" if near else ""
-        listed = "; ".join(_listed(p) for p in ports) or "nothing, the slot has no such ports"
-        raise InputError(key, value, f"expected port.field of {listed}{hint}")
+        there = {f"{p.name}.{f}": (p, field) for p in ports for f, field in flat_fields(p.signal).items()}
+        if name not in there:
+            listed = "; ".join(_listed(p) for p in ports) or "nothing, the slot has no such ports"
+            raise InputError(key, value, f"expected port.field of {listed}{near_miss(name, there)}")
+        return there[name]
+
+
+def _check_kind(key: str, value: str, variable: Variable) -> None:
+    if not variable.is_number:
+        raise InputError(key, value, f"expected a number, {variable.name} is of type {variable.type}")
+
+
+def _call_order(wire: Into | Out) -> tuple[str, str]:
+    """Variables that one call can set or get lie side by side."""
+    return wire.variable.type, wire.variable.variability
 
 
 def _listed(port: Port) -> str:
-    fields = ", ".join(flat_fields(port.signal))
-    return f"{port.name} ({fields})"
+    return f"{port.name} ({', '.join(flat_fields(port.signal))})"
 
 
 def _plain(name: str) -> str:
@@ -302,7 +283,7 @@ def _plain(name: str) -> str:
 
 def _spellings(port: str, field: str) -> list[str]:
     """Names that an FMU variable may have for a field, the surest first."""
-    bare = field.removesuffix("/s")
+    bare = field.removesuffix(RATE)
     names = [bare] if bare == field else [f"{bare}_flow", f"{bare}_rate"]
     return [_plain(f"{port}.{n}") for n in names] + [_plain(n) for n in names]
 

@@ -11,7 +11,7 @@ steering.
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -101,9 +101,8 @@ class CanSteering:
         if params.period % round(setup.control.period * NS):
             expected = f"expected a multiple of the slot's {setup.control.period * 1e3:g} ms"
             raise InputError("cycle_ms", params.cycle_ms, expected)
-        self._law = None
-        if params.box == "inside":
-            self._law = params.make_law(setup.control, setup.base)
+        inside = params.box == "inside"
+        self._law = params.make_law(setup.control, setup.base) if inside else None
         wanted = {"edge": CropEdge, "odometry": Odometry}
         self.inputs = tuple(p for p in setup.inputs if wanted.get(p.name) is p.signal)
         self.outputs = (Port("command", SteerCommand),)
@@ -156,16 +155,13 @@ class CanSteering:
 
     def save(self) -> State:
         """State of the machine's side and of a stand-in inside the run; an external box keeps its own."""
-        g = self._guidance
-        held = (g.command.t, g.command.curvature, g.command.is_engaged, g.heard_at, g.needs_reset, g.reason)
         box = None if self._box is None else self._box.save()
-        return {"guidance": held, "own": (self._cycle, self._distance, self._peer), "box": box}
+        own = (self._cycle, self._distance, self._peer)
+        return {"guidance": replace(self._guidance), "own": own, "box": box}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        g = self._guidance
-        t, curvature, is_engaged, g.heard_at, g.needs_reset, g.reason = state["guidance"]
-        g.command = SteerCommand(t, curvature, is_engaged)
+        self._guidance = replace(state["guidance"])
         self._cycle, self._distance, self._peer = state["own"]
         if self._box is not None:
             self._box.load(state["box"])
@@ -201,15 +197,13 @@ class CanSteering:
 
     def _is_box(self, message: Message) -> bool:
         """Whether a message comes from the box to obey."""
-        is_known = message.source == self._peer if self._peer is not None else True
-        return is_known and message.name in (CLAIM, guidance.COMMAND)
+        return self._peer in (None, message.source) and message.name in (CLAIM, guidance.COMMAND)
 
     def _hear(self, message: Message, t: int) -> bool:
         """Take a command; True when it was one."""
         if message.name != guidance.COMMAND or not self._is_box(message):
             return False
-        if self._peer is None:
-            self._peer = message.source
+        self._peer = message.source
         self._guidance.hear(message, t)
         return True
 

@@ -13,10 +13,9 @@ from swath.core.errors import InputError
 from swath.core.registry import Level
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import Description, read_fmu
-from swath.link.fmi.open_unit import Unit
 from swath.link.fmi.part import FmuPart
-from swath.link.fmi.runner import Runner
 from swath.link.fmi.ssp import SUFFIXES, System, read_system
+from swath.link.fmi.unit import Unit, make_unit
 from swath.link.fmi.wiring import make_wiring
 from swath.signals.setup import LinkSetup
 
@@ -60,7 +59,7 @@ def make_part(params: Params, setup: LinkSetup) -> FmuPart:
     if isinstance(whole, System):
         unit: Unit = Composite(whole, setup.name, inputs, outputs, **where)
     else:
-        unit = Runner(whole, setup.name, inputs, outputs, **where)
+        unit = make_unit(whole, setup.name, inputs, outputs, **where)
     return FmuPart(wiring, unit, setup, file, step, _notes(fmu, step))
 
 

@@ -6,7 +6,7 @@ after its message was received.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,15 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.link.log_sources import FIX, Params, Source, choose_sources, recording_path, to_local
+from swath.link.log_sources import (
+    FIX,
+    Params,
+    Source,
+    choose_sources,
+    numbers_of,
+    recording_path,
+    to_local,
+)
 from swath.record.read import feed as feeds
 from swath.record.read.feed import Demux, Feed, Timed
 from swath.record.read.fields import Context, number_at, stamp_of
@@ -26,7 +34,7 @@ from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import read_fixes, states_of_fixes
 from swath.record.read.frames import own_mounting, static_mounting
 from swath.record.read.messages import maker_for
-from swath.signals import MachineState, Scan, Signal
+from swath.signals import MachineState, Scan
 from swath.signals.flat import build, flat_fields
 from swath.signals.setup import LinkSetup
 
@@ -141,10 +149,8 @@ class LogPlayer:
             kind = source.port.signal
             arrays = [f.name for f in flat_fields(kind).values() if f.kind == "array"]
             if self.params.between == "interpolate" and arrays:
-                expected = (
-                    f"expected hold, the {', '.join(arrays)} of a {kind.__name__} cannot be interpolated"
-                )
-                raise InputError("between", "interpolate", expected)
+                what = f"the {', '.join(arrays)} of a {kind.__name__} cannot be interpolated"
+                raise InputError("between", "interpolate", f"expected hold, {what}")
         outputs = {s.port.name: s.port.signal for s in self._sources}
         for name in self.params.scale:
             port, _, number = name.partition(".")
@@ -179,10 +185,10 @@ class LogPlayer:
                 expected = f"expected a start before the last message on {where}"
                 raise InputError("start_s", self.params.start_s, expected)
             if chosen[0] > late:
-                expected = (
-                    f"expected a first message on {where} near the start, it comes {chosen[0] / NS:.2f} s on"
+                comes = f"near the start, it comes {chosen[0] / NS:.2f} s on"
+                raise InputError(
+                    "start_s", self.params.start_s, f"expected a first message on {where} {comes}"
                 )
-                raise InputError("start_s", self.params.start_s, expected)
             sample = chosen[1]
             at = 0 if not found else max(sample.t, 0)
             outputs[source.port.name] = sample if sample.t == at else replace(sample, t=at)
@@ -218,19 +224,13 @@ class LogPlayer:
             samples = ((sample.t, sample) for _, sample in samples)
         if source.port.signal is MachineState and self.params.start_s > 0:
             samples = feeds.rebased(samples, self._shift)
-        factors = {
-            k.partition(".")[2]: v
-            for k, v in self.params.scale.items()
-            if k.partition(".")[0] == source.port.name
-        }
+        factors = numbers_of(source.port.name, self.params.scale)
         return _scaled(samples, factors) if factors and not source.numbers else samples
 
     def _from_numbers(self, source: Source, records: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
         """A sample whenever one of its numbers came, once all have."""
         name = source.port.name
-        known: dict[str, Any] = {
-            k.partition(".")[2]: v for k, v in self.params.values.items() if k.partition(".")[0] == name
-        }
+        known: dict[str, Any] = numbers_of(name, self.params.values)
         for topic, t, message in records:
             for number, (where, path) in source.numbers.items():
                 if where == topic:
@@ -245,11 +245,9 @@ class LogPlayer:
 
     def _track(self, topic: str) -> list[Timed]:
         if topic not in self._fixes:
-            fixes = read_fixes(self.log.messages((topic,)))
+            fixes, local = read_fixes(self.log.messages((topic,))), to_local(self.params, self.setup.base)
             antenna, wheelbase = self.params.antenna_m, self._context.wheelbase
-            self._fixes[topic] = states_of_fixes(
-                fixes, to_local(self.params, self.setup.base), antenna, wheelbase
-            )
+            self._fixes[topic] = states_of_fixes(fixes, local, antenna, wheelbase)
         return self._fixes[topic]
 
     def _mounting(self) -> Pose | None:
@@ -268,21 +266,14 @@ class LogPlayer:
 
 
 def _scaled(samples: Iterator[Timed], factors: Mapping[str, float]) -> Iterator[Timed]:
+    """Samples with some numbers times a factor, arrays in the type that they had."""
     for published, sample in samples:
-        changed = {name: getattr(sample, name) * factor for name, factor in factors.items()}
-        yield published, _retyped(sample, changed)
-
-
-def _retyped(sample: Signal, changed: Mapping[str, Any]) -> Signal:
-    """The sample with other values, arrays in the type that they had."""
-    typed = {
-        f.name: changed[f.name].astype(getattr(sample, f.name).dtype)
-        if isinstance(changed[f.name], np.ndarray)
-        else changed[f.name]
-        for f in fields(sample)
-        if f.name in changed
-    }
-    return replace(sample, **typed)
+        changed: dict[str, Any] = {}
+        for name, factor in factors.items():
+            value = getattr(sample, name)
+            made = value * factor
+            changed[name] = made.astype(value.dtype) if isinstance(made, np.ndarray) else made
+        yield published, replace(sample, **changed)
 
 
 LEVEL = Level(

@@ -4,6 +4,7 @@ World: swath's ENU as it is. Vehicle frame of OSI: ISO 8855, origin in the middl
 combine is the steered one; swath's is below the middle of the front axle. Angles as in swath: z-y'-x''.
 """
 
+import importlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,43 +20,30 @@ TYPES = {"sd": "SensorData", "sv": "SensorView"}
 SENSOR_ID = 1
 
 
-def load_osi() -> Any:
+def load_osi() -> dict[str, Any]:
     """The modules of osi-python that are used here, by short names. MissingExtra."""
+    names = {n: f"osi3.osi_{n}_pb2" for n in ("object", "sensordata", "sensorview", "version")}
     try:
-        from osi3 import (
-            osi_groundtruth_pb2,
-            osi_object_pb2,
-            osi_sensordata_pb2,
-            osi_sensorview_pb2,
-            osi_version_pb2,
-        )
+        return {name: importlib.import_module(module) for name, module in names.items()}
     except ImportError as error:
         raise MissingExtra("osi", "an OSI trace") from error
-    return {
-        "ground_truth": osi_groundtruth_pb2,
-        "object": osi_object_pb2,
-        "data": osi_sensordata_pb2,
-        "view": osi_sensorview_pb2,
-        "version": osi_version_pb2,
-    }
 
 
 class Writer:
     """Makes the messages of one scanner.
 
-    host: name of the machine that carries it; cards: of all machines, in their order; mounting:
+    host: name of the machine that carries it; sheets: of all machines, in their order; mounting:
     pose_machine_sensor
     """
 
-    def __init__(self, host: str, cards: Mapping[str, MachineSheet], mounting: Pose) -> None:
+    def __init__(self, host: str, sheets: Mapping[str, MachineSheet], mounting: Pose) -> None:
         self._osi = load_osi()
-        self._host, self._cards = host, dict(cards)
-        self._ids = {name: k + 1 for k, name in enumerate(self._cards)}
-        self._rear = {name: _rear_axle(card) for name, card in self._cards.items()}
+        self._host, self._sheets = host, dict(sheets)
+        self._ids = {name: k + 1 for k, name in enumerate(self._sheets)}
+        self._rear = {name: _rear_axle(sheet) for name, sheet in self._sheets.items()}
         self._mounting = Pose(mounting.position - self._rear[host], mounting.rotation)
         options = self._osi["version"].DESCRIPTOR.GetOptions()
-        found = next(v for field, v in options.ListFields() if field.name == "current_interface_version")
-        self._version = found
+        self._version = next(v for f, v in options.ListFields() if f.name == "current_interface_version")
 
     @property
     def version(self) -> tuple[int, int, int]:
@@ -68,7 +56,7 @@ class Writer:
 
         There are no reflections in it: the rays within a beam are not recorded.
         """
-        view = self._osi["view"].SensorView()
+        view = self._osi["sensorview"].SensorView()
         self._head(view, scan.t)
         view.host_vehicle_id.value = self._ids[self._host]
         _mount(view.mounting_position, self._mounting)
@@ -85,16 +73,14 @@ class Writer:
         rays.field_of_view_vertical = float(np.ptp(scan.elevation))
         rays.max_number_of_interactions = scan.ranges.shape[1]
         cos = np.cos(scan.elevation)
-        ways = np.stack(
-            [cos * np.cos(scan.azimuth), cos * np.sin(scan.azimuth), np.sin(scan.elevation)], axis=1
-        )
-        for x, y, z in ways.tolist():
+        ways = (cos * np.cos(scan.azimuth), cos * np.sin(scan.azimuth), np.sin(scan.elevation))
+        for x, y, z in zip(*(axis.tolist() for axis in ways), strict=True):
             rays.directions.add(x=x, y=y, z=z)
         return view
 
     def sensor_data(self, scan: Scan, states: Mapping[str, MachineState]) -> Any:
         """The detections of a sweep in the sensor's frame, one for each echo, and the view they came from."""
-        data = self._osi["data"].SensorData()
+        data = self._osi["sensordata"].SensorData()
         self._head(data, scan.t)
         _time(data.last_measurement_time, scan.t)
         _mount(data.mounting_position, self._mounting)
@@ -107,14 +93,10 @@ class Writer:
         head.data_qualifier = head.DATA_QUALIFIER_AVAILABLE
         beams, echoes = np.nonzero(np.isfinite(scan.ranges))
         head.number_of_valid_detections = len(beams)
-        columns = (
-            beams.tolist(),
-            scan.ranges[beams, echoes].tolist(),
-            scan.azimuth[beams].tolist(),
-            scan.elevation[beams].tolist(),
-            scan.intensity[beams, echoes].tolist(),
-        )
-        for beam, distance, azimuth, elevation, intensity in zip(*columns, strict=True):
+        per_echo = (scan.ranges[beams, echoes], scan.intensity[beams, echoes])
+        columns = (beams, scan.azimuth[beams], scan.elevation[beams], *per_echo)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        for beam, azimuth, elevation, distance, intensity in rows:
             found = lidar.detection.add(existence_probability=1.0)
             found.position.distance, found.position.azimuth = distance, azimuth
             found.position.elevation = elevation
@@ -131,8 +113,8 @@ class Writer:
 
     def _machine(self, found: Any, name: str, state: MachineState) -> None:
         """A machine as the box of its chassis; the header is not in it."""
-        card = self._cards[name]
-        rear, front, half, _, top = card.body
+        sheet = self._sheets[name]
+        rear, front, half, _, top = sheet.body
         centre = np.array([0.5 * (rear + front), 0.0, 0.5 * top])
         found.id.value = self._ids[name]
         found.type = self._osi["object"].MovingObject.TYPE_VEHICLE
@@ -144,14 +126,14 @@ class Writer:
         along = np.array([state.speed, state.lateral_speed, 0.0]) + np.cross(turn, centre)
         _vector(base.velocity, pose.turn(along))
         base.orientation_rate.yaw = state.yaw_rate
-        axle = np.array([0.0, 0.0, dynamics_of(card).front.radius])
+        axle = np.array([0.0, 0.0, dynamics_of(sheet).front.radius])
         _vector(found.vehicle_attributes.bbcenter_to_rear, self._rear[name] - centre)
         _vector(found.vehicle_attributes.bbcenter_to_front, axle - centre)
 
 
-def _rear_axle(card: MachineSheet) -> Any:
+def _rear_axle(sheet: MachineSheet) -> Any:
     """Middle of the rear axle in swath's machine frame [m]."""
-    return np.array([-card.wheelbase, 0.0, dynamics_of(card).rear.radius])
+    return np.array([-sheet.wheelbase, 0.0, dynamics_of(sheet).rear.radius])
 
 
 def _time(stamp: Any, t: int) -> None:

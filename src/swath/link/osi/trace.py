@@ -2,7 +2,7 @@
 
 import struct
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from swath.record.read.files import Log, open_log
 from swath.record.read.frames import own_mounting
 from swath.record.samples import SUFFIX
 from swath.scenario.scenario import load_scenario
-from swath.signals import MachineState, Scan
+from swath.signals import MachineState
 
 LENGTH = struct.Struct("<I")
 
@@ -42,18 +42,18 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     host, mounting = slot.partition(".")[0], own_mounting(log, slot)
     if mounting is None:
         raise InputError("--slot", slot, "expected a scanner with a mounting", file=log.path)
-    cards = {
+    sheets = {
         name: load_machine(m.card.as_posix(), header_width_m=m.common.header_width_m)
         for name, m in scenario.machines.items()
     }
-    writer = Writer(host, cards, mounting)
+    writer = Writer(host, sheets, mounting)
     make = writer.sensor_data if kind == "sd" else writer.sensor_view
-    states = {name: _States(log, name) for name in cards}
+    states = {name: list(_samples(log, f"{name}.motion", "state")) for name in sheets}
     out.parent.mkdir(parents=True, exist_ok=True)
     unfinished, count = out.with_name(out.name + ".part"), 0
     with unfinished.open("wb") as file:
-        for scan in _scans(log, slot):
-            message = make(scan, {name: s.at(scan.t) for name, s in states.items()})
+        for scan in _samples(log, slot, "scan"):
+            message = make(scan, {name: _newest(found, scan.t) for name, found in states.items()})
             data = message.SerializeToString(deterministic=True)
             file.write(LENGTH.pack(len(data)) + data)
             count += 1
@@ -67,22 +67,9 @@ def _scanners(log: Log) -> list[str]:
     return [topic.removesuffix(ends)[1:].replace("/", ".") for topic in log.topics() if topic.endswith(ends)]
 
 
-class _States:
-    """Where a machine was."""
-
-    def __init__(self, log: Log, name: str) -> None:
-        self._states = [s for s in _samples(log, f"{name}.motion", "state") if isinstance(s, MachineState)]
-        self._times = [s.t for s in self._states]
-
-    def at(self, t: int) -> MachineState:
-        """The newest state at t [ns]."""
-        return self._states[max(bisect_right(self._times, t) - 1, 0)]
-
-
-def _scans(log: Log, slot: str) -> Iterator[Scan]:
-    for sample in _samples(log, slot, "scan"):
-        if isinstance(sample, Scan):
-            yield sample
+def _newest(states: Sequence[MachineState], t: int) -> MachineState:
+    """The newest state at t [ns]."""
+    return states[max(bisect_right(states, t, key=lambda state: state.t) - 1, 0)]
 
 
 def _samples(log: Log, slot: str, output: str) -> Iterator[Any]:

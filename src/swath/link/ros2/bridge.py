@@ -15,14 +15,13 @@ from typing import Any
 
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
-from swath.link.ros2.middleware import close_node, open_node, set_stamp, stream_qos, type_of
+from swath.link.ros2.middleware import Clock, close_node, open_node
 from swath.link.ros2.parameters import RunParameters
 from swath.link.ros2.publisher import Publisher
 from swath.link.ros2.request_queue import RequestQueue
 from swath.runtime.changes import Restart
 from swath.runtime.hooks import ActiveRun, RunHook
 
-CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]
 POLL_S = 0.1
 STEP_S = 0.02
 
@@ -40,10 +39,7 @@ class Bridge(RunHook):
         self._is_waiting = threading.Event()  # the run is paused and has reached the time asked for
         self._graph: Any = None
         self._rest: Callable[[int], None] = lambda duration: None
-        self._next_clock = 0
-        clock_type = type_of("rosgraph_msgs/msg/Clock")
-        self._clock = self._node.create_publisher(clock_type, "/clock", stream_qos())
-        self._clock_message = clock_type()
+        self._clock = Clock(self._node)
         self._publisher: Publisher | None = None
         self._node.declare_parameter("step_s", STEP_S)
         self._parameters = RunParameters(self._node, self._requests)
@@ -65,8 +61,8 @@ class Bridge(RunHook):
         self._parameters.join(run.changes)
         world.graph.before_tick.insert(0, self._before_tick)
         self._graph = world.graph
-        self._until = self._next_clock = 0
-        self._publish_clock(0)
+        self._until = 0
+        self._clock.publish(0)
 
     def summarize(self, t: int) -> dict[str, Any]:
         """The entry of the bridge in summary.json."""
@@ -83,8 +79,8 @@ class Bridge(RunHook):
     def _before_tick(self, t: int) -> None:
         self._requests.serve(t)
         self._hold(t)
-        if t >= self._next_clock:
-            self._publish_clock(t)
+        if t >= self._clock.due:
+            self._clock.publish(t)
 
     def _hold(self, t: int) -> None:
         """Wait before the tick at t [ns] while the run is paused."""
@@ -95,11 +91,6 @@ class Bridge(RunHook):
             self._is_waiting.set()
             self._requests.serve(t, wait_s=POLL_S)
         self._rest(time.monotonic_ns() - began)
-
-    def _publish_clock(self, t: int) -> None:
-        self._next_clock = t + CLOCK_PERIOD
-        set_stamp(self._clock_message.clock, t)
-        self._clock.publish(self._clock_message)
 
     # in the ROS 2 thread
 

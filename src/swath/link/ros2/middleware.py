@@ -8,8 +8,8 @@ from typing import Any
 
 from swath.core.errors import MissingExtra, SwathError
 
-STREAM_DEPTH = 100  # messages that a slow reader may lag behind before it loses some
-LATCHED_DEPTH = 100
+DEPTH = 100  # messages that a slow reader may lag behind before it loses some
+CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]
 
 _context: Any = None
 _users = 0
@@ -30,13 +30,12 @@ def need_rclpy(what: str) -> None:
 
 def has_type(msgtype: str) -> bool:
     """True when a message type such as `tf2_msgs/msg/TFMessage` is installed."""
-    package = msgtype.split("/")[0]
-    return importlib.util.find_spec(package) is not None and _find(msgtype) is not None
+    return _find(msgtype) is not None
 
 
 def type_of(msgtype: str) -> Any:
     """The rclpy class of `package/msg/Name`. SwathError when it is not installed."""
-    found = _find(msgtype) if importlib.util.find_spec(msgtype.split("/")[0]) is not None else None
+    found = _find(msgtype)
     if found is None:
         raise SwathError(f"{msgtype}: this message type is not installed")
     return found
@@ -76,25 +75,36 @@ def close_node(node: Any) -> None:
         _context = None
 
 
-def stream_qos() -> Any:
-    """Reliable, so that best-effort and reliable readers both match; for topics that never rest."""
-    return _qos(STREAM_DEPTH, "VOLATILE")
-
-
 def latched_qos() -> Any:
     """Reliable, and what was sent is given to who comes later: as /tf_static wants it."""
-    return _qos(LATCHED_DEPTH, "TRANSIENT_LOCAL")
+    return stream_qos("TRANSIENT_LOCAL")
 
 
-def _qos(depth: int, durability: str) -> Any:
+def stream_qos(durability: str = "VOLATILE") -> Any:
+    """Reliable, so that best-effort and reliable readers both match; for topics that never rest."""
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
+        depth=DEPTH,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy[durability],
     )
+
+
+class Clock:
+    """Publishes `/clock`, every 10 ms of simulated time. due: when next [ns]"""
+
+    def __init__(self, node: Any) -> None:
+        kind = type_of("rosgraph_msgs/msg/Clock")
+        self._publisher, self._message = node.create_publisher(kind, "/clock", stream_qos()), kind()
+        self.due = 0
+
+    def publish(self, t: int) -> None:
+        """The time t [ns]."""
+        self.due = t + CLOCK_PERIOD
+        set_stamp(self._message.clock, t)
+        self._publisher.publish(self._message)
 
 
 def stamp_ns(stamp: Any) -> int:

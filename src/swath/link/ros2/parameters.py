@@ -6,6 +6,7 @@ ros2 param set /swath obstacles.pole "{kind: post, x_m: 12, y_m: 3}"
 ros2 param delete /swath obstacles.pole
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 from swath.link.ros2.request_queue import RequestQueue
@@ -25,11 +26,8 @@ class RunParameters:
 
     def join(self, changes: Interventions) -> None:
         """Declare the parameters of a world at its start."""
-        self._is_own, self._changes = True, changes
-        try:
-            self._declare()
-        finally:
-            self._is_own = False
+        self._changes = changes
+        self._declare()
 
     def _on_set(self, parameters: list[Any]) -> Any:
         from rcl_interfaces.msg import SetParametersResult
@@ -53,20 +51,21 @@ class RunParameters:
 
     def _after_set(self, parameters: list[Any]) -> None:
         """A new level has other parameters: declare them."""
-        if self._is_own or not any(p.name.endswith(".level") for p in parameters):
-            return
+        if not self._is_own and any(p.name.endswith(".level") for p in parameters):
+            self._declare()
+
+    def _declare(self) -> None:
+        assert self._changes is not None
         self._is_own = True
         try:
-            self._declare()
+            self._set_all(self._changes.values())
         finally:
             self._is_own = False
 
-    def _declare(self) -> None:
+    def _set_all(self, values: Mapping[str, Any]) -> None:
         from rcl_interfaces.msg import ParameterDescriptor
         from rclpy.parameter import Parameter
 
-        assert self._changes is not None
-        values = self._changes.values()
         for name in self._declared - set(values):
             if self._node.has_parameter(name):
                 self._node.undeclare_parameter(name)

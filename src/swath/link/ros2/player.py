@@ -7,10 +7,9 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.link.ros2.middleware import close_node, open_node, set_stamp, stream_qos, type_of
+from swath.link.ros2.middleware import Clock, close_node, open_node
 from swath.link.ros2.publisher import Publisher
 
-CLOCK_PERIOD = 10_000_000  # [ns]
 LATCHED = "transient_local"
 
 
@@ -34,16 +33,13 @@ def play(file: Path, *, factor: float = 1.0, wait_s: float = 1.0, name: str = "s
         publisher = Publisher(node, store)
         for topic, (message, is_latched) in firsts.items():
             publisher.declare(topic, message, is_latched)
-        clock_type = type_of("rosgraph_msgs/msg/Clock")
-        clock, now = node.create_publisher(clock_type, "/clock", stream_qos()), clock_type()
+        clock = Clock(node)
         time.sleep(wait_s)
-        began, next_clock = time.monotonic(), 0
+        began = time.monotonic()
         for topic, t, kind, data, is_latched in _messages(file):
-            while next_clock <= t:
-                _wait(began, next_clock, factor)
-                set_stamp(now.clock, next_clock)
-                clock.publish(now)
-                next_clock += CLOCK_PERIOD
+            while clock.due <= t:
+                _wait(began, clock.due, factor)
+                clock.publish(clock.due)
             _wait(began, t, factor)
             publisher(topic, t, store.deserialize_cdr(data, kind), data, is_latched)
         time.sleep(min(wait_s, 0.5))

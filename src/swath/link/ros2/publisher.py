@@ -119,13 +119,9 @@ def _numbers(store: Any, given: Any) -> Iterator[Any]:
 
 def _joint_state(store: Any, header: Any, names: list[str], position: Any, velocity: Any = None) -> Any:
     none = np.zeros(0)
-    return store.types[JOINT_STATE](
-        header=header,
-        name=names,
-        position=position,
-        velocity=none if velocity is None else velocity,
-        effort=none,
-    )
+    velocity = none if velocity is None else velocity
+    made = store.types[JOINT_STATE]
+    return made(header=header, name=names, position=position, velocity=velocity, effort=none)
 
 
 def _is_alike(kind: Any, message: Any) -> bool:

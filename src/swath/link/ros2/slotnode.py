@@ -1,6 +1,7 @@
 """The swath side of a slot played by a ROS 2 node: sends every step, collects the answer with its stamp."""
 
 import time
+from functools import partial
 from typing import Any
 
 from swath.core.component import Inputs, Outputs, Port
@@ -52,6 +53,7 @@ class SlotNode:
             for p in inputs
             if p.signal is Scan
         }
+        self._frames = {p: setup.sources.get(p, f"{machine}.{p}").replace(".", "/") for p in self._sending}
         self._answers: dict[str, Any] = {}  # "" (the record) or port (a cloud) -> newest message
         self._wanted = self._subscribe()
         self._executor = SingleThreadedExecutor(context=self._node.context)
@@ -99,7 +101,10 @@ class SlotNode:
         for port, publisher in self._sending.items():
             value = inputs.get(port)
             for scan in value if isinstance(value, tuple) else (() if value is None else (value,)):
-                self._send_scan(publisher, scan)
+                message = self._cloud()
+                set_stamp(message.header.stamp, scan.t)
+                message.header.frame_id = self._frames[port]
+                publisher.publish(fill_cloud(message, scan, self._point_field))
         numbers = {"step.dt": dt / NS, "step.reset": float(is_reset)}
         numbers |= numbers_of_setup(self._setup) if is_reset else numbers_of_inputs(inputs)
         message = self._record()
@@ -146,21 +151,12 @@ class SlotNode:
 
     def _subscribe(self) -> dict[str, str]:
         """topic -> key in `_answers`, of everything that makes an answer complete."""
-        wanted: dict[str, str] = {}
-        if self._records:
-            wanted[self.answer_topic] = ""
-            self._node.create_subscription(self._record, self.answer_topic, self._taker(""), DEPTH)
-        for port in self._clouds:
-            topic = f"{self.answer_topic}/{port.name}"
-            wanted[topic] = port.name
-            self._node.create_subscription(self._cloud, topic, self._taker(port.name), DEPTH)
+        wanted = {self.answer_topic: ""} if self._records else {}
+        wanted |= {f"{self.answer_topic}/{port.name}": port.name for port in self._clouds}
+        for topic, key in wanted.items():
+            kind = self._cloud if key else self._record
+            self._node.create_subscription(kind, topic, partial(self._answers.__setitem__, key), DEPTH)
         return wanted
-
-    def _taker(self, key: str) -> Any:
-        def take(message: Any) -> None:
-            self._answers[key] = message
-
-        return take
 
     def _is_for(self, key: str, t: int) -> bool:
         message = self._answers.get(key)
@@ -168,13 +164,10 @@ class SlotNode:
 
     def _outputs_of(self, t: int) -> Outputs:
         try:
-            made = self._records_of(t) | {p.name: scan_of(self._answers[p.name], t) for p in self._clouds}
+            return self._records_of(t) | {p.name: scan_of(self._answers[p.name], t) for p in self._clouds}
         except SwathError as error:
-            names = ", ".join(self._names) or "a node"
-            raise SwathError(
-                f"{self._setup.name}: the answer of {names} for {t / NS:g} s: {error}"
-            ) from error
-        return made
+            who = f"the answer of {', '.join(self._names) or 'a node'} for {t / NS:g} s"
+            raise SwathError(f"{self._setup.name}: {who}: {error}") from error
 
     def _records_of(self, t: int) -> Outputs:
         if not self._records:
@@ -191,12 +184,6 @@ class SlotNode:
                 raise SwathError(f"expected names that start with {port.name}.")
             made[port.name] = sample
         return made
-
-    def _send_scan(self, publisher: Any, scan: Scan) -> None:
-        message = self._cloud()
-        set_stamp(message.header.stamp, scan.t)
-        message.header.frame_id = f"{self._setup.machine_name}/lidar"
-        publisher.publish(fill_cloud(message, scan, self._point_field))
 
     def _speakers(self) -> list[str]:
         """Full names of the nodes that publish answers."""

@@ -7,7 +7,7 @@ ed., ch. 4.A).
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import cos, radians, sin, sqrt
+from math import cos, radians, sin
 from pathlib import Path
 
 import numpy as np
@@ -33,17 +33,6 @@ class TangentPlane:
         away = _earth_centred(points) - _earth_centred(self._origin)
         return np.array(away @ self._axes.T, dtype=np.float64)
 
-    def back(self, local: F64) -> F64:
-        """East, north, up [m], (n, 3), as longitude, latitude [deg] and height [m], by Newton's method."""
-        local = np.asarray(local, dtype=float).reshape(-1, 3)
-        radius = _radius(radians(self.lat))
-        scale = np.array([1.0 / (radius * cos(radians(self.lat))), 1.0 / radius])
-        points = self._origin + np.column_stack([np.degrees(local[:, :2] * scale), local[:, 2]])
-        for _ in range(20):  # each step leaves a thousandth
-            off = local - self(points)
-            points = points + np.column_stack([np.degrees(off[:, :2] * scale), off[:, 2]])
-        return np.asarray(points, dtype=np.float64)
-
     @property
     def _origin(self) -> F64:
         return np.array([[self.lon, self.lat, self.height]])
@@ -62,11 +51,6 @@ def field_plane(folder: Path) -> ToLocal:
 
     origin = read_origin(folder)
     return lambda p: np.column_stack([origin.to_local(p[:, :2]), p[:, 2] - origin.height])
-
-
-def _radius(lat: float) -> float:
-    """Radius of curvature across the meridian [m]."""
-    return AXIS / sqrt(1.0 - FLATTENING * (2.0 - FLATTENING) * sin(lat) ** 2)
 
 
 def _earth_centred(points: F64) -> F64:

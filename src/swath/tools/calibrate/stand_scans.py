@@ -13,18 +13,14 @@ from numpy.typing import NDArray
 
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.edge import StraightEdge, make_edge
-from swath.field.field import Field, make_field
-from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ, PlantLibrary
 from swath.field.plants import make_plants
 from swath.field.prototypes import make_library
-from swath.field.stand import uniform
-from swath.field.terrain import plane
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Beam, Profile, spot_pattern, spots
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
+from swath.tools.level_stand import level_stand
 
 F64 = NDArray[np.float64]
 LINE = 24  # beams of a scan line
@@ -119,7 +115,9 @@ class SampleStands:
     def caster(self, density: float, height: float) -> RayCaster:
         """Rays into a stand of this density and height; the last one asked for is kept."""
         if self._caster is None or self._caster[0] != (density, height):
-            field = _stand(self.crop, self.library(density), density, height, self.stream)
+            library = self.library(density)
+            field = level_stand(self.crop, density, self.stream, height=height, library=library)
+            field.ensure(0.0, 0.0, 2.0 * HALF_AREA + 40.0)
             self._caster = (density, height), RayCaster(field)
         return self._caster[1]
 
@@ -186,21 +184,6 @@ class SampleStands:
             mine = plants.organ == organ
             found[plants.owner[mine]] = plants.b[mine]
         return found[:, :2] / plants.height[:, None]
-
-
-def _stand(crop: Crop, library: PlantLibrary, density: float, height: float, stream: Stream) -> Field:
-    ground = plane.Plane(plane.Params(), FieldSetup())
-    params = uniform.Params(
-        crop=crop.name,
-        stems_per_m2=density,  # of few plants the library holds a little more
-        row_spacing_m=library.row_spacing,
-        height_factor=height / crop.stand.height,
-    )
-    stand = uniform.Uniform(params, FieldSetup())
-    edge = make_edge(StraightEdge(x_m=-200.0, y_m=-200.0, length_m=400.0, crop_begins_m=None), FieldSetup())
-    field = make_field(ground, stand, edge, crop=crop, library=library, stream=stream)
-    field.ensure(0.0, 0.0, 2.0 * HALF_AREA + 40.0)
-    return field
 
 
 def _frames(azimuth: F64, depression: float) -> F64:

@@ -51,14 +51,6 @@ class _Ground:
         """Nothing to do."""
 
 
-def simulate(machine: MachineSheet, log: MachineLog, drive: Drive) -> dict[str, Array]:
-    """engine_load (share), engine_speed [rad/s], fuel [m3/s] along the log, shape (n,) each.
-
-    Each machine of the log has its own header's width; process and engine start anew behind every gap.
-    """
-    return run_engine(machine, log, drive, run_process(machine, log, drive))
-
-
 def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[MachineLoad]:
     """Where the crop is, at every record. The crop of a record went in evenly since the one before."""
     level = REGISTRY.get("process", drive.process)
@@ -81,7 +73,11 @@ def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[Ma
 def run_engine(
     machine: MachineSheet, log: MachineLog, drive: Drive, loads: list[MachineLoad]
 ) -> dict[str, Array]:
-    """The engine along the log, from what the process does."""
+    """engine_load (share), engine_speed [rad/s], fuel [m3/s] along the log, shape (n,) each.
+
+    loads: of `run_process`. Each machine of the log has its own header's width; process and engine start anew
+    behind every gap.
+    """
     level = REGISTRY.get("powertrain", drive.engine)
     drivetrain = drivetrain_of(machine)
     grain = TANK * drivetrain.tank

@@ -49,7 +49,7 @@ def run_log(args: argparse.Namespace) -> int:
     from swath.terminal.tables import number, table
     from swath.tools.compare_log.along_log import Drive
     from swath.tools.compare_log.compare import compare_log
-    from swath.tools.compare_log.page import load_rows, statistic_rows, write_comparison
+    from swath.tools.compare_log.page import statistic_rows, write_comparison
 
     for key, low, high in (("straw", 0.0, 10.0), ("friction", 0.0, 50.0), ("flow_floor", 0.0, 200.0)):
         if not low <= getattr(args, key) <= high:
@@ -71,15 +71,6 @@ def run_log(args: argparse.Namespace) -> int:
         table(f"fitted on {made.fitted_on}", ("key", "start", "fitted", "error", "unit"), rows)
     head = ("quantity", "records", "model", "count", "R2", "RMSE", "bias", "r", "lag s")
     table(f"{made.model} against {made.log_name}", head, statistic_rows(made))
-    if made.by_load:
-        table(
-            "engine speed by load",
-            ("load", "measured rpm", "simulated", "error %", "engine alone", "error %"),
-            load_rows(made),
-        )
-    if made.fuel_line:
-        rows = [[k, f"{v['intercept']:.2f}", f"{v['slope']:.3f}"] for k, v in made.fuel_line.items()]
-        table("fuel over crop flow", ("", "l/h", "l/h per kg/s"), rows)
     console = Console(highlight=False)
     for note in made.log.notes:
         console.print(f"note: {note}", markup=False)

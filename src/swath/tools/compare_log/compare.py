@@ -24,12 +24,8 @@ from swath.tools.compare_log.statistics import (
     Array,
     Mask,
     SeriesStatistics,
-    by_flow,
-    by_load,
-    fuel_line,
     regressions,
     statistics_of,
-    steady_speed,
     usable,
 )
 
@@ -56,8 +52,6 @@ class LogComparison:
     """The result. series: measured and simulated by quantity, in SHOWN units, shape (n,)
 
     parts: part -> records that are compared; statistics: quantity -> part -> model and plain regressions
-    by_load: engine speed in bins of load; fuel_line: intercept [l/h] and slope [l/h per kg/s] of both
-    by_flow: mean of every quantity in bins of the logged crop flow
     """
 
     model: str
@@ -72,9 +66,6 @@ class LogComparison:
     plain: dict[str, dict[str, Array]]
     coefficients: dict[str, dict[str, list[float]]]
     statistics: dict[str, dict[str, dict[str, SeriesStatistics]]]
-    by_load: list[dict[str, float]]
-    fuel_line: dict[str, dict[str, float]]
-    by_flow: list[dict[str, float]]
     sheet: dict[str, Any]
 
     def to_dict(self) -> dict[str, Any]:
@@ -92,9 +83,6 @@ class LogComparison:
                 for q, parts in self.statistics.items()
             },
             "plain_coefficients": self.coefficients,
-            "engine_speed_by_load": self.by_load,
-            "fuel_line": self.fuel_line,
-            "by_flow": self.by_flow,
             "notes": list(self.log.notes),
         }
 
@@ -140,7 +128,6 @@ def compare_log(
     statistics = {
         q: statistics_of(measured[q], {"model": simulated[q], **plain[q]}, parts, read) for q in measured
     }
-    tested = list(parts.values())[-1] if len(parts) > 1 else used
     return LogComparison(
         model=str(sheet.value("name")),
         log_name=str(getattr(log, "name", "log")),
@@ -154,9 +141,6 @@ def compare_log(
         plain=plain,
         coefficients=coefficients,
         statistics=statistics,
-        by_load=by_load(measured, simulated, tested, steady_speed(read_machine(sheet), measured, chosen)),
-        fuel_line=fuel_line(read, measured, simulated, tested),
-        by_flow=by_flow(read, measured, simulated, tested),
         sheet=sheet.document.data,
     )
 

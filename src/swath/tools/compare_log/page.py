@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.documents.yaml_document import dump
 from swath.judge.summary import json_safe
-from swath.report.page import Figure
-from swath.report.plots import BLUE, FAINT, GREY, ORANGE, STYLE, as_image, figure
+from swath.report.html import signed, write_page
+from swath.report.plots import GREY, ORANGE, STYLE, as_image, figure
 from swath.tools.compare_log.compare import SHOWN, LogComparison
-from swath.tools.html_page import render_page, signed
 
 Mask = NDArray[np.bool_]
 LABELS = {"engine_load": "engine load", "engine_speed": "engine speed", "fuel": "fuel"}
@@ -36,8 +35,17 @@ def write_comparison(made: LogComparison, out: Path, *, command: str = "") -> li
     fig.savefig(out / "comparison.png", dpi=130, metadata={"Software": None})
     results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
     (out / "results.json").write_text(results + "\n", encoding="utf-8")
-    (out / "report.html").write_text(
-        render_comparison(made, as_image(fig, kind="png", dpi=130), command), encoding="utf-8"
+    write_page(
+        out / "report.html",
+        "compare_log.html.j2",
+        model=made.model,
+        log=made.log_name,
+        fitted_on=made.fitted_on,
+        fitted=[[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted],
+        statistics=statistic_rows(made),
+        image=as_image(fig, kind="png", dpi=130),
+        notes=made.log.notes,
+        command=command,
     )
     (out / "machine.yaml").write_text(dump(made.sheet, width=110), encoding="utf-8")
     _write_series(made, out / "series.parquet")
@@ -65,18 +73,14 @@ def draw(made: LogComparison) -> Any:
 
     with mpl.rc_context(STYLE):
         rows = list(made.measured)
-        has_curve = bool(made.by_load)
-        fig = figure(12.5, 2.9 * (len(rows) + has_curve))
-        grid = fig.add_gridspec(len(rows) + has_curve, 4)
+        fig = figure(12.5, 2.9 * len(rows))
+        grid = fig.add_gridspec(len(rows), 4)
         name, mask = list(made.parts.items())[-1]
         start = _excerpt(mask)
         for i, quantity in enumerate(rows):
             _series(fig.add_subplot(grid[i, :2]), made, quantity, slice(start, start + WINDOW), name, i == 0)
             _scatter(fig.add_subplot(grid[i, 2]), made, quantity, mask)
             _over_flow(fig.add_subplot(grid[i, 3]), made, quantity, mask)
-        if has_curve:
-            _speed_curve(fig.add_subplot(grid[-1, :2]), made, mask)
-            _residuals(fig.add_subplot(grid[-1, 2:]), made, mask)
     return fig
 
 
@@ -134,34 +138,6 @@ def _over_flow(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
     ax.set(xlabel="crop flow [kg/s]", ylabel="median, 10–90 %")
 
 
-def _speed_curve(ax: Any, made: LogComparison, mask: Mask) -> None:
-    """Engine speed over load: the governor and the full-load curve."""
-    for of, colour, label in ((made.measured, GREY, "measured"), (made.simulated, ORANGE, "simulated")):
-        load, speed = of["engine_load"][mask], of["engine_speed"][mask]
-        whole = np.round(load)
-        found = [k for k in range(20, 101) if (whole == k).sum() >= 20]
-        y = np.array([np.percentile(speed[whole == k], [10, 50, 90]) for k in found]).reshape(-1, 3)
-        ax.fill_between(found, y[:, 0], y[:, 2], color=colour, alpha=0.16, lw=0)
-        ax.plot(found, y[:, 1], color=colour, lw=1.6, label=label)
-    ax.set(xlabel="engine load [%]", ylabel="engine speed [1/min]")
-    ax.set_title("engine speed over load, median and 10–90 %", loc="left", fontsize=10)
-    ax.legend(loc="lower left")
-
-
-def _residuals(ax: Any, made: LogComparison, mask: Mask) -> None:
-    error = (made.simulated["engine_load"] - made.measured["engine_load"])[mask]
-    low, high = _limits(error)
-    ax.hist(error, np.linspace(low, high, 61), color=BLUE, alpha=0.75)
-    ax.axvline(0.0, color=FAINT, lw=1.2)
-    ax.set(xlabel="engine load, simulated less measured [%]", ylabel="records")
-
-
-def _n(value: float, digits: int = 2) -> str:
-    if not np.isfinite(value):
-        return "–"
-    return signed(value, digits)
-
-
 def statistic_rows(made: LogComparison) -> list[list[str]]:
     """Quantity, part, model, count, R2, RMSE, bias, r, lag as text."""
     rows = []
@@ -169,33 +145,6 @@ def statistic_rows(made: LogComparison) -> list[list[str]]:
         for part, models in parts.items():
             fitted = " (fitted)" if part == made.fitted_on else ""
             for k, f in models.items():
-                numbers = [str(f.count), *(_n(v) for v in (f.r2, f.rmse, f.bias, f.r)), _n(f.lag_s, 1)]
-                rows.append([_label(quantity), part + fitted, k, *numbers])
+                numbers = [str(f.count), *(signed(v, 2) for v in (f.r2, f.rmse, f.bias, f.r))]
+                rows.append([_label(quantity), part + fitted, k, *numbers, signed(f.lag_s, 1)])
     return rows
-
-
-def render_comparison(made: LogComparison, image: str, command: str) -> str:
-    """The report as HTML. image: a data address."""
-    return render_page(
-        "compare_log",
-        model=made.model,
-        log=made.log_name,
-        fitted_on=made.fitted_on,
-        fitted=[[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted],
-        statistics=statistic_rows(made),
-        figure=Figure("Picture", image, "Measured and simulated series"),
-        by_load=load_rows(made),
-        fuel_line=[[k, _n(v["intercept"]), _n(v["slope"], 3)] for k, v in made.fuel_line.items()],
-        notes=made.log.notes,
-        command=command,
-    )
-
-
-def load_rows(made: LogComparison) -> list[list[str]]:
-    """Engine speed by load as text: load, measured, simulated, error, engine alone, error."""
-    keys = (("measured_rpm", 0), ("simulated_rpm", 0), ("error_percent", 2), ("settled_rpm", 0),
-            ("settled_error_percent", 2))  # fmt: skip
-    return [
-        [f"{r['from_percent']:.0f}–{r['to_percent']:.0f} %", *(_n(r[k], d) for k, d in keys)]
-        for r in made.by_load
-    ]

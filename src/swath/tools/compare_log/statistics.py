@@ -2,25 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.units import RPM
 from swath.field_io.machine_log import MachineLog
-from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.machine_sheet import MachineSheet
-from swath.tools.compare_log.along_log import Drive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 LEAST_SPEED = 0.5  # m/s
 SETTLE = 15.0  # s behind a gap, before the crop has come through
 LAGS = 15  # records to either side in which a lag is searched
-LOAD_BINS = ((30, 50), (50, 65), (65, 75), (0, 75), (75, 85), (85, 92), (92, 97))  # percent
-FEWEST = 20  # records in a bin, or to compare at all
+FEWEST = 20  # records to compare at all
 
 
 @dataclass(frozen=True)
@@ -117,76 +111,6 @@ def regressions(
             series[quantity][name] = terms @ found
             coefficients[quantity][name] = [*(float(c) for c in found), shift * period]
     return series, coefficients
-
-
-def steady_speed(machine: MachineSheet, measured: Mapping[str, Array], drive: Drive) -> Array:
-    """Speed [1/min] at which the sheet's engine settles at the measured load; nan where that says nothing."""
-    load = measured.get("engine_load", np.zeros(0))
-    if drive.load_over != "largest":
-        return np.full(len(load), np.nan)
-    e = drivetrain_of(machine).engine
-    torque = (load / 100.0 - drive.friction) / (1.0 - drive.friction) * (1.0 + e.torque_rise)  # over rated
-    governed = e.rated_speed * (1.0 + e.droop * (1.0 - np.maximum(torque, 0.0)))
-    lugged = e.rated_speed - (torque - 1.0) / max(e.torque_rise, 1e-9) * (e.rated_speed - e.torque_speed)
-    return np.asarray(np.where(torque <= 1.0, governed, np.maximum(lugged, e.torque_speed)) / RPM)
-
-
-def by_load(
-    measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask, steady: Array
-) -> list[dict[str, float]]:
-    """Mean engine speed [1/min] in bins of load: measured; simulated over its own load; and as the engine
-    alone settles at the measured load.
-    """
-    if "engine_speed" not in measured or "engine_load" not in measured:
-        return []
-    rows = []
-    for low, high in LOAD_BINS:
-        row: dict[str, float] = {"from_percent": low, "to_percent": high}
-        for name, of in (("measured", measured), ("simulated", simulated)):
-            inside = mask & (of["engine_load"] >= low) & (of["engine_load"] < high)
-            row[f"{name}_count"] = int(inside.sum())
-            is_enough = inside.sum() >= FEWEST
-            row[f"{name}_rpm"] = float(of["engine_speed"][inside].mean()) if is_enough else float("nan")
-        inside = mask & (measured["engine_load"] >= low) & (measured["engine_load"] < high)
-        row["settled_rpm"] = float(steady[inside].mean()) if inside.sum() >= FEWEST else float("nan")
-        row["settled_error_percent"] = 100.0 * (row["settled_rpm"] / row["measured_rpm"] - 1.0)
-        row["error_percent"] = 100.0 * (row["simulated_rpm"] / row["measured_rpm"] - 1.0)
-        rows.append(row)
-    return rows
-
-
-def by_flow(
-    log: MachineLog, measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask
-) -> list[dict[str, float]]:
-    """Means in ten bins of the crop flow [kg/s], as wide as each other."""
-    flow = log.flow[mask]
-    low, high = (float(v) for v in np.percentile(flow, [0.5, 99.5]))
-    edges = np.linspace(low, high, 11)
-    rows = []
-    for a, b in pairwise(edges):
-        inside = mask & (log.flow >= a) & (log.flow < b)
-        if inside.sum() < FEWEST:
-            continue
-        row = {"flow_kg_s": float(log.flow[inside].mean()), "count": int(inside.sum())}
-        for q in measured:
-            row[f"{q}_measured"] = float(measured[q][inside].mean())
-            row[f"{q}_simulated"] = float(simulated[q][inside].mean())
-        rows.append(row)
-    return rows
-
-
-def fuel_line(
-    log: MachineLog, measured: Mapping[str, Array], simulated: Mapping[str, Array], mask: Mask
-) -> dict[str, dict[str, float]]:
-    """Intercept and slope of fuel over crop flow."""
-    if "fuel" not in measured:
-        return {}
-    terms = np.stack([np.ones(int(mask.sum())), log.flow[mask]], axis=1)
-    made = {}
-    for name, of in (("measured", measured), ("simulated", simulated)):
-        a, b = np.linalg.lstsq(terms, of["fuel"][mask], rcond=None)[0]
-        made[name] = {"intercept": float(a), "slope": float(b)}
-    return made
 
 
 def _correlation(a: Array, b: Array) -> float:

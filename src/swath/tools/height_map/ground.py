@@ -1,5 +1,9 @@
 """The ground under measured crop: where the wheels stood, or the lowest echoes."""
 
+import warnings
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -73,7 +77,7 @@ def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int) -> Arr
         flat[patch[first[enough]]] = height[first[enough] + (LOW_SHARE * count[enough]).astype(int)]
     low = flat.reshape(ny, nx)
     with np.errstate(invalid="ignore"):
-        low[low > _spread(low, NEAR, np.fmin) + PLANT_M] = np.nan
+        low[low > _windows(low, NEAR, np.nanmin) + PLANT_M] = np.nan
     if np.isnan(low).all():
         return np.zeros(shape)
     while np.isnan(low).any():  # grow outwards
@@ -83,38 +87,15 @@ def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int) -> Arr
     return np.asarray(0.25 * (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]))
 
 
-def _spread(field: Array, reach: int, choose: np.ufunc) -> Array:
-    """Smallest value within `reach` on all sides, nan left out."""
-    for axis in (0, 1):
-        moved = field
-        for step in range(1, reach + 1):
-            for sign in (-step, step):
-                moved = choose(moved, _shifted(field, sign, axis))
-        field = moved
-    return field
-
-
 def around(field: Array) -> Array:
     """Mean of the 3 x 3 nodes around each, nan left out."""
-    total, count = np.zeros(field.shape), np.zeros(field.shape)
-    for dj in (-1, 0, 1):
-        for di in (-1, 0, 1):
-            moved = _shifted(_shifted(field, dj, 0), di, 1)
-            known = np.isfinite(moved)
-            total[known] += moved[known]
-            count += known
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(total / count)
+    return _windows(field, 1, np.nanmean)
 
 
-def _shifted(field: Array, by: int, axis: int) -> Array:
-    """The field moved by some nodes, nan where nothing comes in."""
-    moved = np.full_like(field, np.nan)
-    size = field.shape[axis]
-    if abs(by) >= size:
-        return moved
-    into, out = [slice(None)] * 2, [slice(None)] * 2
-    into[axis] = slice(max(by, 0), size + min(by, 0))
-    out[axis] = slice(max(-by, 0), size + min(-by, 0))
-    moved[tuple(into)] = field[tuple(out)]
-    return moved
+def _windows(field: Array, reach: int, combine: Callable[..., Any]) -> Array:
+    """What `combine` makes of the nodes within `reach` on all sides of each, nan where none is known."""
+    padded = np.pad(field, reach, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of windows without any number
+        return np.asarray(combine(windows, axis=(2, 3)))

@@ -31,35 +31,28 @@ SCANS_AT_ONCE = 64
 def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     """Scans as matrices. InputError names the key that is missing or has the wrong shape."""
     data = _read_npz(path)
-    ranges = _matrix(data, "ranges_m", path)
+    ranges = _array(data, "ranges_m", (-1, -1), path)
     scans, beams = ranges.shape
-    angle = _vector(data, "angle_deg", beams, path) * DEG
-    time = _vector(data, "scan_time_s", scans, path)
-    elevation = _vector(data, "elevation_deg", beams, path, 0.0) * DEG
-    late = _vector(data, "beam_time_s", beams, path, 0.0)
-    intensity = _matrix(data, "intensity", path, ranges.shape) if "intensity" in data else None
-    silent = _matrix(data, "no_return", path, ranges.shape) != 0 if "no_return" in data else None
+    angle = _array(data, "angle_deg", (beams,), path) * DEG
+    time = _array(data, "scan_time_s", (scans,), path)
+    elevation = _array(data, "elevation_deg", (beams,), path, 0.0) * DEG
+    late = _array(data, "beam_time_s", (beams,), path, 0.0)
+    intensity = _array(data, "intensity", ranges.shape, path, np.nan)
+    silent = _array(data, "no_return", ranges.shape, path, 0.0) != 0.0
     track = read_poses(poses) if poses is not None else _own_poses(data, time, path)
 
     def sweeps() -> Iterator[Echoes]:
         for first in range(0, scans, SCANS_AT_ONCE):
             part = slice(first, first + SCANS_AT_ONCE)
             with np.errstate(invalid="ignore"):
-                good = (ranges[part] >= wanted.range_min) & (ranges[part] <= wanted.range_max)
-            if silent is not None:
-                good &= ~silent[part]
+                far = silent[part] | (ranges[part] > wanted.range_max)
+                good = ~far & (ranges[part] >= wanted.range_min)
             row, beam = np.nonzero(good)
-            points = polar_points(ranges[part][row, beam], angle[beam], elevation[beam])
-            bright = intensity[part][row, beam] if intensity is not None else np.full(len(row), np.nan)
-            with np.errstate(invalid="ignore"):
-                gone = ~good & (ranges[part] > wanted.range_max)
-            if silent is not None:
-                gone |= silent[part]
-            free, way = np.nonzero(gone)
+            free, way = np.nonzero(far)
             yield Echoes(
                 time[part][row] + late[beam],
-                points,
-                bright,
+                polar_points(ranges[part][row, beam], angle[beam], elevation[beam]),
+                intensity[part][row, beam],
                 good.size - len(row),
                 len(good),
                 polar_points(np.full(len(way), wanted.range_max), angle[way], elevation[way]),
@@ -83,7 +76,7 @@ def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     source = Source(path.name, read_poses(poses), wanted.mount or Pose.identity(), lambda: iter(()))
 
     def sweeps() -> Iterator[Echoes]:
-        for block in _csv_blocks(path):
+        for block in _csv_blocks(path, names):
             time = block["t_s"]
             if form == polar:
                 elevation = block["elevation_deg"] * DEG if "elevation_deg" in block else 0.0
@@ -108,18 +101,17 @@ def read_poses(path: Path) -> PoseTrack:
         if name not in names:
             expected = "expected columns t_s, x_m, y_m and optional " + ", ".join(OPTIONAL_POSE)
             raise InputError("columns", ", ".join(names), expected, file=path)
-    blocks = list(_csv_blocks(path))
-    kept = [n for n in names if n in KNOWN]
-    table = {n: np.concatenate([b[n] for b in blocks]) if blocks else np.zeros(0) for n in kept}
+    blocks = list(_csv_blocks(path, names)) or [{n: np.zeros(0) for n in names if n in KNOWN}]
+    table = {n: np.concatenate([b[n] for b in blocks]) for n in blocks[0]}
     return _track(table, table["t_s"], path)
 
 
 def _own_poses(data: Mapping[str, Any], time: Array, path: Path) -> PoseTrack:
     if "pos_along_m" in data:
-        along = _vector(data, "pos_along_m", len(time), path)
+        along = _array(data, "pos_along_m", time.shape, path)
         table = {"x_m": along, "y_m": np.zeros_like(along)}
     elif "x_m" in data and "y_m" in data:
-        table = {n: _vector(data, n, len(time), path) for n in ("x_m", "y_m", *OPTIONAL_POSE) if n in data}
+        table = {n: _array(data, n, time.shape, path) for n in ("x_m", "y_m", *OPTIONAL_POSE) if n in data}
     else:
         raise InputError("x_m", None, "expected poses: x_m and y_m, or pos_along_m, or --poses", file=path)
     return _track(table, time, path)
@@ -143,67 +135,52 @@ def _read_npz(path: Path) -> dict[str, Any]:
         raise InputError("scans", path.name, f"expected a readable .npz ({error})", file=path) from error
 
 
-def _matrix(data: Mapping[str, Any], key: str, path: Path, shape: tuple[int, ...] | None = None) -> Array:
-    if key not in data:
-        raise InputError(key, None, "missing, expected an array (scans, beams)", file=path)
-    value = data[key]
-    if value.ndim != 2 or value.size == 0 or value.dtype.kind not in "biuf":
-        raise InputError(key, str(value.shape), "expected numbers of shape (scans, beams)", file=path)
-    if shape is not None and value.shape != shape:
-        raise InputError(key, str(value.shape), f"expected shape {shape}", file=path)
-    return np.asarray(value, dtype=np.float64)
-
-
-def _vector(data: Mapping[str, Any], key: str, count: int, path: Path, default: float | None = None) -> Array:
+def _array(
+    data: Mapping[str, Any], key: str, shape: tuple[int, ...], path: Path, default: float | None = None
+) -> Array:
+    """An array of numbers of a shape, in which -1 stands for any length but 0."""
     if key not in data and default is not None:
-        return np.full(count, default)
-    value = data.get(key)
-    if value is None:
-        raise InputError(key, None, f"missing, expected {count} numbers", file=path)
-    if value.shape != (count,) or value.dtype.kind not in "biuf":
-        raise InputError(key, str(value.shape), f"expected {count} numbers", file=path)
+        return np.full(shape, default)
+    expected = "numbers of shape " + str(shape).replace("-1", "any")
+    if key not in data:
+        raise InputError(key, None, f"missing, expected {expected}", file=path)
+    value = data[key]
+    fits = len(shape) == value.ndim and all(
+        n == m or (m < 0 < n) for n, m in zip(value.shape, shape, strict=True)
+    )
+    if not fits or value.dtype.kind not in "biuf":
+        raise InputError(key, str(value.shape), f"expected {expected}", file=path)
     numbers = np.asarray(value, dtype=np.float64)
     if key == "angle_deg" and not (np.abs(numbers) <= 720.0).all():
         raise InputError(key, None, "expected angles within 720 degrees", file=path)
     return numbers
 
 
-def _csv_names(path: Path) -> list[str]:
+def _csv_names(path: Path) -> dict[str, str]:
+    """Names of the columns without and with the blanks around them."""
     import pyarrow as pa
+    from pyarrow import csv
 
     try:
-        with _open_csv(path) as reader:
-            return [str(n).strip() for n in reader.schema.names]
+        with csv.open_csv(path) as reader:
+            return {str(n).strip(): str(n) for n in reader.schema.names}
     except (OSError, pa.ArrowInvalid, UnicodeDecodeError) as error:
         expected = f"expected a table with a line of column names ({str(error).splitlines()[0]})"
         raise InputError("table", path.name, expected, file=path) from error
 
 
-def _csv_blocks(path: Path) -> Iterator[dict[str, Array]]:
+def _csv_blocks(path: Path, names: Mapping[str, str]) -> Iterator[dict[str, Array]]:
+    """Columns of KNOWN among the names, some rows at a time; empty cells are nan."""
     import pyarrow as pa
-
-    try:
-        with _open_csv(path) as reader:
-            for batch in reader:
-                yield {
-                    str(name).strip(): _numbers(batch.column(k), str(name), path)
-                    for k, name in enumerate(batch.schema.names)
-                    if str(name).strip() in KNOWN
-                }
-    except pa.ArrowInvalid as error:
-        raise InputError("table", path.name, f"expected numbers ({error})", file=path) from error
-
-
-def _numbers(column: Any, name: str, path: Path) -> Array:
-    import pyarrow as pa
-
-    try:
-        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
-        raise InputError(name, None, "expected numbers only", file=path) from error
-
-
-def _open_csv(path: Path) -> Any:
     from pyarrow import csv
 
-    return csv.open_csv(path, read_options=csv.ReadOptions(block_size=1 << 22))
+    kept = {n: column for n, column in names.items() if n in KNOWN}
+    types = dict.fromkeys(kept.values(), pa.float64())
+    convert = csv.ConvertOptions(column_types=types, include_columns=list(types))
+    try:
+        with csv.open_csv(path, csv.ReadOptions(block_size=1 << 22), convert_options=convert) as reader:
+            for batch in reader:
+                columns = (batch.column(k).to_numpy(zero_copy_only=False) for k in range(len(kept)))
+                yield dict(zip(kept, columns, strict=True))
+    except pa.ArrowInvalid as error:
+        raise InputError("table", path.name, f"expected numbers only ({error})", file=path) from error

@@ -49,7 +49,7 @@ def run_stand(args: argparse.Namespace) -> int:
     from swath.tools.lab.comparison import compare_levels
     from swath.tools.lab.lab import run_lab
     from swath.tools.lab.measured_heights import read_measured
-    from swath.tools.lab.page import PRINTED, rows_for_print, write_lab_report
+    from swath.tools.lab.page import HEAD, comparison_rows, write_lab_report
     from swath.tools.lab.table import write_table
 
     settings = _settings(args)
@@ -62,9 +62,9 @@ def run_stand(args: argparse.Namespace) -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     table_file = write_table(args.out / "lab.csv", cases)
     report = write_lab_report(args.out / "report.html", lab, cases, name)
-    rows = rows_for_print(cases)
+    rows = comparison_rows(cases)
     if rows:
-        table("", PRINTED, rows)
+        table("", HEAD, rows)
     if real is not None and not any(len(c.real) for c in cases):
         print(f"warning: no row of {real.name} belongs to any of these cases")
     for note in lab.notes:

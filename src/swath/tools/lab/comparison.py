@@ -149,14 +149,5 @@ def bin_range(cases: Sequence[CaseComparison]) -> tuple[int, int]:
     return int(np.floor(seen.min() / BIN)), int(np.floor(seen.max() / BIN)) + 1
 
 
-def summary(cases: Sequence[CaseComparison]) -> dict[str, dict[str, int]]:
-    """How often each rating was given: `level against what` -> rating -> cases."""
-    found: dict[str, dict[str, int]] = {}
-    for made in (j for c in cases for j in c.comparisons):
-        row = found.setdefault(f"{made.level} against {made.against}", dict.fromkeys(RATINGS, 0))
-        row[made.rating] += 1
-    return found
-
-
 def _count(heights: Any) -> int:
     return int(np.isfinite(heights).sum())

@@ -24,17 +24,14 @@ from swath.documents.hints import near_miss, unknown_key
 from swath.documents.validation import known_keys, validate
 from swath.documents.yaml_document import Document
 from swath.field.crop import load_crop
-from swath.field.edge import StraightEdge, make_edge
-from swath.field.field import Field, make_field
-from swath.field.field_setup import FieldSetup
+from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
-from swath.field.stand import uniform
-from swath.field.terrain import plane
 from swath.scenario.catalogue import CATALOGUE
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.signals import F64, MachineState, Scan
 from swath.signals.setup import MachineGeometry
+from swath.tools.level_stand import level_stand
 
 SUB_RAYS = 37  # of a beam, for levels that have them: as in the tables of `empirical`
 REFERENCE = "plants"  # the dearest level, which the others are held against
@@ -138,39 +135,28 @@ def run_lab(settings: Settings, progress: Progress | None = None) -> Lab:
         for name in settings.sensors
         for b in settings.depressions_deg
     ]
-    rigs = _choose_levels(settings, height)
-    found: dict[Case, dict[str, list[F64]]] = {case: {name: [] for name in rigs.names} for case in cases}
-    total, done = len(cases) * settings.seeds * len(rigs.names), 0
+    levels, notes = _choose_levels(settings, height)
+    found: dict[Case, dict[str, list[F64]]] = {case: {name: [] for name in levels} for case in cases}
+    total, done = len(cases) * settings.seeds * len(levels), 0
     for seed in range(settings.seed, settings.seed + settings.seeds):
         for density in settings.densities:
             stand = make_stand(settings, density, seed)
             for case in [c for c in cases if c.density == density]:
                 bench = Bench(settings, case, stand, height, Stream(seed, "lab"))
-                for name in rigs.names:
+                for name in levels:
                     found[case][name].append(bench.heights(name))
                     done += 1
                     if progress is not None:
                         progress(done, total)
     made = tuple(CaseHeights(c, {k: tuple(v) for k, v in rows.items()}) for c, rows in found.items())
-    return Lab(settings, height, rigs.names, made, rigs.notes)
+    return Lab(settings, height, levels, made, notes)
 
 
 def make_stand(settings: Settings, density: float, seed: int) -> Field:
     """The stand of one density and seed, on level ground, drilled as the crop's sheet says."""
     crop = load_crop(settings.crop, settings.base)
-    setup = FieldSetup()
-    factor = 1.0 if settings.height_m is None else settings.height_m / crop.stand.height
-    params = uniform.Params(
-        crop=settings.crop,
-        stems_per_m2=density,
-        row_spacing_m=crop.stand.row_spacing,
-        height_factor=factor,
-    )
-    edge = make_edge(StraightEdge(x_m=-200.0, y_m=-200.0, length_m=400.0, crop_begins_m=None), setup)
     stream = Stream(seed, f"lab.stand.{density:g}")
-    return make_field(
-        plane.Plane(plane.Params(), setup), uniform.Uniform(params, setup), edge, crop=crop, stream=stream
-    )
+    return level_stand(crop, density, stream, height=settings.height_m, sheet=settings.crop)
 
 
 class Bench:
@@ -283,14 +269,8 @@ def make_params(settings: Settings, level: str, values: dict[str, Any]) -> Any:
     return params
 
 
-@dataclass(frozen=True)
-class _Levels:
-    names: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
-def _choose_levels(settings: Settings, height: float) -> _Levels:
-    """The levels asked for, or all of the registry that can be made here; the reference first."""
+def _choose_levels(settings: Settings, height: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The levels asked for, or all of the registry that can be made here, the reference first; and notes."""
     have = CATALOGUE.registry.names("lidar")
     asked = have if settings.levels is None else list(settings.levels)
     for name in asked:
@@ -318,4 +298,4 @@ def _choose_levels(settings: Settings, height: float) -> _Levels:
                 notes.append(f"{name} left out: {error}")
                 continue
         names.append(name)
-    return _Levels(tuple(names), tuple(notes))
+    return tuple(names), tuple(notes)

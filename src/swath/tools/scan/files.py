@@ -1,6 +1,5 @@
 """One scan as files: scan.png (picture), scan.csv (a line per echo), scan.npz (arrays), point clouds."""
 
-import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,19 +19,8 @@ from swath.tools.scan.point_cloud import make_cloud, need_las, write_las, write_
 FORMATS = ("png", "csv", "npz", "ply", "las", "laz")
 USUAL_FORMATS = FORMATS[:4]
 COLUMNS = (
-    "beam",
-    "echo",
-    "time_s",
-    "azimuth_rad",
-    "elevation_rad",
-    "range_m",
-    "intensity",
-    "x_machine_m",
-    "y_machine_m",
-    "z_machine_m",
-    "x_true_m",
-    "y_true_m",
-    "z_true_m",
+    "beam,echo,time_s,azimuth_rad,elevation_rad,range_m,intensity,x_machine_m,y_machine_m,z_machine_m,"
+    "x_true_m,y_true_m,z_true_m"
 )
 
 
@@ -111,14 +99,10 @@ def _from_above(ax: Any, points: F64, scan: Scan, geometry: MachineGeometry, sid
 
 
 def _table(path: Path, scan: Scan, points: F64, truth: ScanTruth) -> Path:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for beam, echo in zip(*np.nonzero(np.isfinite(scan.ranges)), strict=True):
-            numbers = (scan.beam_t[beam], scan.azimuth[beam], scan.elevation[beam], scan.ranges[beam, echo])
-            places = (*points[beam, echo], *truth.points[beam, echo])
-            values = (*numbers, scan.intensity[beam, echo], *places)
-            writer.writerow([beam, echo, *(f"{v:.6g}" for v in values)])
+    at = beam, _ = np.nonzero(np.isfinite(scan.ranges))
+    angles = scan.beam_t[beam], scan.azimuth[beam], scan.elevation[beam]
+    rows = np.column_stack([*at, *angles, scan.ranges[at], scan.intensity[at], points[at], truth.points[at]])
+    np.savetxt(path, rows, ["%d", "%d", *["%.6g"] * 11], ",", header=COLUMNS, comments="")
     return path
 
 

@@ -1,10 +1,9 @@
 """docs/signals.md and the table of messages in docs/run-folder.md, made from the declarations of the signals.
 
-python -m swath.signals.page docs     writes both anew
+python -m docs.make.signals     writes both anew
 """
 
 import inspect
-import sys
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -14,7 +13,8 @@ from swath.core.frames import Pose
 from swath.core.signal import Message, Quantity, Signal, quantities, signal_types
 from swath.signals.flat import ARRAYS
 
-BEGIN, END = "<!-- made by swath.signals.page -->", "<!-- end -->"
+DOCS = Path(__file__).parents[1]
+BEGIN, END = "<!-- made by docs/make/signals.py -->", "<!-- end -->"
 FRAMES = {
     "base": "`machine/base`",
     "sensor": "`machine/slot`",
@@ -110,12 +110,12 @@ def with_table(page: str) -> str:
     return f"{before}{BEGIN}\n{messages_table(bundled_signals())}{END}{rest.partition(END)[2]}"
 
 
-def write_pages(folder: Path) -> None:
-    """Write both pages in a folder of documentation."""
-    (folder / "signals.md").write_text(signals_page(bundled_signals()), encoding="utf-8")
-    page = folder / "run-folder.md"
+def main() -> None:
+    """Write both pages."""
+    (DOCS / "signals.md").write_text(signals_page(bundled_signals()), encoding="utf-8")
+    page = DOCS / "run-folder.md"
     page.write_text(with_table(page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    write_pages(Path(sys.argv[1]))
+    main()

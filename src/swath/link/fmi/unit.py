@@ -1,0 +1,67 @@
+"""An FMU made ready to run: in this process, or in one of its own."""
+
+import weakref
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from swath.link.fmi.child_process import ChildProcess
+from swath.link.fmi.description import Description, Variable, need_library
+from swath.link.fmi.instance import Instance, Steps
+from swath.link.fmi.version2 import Instance2
+from swath.link.fmi.version3 import Instance3
+
+_LIVE: dict[str, weakref.WeakSet[Instance]] = {}  # in this process, of FMUs that allow one, by token
+
+
+class Unit(Protocol):
+    """What the level needs of an FMU, wherever it runs; a composite of several has the same verbs.
+
+    notes: what the user should know, once it has started; after `close`, `start` begins anew
+    """
+
+    @property
+    def notes(self) -> Sequence[str]: ...
+    def start(self, starts: Mapping[str, Any]) -> list[float]: ...
+    def run(self, steps: Steps) -> list[float]: ...
+    def save(self) -> Any: ...
+    def load(self, state: Any) -> None: ...
+    def close(self) -> None: ...
+
+
+def make_instance(
+    fmu: Description,
+    name: str,
+    inputs: Sequence[Variable],
+    outputs: Sequence[Variable],
+    folder: Path | None = None,
+) -> Instance:
+    """An instance in this process. InputError without a binary for this system."""
+    need_library(fmu)
+    return (Instance2 if fmu.major == 2 else Instance3)(fmu, name, inputs, outputs, folder)
+
+
+def make_unit(
+    fmu: Description,
+    name: str,
+    inputs: Sequence[Variable],
+    outputs: Sequence[Variable],
+    *,
+    own: bool,
+    timeout_s: float,
+) -> Unit:
+    """One FMU. own: in a process of its own, whose answers may take timeout_s.
+
+    Foreign code runs when it is started, not here. An FMU that allows one instance per process gets its own
+    process when there is one already. InputError without a binary for this system.
+    """
+    need_library(fmu)
+    live = _LIVE.setdefault(fmu.token, weakref.WeakSet())
+    notes = []
+    if fmu.one_per_process and not own and any(not unit.is_closed for unit in live):
+        own, notes = True, ["it allows one instance per process; this one runs in its own process"]
+    if own:
+        return ChildProcess(fmu, name, inputs, outputs, timeout_s, notes)
+    unit = make_instance(fmu, name, inputs, outputs)
+    live.add(unit)
+    return unit

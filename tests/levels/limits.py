@@ -1,0 +1,120 @@
+"""The tolerance of every level in numbers, beside the words of the level that state it.
+
+A new level needs an entry here: the tests go through the levels that the registry knows.
+"""
+
+from dataclasses import dataclass
+
+import pytest
+
+from swath.core.errors import MissingExtra
+from swath.scenario.catalogue import CATALOGUE
+
+
+@dataclass(frozen=True)
+class Limit:
+    """said: part of the level's own `tolerance`; value: what it comes to in the case of the slot here."""
+
+    said: str
+    value: object
+
+
+EXACT = 1e-12
+LIMITS = {
+    "terrain": {
+        "plane": Limit("exact", EXACT),
+        "formula": Limit("slope and waves exact", EXACT),
+        "dem": Limit("bilinear between cell centres", 1e-6),  # float32 values
+    },
+    "stand": {
+        "uniform": Limit("exact", 0.0),
+        "maps": Limit("constant over a tile of 1 m", 0.0),
+        "bands": Limit("constant over a tile of 1 m", 0.0),
+    },
+    # of the yaw gain and of the way aside after 30 deg, relative to multibody; multibody: of its roll
+    "motion": {
+        "kinematic": Limit(
+            "yaw gain 2 to 4 % high, offset after 30 deg -3 to +18 %", ((0.02, 0.04), (-0.03, 0.18))
+        ),
+        "single_track": Limit(
+            "yaw gain within 0.2 %, offset after 30 deg within 1.6 %", ((-0.002, 0.002), (-0.016, 0.016))
+        ),
+        "multibody": Limit("within 0.1 to 3 % of hand calculation", 0.03),
+    },
+    "header": {
+        "fixed_height": Limit("no losses, no lifting", 0.0),
+        "height_control": Limit("stiff knife", 0.01),
+    },
+    # mean time from knife to tank [s]: from, to
+    "process": {
+        "constant": Limit("no transport delay", (0.0, 0.1)),
+        "delay_line": Limit("mean delays exact, spread by less than a step", (13.9, 14.1)),
+        "threshing": Limit("steady losses equal the closed forms, mass within 1e-12", (10.0, 15.0)),
+    },
+    "powertrain": {
+        "ideal": Limit("equal to hydrostat within the governor's droop", 0.05),
+        "hydrostat": Limit("steady speeds equal to the torque balance", 1e-3),
+    },
+    "crop_flow": {
+        "ideal": Limit("exact", EXACT),
+        "delayed": Limit("equal to ideal with every number at 0", EXACT),
+    },
+    "lidar": {
+        "plants": Limit("first returns within 1 cm of the closed form", 0.01),
+        "empirical": Limit("Wasserstein-1 2 cm", 0.02),
+        "replay": Limit("within 2 cm of plants (Wasserstein-1)", 0.02),
+    },
+    "camera": {"rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5)},
+    "odometry": {
+        "ideal": Limit("exact", EXACT),
+        "error": Limit("equal to ideal with every error at 0", EXACT),
+    },
+    "gnss": {
+        "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart
+        "error": Limit("equal to ideal with every error at 0", 1e-5),
+    },
+    "imu": {
+        "ideal": Limit("exact", 1e-5),  # means over poses 5 ms apart
+        "error": Limit("equal to ideal with every error at 0", 1e-5),
+    },
+    "edge": {
+        "max_likelihood": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "otsu": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "truth": Limit("15.6 mm cells", 0.0157),
+    },
+    "ahead": {"penetration": Limit("extinction unbiased in a random stand", 0.08)},
+    "steer": {
+        "constant": Limit("exact", 1e-9),
+        "preview": Limit("2 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.02),
+    },
+    "speed": {
+        "constant": Limit("exact", 1e-6),
+        "feed_rate": Limit("no error in steady state", 1e-3),
+        "look_ahead": Limit("as good as the sight", 0.01),
+    },
+    "steering": {
+        "actuator": Limit("exact solution of its equations at any step", EXACT),
+        "ideal": Limit("no dead time, rate limit, lag or dead band", EXACT),
+    },
+}  # fmt: skip
+
+
+def each_level(slot):
+    """Run a test with `level` and `limit` for every level of a slot that the registry knows."""
+    known = LIMITS.get(slot, {})
+    cases = [(name, known[name].value if name in known else None) for name in CATALOGUE.registry.names(slot)]
+    return pytest.mark.parametrize(("level", "limit"), cases, ids=[name for name, _ in cases])
+
+
+def make(slot, level, setup, **params):
+    """The component of a level, not yet reset; skips where its extra is not installed."""
+    found = CATALOGUE.registry.get(slot, level)
+    try:
+        return found.component(found.params(**params), setup)
+    except MissingExtra as error:
+        pytest.skip(str(error))
+
+
+def keys_of(slot, level):
+    """Names of a level's parameters."""
+    return set(CATALOGUE.registry.get(slot, level).params.__dataclass_fields__)

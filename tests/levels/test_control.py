@@ -1,0 +1,73 @@
+"""Control: a straight edge to detect and to steer along, even crop to drive into, a stand to look through."""
+
+import numpy as np
+import pytest
+
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.units import KMH
+from swath.scenario.catalogue import CATALOGUE
+from swath.signals import MachineState
+from tests.control.closed_loop import Loop, setup_of
+from tests.control.edge_drive import drive, errors
+from tests.control.feed_rig import STEP, Bench
+from tests.control.test_feed_rate import even, random_stand
+from tests.field.made_field import made_field
+from tests.levels.limits import each_level, keys_of, make
+from tests.machine.machine_fakes import site
+
+EVEN = 1.6  # crop [kg/m2]
+
+
+def component(slot, level):
+    return CATALOGUE.registry.get(slot, level).component
+
+
+@each_level("edge")
+def test_offset_of_a_straight_edge(level, limit):
+    """Driven past wheat of 500 stems/m2; the one that sees the truth looks at the field itself."""
+    if level != "truth":
+        share, rmse, *_ = errors(drive(level=component("edge", level), scans=150, roll_sd=np.radians(1.0)))
+        assert share == 1.0
+        assert rmse < limit
+        return
+    truth = make("edge", level, site(made_field()))
+    for aside in (6.0, 6.1, 6.37):  # from the axle's middle to the edge, which runs north through x = 0
+        pose = Pose.from_euler((aside, 5.0, 0.0), yaw=np.pi / 2)
+        edge = truth.step(0, STEP, {"state": MachineState(0, pose, 0.0, 0.0, 0.0, 0.0, 0.0)})["edge"]
+        assert edge.offset == pytest.approx(aside, abs=limit)
+
+
+@pytest.mark.parametrize("extinction", [1.0, 2.0, 4.0, 8.0])
+@pytest.mark.parametrize("ragged", [0.0, 0.05])
+@each_level("ahead")
+def test_extinction_of_a_random_stand(level, limit, extinction, ragged):
+    """The mean over 20 scans of 400 beams: unbiased although the top is ragged."""
+    found = []
+    for seed in range(20):
+        scan, pose = random_stand(extinction, 0.85, count=400, seed=seed, ragged=ragged)
+        sight = make("ahead", level, setup_of(mounting=pose))
+        sight.reset(Stream(1, "ahead"))
+        found.append(sight.step(0, STEP, {"scan": scan})["ahead"].extinction)
+    assert np.mean(found) == pytest.approx(extinction, rel=limit)
+    assert np.std(found) / np.mean(found) < 0.2
+
+
+@each_level("steer")
+def test_error_along_a_straight_edge(level, limit):
+    """An open loop stays on the line on which it starts; a closed one is given an edge known to 3 cm."""
+    found = CATALOGUE.registry.get("steer", level)
+    loop = Loop(speed=7 * KMH, law=found.component, law_params=found.params())
+    error = loop.run(60)
+    assert np.sqrt(np.mean(error[error[:, 0] > 10.0, 1] ** 2)) < limit
+
+
+@each_level("speed")
+def test_speed_in_even_crop(level, limit):
+    """36 kg/s on 12 m of 1.6 kg/m2, or the speed that was set."""
+    wanted = 36.0 / (12.0 * EVEN)
+    by_flow = "throughput_kg_s" in keys_of("speed", level)
+    params = {"throughput_kg_s": 36.0} if by_flow else {"speed_kmh": wanted / KMH}
+    found = CATALOGUE.registry.get("speed", level)
+    bench = Bench(found.component, found.params(**params), even(EVEN), sight=10.0)
+    assert bench.run(100.0)[-1][2] == pytest.approx(wanted, rel=limit)

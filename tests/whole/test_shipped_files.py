@@ -1,0 +1,122 @@
+"""Everything that swath comes with runs: bundled scenarios and data sheets, and the files of `examples`."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+import swath
+from swath.documents.data_sheets import KINDS, sheet_names
+from swath.documents.yaml_document import read_document
+from swath.field.crop import load_crop
+from swath.machine.machine_sheet import load_machine
+from swath.scenario.scenario import find_scenario, load_scenario, scenario_names
+from swath.sensing.lidar_sheet import load_lidar
+from swath.sensing.tables import load_table, table_names
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+NEEDS = {"can/hil": "cantools", "can/sil": "cantools", "meshes/field": "trimesh"}  # beyond the plain install
+OVERRIDES = {  # the controller box, of another process, inside the run; less field to build
+    "can/hil": [
+        "realtime.pace=free",
+        "combine.steer.interface=virtual",
+        "combine.steer.box=inside",
+        "combine.steer.lock_step=true",
+    ],
+    "meshes/field": ["field.edge.length_m=30"],
+}
+
+
+def is_scenario(file):
+    return read_document(file).data["format"].startswith("swath scenario")
+
+
+FILES = [
+    str(p.relative_to(EXAMPLES).with_suffix("")) for p in sorted(EXAMPLES.rglob("*.yaml")) if is_scenario(p)
+]
+
+
+def few(scenario):
+    """Overrides that make its run short: a metre, a ray for every second degree."""
+    sets = ["run.distance_m=1", "run.record=standard"]
+    for name, machine in scenario.machines.items():
+        sets.append(f"{name}.motion.start_speed_kmh=6")
+        for slot, choice in machine.slots.items():
+            if choice.kind.name == "lidar":
+                sets.append(f"{name}.{slot}.step_deg=2")
+                sets += [f"{name}.{slot}.sub_rays=1"] if choice.level == "plants" else []
+    return sets
+
+
+def run_short(source, folder, *sets):
+    sets = [*few(load_scenario(source)), *sets]
+    summary = swath.run(source, folder, sets=sets, report=False).summary
+    assert not summary["incomplete"]
+    assert summary["digest"]
+    for metrics in summary.get("machines", {"": summary}).values():
+        assert metrics["distance_m"] >= 0.5
+    return summary
+
+
+def test_all_are_found():
+    assert len(scenario_names()) >= 8
+    assert set(FILES) >= {"can/mil", "can/sil", "can/hil", "meshes/field"}
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_bundled_scenario_runs(name, tmp_path):
+    run_short(name, tmp_path / "run")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_scenario_of_the_examples_runs(name, tmp_path):
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
+    run_short(EXAMPLES / f"{name}.yaml", tmp_path / "run", *OVERRIDES.get(name, []))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_bundled_sheet_is_read(kind):
+    load = {"sensors": load_lidar, "machines": load_machine, "crops": load_crop}[kind]
+    for name in sheet_names(kind):
+        assert load(name).name
+
+
+def test_every_bundled_table_is_read():
+    assert len(table_names()) >= 5
+    for name in table_names():
+        load_table(name)
+
+
+def test_own_levels_and_evaluators_of_the_examples_run(tmp_path):
+    summary = run_short(
+        "straight",
+        tmp_path / "run",
+        f"combine.edge.level={EXAMPLES}/my_edge_detector.py:MyEdgeDetector",
+        f"combine.steer.level={EXAMPLES}/my_steering_law.py:MySteeringLaw",
+        f"evaluators=[{EXAMPLES}/my_evaluator.py:SteeringReversals]",
+    )
+    assert "steering_reversals_per_100_m" in summary
+
+
+def test_the_bundled_detector_of_two_scanners_is_the_example():
+    bundled = find_scenario("two-scanners").with_name("two_scanners.py")
+    assert bundled.read_text() == (EXAMPLES / "two_scanners.py").read_text()
+
+
+@pytest.mark.parametrize(
+    "file", sorted(EXAMPLES.rglob("*.py")), ids=lambda p: str(p.relative_to(EXAMPLES))
+)  # fmt: skip
+def test_python_files_are_imported_here_and_run_by_a_test(file):
+    text = "\n".join(p.read_text() for p in (ROOT / "tests").rglob("test_*.py"))
+    assert re.search(rf"\b{file.stem}\b", text)
+    spec = importlib.util.spec_from_file_location(f"example_{file.stem}", file)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except ModuleNotFoundError as error:
+        if error.name.partition(".")[0] == "swath":
+            raise
+        pytest.skip(f"needs {error.name}")
