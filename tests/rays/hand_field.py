@@ -94,10 +94,15 @@ def set_bumps(pages: Pages, tile_size: float) -> None:
 
 
 def wheat(**changes: object) -> Crop:
-    """The wheat sheet, sections changed by keyword: stem={'diameter_cv': 0}."""
+    """The wheat sheet, sections and organs changed by keyword: stem={'diameter_cv': 0}."""
     crop = load_crop("wheat")
-    parts = {name: replace(getattr(crop, name), **values) for name, values in changes.items()}
-    return replace(crop, **parts)
+    for name, values in changes.items():
+        if name in crop.habit.organs:
+            changed = replace(crop.organs[crop.habit.organs[name]], **values)
+            crop = replace(crop, organs=crop.organs.replaced(changed))
+        else:
+            crop = replace(crop, **{name: replace(getattr(crop, name), **values)})
+    return crop
 
 
 def small_library(

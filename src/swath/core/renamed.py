@@ -47,6 +47,7 @@ MODULES = {
     "field.layout": "field.memory_layout",
     "field.library": "field.prototypes",
     "field.organs": "field.plants.parts",
+    "field.plants.make": "field.plants",
     "field.page_maker": "field.tile_generator",
     "field.plants.make": "field.plants",
     "field.setup": "field.field_setup",
@@ -151,6 +152,14 @@ MODULES = {
 """Module -> module."""
 
 NAMES = {
+    "machine.attitude.Ground": "field.field.Field",
+    "machine.header.fixed_height.Cutter": "field.field.Field",
+    "machine.header.height_control.Ground": "field.field.Field",
+    "machine.powertrain._power.engine_state": "machine.powertrain.power_balance.Powertrain",
+    "machine.process._rotor.coupled_one": "machine.process.rotor.coupled",
+    "machine.process._straw.StrawGround": "field.field.Field",
+    "rays.checks.Place": "field.field.Field",
+    "rays.live_scene.Castable": "field.field.Field",
     "again.Again": "tools.rerun.rerun.Rerun",
     "again.plan_again": "tools.rerun.rerun.plan_rerun",
     "commands.replay.run_build": "tools.height_map.command.run_build",
@@ -222,6 +231,11 @@ NAMES = {
 """Class, function or constant that did not stay in the successor of its module, or has another name there."""
 
 GONE = {
+    "field.cutting.rows_inside": "swath.field.cut_result.cells_inside gives the cells themselves",
+    "field.cutting.split_at_tiles": "no successor",
+    "field.harvest.standing_share": "swath.field.field.Field.standing_area gives the area",
+    "machine.tyre.brush": "no successor",
+    "machine.tyre.slide_slip": "no successor",
     "rays.triangles": "no successor",
     "rays.warps": "the CUDA traversal of rays is gone, the plain kernel runs with SWATH_DEVICE",
     "sim.metric_names": "the metrics are those of swath.judge.catalogue.load_evaluators()",
@@ -229,7 +243,7 @@ GONE = {
     "study.first_returns": "no successor",
     "view.converge": "`python -m benchmarks.sub_rays SCENARIO` prints the table",
 }
-"""Module without a successor -> what to do instead."""
+"""Module, or name in one, without a successor -> what to do instead."""
 
 
 def present_name(name: str) -> str:
