@@ -14,7 +14,7 @@ from _harness import interleave, machine, median, write_json
 from ray_scenes import make_beams
 
 from swath.core.random import Stream
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.edge_defects import BrokenEdge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup

@@ -8,7 +8,7 @@ import numpy as np
 from tests.rays.triangles import capsule_triangles, own_primitives, ribbon_triangles, to_stand
 
 from swath.core.random import Stream
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import (
     PAGE_CUT_CELLS,
     PAGE_NODES,

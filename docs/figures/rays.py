@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.patches import Circle, Rectangle
 
 from swath.core.random import Stream
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import Organ, PlantLibrary
 from swath.field.prototypes import make_library
 

@@ -8,7 +8,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.documents.data_sheets import KINDS, find_sheet, sheet_names
 from swath.documents.migrate_sheet import migrate_sheet
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.plants.branched import PodFacts
 from swath.machine.machine_sheet import load_machine
 from swath.sensing.lidar_sheet import load_lidar

@@ -9,7 +9,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.documents.data_sheets import find_sheet, sheet_names
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup

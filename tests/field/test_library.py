@@ -5,7 +5,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import Organ, Shape
 from swath.field.prototypes import make_library
 

@@ -19,7 +19,7 @@ from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, open_bus
 from swath.link.can.codec import Codec
-from swath.link.levels.can import BoxError, CanSteering, Params
+from swath.link.can.steering import BoxError, CanSteering, Params
 from swath.signals import CropEdge, Odometry
 from tests.link.can_rig import MS, NS, own_bus, setup, way
 

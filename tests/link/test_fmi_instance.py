@@ -7,7 +7,7 @@ import pytest
 from swath.link.fmi.calls import FmuError
 from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import read_fmu
-from swath.link.fmi.unit import make_instance
+from swath.link.fmi.make_instance import make_instance
 from tests.link.made_fmus import engine_fmu, needs_cc, python_fmu, store_fmu
 
 pytest.importorskip("fmpy")

@@ -10,8 +10,8 @@ import pytest
 
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import read_fmu
+from swath.link.fmi.make_instance import make_instance
 from swath.link.fmi.ssp import read_system
-from swath.link.fmi.unit import make_instance
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from tests.link.fmu_scenario import scenario

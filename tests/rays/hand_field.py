@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swath.core.random import Stream
-from swath.field.crop import Crop, load_crop
+from swath.field.crop import Crop
+from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, STANDING, Pages, PlantLibrary
 from swath.field.prototypes import make_library
 from swath.field.wind import Sway

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import Organ
 from swath.field.prototypes import make_library
 from swath.field.weeds import Weeds, weed_crop

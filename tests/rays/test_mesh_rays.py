@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import Organ, Shape
 from swath.field.mesh_file import read_mesh
 from swath.field.prototypes import make_library

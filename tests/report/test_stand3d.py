@@ -13,7 +13,7 @@ AT = 5.0 * np.cos(0.4), 5.0 * np.sin(0.4)  # a place on the edge
 @pytest.fixture(scope="module")
 def ground():
     from swath.core.random import Stream
-    from swath.field.crop import load_crop
+    from swath.field.crop_sheet import load_crop
     from swath.field.edge import EdgeShape, straight
     from swath.field.edge_defects import BrokenEdge
     from swath.field.field import make_field

@@ -9,7 +9,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.lidar import empirical, plants

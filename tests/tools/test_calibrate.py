@@ -10,7 +10,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.rays.spread import SpreadTable, quantile_nodes
 from swath.sensing.tables import load_table, save_table
 from swath.tools.calibrate.fit import (

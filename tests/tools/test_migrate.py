@@ -14,7 +14,7 @@ from swath.core.registry import Registry
 from swath.core.renamed import GONE, MODULES, NAMES, present_name, why_gone
 from swath.documents.data_sheets import read_sheet, sheet_names
 from swath.documents.yaml_document import parse
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.machine.machine_sheet import load_machine
 from swath.scenario.migrate import migrate_scenario
 from swath.scenario.scenario import find_scenario, load_scenario

@@ -9,7 +9,7 @@ import pytest
 import swath
 from swath.documents.data_sheets import KINDS, sheet_names
 from swath.documents.yaml_document import read_document
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.machine.machine_sheet import load_machine
 from swath.scenario.scenario import find_scenario, load_scenario, scenario_names
 from swath.sensing.lidar_sheet import load_lidar

@@ -1,17 +1,15 @@
-"""A crop: the numbers of its stand, organs, yield and reflectance, read from a data sheet of data/crops.
+"""A crop: the numbers of its stand, organs, yield and reflectance. `crop_sheet.py` reads its data sheet.
 
 Which organs it has and how its plants are drawn is its habit: a file of `field/plants`, or of the user.
 """
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import Sheet, read_sheet
-from swath.documents.sheet_fields import Entry, Quantity, annotated, entries
+from swath.documents.data_sheets import Sheet
+from swath.documents.sheet_fields import Quantity, annotated
 
 CV = Quantity("percent", 0, 50)  # of a coefficient of variation
 REFLECTANCE = annotated(float, Quantity("", 0, 1))
@@ -184,74 +182,3 @@ class Head:
     habit: str = "cereal"
     summary: str = ""
     note: str = ""
-
-
-def load_crop(name: str, base: Path | None = None) -> Crop:
-    """Crop by bundled name (`wheat`) or from a user's YAML file (relative to `base`).
-
-    Raises InputError that names key, file and line when a number is missing, has no source or lies outside
-    what a crop can be.
-    """
-    from swath.field.habits import find_habit
-
-    sheet = read_sheet("crops", name, base)
-    habit = find_habit(sheet)
-    there = {key: kind for key, kind in habit.organs.items() if key not in habit.optional or key in sheet}
-    sections: dict[str, type] = {"stand": habit.stand, "yield": habit.yields, **there}
-    if habit.has_stem:
-        sections["stem"] = StemFacts
-    sheet.check(*entries(Head), *_reflectances(habit, there), *_keys(sections))
-    organs = Organs(sheet.build(kind, _prefix(key)) for key, kind in there.items())
-    crop = Crop(
-        name=str(sheet.value("name")),
-        habit=habit,
-        stand=sheet.build(habit.stand, "stand."),
-        stem=sheet.build(StemFacts, "stem."),
-        yields=YieldFacts(0.0, 0.0, 1.0, 1.0, 1.0, 0.0),
-        reflectance={key: float(value) for key, value in sheet.value("reflectance").items()},
-        organs=organs,
-    )
-    _check_ranges(sheet)
-    if habit.complete is not None:
-        crop = habit.complete(crop, sheet)
-    return _with_yields(crop, sheet)
-
-
-def _prefix(section: str) -> str:
-    return f"{section}." if section else ""
-
-
-def _keys(sections: Mapping[str, type]) -> list[Entry]:
-    """Keys of the sections; those of the stem are all needed, its defaults are for crops without one."""
-    found = [e for key, kind in sections.items() for e in entries(kind, prefix=_prefix(key))]
-    return [Entry(e.key, e.kind, needed=True) if e.key.startswith("stem.") else e for e in found]
-
-
-def _reflectances(habit: Habit, there: Mapping[str, type]) -> list[Entry]:
-    optional = [key for key in habit.optional if key in habit.reflective and key not in there]
-    names = dict.fromkeys(("ground", "straw", *habit.reflective, "stubble", "weed"))
-    return [Entry(f"reflectance.{name}", REFLECTANCE) for name in names if name not in optional]
-
-
-def _check_ranges(sheet: Sheet) -> None:
-    """Raise InputError where the `max` of two keys is below its `min`."""
-    for key in sheet.numbers():
-        least = key.replace("_max", "_min")
-        if least != key and (low := sheet.value(least)) is not None and sheet.value(key) < low:
-            raise sheet.error(key, f"expected at least {least} = {low:g}")
-
-
-def _with_yields(crop: Crop, sheet: Sheet) -> Crop:
-    y = sheet.build(crop.habit.yields, "yield.")
-    below = y.straw_below_height / crop.stand.height
-    if not 0.0 < below <= 0.9 * (1.0 + 1e-12):
-        highest = 90.0 * crop.stand.height
-        raise sheet.error(
-            "yield.straw_below_height_cm", f"expected at most {highest:g}, 0.9 of the crop's height"
-        )
-    grain, straw_to_grain, bare = y.masses(crop.organs)
-    exponent = math.log(1.0 - y.straw_below_share) / math.log(1.0 - below)
-    facts = YieldFacts(
-        grain, straw_to_grain, exponent, y.grain_density, y.swath_density, y.grain_moisture, bare
-    )
-    return replace(crop, yields=facts)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.weeds import Weeds
 
 Array = NDArray[np.float64]

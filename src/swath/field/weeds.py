@@ -7,7 +7,8 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import InputError
-from swath.field.crop import Crop, load_crop
+from swath.field.crop import Crop
+from swath.field.crop_sheet import load_crop
 from swath.field.plants.parts import LeafFacts
 
 

@@ -14,7 +14,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.field_setup import FieldSetup, from_azimuth
 from swath.field.hashing import hash_uniform
 from swath.field.raster import Raster

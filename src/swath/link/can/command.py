@@ -41,7 +41,7 @@ def run_box(args: argparse.Namespace) -> int:
     from swath.documents.validation import adapter_of
     from swath.link.can import box, j1939
     from swath.link.can.bus import Node
-    from swath.link.levels.can import Params
+    from swath.link.can.steering import Params
     from swath.machine.machine_sheet import load_machine
     from swath.scenario.scenario import load_scenario
     from swath.signals.setup import ControlSetup
@@ -76,7 +76,7 @@ def run_listen(args: argparse.Namespace) -> int:
     from swath.link.can import j1939
     from swath.link.can.bus import open_bus
     from swath.link.can.codec import Codec
-    from swath.link.levels.can import Params
+    from swath.link.can.steering import Params
 
     codec, bus, began, left = Codec(), open_bus(_where(args, Params().where)), time.monotonic(), args.count
     try:

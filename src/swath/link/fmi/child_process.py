@@ -147,7 +147,7 @@ class ChildProcess:
 
 def serve(pipe: Connection) -> None:
     """The child's side: answer requests until the pipe is closed."""
-    from swath.link.fmi.unit import make_instance
+    from swath.link.fmi.make_instance import make_instance
 
     instance: Any = None
     reply: tuple[bool, Any]

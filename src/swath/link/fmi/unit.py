@@ -2,14 +2,12 @@
 
 import weakref
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Protocol
 
 from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import Description, Variable, need_library
 from swath.link.fmi.instance import Instance, Steps
-from swath.link.fmi.version2 import Instance2
-from swath.link.fmi.version3 import Instance3
+from swath.link.fmi.make_instance import make_instance
 
 _LIVE: dict[str, weakref.WeakSet[Instance]] = {}  # in this process, of FMUs that allow one, by token
 
@@ -27,18 +25,6 @@ class Unit(Protocol):
     def save(self) -> Any: ...
     def load(self, state: Any) -> None: ...
     def close(self) -> None: ...
-
-
-def make_instance(
-    fmu: Description,
-    name: str,
-    inputs: Sequence[Variable],
-    outputs: Sequence[Variable],
-    folder: Path | None = None,
-) -> Instance:
-    """An instance in this process. InputError without a binary for this system."""
-    need_library(fmu)
-    return (Instance2 if fmu.major == 2 else Instance3)(fmu, name, inputs, outputs, folder)
 
 
 def make_unit(

@@ -17,7 +17,7 @@ from swath.core.component import Outputs, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.site_setup import SiteSetup
 from swath.rays.bodies import BodyCaster
 from swath.rays.spread import AXES, SpreadTable

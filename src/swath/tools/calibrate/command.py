@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from swath.core.errors import InputError
-    from swath.field.crop import load_crop
+    from swath.field.crop_sheet import load_crop
     from swath.sensing.tables import save_table
     from swath.tools.calibrate.fit import quality
     from swath.tools.calibrate.stand_scans import EchoSettings
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
 def _from_plants(args: argparse.Namespace, echo: Any) -> Any:
     from dataclasses import replace
 
-    from swath.field.crop import load_crop
+    from swath.field.crop_sheet import load_crop
     from swath.terminal.progress import progress_bar
     from swath.tools.calibrate.fit import NARROW, SMALL, Design, fit_plants
 

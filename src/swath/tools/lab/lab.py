@@ -23,7 +23,7 @@ from swath.core.units import DEG
 from swath.documents.hints import near_miss, unknown_key
 from swath.documents.validation import known_keys, validate
 from swath.documents.yaml_document import Document
-from swath.field.crop import load_crop
+from swath.field.crop_sheet import load_crop
 from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
 from swath.scenario.catalogue import CATALOGUE
