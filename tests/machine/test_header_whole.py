@@ -105,7 +105,7 @@ def test_multibody_carries_the_header_where_its_control_holds_it(level):
     assert abs(state.lift) > 1e-3
     assert lift == pytest.approx(state.lift, abs=0.3 / 2.0 * 0.02)  # a step of the header later at most
     assert tilt == pytest.approx(state.tilt, abs=0.002)
-    assert header["lift"]["kept"][0] != 0.0
+    assert header["lift"]["place"] != 0.0
 
 
 def test_waves_of_the_ground_are_followed_and_without_control_they_are_not():
@@ -240,7 +240,7 @@ class Swath:
 
     def __init__(self):
         self.world, seen, _ = run("run.distance_m=20", "field.stand.stems_per_m2=400")
-        self.field, self.card = self.world.field, self.world.leader.card
+        self.field, self.sheet = self.world.field, self.world.leader.card
         states = seen.of[MachineState]
         outlet = np.array([s.pose.apply([self.sheet.body[0], 0.0, 0.0]) for s in states])
         self.frame = Pose.from_euler(outlet[0], yaw=states[0].pose.euler()[2])

@@ -77,8 +77,8 @@ def test_twenty_thousand_instances_on_100_m2_agree_with_embree(tmp_path):
     rtcore = pytest.importorskip("embreex.rtcore_scene", reason="embreex is not installed")
     from embreex.mesh_construction import TriangleMesh
 
-    height = ("  height_cv", '  height: {value: 50, unit: cm, tag: E, source: "test"}\n  height_cv')
-    below = ("straw_below_height: {value: 60", "straw_below_height: {value: 15")
+    height = ("  height_cv", '  height_cm: {value: 50, tag: E, source: "test"}\n  height_cv')
+    below = ("straw_below_height_cm: {value: 60", "straw_below_height_cm: {value: 15")
     small = changed(tmp_path, ("  unit: cm\n", ""), height, below)
     library = library_of(200.0, small)
     pages = make_pages(library, pages=2)

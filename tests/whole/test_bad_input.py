@@ -21,7 +21,7 @@ CASES = {
     "sector": ("combine.lidar.sector_deg=[10, -10]", "sector_deg"),
     "offset beyond the period": ("combine.lidar.offset_ms=41", "combine.lidar.offset"),
     "wire to nowhere": ("combine.edge.wires={scan: camera.scan}", "camera"),
-    "wrong wire": ("combine.edge.wires={scan: motion.state}", "combine.motion.state -> combine.edge.scan"),
+    "wrong wire": ("combine.steer.wires={edge: motion.state}", "combine.motion.state -> combine.steer.edge"),
     "unknown level": ("combine.edge.level=otzu", "did you mean 'otsu'"),
     "user level that is not there": ("combine.edge.level=mine.py:Mine", "there is no file"),
 }

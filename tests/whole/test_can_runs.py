@@ -95,7 +95,7 @@ def across(a, b):
 def test_the_three_files_are_the_same_test():
     plain = {name: load_scenario(FOLDER / f"{name}.yaml").plain() for name in ("mil", "sil", "hil")}
     for each in plain.values():
-        each["combine"].pop("steer")
+        each["machines"]["combine"].pop("steer")
         for key in ("name", "summary", "realtime"):
             each.pop(key, None)
     assert plain["mil"] == plain["sil"] == plain["hil"]
@@ -159,7 +159,7 @@ def test_a_paced_loop_over_the_bus_between_two_processes(port, tmp_path):
 
 
 def test_without_pacing_or_lock_step_it_is_refused():
-    with pytest.raises(InputError, match=r"combine.steer: .*clock on the wall: .*--real-time"):
+    with pytest.raises(InputError, match=r"combine.steer: .*real time: .*--real-time"):
         assemble(load_scenario(FOLDER / "hil.yaml", sets=["realtime.pace=free", *QUICK]))
 
 

@@ -55,7 +55,8 @@ EXTRA = st.sampled_from(
 def test_a_valid_run_or_one_error(changes, extras):
     data = copy.deepcopy(BASE)
     for section, key, value in extras:
-        data[section][key] = value
+        home = data if section in data else data["machines"]
+        home[section][key] = value
     for path, value in changes:
         node = data
         for key in path[:-1]:

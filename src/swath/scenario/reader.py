@@ -1,5 +1,7 @@
 """From plain data to the sections of a scenario, collecting every error on the way."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import InputError
@@ -9,7 +11,7 @@ from swath.scenario.catalogue import Catalogue
 from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.field_reader import read_field
 from swath.scenario.machine_reader import is_off, machine_names, read_machines, read_slot
-from swath.scenario.resolved import RealTimeSection, SlotChoice
+from swath.scenario.resolved import MachineSection, RealTimeSection, SlotChoice
 from swath.scenario.section_reader import SectionReader
 from swath.scenario.sections import Head, RealTime, Run, SlotCommon
 from swath.scenario.versions import SECTIONS
@@ -38,7 +40,7 @@ def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:
     parts["run"] = reader.check(Run, data.get("run", {}), ("run",))
     parts["field"] = read_field(reader, data.get("field", {}))
     parts["machines"] = read_machines(reader, {name: data[name] for name in machines})
-    parts["realtime"] = _realtime(reader, data["realtime"]) if "realtime" in data else None
+    parts["realtime"] = _realtime(reader, data["realtime"], parts["machines"]) if "realtime" in data else None
     parts["evaluators"], judged = read_evaluators(reader, data.get("evaluators", []))
     parts["expect"] = read_expect(reader, data.get("expect", {}), judged, machines, parts["machines"])
     if reader.errors:
@@ -46,7 +48,9 @@ def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:
     return parts
 
 
-def _realtime(reader: SectionReader, data: Any) -> RealTimeSection | None:
+def _realtime(
+    reader: SectionReader, data: Any, machines: Mapping[str, MachineSection]
+) -> RealTimeSection | None:
     path = ("realtime",)
     data = reader.mapping(data, path)
     steps = data.get("degrade", [])
@@ -56,7 +60,7 @@ def _realtime(reader: SectionReader, data: Any) -> RealTimeSection | None:
     if not isinstance(steps, list):
         reader.note((*path, "degrade"), steps, "expected a list of {slot, level}")
         return None
-    cheaper = [_cheaper(reader, entry, (*path, "degrade", i)) for i, entry in enumerate(steps)]
+    cheaper = [_cheaper(reader, entry, (*path, "degrade", i), machines) for i, entry in enumerate(steps)]
     if common is None:
         return None
     if common.on_overrun == "degrade" and not steps:
@@ -64,7 +68,9 @@ def _realtime(reader: SectionReader, data: Any) -> RealTimeSection | None:
     return RealTimeSection(common, tuple(c for c in cheaper if c is not None))
 
 
-def _cheaper(reader: SectionReader, entry: Any, path: KeyPath) -> tuple[str, SlotChoice] | None:
+def _cheaper(
+    reader: SectionReader, entry: Any, path: KeyPath, machines: Mapping[str, MachineSection]
+) -> tuple[str, SlotChoice] | None:
     """A level to fall back to, with the keys of the slot's present one that it knows as well."""
     entry = reader.mapping(entry, path)
     name = entry.get("slot")
@@ -88,4 +94,6 @@ def _cheaper(reader: SectionReader, entry: Any, path: KeyPath) -> tuple[str, Slo
     kept = {k: before[k] for k in known_keys(found.params) if k in before}
     common = {k: before[k] for k in SlotCommon.model_fields if k in before}
     choice = read_slot(reader, machine, slot, kind, {**kept, **chosen, **common}, "", path)
-    return None if choice is None else (f"{machine}.{slot}", choice)
+    if choice is None or machine not in machines:
+        return None
+    return f"{machine}.{slot}", replace(choice, wires=machines[machine].slots[slot].wires)
