@@ -81,9 +81,13 @@ def drive(lidar, world, offset=0.0, speed=2.0, length=8.0, rate=25.0):
 
     def state(t):
         at = start + ahead * speed * t * 1e-9
-        z, h = world.field.ground_height, 1e-4
+        ground, step = world.field.ground_height, 1e-4
         x, y = at
-        n = np.array([z(x - h, y) - z(x + h, y), z(x, y - h) - z(x, y + h), 2 * h])
+        n = np.array(
+            [ground(x - step, y) - ground(x + step, y), ground(x, y - step) - ground(x, y + step), 0.0]
+        )
+        n[2] = 2 * step
+        n /= np.linalg.norm(n)
         pitch, roll = np.arctan2(n[:2] @ ahead, n[2]), -np.arctan2(n[:2] @ left, n[2])
         pose = Pose.from_euler((*at, float(world.field.ground_height(*at))), roll, pitch, h)
         return MachineState(t, pose, speed, 0.0, 0.0, 0.0, speed * t * 1e-9)
