@@ -175,7 +175,7 @@ def codes_at(field, points):
 def test_the_stubble_is_as_high_as_the_knife_was():
     """The cells half way between two places of a section's middle carry the height of the later one."""
     world, seen, _ = run("run.distance_m=12", "combine.header.sections=12")
-    sheet, header = world.leader.card, world.leader.parts["header"]
+    sheet, header = world.leader.sheet, world.leader.parts["header"]
     poses = {s.t: s.pose for s in seen.of[MachineState]}
     middles, wanted = [], []
     for before, after in zip(seen.of[HeaderState][50:-50], seen.of[HeaderState][51:-49], strict=True):
@@ -240,7 +240,7 @@ class Swath:
 
     def __init__(self):
         self.world, seen, _ = run("run.distance_m=20", "field.stand.stems_per_m2=400")
-        self.field, self.sheet = self.world.field, self.world.leader.card
+        self.field, self.sheet = self.world.field, self.world.leader.sheet
         states = seen.of[MachineState]
         outlet = np.array([s.pose.apply([self.sheet.body[0], 0.0, 0.0]) for s in states])
         self.frame = Pose.from_euler(outlet[0], yaw=states[0].pose.euler()[2])

@@ -44,7 +44,7 @@ def straw_share(world, x, y):
 
 def test_straw_lies_behind_the_middle_of_the_machine(world):
     middle = (
-        world.leader.card.header_end("left")[1] - world.leader.overlap
+        world.leader.sheet.header_end("left")[1] - world.leader.overlap
     )  # its left end drives north, x = 0
     load = world.graph.latest("combine.process", "load")
     assert world.field.straw_kg == pytest.approx(load.dropped_straw, rel=0.03)

@@ -3,6 +3,7 @@
 Which organs it has and how its plants are drawn is its habit: a file of `field/plants`, or of the user.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
@@ -44,7 +45,7 @@ class StemFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
-class YieldSection:
+class YieldSection(ABC):
     """What every sheet says of the yield. straw_below_share: of the straw, below straw_below_height [m];
     grain_density, swath_density: bulk [kg/m3]; grain_moisture: fraction.
     """
@@ -55,21 +56,21 @@ class YieldSection:
     swath_density: Annotated[float, Quantity("kg_m3", 1, 500)]
     grain_moisture: Annotated[float, Quantity("percent", 0, 60)]
 
+    @abstractmethod
     def masses(self, organs: "Organs") -> tuple[float, float, float]:
         """Of a mean stem: grain [kg], straw over grain, and the mass of one without any grain [kg]."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
-class GrainYield(YieldSection):
+class GrainYield(YieldSection, ABC):
     """With grain. thousand_grain_mass [kg]; straw_to_grain: straw above ground per grain mass."""
 
     thousand_grain_mass: Annotated[float, Quantity("g", 0.1, 1000)]
     straw_to_grain: Annotated[float, Quantity("", 0.05, 10)]
 
+    @abstractmethod
     def grains(self, organs: "Organs") -> float:
         """Grains of a mean stem."""
-        raise NotImplementedError
 
     def masses(self, organs: "Organs") -> tuple[float, float, float]:
         """See `YieldSection`."""

@@ -114,15 +114,15 @@ class Evaluation:
                 yield _placed(outcome, stretch.event)
 
     def _implied(self, expect: Sequence[Expectation]) -> list[Expectation]:
-        """Limits that evaluators bring along, where the scenario sets none on the metric."""
-        named = {e.name for e in expect}
+        """Limits that evaluators bring along, where the scenario sets none on the metric of that subject."""
+        named = {(e.subject, e.name) for e in expect}
         return [
             Expectation(subject, name, Limit(min=bounds.get("min"), max=bounds.get("max")))
             for subject, evaluators in self._of.items()
             for evaluator in evaluators
             if isinstance(evaluator, HasLimits)
             for name, bounds in evaluator.LIMITS.items()
-            if name not in named
+            if (subject, name) not in named
         ]
 
     def _make_windows(self) -> dict[tuple[str, Any, Any], WindowedEvaluator]:

@@ -287,7 +287,7 @@ def drive_figure(tracks: dict[str, Any]) -> Any:
     return fig
 
 
-def works_figure(tracks: dict[str, Any]) -> Any:
+def process_figure(tracks: dict[str, Any]) -> Any:
     """Feed, losses, engine load and speed over the travelled distance, from the columns of the tracks."""
     fig = figure(11.0, 5.4)
     axes = fig.subplots(4, 1, sharex=True)

@@ -268,7 +268,7 @@ def _drive(own: MachineReport) -> page.Figure:
 
 
 def _drivetrain(own: MachineReport) -> page.Figure:
-    fig = plots.works_figure(dict(own.tracks))
+    fig = plots.process_figure(dict(own.tracks))
     caption = (
         "What reaches the feeder house; how much of its grain the crop that leaves at that moment has lost; "
         "the engine: above 100 % it loses speed."

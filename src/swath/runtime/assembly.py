@@ -122,7 +122,7 @@ class _Place:
     """A machine that is being built: where it stands, on which edge, and what its sensors told so far."""
 
     section: MachineSection
-    card: MachineSheet
+    sheet: MachineSheet
     edge: EdgeShape
     start: Pose
     mountings: Mapping[str, Pose]
@@ -130,14 +130,14 @@ class _Place:
 
 
 def _build_machine(section: MachineSection, site: _Site) -> tuple[Machine, list[Node]]:
-    card = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
+    sheet = load_machine(section.sheet.as_posix(), header_width_m=section.common.header_width_m)
     edge = edge_of(section, site.field)
     check_side(section, edge)
-    start = start_pose(section, site.field, edge, card)
-    site.bodies.add(section.name, machine_body(card), start)
+    start = start_pose(section, site.field, edge, sheet)
+    site.bodies.add(section.name, machine_body(sheet), start)
     parts: dict[str, Any] = {}
     mountings: dict[str, Pose] = {}
-    place = _Place(section, card, edge, start, mountings, site)
+    place = _Place(section, sheet, edge, start, mountings, site)
     for slot in _build_order(section.slots):
         part = parts[slot] = _make(place, slot, section.slots[slot])
         if isinstance(part, HasMounting) and isinstance(part.mounting, Pose):
@@ -147,7 +147,7 @@ def _build_machine(section: MachineSection, site: _Site) -> tuple[Machine, list[
     nodes = [_node(section, slot, choice, parts[slot], parts) for slot, choice in section.slots.items()]
     steer = parts.get("steer")
     overlap = float(steer.overlap) if isinstance(steer, HasOverlap) else 0.0
-    return Machine(section, card, edge, start, parts, mountings, overlap, origin=site.origin), nodes
+    return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin), nodes
 
 
 def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[str, tuple[str, str]]]:
@@ -158,7 +158,7 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     machine_name, _, slot = name.partition(".")
     machine = world.machines[machine_name]
     site = _Site(world.field, world.obstacles, world.bodies, _base(world.scenario), machine.origin)
-    place = _Place(machine.section, machine.card, machine.edge, machine.start, machine.mountings, site)
+    place = _Place(machine.section, machine.sheet, machine.edge, machine.start, machine.mountings, site)
     component = _make(place, slot, choice)
     return component, _node(machine.section, slot, choice, component, machine.parts).wires
 
@@ -195,7 +195,7 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     """What the level of a slot is told: the site, or for control and links less."""
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
-    control = ControlSetup(place.card, _mountings(place, choice), section.common.edge_side, period)
+    control = ControlSetup(place.sheet, _mountings(place, choice), section.common.edge_side, period)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base, fed)
@@ -208,7 +208,7 @@ def _site_setup(place: _Place, period: float) -> SiteSetup:
     site, section = place.site, place.section
     return SiteSetup(
         field=site.field,
-        machine=place.card,
+        machine=place.sheet,
         start=place.start,
         edge_side=section.common.edge_side,
         period=period,

@@ -99,9 +99,9 @@ def _run_once(
 
 def _machines(world: World) -> str:
     """The data sheet of the machine, or of each by its name."""
-    names = {name: machine.card.name for name, machine in world.machines.items()}
+    names = {name: machine.sheet.name for name, machine in world.machines.items()}
     if len(names) == 1:
-        return world.leader.card.name
+        return world.leader.sheet.name
     return "; ".join(f"{name}: {sheet}" for name, sheet in names.items())
 
 

@@ -61,7 +61,7 @@ def check_start(machines: Mapping[str, Machine], field: Field, bodies: Bodies) -
         expected = f"expected another place: it overlaps {contact.second} at {at} m"
         raise InputError(f"{contact.first}.start", None, expected)
     for name, machine in machines.items():
-        if machine.cuts and (why := why_outside(field, machine.card, machine.start)):
+        if machine.cuts and (why := why_outside(field, machine.sheet, machine.start)):
             raise InputError(f"{name}.start", None, f"expected a place in the field: {why}")
 
 
@@ -79,7 +79,7 @@ def check_room(scenario: Scenario, machine: Machine, field: Field) -> None:
     along, at = edge.heading_at(s), edge.point_at(s)
     left = np.stack([-np.sin(along), np.cos(along)], axis=1)
     inward = -1.0 if machine.edge_side == "left" else 1.0
-    for across in (0.0, inward * machine.card.header_width):
+    for across in (0.0, inward * machine.sheet.header_width):
         points = at + across * left
         is_inside = field.covers(points[:, 0], points[:, 1])
         if not np.all(is_inside):

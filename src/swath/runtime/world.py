@@ -31,7 +31,7 @@ class Machine:
     """
 
     section: MachineSection
-    card: MachineSheet
+    sheet: MachineSheet
     edge: EdgeShape
     start: Pose
     parts: dict[str, Any]
@@ -84,7 +84,7 @@ class Machine:
         """What the recording needs to know."""
         outputs = {f"{slot}.{p.name}": p.signal for slot, part in self.parts.items() for p in part.outputs}
         return RecordedMachine(
-            self.name, self.card, self.edge_side, self.mountings, self.origin, outputs, self.edge
+            self.name, self.sheet, self.edge_side, self.mountings, self.origin, outputs, self.edge
         )
 
 

@@ -83,7 +83,7 @@ def _slots_of_type(reader: SectionReader, sheet: Path, path: KeyPath) -> dict[st
         reader.errors.append(error)
         return {}
     data = data if isinstance(data, dict) else {}
-    machine_type, own = data.get("type", "combine"), data.get("slots", {})
+    machine_type, own = data.get("type"), data.get("slots", {})
     if machine_type not in reader.catalogue.machine_types:
         reader.note(
             path, machine_type, f"expected a data sheet of type {', '.join(reader.catalogue.machine_types)}"

@@ -50,14 +50,14 @@ class SlotChoice(LevelChoice):
 
 @dataclass(frozen=True)
 class MachineSection:
-    """One machine. slots: in execution order; off: those of its type that it lacks; card: its data sheet
+    """One machine. slots: in execution order; off: those of its type that it lacks; sheet: its data sheet
 
     present: names of all its slots, also where only some of them are built
     """
 
     name: str
     common: MachineCommon
-    card: Path
+    sheet: Path
     start: StartAlongEdge | StartPose
     slots: Mapping[str, SlotChoice]
     off: tuple[str, ...] = ()

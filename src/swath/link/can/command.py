@@ -51,7 +51,7 @@ def run_box(args: argparse.Namespace) -> int:
     if section is None:
         raise InputError("steer", "off", "expected a steering law for the box to run")
     steer = section.slots["steer"]
-    machine = load_machine(section.card.as_posix(), header_width_m=section.common.header_width_m)
+    machine = load_machine(section.sheet.as_posix(), header_width_m=section.common.header_width_m)
     params = steer.params if isinstance(steer.params, Params) else Params()
     setup = ControlSetup(machine, {}, section.common.edge_side, params.period * 1e-9)
     if isinstance(steer.params, Params):

@@ -43,7 +43,7 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     if mounting is None:
         raise InputError("--slot", slot, "expected a scanner with a mounting", file=log.path)
     sheets = {
-        name: load_machine(m.card.as_posix(), header_width_m=m.common.header_width_m)
+        name: load_machine(m.sheet.as_posix(), header_width_m=m.common.header_width_m)
         for name, m in scenario.machines.items()
     }
     writer = Writer(host, sheets, mounting)
