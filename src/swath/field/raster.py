@@ -143,15 +143,20 @@ def _rasterio() -> Any:
 
 @contextmanager
 def open_geotiff(path: Path) -> Iterator[Any]:
-    """An open rasterio dataset. Raises InputError naming the file for whatever goes wrong with it."""
+    """An open rasterio dataset. Raises InputError naming the file for whatever goes wrong with it.
+
+    Only GDAL's driver of GeoTIFF looks at it, and no file beside it is read: others, such as VRT and WMS,
+    are texts that name further files and addresses, and GDAL goes by the content, not by the name.
+    """
     rasterio = _rasterio()
     if not path.is_file():
         raise InputError("raster", None, "expected a GeoTIFF, there is no such file", file=path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(path) as dataset:
-                yield dataset
+            with rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"):
+                with rasterio.open(path, driver="GTiff") as dataset:
+                    yield dataset
     except (rasterio.errors.RasterioError, ValueError, MemoryError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError("raster", None, f"expected a readable GeoTIFF: {reason}", file=path) from error
