@@ -154,9 +154,9 @@ def open_geotiff(path: Path) -> Iterator[Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"):
-                with rasterio.open(path, driver="GTiff") as dataset:
-                    yield dataset
+            alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR")
+            with alone, rasterio.open(path, driver="GTiff") as dataset:
+                yield dataset
     except (rasterio.errors.RasterioError, ValueError, MemoryError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError("raster", None, f"expected a readable GeoTIFF: {reason}", file=path) from error

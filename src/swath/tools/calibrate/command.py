@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_no_code
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
@@ -39,6 +41,7 @@ def add(parsers: Any) -> None:
     )
     lidar.add_argument("--quick", action="store_true", help="a coarse design, for a first try")
     lidar.add_argument("--seed", type=int, default=1, help="another seed")
+    add_no_code(lidar)
     lidar.set_defaults(run=run)
 
 
