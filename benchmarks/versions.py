@@ -3,9 +3,10 @@
 python benchmarks/versions.py --base FOLDER [--base-python PYTHON] [--rounds 5] [--out out/bench]
 
 FOLDER is a checkout of the older version (`git worktree add FOLDER 2d89b5d` for 0.1.0), PYTHON one in which
-its dependencies are installed (default: this one; its `src` comes first on the path). Every process computes on
-one thread and counts user and system time, imports included. A simulated second is the difference of two runs of
-the same scenario, divided by the difference of their simulated times. Prints a table, writes versions.json.
+its dependencies are installed (default: this one; its `src` comes first on the path). Every process
+computes on one thread and counts user and system time, imports included. A simulated second is the
+difference of two runs of the same scenario, divided by the difference of their simulated times. Prints a
+table, writes versions.json.
 """
 
 import argparse
@@ -33,7 +34,7 @@ EMPIRICAL = ("combine.lidar.level=empirical",)
 
 @dataclass(frozen=True)
 class Row:
-    """What is measured: a whole run, or with `more` a simulated second between two runs that many metres apart.
+    """What is measured: a whole run, or with `more` [m] a simulated second between two runs.
 
     short: distance [m] of the shorter run, None = that of the scenario
     """
