@@ -67,7 +67,7 @@ class Inclination(KeepsState):
 
     @property
     def rise(self) -> tuple[float, float]:
-        """How far a plant's top stands ahead and to the left of its foot, per height [1]: (0, 0) on the level.
+        """How far a plant's top stands ahead and to the left of its foot, per height [1]: 0 on the level.
 
         In the machine frame, for a plant that stands upright. On a slope that rises to the right the machine
         leans to the left, and plants seem to lean to the right.

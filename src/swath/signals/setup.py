@@ -71,12 +71,12 @@ class ControlSetup:
 
         InputError where there is none, or several.
         """
-        poses = [pose for port, pose in self.mountings.items() if port != "inertial"]
+        poses = {port: pose for port, pose in self.mountings.items() if port != "inertial"}
         if len(poses) != 1:
-            found = ", ".join(self.mountings) or "none"
+            found = ", ".join(poses) or "none"
             expected = "expected one sensor with a mounting, such as {scan: lidar.scan}"
             raise InputError("wires", found, expected)
-        return poses[0]
+        return next(iter(poses.values()))
 
 
 @dataclass(frozen=True)
