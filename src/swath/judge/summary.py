@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from swath.judge.evaluation import FIELD, Evaluation, incident
+from swath.judge.evaluation import Evaluation, incident
+from swath.judge.windows import FIELD
 from swath.rays.device import ray_device
 from swath.signals import F64
 

@@ -10,7 +10,7 @@ from typing import Any
 from swath import __version__
 from swath.core.abilities import ReadsFiles
 from swath.core.errors import InputError
-from swath.core.graph import EndOfRun, Observer
+from swath.core.graph import Observer
 from swath.core.schedule import NS
 from swath.judge.limits import is_failed
 from swath.judge.summary import make_summary, write_summary
@@ -133,7 +133,6 @@ class _Running:
             scenario=world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
-        world.graph.before_tick.append(self._end)
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
@@ -145,11 +144,6 @@ class _Running:
             hook.begin(run)
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events))
-
-    def _end(self, t: int) -> None:
-        """Before the tick at t [ns]: an evaluator that wants the run to end ends it."""
-        if reason := self.evaluation.end_reason(t):
-            raise EndOfRun(reason)
 
     def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
         """Judge, write summary.json, let the hooks finish; returns the summary."""
