@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 from swath import __version__
 from swath.commands import levels, metrics, run, scenarios, schema, sheets
-from swath.core.errors import SwathError
+from swath.core.errors import SwathError, shortened
 from swath.core.registry import user_line
 from swath.field_io import command as field
 from swath.link.can import command as can
@@ -113,8 +113,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             file, line = place
             what = f"{file}:{line}: {type(error).__name__}: {error}"
             return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the traceback)", BAD_INPUT)
+        said = shortened(" ".join(str(error).split()), 100)
         return _say(
-            f"{type(error).__name__}: {error}. This is a mistake in swath, not in your input. Please run it "
+            f"{type(error).__name__}: {said}. This is a mistake in swath, not in your input. Please run it "
             "again with SWATH_DEBUG=1 and report what it prints, with the scenario",
             INTERNAL,
         )
@@ -154,7 +155,7 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
 
 
 def _say(text: str, code: int) -> int:
-    print("swath: " + " ".join(text.split()), file=sys.stderr)
+    print("swath: " + shortened(" ".join(text.split())), file=sys.stderr)
     return code
 
 
