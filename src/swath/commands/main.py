@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 from swath import __version__
 from swath.commands import levels, metrics, report, run, scenarios, schema, sheets
-from swath.core.errors import SwathError
+from swath.core.errors import SwathError, shortened
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
 from swath.field_io import command as field
@@ -119,8 +119,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             file, line = place
             what = f"{file}:{line}: {type(error).__name__}: {error}"
             return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the traceback)", BAD_INPUT)
+        said = shortened(" ".join(str(error).split()), 100)
         return _say(
-            f"{type(error).__name__}: {error}. This is a mistake in swath, not in your input. Please run it "
+            f"{type(error).__name__}: {said}. This is a mistake in swath, not in your input. Please run it "
             "again with SWATH_DEBUG=1 and report what it prints, with the scenario",
             INTERNAL,
         )
@@ -160,7 +161,7 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
 
 
 def _say(text: str, code: int) -> int:
-    print("swath: " + " ".join(text.split()), file=sys.stderr)
+    print("swath: " + shortened(" ".join(text.split())), file=sys.stderr)
     return code
 
 
