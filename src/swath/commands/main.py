@@ -19,6 +19,7 @@ from swath.link.osi import command as osi
 from swath.link.ros2 import command as ros2
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
@@ -35,6 +36,7 @@ COMMANDS = (
     field,
     lab,
     height_map,
+    function_test,
     rerun,
     calibrate,
     compare,
