@@ -63,7 +63,7 @@ class Rig:
     def balance(self):
         """Relative errors of grain and straw."""
         load = self.load
-        grain = load.tank_grain + load.lost_grain + load.held_grain
+        grain = load.tank_gain + load.lost_grain + load.held_grain
         return abs(grain - self.grain) / self.grain, abs(
             load.dropped_straw + load.held_straw - self.straw
         ) / self.straw

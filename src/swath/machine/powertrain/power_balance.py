@@ -134,7 +134,7 @@ class Powertrain(KeepsState):
 
     def _taken(self, state: MachineState, load: MachineLoad, accel: float) -> tuple[Powers, float]:
         """Powers at rated speed [W] and the force at the wheels [N] at an acceleration [m/s2]."""
-        force = pull(state, accel, load.tank_content, self._dynamics)
+        force = pull(state, accel, load.tank_grain, self._dynamics)
         driving = propulsion_power(force, state.speed, self._drivetrain.hydrostat.efficiency)
         return powers(load, driving, self._width, self._drivetrain), force
 

@@ -1,4 +1,4 @@
-"""`swath calibrate engine`: engine, fuel and powers of a machine from a log; each machine predicted in turn."""
+"""`swath calibrate engine`: engine, fuel and powers of a machine from a log of several."""
 
 import argparse
 from collections.abc import Iterable
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from swath.tools.calibrate.engine_fit import Prediction
 
-_DESCRIPTION = """Fit numbers of a machine's data sheet to engine load and fuel of a recorded log together, and
-predict each machine of the log by numbers fitted on the others. Standard errors come from a bootstrap over
-machines and stretches of 5 minutes."""
+_DESCRIPTION = """Fit numbers of a machine's data sheet to engine load and fuel of a recorded log together,
+and predict each machine of the log by numbers fitted on the others. Standard errors come from a bootstrap
+over machines and stretches of 5 minutes."""
 
 
 def add_engine(kinds: Any) -> None:
@@ -18,8 +18,13 @@ def add_engine(kinds: Any) -> None:
     parser = kinds.add_parser("engine", help="engine, fuel and powers of a machine", description=_DESCRIPTION)
     parser.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
     parser.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
-    parser.add_argument("--fit", action="append", default=[], metavar="KEY",
-                        help="key of the data sheet (default: rated power, idle fuel, auxiliary power, drum work)")  # fmt: skip
+    parser.add_argument(
+        "--fit",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="of the data sheet (rated power, idle fuel, auxiliary power, drum work)",
+    )
     parser.add_argument("--straw", type=float, default=0.65, metavar="R", help="straw per grain (0.65)")
     parser.add_argument("--resamples", type=int, default=1000, metavar="N", help="of the bootstrap (1000)")
     parser.add_argument("--seed", type=int, default=1, help="of the bootstrap")

@@ -7,8 +7,8 @@ data sheet, so that every other fit needed (one machine left out, resampled reco
 equations at the solution, summed by stretches of the log.
 
 Load and fuel alone do not tell an engine's power from its efficiency. The slope of the fuel line
-(`engine.fuel_g_kwh`; Willans: fuel is linear in the work, SAE Technical Paper 690182) is therefore given by the
-data sheet, and the rated power follows from the fuel.
+(`engine.fuel_g_kwh`; Willans: fuel is linear in the work, SAE Technical Paper 690182) is therefore given by
+the data sheet, and the rated power follows from the fuel.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,8 +39,9 @@ LEAST = 0.02  # of its start that a number keeps
 
 @dataclass(frozen=True)
 class FittedNumber:
-    """A number of the sheet. error: standard error by bootstrap over machines and stretches of each; left_out:
-    its value without each of the machines
+    """A number of the sheet. error: standard error by bootstrap over machines and stretches of each
+
+    left_out: its value without each of the machines
     """
 
     key: str
