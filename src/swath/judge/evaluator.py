@@ -3,7 +3,7 @@
 An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/evaluators/` that ends with
 `LEVEL = Level(Class, None, summary="...")`, or in a user's file, named `my.py:Class` under the scenario's key
 `evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`,
-`HasSignals` and `core.abilities.EndsRun`.
+`HasSignals` and `core.abilities.EndsRun` and `HasNotes`.
 """
 
 import dataclasses
@@ -79,7 +79,7 @@ class Truth(Protocol):
 
     @property
     def ground_grain_kg(self) -> float: ...
-    def edge_offset(self, start_xy: Any, end_xy: Any) -> float: ...
+    def standing(self, x: Any, y: Any, /) -> Any: ...
     def standing_area(self, polygon: Any) -> float: ...
     def recount(self) -> Any: ...
 

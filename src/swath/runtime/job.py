@@ -168,6 +168,7 @@ class _Running:
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
         notes = [note for machine in world.machines.values() for note in machine.notes]
+        notes += self.evaluation.notes()
         if world.graph.ended:
             notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
         if self.pacer is not None:
