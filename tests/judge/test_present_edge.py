@@ -15,7 +15,7 @@ NAN = float("nan")
 
 
 def judged(place, side="left", shape=lambda crop, x, y: crop, end=0.0, seconds=12.0, confidence=0.9, **held):
-    """A straight run at 2 m/s, the header end on y = end; place: x of the reference -> y of the reported edge.
+    """A straight run at 2 m/s, the header end on y = end; place: x of the reference -> y reported.
 
     The crop is on y < 0 (header end on the left), or on y > 0; shape: changes which of its cells stand.
     """

@@ -70,8 +70,10 @@ class LateralError:
         return (Column("lateral_error_m", "m", "header end, > 0 towards the standing crop", later=lateral),)
 
     def _error(self, x: F64, y: F64) -> F64:
-        """Lateral error [m] of header ends at world points [m]."""
-        return np.asarray(self.setup.edge.signed_distance(x, y), dtype=float) + self.setup.overlap
+        """Lateral error [m] of header ends at world points [m], nan beyond the end of the edge."""
+        edge = self.setup.edge
+        inside = np.asarray(edge.signed_distance(x, y), dtype=float)
+        return np.where(edge.project(x, y)[0] <= edge.length, inside + self.setup.overlap, np.nan)
 
     def series(self) -> PathSeries:
         """The course of the run so far."""
