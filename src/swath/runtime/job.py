@@ -23,7 +23,7 @@ from swath.runtime.changes import Interventions, Restart, Script
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
-from swath.runtime.loop import Progress, drive
+from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
@@ -189,6 +189,11 @@ class _Running:
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
         notes = [note for machine in world.machines.values() for note in machine.notes]
+        notes += self.evaluation.notes()
+        if not incomplete and not world.graph.ended and not has_arrived(world):
+            run, driven = scenario.run, driven_m(world)
+            what = f"the run ended at max_duration_s = {run.max_duration_s:g}"
+            notes.append(f"{what}, after {driven:.2f} of {run.distance_m:g} m")
         if world.graph.ended:
             notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
         if self.pacer is not None:
