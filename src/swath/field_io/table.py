@@ -210,6 +210,8 @@ def _read_shapefile(path: Path) -> Table:
         for record in reader.iterRecords():
             for column, value in zip(columns.values(), record, strict=True):
                 column.append(value)
+        if any(len(column) != len(points) for column in columns.values()):
+            raise InputError("log", None, f"expected {len(points)} whole records in the .dbf", file=path)
     return Table(columns, np.arange(1, len(points) + 1), points, crs, {})
 
 

@@ -25,7 +25,7 @@ def is_log_file(path: Path) -> bool:
 class TaskFiles(Mapping[str, bytes]):
     """Upper-case name -> content of every xml and bin, read when it is asked for; size: of all on disk."""
 
-    def __init__(self, parts: dict[str, Callable[[], bytes]], path: Path, size: int) -> None:
+    def __init__(self, parts: Mapping[str, Callable[[], bytes]], path: Path, size: int) -> None:
         self._parts, self._path, self.size = parts, path, size
 
     def __getitem__(self, name: str) -> bytes:
