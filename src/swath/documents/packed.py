@@ -55,8 +55,10 @@ def open_archive(path: Path, key: str) -> Iterator[zipfile.ZipFile]:
 
 def read_arrays(path: Path, key: str, what: str) -> dict[str, NDArray[Any]]:
     """The arrays of a .npz. InputError with this key, `expected what: why`, for a file that is none."""
-    with readable(key, what, path):
-        with open_archive(path, key):
-            pass
+    with readable(key, what, path), open_archive(path, key):
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
+            found = {name: data[name] for name in data.files}
+        strange = [name for name, array in found.items() if not isinstance(array, np.ndarray)]
+        if strange:
+            raise ValueError(f"{strange[0]!r} is no array")
+        return found
