@@ -101,11 +101,13 @@ def _arrays(folder: Path, read: Callable[[Path], Any]) -> Any:
         head, {"descr": "<f8", "fortran_order": False, "shape": (600, 131_072)}
     )
     path = folder / "a.npz"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        with archive.open("ranges_m.npy", "w", force_zip64=True) as member:
-            member.write(head.getvalue())
-            for _ in range(60):
-                member.write(bytes(MIB))
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("ranges_m.npy", "w", force_zip64=True) as member,
+    ):
+        member.write(head.getvalue())
+        for _ in range(60):
+            member.write(bytes(MIB))
     return read(path)
 
 
