@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, run, scenarios, schema, sheets
+from swath.commands import levels, metrics, report, run, scenarios, schema, sheets
 from swath.core.errors import SwathError, shortened
 from swath.core.registry import user_line
+from swath.core.stopping import Terminated, stoppable
 from swath.field_io import command as field
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
@@ -26,6 +27,7 @@ from swath.tools.scan import command as scan
 
 COMMANDS = (
     run,
+    report,
     scenarios,
     levels,
     metrics,
@@ -50,7 +52,7 @@ RENAMED = {  # command lines of version 0.1.0: what to type instead
     ("replay",): "swath rerun RUN",
     ("ros2", "bridge"): "swath ros2 play RUN for a recorded run, swath run SCENARIO --ros2 for a scenario",
 }
-BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
+BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE, TERMINATED = 2, 70, 130, 141, 143
 
 EXAMPLES = """\
 swath: a simulator for harvest machines that act on what they sense
@@ -89,13 +91,17 @@ class _Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 done, 1 a limit of the scenario failed, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C.
+    0 done, 1 a limit of the scenario failed, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C,
+    143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
     try:
-        code = _dispatch(list(sys.argv[1:] if argv is None else argv))
-        sys.stdout.flush()
-        return code
+        with stoppable():
+            code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+            sys.stdout.flush()
+            return code
+    except Terminated as error:
+        return _say(str(error) or "stopped", TERMINATED)
     except KeyboardInterrupt as error:
         return _say(str(error) or "stopped", INTERRUPTED)
     except BrokenPipeError:

@@ -87,11 +87,11 @@ def _slots_of_type(reader: SectionReader, sheet: Path, path: KeyPath) -> dict[st
         reader.errors.append(error)
         return {}
     data = data if isinstance(data, dict) else {}
-    machine_type, own = data.get("type"), data.get("slots", {})
+    machine_type, own = data.get("type", ""), data.get("slots", {})
     if not isinstance(machine_type, str) or machine_type not in reader.catalogue.machine_types:
-        reader.note(
-            path, machine_type, f"expected a data sheet of type {', '.join(reader.catalogue.machine_types)}"
-        )
+        known = ", ".join(reader.catalogue.machine_types)
+        said = f"says {str(machine_type)[:40]}" if machine_type else "has none"
+        reader.note(path, sheet.as_posix(), f"expected a data sheet with a `type` of {known}; it {said}")
         return {}
     return slots_of(reader.catalogue.machine_types[machine_type], own if isinstance(own, dict) else {})
 
