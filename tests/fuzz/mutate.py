@@ -40,6 +40,16 @@ def _overwrite(data: bytes, rng: random.Random) -> bytes:
     return data[:start] + bytes(rng.choice((0, 255, 127, 128)) for _ in range(end - start)) + data[end:]
 
 
+def _integer(data: bytes, rng: random.Random) -> bytes:
+    """A count, a size or an offset of a binary format."""
+    size = rng.choice((2, 4, 4, 8))
+    value = rng.choice((0, 1, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, len(data), 10**6, 10**9)) % 2 ** (
+        8 * size
+    )
+    start = rng.randrange(min(len(data), rng.choice((64, 512, 10**9))) + 1)
+    return data[:start] + value.to_bytes(size, rng.choice(("little", "big"))) + data[start + size :]
+
+
 def _cut(data: bytes, rng: random.Random) -> bytes:
     return data[: rng.randrange(len(data) + 1)]
 
@@ -93,5 +103,5 @@ def _line(data: bytes, rng: random.Random) -> bytes:
     return b"\n".join(lines)
 
 
-BYTES = (_flip, _overwrite, _cut, _delete, _repeat, _insert, _move)
+BYTES = (_flip, _overwrite, _integer, _integer, _cut, _delete, _repeat, _insert, _move)
 TEXT = (_number, _number, _word, _line)

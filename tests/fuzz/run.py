@@ -1,6 +1,6 @@
 """Damage files for a while: every case is valid, or a short error, within its time and memory.
 
-    python -m tests.fuzz.run --minutes 60            # all kinds in turn
+    python -m tests.fuzz.run --minutes 60            # of every kind for as long
     python -m tests.fuzz.run --kinds geotiff,isoxml --cases 500
     python -m tests.fuzz.run --kinds geotiff --only 17   # one case again, with its traceback
 
@@ -135,26 +135,30 @@ class Worker:
 
 
 def run(kinds: list[str], first: int, cases: int, seconds: float) -> tuple[Counter[str], list[str]]:
-    """Damage files of the kinds in turn; counts of what came out, and a line about each failure."""
+    """Damage files, of every kind for as long; counts of what came out, and a line about each failure."""
     counts: Counter[str] = Counter()
     failures: list[str] = []
+    spent_in: Counter[str] = Counter()
+    done: Counter[str] = Counter()
     slowest, peak, end = 0.0, 0, time.monotonic() + seconds
     with tempfile.TemporaryDirectory() as folder:
         asked = Worker(Path(folder))
         try:
-            for number in range(first, first + cases):
-                for kind in kinds:
-                    if time.monotonic() > end:
-                        break
-                    said, more, file, spent, now = asked.ask(kind, number)
-                    slowest, peak = max(slowest, spent), max(peak, now)
-                    counts[said if said in ("valid", "refused") else "failed"] += 1
-                    if said not in ("valid", "refused"):
-                        failures.append(f"{kind} {number} {file}: {said} {more}")
-                        print(failures[-1], flush=True)
+            while (left := [k for k in kinds if done[k] < cases]) and time.monotonic() < end:
+                kind = min(left, key=lambda k: spent_in[k])
+                number = first + done[kind]
+                done[kind] += 1
+                said, more, file, spent, now = asked.ask(kind, number)
+                spent_in[kind] += round(1000 * spent) + 20
+                slowest, peak = max(slowest, spent), max(peak, now)
+                counts[said if said in ("valid", "refused") else "failed"] += 1
+                if said not in ("valid", "refused"):
+                    failures.append(f"{kind} {number} {file}: {said} {more}")
+                    print(failures[-1], flush=True)
         finally:
             asked.close()
     counts["seconds of the slowest"], counts["MiB at most"] = round(slowest), peak
+    print("cases:", ", ".join(f"{kind} {count}" for kind, count in done.most_common()))
     return counts, failures
 
 
