@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.folder import choose_run_folder
 from swath.runtime.job import JobResult, run_job
@@ -43,14 +44,16 @@ def run(
     """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
 
     out: default: a new folder in `runs`; sets, seed: as in `load_scenario`; report: write report.html
-    progress: a bar on a terminal. Raises InputError; a limit that fails raises nothing, see `exit_code`.
+    and replay.html; progress: a bar on a terminal
+    Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
     if not isinstance(scenario, Scenario):
         scenario = load_scenario(scenario, sets=sets, seed=seed)
     elif sets or seed is not None:
         raise InputError("sets", None, "expected with a name or a file; give them to load_scenario instead")
     folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
+    hooks = [ReportWriter(), ReplayWriter()] if report else []
     try:
-        return run_job(scenario, folder, progress=progress, hooks=[ReportWriter()] if report else [])
+        return run_job(scenario, folder, progress=progress, hooks=hooks)
     except InputError as error:
         raise scenario.locate(error) from error

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, run, scenarios, schema, sheets
+from swath.commands import levels, metrics, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError
 from swath.core.registry import user_line
 from swath.field_io import command as field
@@ -26,6 +26,7 @@ from swath.tools.scan import command as scan
 
 COMMANDS = (
     run,
+    view,
     scenarios,
     levels,
     metrics,

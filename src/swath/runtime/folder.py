@@ -4,7 +4,7 @@ from pathlib import Path
 
 from swath.core.errors import InputError
 
-RUN_FILES = ("summary.json", "tracks.parquet", "run.mcap", "report.html", "scenario.yaml")
+RUN_FILES = ("summary.json", "tracks.parquet", "run.mcap", "report.html", "replay.html", "scenario.yaml")
 
 
 def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
