@@ -1,54 +1,147 @@
-"""A page in headless Chromium, with a script of the test's own at its end."""
+"""Headless Chromium, asked over a pair of pipes in the Chrome DevTools Protocol."""
 
-import html
 import json
 import os
-import re
+import select
 import shutil
 import subprocess
+import sys
 import tempfile
+import time
 from pathlib import Path
-
-import pytest
+from typing import Any
 
 CHROMIUM = next(
     (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
 )
 FLAGS = (
-    "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-logging=stderr",
-    "--enable-unsafe-swiftshader", "--no-first-run", "--disable-extensions", "--virtual-time-budget=3000",
-    "--window-size=640,480", "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--no-first-run",
+    "--enable-unsafe-swiftshader", "--disable-extensions", "--remote-debugging-pipe", "--hide-scrollbars",
 )  # fmt: skip
-PROBE = """
-<pre id="told"></pre><script>
-const told = document.getElementById("told"), ask = async () => { %s };
-const say = (t) => { told.textContent = JSON.stringify(t); };
-const wait = () => (globalThis.swath && swath.frames
-  ? ask().then(say).catch((e) => say({ error: String(e) })) : setTimeout(wait, 50));
-wait();
-</script>
-"""
-LIMIT_S = 100  # a machine that does other things draws slowly
+
+AS_3_AND_4 = """
+import fcntl, os, sys
+far = [fcntl.fcntl(int(fd), fcntl.F_DUPFD, 100) for fd in sys.argv[1:3]]
+for fd, place in zip(far, (3, 4)):
+    os.dup2(fd, place)
+os.execv(sys.argv[3], sys.argv[3:])
+"""  # where Chromium looks for its pipes
 
 
-def told_by(page: Path, folder: Path, script: str):
-    """What the script returns in the page, and the lines on its console. Skips where there is no browser."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium here to look at the page with")
-    copy = folder / "probed.html"
-    copy.write_text(page.read_text(encoding="utf-8") + PROBE % script, encoding="utf-8")
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "--dump-dom", f"file://{copy}#detail=0.1"]
-        begun = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+class NoBrowser(Exception):
+    """No Chromium here, or one that does not answer in time."""
+
+
+class Browser:
+    """One page. told: lines of its console and its errors; requests: addresses that it asked for.
+
+    limit_s: an answer that takes longer is a `NoBrowser`; a computer that does other things draws slowly
+    """
+
+    def __init__(self, size: tuple[int, int] = (640, 480), limit_s: float = 60.0) -> None:
+        if CHROMIUM is None:
+            raise NoBrowser("no Chromium on this computer")
+        self.limit_s = limit_s
+        self.told: list[str] = []
+        self.requests: list[str] = []
+        self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        (its_in, self._out), (self._in, its_out) = os.pipe(), os.pipe()
+        window = f"--window-size={size[0]},{size[1]}"
+        command = [CHROMIUM, *FLAGS, window, f"--user-data-dir={self._profile.name}", "about:blank"]
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", AS_3_AND_4, str(its_in), str(its_out), *command],
+            pass_fds=(its_in, its_out),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
         )
+        os.close(its_in)
+        os.close(its_out)
+        self._rest, self._count, self._session = b"", 0, ""
         try:
-            out, err = begun.communicate(timeout=LIMIT_S)
-        except subprocess.TimeoutExpired:
-            os.killpg(begun.pid, 9)
-            begun.communicate()
-            pytest.skip(f"Chromium drew nothing in {LIMIT_S} s")
-    found = re.search(r'<pre id="told">(.*?)</pre>', out, re.DOTALL)
-    assert found, err[-2000:]
-    assert found.group(1), f"the page never became ready: {err[-2000:]}"
-    return json.loads(html.unescape(found.group(1))), re.findall(r"CONSOLE.*", err)
+            self._attach(size)
+        except BaseException:
+            self.close()
+            raise
+
+    def _attach(self, size: tuple[int, int]) -> None:
+        targets = self._ask("Target.getTargets")["targetInfos"]
+        page = next(t["targetId"] for t in targets if t["type"] == "page")
+        self._session = self._ask("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self._ask(f"{domain}.enable")
+        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+        self._ask("Emulation.setDeviceMetricsOverride", **metrics)
+
+    def __enter__(self) -> "Browser":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End it."""
+        os.killpg(self._process.pid, 9)
+        self._process.wait()
+        os.close(self._in)
+        os.close(self._out)
+        self._profile.cleanup()
+
+    def open(self, page: Path, place: str = "", ready: str = "globalThis.swath && swath.frames > 0") -> None:
+        """Open a file and wait until an expression in it is true."""
+        self._ask("Page.navigate", url=f"file://{page}#{place}")
+        end = time.monotonic() + self.limit_s
+        while not self.ask(f"Boolean({ready})"):
+            if time.monotonic() > end:
+                raise NoBrowser(f"the page was not ready in {self.limit_s:g} s: {self.told}")
+            time.sleep(0.05)
+
+    def ask(self, script: str) -> Any:
+        """The value of an expression, or of the promise that it is."""
+        found = self._ask("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in found:
+            raise AssertionError(found["exceptionDetails"])
+        return found["result"].get("value")
+
+    def picture(self) -> bytes:
+        """The page as PNG."""
+        import base64
+
+        return base64.b64decode(self._ask("Page.captureScreenshot", format="png")["data"])
+
+    def _ask(self, method: str, **params: Any) -> Any:
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": params}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._out, json.dumps(message).encode() + b"\0")
+        end = time.monotonic() + self.limit_s
+        while True:
+            reply = self._read(end)
+            if reply.get("id") == self._count:
+                if "error" in reply:
+                    raise AssertionError(f"{method}: {reply['error']}")
+                return reply["result"]
+            self._note(reply)
+
+    def _read(self, end: float) -> Any:
+        while b"\0" not in self._rest:
+            if not select.select([self._in], [], [], max(0.0, end - time.monotonic()))[0]:
+                raise NoBrowser(f"Chromium did not answer in {self.limit_s:g} s")
+            data = os.read(self._in, 1 << 20)
+            if not data:
+                raise NoBrowser("Chromium went away")
+            self._rest += data
+        head, _, self._rest = self._rest.partition(b"\0")
+        return json.loads(head)
+
+    def _note(self, message: Any) -> None:
+        method, params = message.get("method"), message.get("params", {})
+        if method == "Runtime.consoleAPICalled":
+            self.told.append(" ".join(str(a.get("value")) for a in params["args"]))
+        elif method == "Runtime.exceptionThrown":
+            self.told.append(str(params["exceptionDetails"]))
+        elif method == "Log.entryAdded":
+            self.told.append(params["entry"]["text"])
+        elif method == "Network.requestWillBeSent":
+            self.requests.append(params["request"]["url"])

@@ -2,13 +2,16 @@
 
 import base64
 import re
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.core.frames import Pose
 from swath.record.tracks import read_tracks
 from swath.replay.area import area_about
 from swath.replay.pack import packed, unpacked
@@ -16,7 +19,7 @@ from swath.replay.writer import ReplayWriter, view
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
-from tests.replay.browser import told_by
+from tests.replay.browser import Browser, NoBrowser
 
 SCENARIO = """
 format: swath scenario 2
@@ -165,50 +168,81 @@ def test_a_run_through_a_large_field_is_shown_as_far_as_fits():
     assert max(area.shape) * area.cells <= 4096
 
 
-CHECK = """
-const before = swath.frames, [left, right] = swath.header(0, 3), cut = (t) => {
-  const at = swath.header(0, t), m = [0, 1].map((k) => (at[0][k] + at[1][k]) / 2);
-  const d = [at[0][1] - at[1][1], at[1][0] - at[0][0]], n = Math.hypot(...d);
-  const place = (s) => [m[0] + s * d[0] / n, m[1] + s * d[1] / n];
-  return [swath.stems(...place(1.5), 1, t), swath.stems(...place(-1.5), 1, t)];
-};
-const slider = document.getElementById("time"), [ahead, behind] = cut(3);
-slider.value = 2;
-slider.dispatchEvent(new Event("input"));
-const moved = swath.time;
-dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
-const stepped = swath.time;
-const frames = (n) => new Promise((done) => {
-  const look = () => (swath.frames > n ? done() : setTimeout(look, 20)); look(); });
-await frames(before);
-return { moved, stepped, ahead, behind, left, right, drawn: swath.drawn,
-  clock: document.getElementById("clock").textContent,
-  charts: document.querySelectorAll("figure canvas").length };
-"""
+SOON = """new Promise((done) => {
+  const before = swath.frames, look = () => (swath.frames > before ? done(true) : setTimeout(look, 10));
+  swath.app.touch();
+  look();
+})"""
+STEMS = """(() => {
+  const [left, right] = swath.header(0, %g), d = [left[1] - right[1], right[0] - left[0]];
+  const n = Math.hypot(...d);
+  const place = (s) => [0, 1].map((k) => (left[k] + right[k]) / 2 + s * d[k] / n);
+  const [ahead, behind] = [1.5, -1.5].map((s) => swath.stems(...place(s), 1, %g));
+  return { left, right, ahead, behind };
+})()"""
 
 
-def test_in_a_browser_stems_are_cut_behind_the_header_and_stand_ahead(finished, tmp_path):
+@pytest.fixture(scope="module")
+def browser(finished):
+    try:
+        with Browser() as opened:
+            opened.open(finished[0] / "replay.html", "detail=0.1")
+            yield opened
+    except NoBrowser as error:
+        pytest.skip(str(error))
+
+
+def test_in_a_browser_stems_are_cut_behind_the_header_and_stand_ahead(finished, browser):
     out, world = finished
-    told, console = told_by(out / "replay.html", tmp_path, CHECK)
-    assert "error" not in told, told
-    assert console == []
-    assert told["moved"] == 2.0
-    assert told["stepped"] == pytest.approx(2.2)
-    assert told["clock"].startswith("2.2 s")
+    told = browser.ask(STEMS % (3, 3))
     assert told["ahead"]["cut"] == 0
     assert told["ahead"]["standing"] > 150
     assert told["behind"]["standing"] == 0
     assert told["behind"]["cut"] > 150
-    assert told["drawn"] > 0
-    assert told["charts"] >= 3
     values, tracks = data_of(out / "replay.html")[0], read_tracks(out / "tracks.parquet")
-    x, y, yaw = (np.interp(3.0, tracks["t_s"], tracks[name]) for name in ("x_m", "y_m", "yaw_rad"))
+    names = ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad")
+    x, y, z, *angles = (np.interp(3.0, tracks["t_s"], tracks[name]) for name in names)
+    pose = Pose.from_euler([x, y, z], *angles)
     for side in ("left", "right"):
-        forward, aside = world.leader.sheet.header_end(side)
-        place = [
-            x + np.cos(yaw) * forward - np.sin(yaw) * aside,
-            y + np.sin(yaw) * forward + np.cos(yaw) * aside,
-        ]
-        assert told[side][:2] == pytest.approx(
-            np.array(place) - values["origin"][:2], abs=0.01
-        )  # roll, pitch
+        place = pose.apply([*world.leader.sheet.header_end(side), 0.0]) - values["origin"]
+        assert told[side] == pytest.approx(place, abs=1e-3)
+
+
+def test_in_a_browser_the_slider_and_the_keys_move_the_time(browser):
+    slider = "document.getElementById('time')"
+    browser.ask(f"({slider}.value = 2, {slider}.dispatchEvent(new Event('input')))")
+    assert browser.ask("swath.time") == 2.0
+    browser.ask("dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight' }))")
+    assert browser.ask("swath.time") == pytest.approx(2.2)
+    browser.ask("dispatchEvent(new KeyboardEvent('keydown', { key: '4' }))")
+    assert browser.ask("swath.app.cameras.name") == "above"
+    browser.ask(SOON)
+    assert browser.ask("document.getElementById('clock').textContent").startswith("2.2 s")
+    assert browser.ask("document.querySelectorAll('figure canvas').length") >= 3
+
+
+def test_in_a_browser_crop_becomes_stubble_and_back_to_the_pixel(browser):
+    browser.ask("(swath.seek(1.6), swath.camera(3))")
+    browser.ask(SOON)
+    browser.ask("swath.camera(4)")  # free, from where one is
+    seen = []
+    for time in (1.6, 3.4, 1.6):
+        browser.ask(f"swath.seek({time})")
+        browser.ask(SOON)
+        seen.append(imread(BytesIO(browser.picture())))
+    assert (seen[0] == seen[2]).all()
+    left, right = browser.ask("swath.header(0, 1.6)")
+    d = np.array([left[1] - right[1], right[0] - left[0]]) / np.hypot(left[0] - right[0], left[1] - right[1])
+    x, y = 0.5 * (np.array(left) + right)[:2] + 1.2 * d
+    u, v = browser.ask(f"swath.project({x}, {y}, {left[2]})")
+    box = browser.ask("(({ left, top, width, height }) => [left, top, width, height])"
+                      "(document.getElementById('view').getBoundingClientRect())")  # fmt: skip
+    row, column = round(box[1] + v * box[3]), round(box[0] + u * box[2])
+    patch = [image[row - 4 : row + 5, column - 4 : column + 5, :3].mean(axis=(0, 1)) for image in seen[:2]]
+    vivid = [(p.max() - p.min()) / p.max() for p in patch]
+    assert vivid[0] - vivid[1] > 0.15  # gold, then straw-coloured stubble
+
+
+def test_in_a_browser_nothing_is_asked_for_and_nothing_complains(finished, browser):
+    assert browser.told == []
+    assert [r for r in browser.requests if not r.startswith(("file:", "data:", "about:"))] == []

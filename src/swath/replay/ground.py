@@ -14,7 +14,7 @@ from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_T
 from swath.replay.area import Area
 from swath.signals import F64
 
-FAR_STEP, FAR_REACH = 6.0, 150.0  # grid of the country around the area, and how far it goes [m]
+FAR_STEP, FAR_REACH = 3.0, 150.0  # grid of the country around the area, and how far it goes [m]
 LEAN_UNIT = 1.0 / 100.0  # of the lean of a tile's stand
 FLAGS = 16  # 16: mirrored in x, 32: mirrored in y, beside the number of a prototype
 
@@ -94,7 +94,7 @@ def far_ground(field: Field, area: Area) -> tuple[dict[str, Any], F64, NDArray[n
     (x0, y0), (ny, nx), tile = area.first, area.shape, area.tile
     begin = np.array([x0 * tile - FAR_REACH, y0 * tile - FAR_REACH])
     sides = np.array([nx, ny]) * tile + 2 * FAR_REACH
-    step = max(FAR_STEP, float(sides.max()) / 160.0)
+    step = max(FAR_STEP, float(sides.max()) / 180.0)
     u, v = (begin[k] + step * np.arange(int(np.ceil(sides[k] / step)) + 1) for k in (0, 1))
     heights = np.asarray(field.terrain.lattice(u, v, field.stand_yaw), dtype=float)
     x, y = field.maker.to_world(*np.meshgrid(u, v))

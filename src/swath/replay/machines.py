@@ -19,6 +19,7 @@ STATE = (
 )  # fmt: skip
 MOST_ROWS = 3000
 CUTTING_HEIGHT = 0.15  # where neither tracks nor scenario say one [m]
+LEAST_STUBBLE = 0.02  # a knife nearer to the ground slides over it [m]
 OPTICAL = "_optical"
 
 
@@ -52,7 +53,7 @@ def cutting_height(machine: Machine, columns: Columns) -> F64:
     count = len(columns["t_s"])
     if height is None:
         return np.full(count, set_height)
-    return np.where(np.isfinite(height), height, set_height)
+    return np.where(np.isfinite(height), np.maximum(height, LEAST_STUBBLE), set_height)
 
 
 def describe(machine: Machine) -> dict[str, Any]:

@@ -201,6 +201,12 @@ readData(element("data").textContent).then((data) => {
       const m = app.machines[k], at = times(m.pose(t), IDENTITY), [width, knife, middle] = m.header;
       return [1, -1].map((s) => applied(at, [knife, middle + s * width / 2, 0]));
     },
+    // Where a place in the scene is in the picture, 0 to 1 from the left and from the top.
+    project: (x, y, z) => {
+      const m = app.cameras.view(app.machine, app.time, app.canvas.width, app.canvas.height).camera;
+      const [u, v] = applied(m, [x, y, z]), w = m[3] * x + m[7] * y + m[11] * z + m[15];
+      return [0.5 + u / w / 2, 0.5 - v / w / 2];
+    },
     stems: (x, y, reach, t) => app.stand.countStems(x, y, reach, t),
   };
 }).catch((error) => say(`This page cannot be shown: ${error.message}`));

@@ -48,9 +48,9 @@ void main() {
   if (lift > 0.) {
     if (!stands) discard;
     float share = float(texelFetch(tilesA, clamp(ivec2(q / tile), ivec2(0), size - 1), 0).a) / 255.;
-    float keep = (1.06 - lift / canopy) * min(1., share * 1.6);
+    float keep = (1.06 - lift / canopy) * mix(.2, 1., min(1., share * 1.1));
     float speck = hash(floor(q * mix(70., 14., clamp(away / 45., 0., 1.))));
-    if (speck > mix(keep, min(1., keep + .5), clamp(away / 70., 0., 1.))) discard;
+    if (speck > mix(keep, min(1., keep + .5 * share), clamp(away / 70., 0., 1.))) discard;
     if (away < near * (.6 + .7 * hash(floor(q * 9.))) && lift > .45 * canopy) discard;
     rgb = mix(vec3(.50, .41, .19), vec3(.87, .69, .29), lift / canopy) * (.86 + .2 * speck + .08 * patches);
   } else if (stands) {
@@ -69,17 +69,17 @@ void main() {
 
 const FAR_VERTEX = `
 layout(location = 0) in vec3 place; layout(location = 1) in float code;
-uniform mat4 camera; uniform vec3 eye; uniform vec2 shift, turn, corner; uniform float tile, drop; uniform ivec2 size;
+uniform mat4 camera; uniform vec3 eye; uniform vec2 shift, turn, corner; uniform float lift;
 out vec2 q; out float away, standing;
 void main() {
   q = place.xy - corner;
-  vec3 p = vec3(shift + vec2(turn.x * q.x - turn.y * q.y, turn.y * q.x + turn.x * q.y), place.z - drop * code - .04);
-  away = distance(eye, p); standing = drop > 0. ? -1. : code;
+  vec3 p = vec3(shift + vec2(turn.x * q.x - turn.y * q.y, turn.y * q.x + turn.x * q.y), place.z + lift - .04);
+  away = distance(eye, p); standing = code;
   gl_Position = camera * vec4(p, 1.);
 }`;
 
 const FAR_FRAGMENT = `${FOG}
-uniform highp usampler2D shown; uniform ivec2 size; uniform float tile; in vec2 q; in float away, standing; out vec4 colour;
+uniform highp usampler2D shown; uniform ivec2 size; uniform float tile, lift; in vec2 q; in float away, standing; out vec4 colour;
 float hash(vec2 p) { vec3 a = fract(vec3(p.xyx) * .1031); a += dot(a, a.yzx + 33.33); return fract((a.x + a.y) * a.z); }
 bool inside(ivec2 t) {
   return t.x >= 0 && t.y >= 0 && t.x < size.x && t.y < size.y && texelFetch(shown, t, 0).r > 0u;
@@ -87,9 +87,10 @@ bool inside(ivec2 t) {
 void main() {
   ivec2 t = ivec2(floor(q / tile));
   if (inside(t) && inside(t + ivec2(1, 0)) && inside(t - ivec2(1, 0)) && inside(t + ivec2(0, 1)) && inside(t - ivec2(0, 1))) discard;
-  float speck = mix(hash(floor(q * 6.)), .5, clamp(away / 120., 0., 1.));
-  vec3 rgb = mix(vec3(.66, .59, .43), vec3(.76, .61, .27), smoothstep(.35, .65, standing)) * (.9 + .18 * speck);
-  if (standing < 0.) rgb = vec3(.60, .48, .21);
+  if (lift > 0. && standing < .5) discard;
+  float speck = mix(hash(floor(q * 16.)), .5, clamp(away / 90., 0., 1.));
+  vec3 rgb = lift > 0. ? vec3(.75, .595, .26) : standing < .5 ? vec3(.665, .595, .44) : vec3(.58, .46, .20);
+  rgb *= .92 + .16 * speck;
   colour = vec4(hazed(rgb, away), 1.);
 }`;
 
@@ -135,10 +136,10 @@ class Ground {
 
   makeFar() {
     const { gl, data } = this, { x, y, step, nx, ny, low, unit_m: unit } = data.far;
-    const rows = [], height = 0.85 * data.plants.height;
+    const rows = [];
     const vertex = (i, j) => {
       const code = data.far_codes[j * nx + i] === 255 ? 1 : 0;
-      rows.push(x + i * step, y + j * step, low + unit * data.far_heights[j * nx + i] + code * height, code);
+      rows.push(x + i * step, y + j * step, low + unit * data.far_heights[j * nx + i], code);
     };
     for (let j = 0; j + 1 < ny; j++) {
       for (let i = 0; i + 1 < nx; i++) {
@@ -167,8 +168,8 @@ class Ground {
   draw(view) {
     const { gl, data } = this, canopy = 0.93 * data.plants.height;
     gl.bindVertexArray(this.farObject);
-    for (const drop of [0, 0.85 * data.plants.height]) {  // the crop's top and the soil under it
-      this.bind(this.farProgram, { ...view, corner: this.corner, drop });
+    for (const lift of [0, 0.85 * data.plants.height]) {  // the soil, and the crop's top
+      this.bind(this.farProgram, { ...view, corner: this.corner, lift });
       gl.drawArrays(gl.TRIANGLES, 0, this.farCount);
     }
     gl.bindVertexArray(this.empty);

@@ -151,7 +151,7 @@ function headerBody(shape, about, pivot, paint) {
   const [width, knife, middle, high, deep] = about.header, left = middle + width / 2, right = middle - width / 2;
   const back = knife - deep, low = 0.12, red = paint.header;
   shape.prism([[back, low], [back + 0.12, low], [back + 0.08, 0.15 + high], [back - 0.05, 0.15 + high]], right, left, red);
-  shape.prism([[back, low], [knife, low - 0.02], [knife, low + 0.03], [back, low + 0.12]], right, left, paint.dark);
+  shape.prism([[back, low], [knife, low - 0.02], [knife, low + 0.03], [back, low + 0.12]], right, left, red.map((c) => 0.7 * c));
   shape.box(knife - 0.02, knife + 0.05, right, left, low - 0.01, low + 0.04, STEEL);  // knife
   for (const [y, s] of [[left, 1], [right, -1]]) {
     const y0 = s > 0 ? y - 0.02 : y - 0.06, y1 = y0 + 0.08;

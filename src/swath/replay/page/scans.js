@@ -101,7 +101,7 @@ class Edges {
       seen.push(...lineRows(this.detected(machine, t), 0.09));
       exact.push(...lineRows(this.truth(machine, t), 0.22));
     });
-    const each = [[before, INK, 1.5, 0.75, 0.12], [seen, ORANGE, 2.5, 1, 0.55], [exact, GREEN, 5, 1, 0.7]];
+    const each = [[before, INK, 1.5, 0.75, 0.12], [seen, ORANGE, 3, 1, 0.7], [exact, GREEN, 5, 1, 0.7]];
     for (const [rows, paint, dots, strong, weak] of each) {
       if (!rows.length) continue;
       flat.use(view, [...paint, strong], dots);
