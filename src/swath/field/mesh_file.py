@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.portable import product
 from swath.core.units import CM, MM
 
 Array = NDArray[np.float64]
@@ -83,7 +84,7 @@ def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
         faces = np.asarray(getattr(geometry, "faces", np.zeros((0, 3))))
         if not len(faces):
             continue
-        points = np.asarray(geometry.vertices, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
+        points = product(np.asarray(geometry.vertices, dtype=float), matrix[:3, :3].T) + matrix[:3, 3]
         material = getattr(getattr(geometry.visual, "material", None), "name", None)
         names = tuple(dict.fromkeys(str(n) for n in (material, name, node) if n))
         found.setdefault(names, []).append(points[faces])

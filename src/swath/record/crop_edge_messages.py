@@ -1,6 +1,7 @@
 """A detected crop edge as ROS 2 messages: its numbers, and a line to look at."""
 
 from collections.abc import Iterator
+from math import tan
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def _marker(source: Source, edge: CropEdge) -> Any:
         heading = edge.heading if np.isfinite(edge.heading) else 0.0
         curvature = edge.curvature if np.isfinite(edge.curvature) else 0.0
         for ahead in np.linspace(-BEHIND, AHEAD, 11):
-            y = edge.offset + np.tan(heading) * ahead + 0.5 * curvature * ahead**2
+            y = edge.offset + tan(heading) * ahead + 0.5 * curvature * ahead**2
             line.append(make.point(edge.reference_x + ahead, y, ABOVE))
     return make(
         "visualization_msgs/msg/Marker",

@@ -93,8 +93,8 @@ def fill_gaps(values: Array) -> Array:
         padded = np.pad(values, 1, constant_values=np.nan)
         ny, nx = values.shape
         around = [padded[j : j + ny, i : i + nx] for j in range(3) for i in range(3)]
-        known = sum(np.isfinite(a).astype(float) for a in around)
-        total = sum(np.nan_to_num(a) for a in around)
+        known = np.isfinite(around).sum(axis=0).astype(float)
+        total = np.nan_to_num(around).sum(axis=0)
         fill = np.isnan(values) & (known > 0.0)
         values[fill] = (total / np.maximum(known, 1.0))[fill]
     return values

@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ class EdgeDetection:
         middle = y[k] - depth[k] * (y[k + 1] - y[k]) / (depth[k + 1] - depth[k])
         cut_end, crop_end = middle + self.side * HALF_M, middle - self.side * HALF_M
         ends = pose.apply([[reference_x, cut_end, 0.0], [reference_x, crop_end, 0.0]])[:, :2]
-        length = float(np.linalg.norm(ends[1] - ends[0]))
+        length = hypot(*(ends[1] - ends[0]))
         along = self.setup.field.edge_offset(ends[0], ends[1]) / length
         return float(cut_end + along * (crop_end - cut_end))
 
