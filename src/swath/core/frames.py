@@ -61,13 +61,13 @@ class Pose:
     def quaternion(self) -> tuple[float, float, float, float]:
         """(x, y, z, w), the order of ROS messages."""
         roll, pitch, yaw = (0.5 * a for a in self.euler())
-        cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-        cy, sy = np.cos(yaw), np.sin(yaw)
+        cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
+        cy, sy = cos(yaw), sin(yaw)
         return (
-            float(sr * cp * cy - cr * sp * sy),
-            float(cr * sp * cy + sr * cp * sy),
-            float(cr * cp * sy - sr * sp * cy),
-            float(cr * cp * cy + sr * sp * sy),
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
         )
 
 
