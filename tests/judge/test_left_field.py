@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
+from swath.field.track import EdgeShape, polyline
 from swath.signals import CropFlow, MachineState
 from tests.evaluated import evaluation_of
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, machine
@@ -91,3 +92,16 @@ def test_the_end_of_the_edge_is_an_event_and_what_lies_beyond_is_not_judged():
     m = evaluation.metrics("combine")
     assert m["lateral_p95_m"] == pytest.approx(0.1, abs=1e-6)
     assert evaluation.notes() == ["combine: passed the end of its edge at 30.2 m"]
+
+
+def test_straight_past_the_corner_of_a_closed_edge_is_off_it():
+    """A block of 40 m, driven along its last side and on: off the edge, off the field, and no use."""
+    corners = [[80.0, -10.0], [80.0, -20.0], [40.0, -20.0], [40.0, -10.0], [80.0, -10.0]]
+    path = [(x, y - 10.0) for x, y in straight(42.0, 98.0)]
+    evaluation = driven(path, EdgeShape(polyline(corners), "right"))
+    (left,) = evaluation.events("combine")
+    assert left.text == "left the field, more than 2 m beside its edge"
+    assert left.x == pytest.approx(82.0, abs=0.3)
+    m = evaluation.metrics("combine")
+    assert m["lateral_p95_m"] > 10.0
+    assert m["header_use"] == pytest.approx(28.0 / 46.0, abs=0.02)

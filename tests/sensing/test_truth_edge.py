@@ -85,7 +85,7 @@ def test_a_heading_error_is_no_bend():
 
 
 def test_it_looks_no_farther_than_a_break():
-    """A gap 2 m deep begins 4 m ahead of the knife: before it the edge is right, nearer than the reference."""
+    """A gap 2 m deep begins 4 m ahead of the knife: the edge is reported before it, and right."""
     field = made_field(edge=StraightEdge(gaps=(GapParams(start_m=30.0, end_m=40.0, depth_m=2.0),)))
     shape = field.first_edge
     pose = beside(shape, 26.0, "left", off=0.1)

@@ -1,7 +1,8 @@
 """Edge level `truth`: the crop edge straight from the field. For isolating steering from perception.
 
 The edge is followed forwards from the first place ahead of the header end where there is one, along lines
-across the machine ROW_M apart, as far as it goes on without a break. It is reported at the reference distance, or nearer where it bends away or breaks.
+across the machine ROW_M apart, as far as it goes on without a break. It is reported at the reference distance,
+or nearer where it bends away or breaks.
 """
 
 from dataclasses import dataclass
@@ -102,7 +103,7 @@ class TruthEdge(KeepsState):
         return self._x[first : first + len(found)], np.array(found)
 
     def _nearest(self, y: F64, found: list[float]) -> float | None:
-        """Of the places on a line that one where the edge so far goes on; its start is beside the header end."""
+        """The place on a line where the edge so far goes on; its start is beside the header end."""
         gate, expected = self._p.reach_m, self._end_y
         if found:
             gate, expected = STEEP * ROW_M, found[-1]
