@@ -13,14 +13,18 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
+from swath.core.whole_file import write_whole
+from swath.documents.packed import readable
 from swath.record.formats import TRACKS, check_format
 from swath.record.messages import RecordedMachine
 from swath.signals import MachineState, Signal
 
 Latest = Mapping[type[Signal], Any]  # newest sample of each type
 NAN = float("nan")
+MOST_VALUES, VALUES_PER_BYTE = 20_000_000, 25  # that a file may hold: columns that do not change pack well
 
 
 @dataclass(frozen=True)
@@ -145,18 +149,23 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         fields.append(pa.field(name, pa.float64(), metadata=note))
         data.append(pa.array(np.concatenate(filled)))
     about = {"format": TRACKS, "units": json.dumps({n: c.unit for n, c in columns.items()})}
-    part = path.with_suffix(".parquet.part")
-    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), part, compression="zstd")
-    part.replace(path)
+    made = pa.BufferOutputStream()
+    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), made, compression="zstd")
+    write_whole(path, made.getvalue().to_pybytes())
 
 
 def read_tracks(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for a newer format."""
+    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file."""
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path)
-    check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
-    return {name: table.column(name).to_numpy() for name in table.column_names}
+    with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path) as file:
+        about = file.metadata
+        if about.num_rows * about.num_columns > MOST_VALUES + VALUES_PER_BYTE * path.stat().st_size:
+            size = f"{about.num_rows} x {about.num_columns}"
+            raise InputError("tracks", size, "expected fewer values in a file of its size", file=path)
+        table = file.read()
+        check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
+        return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def column_names() -> list[str]:
