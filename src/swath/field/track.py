@@ -1,7 +1,8 @@
 """Geometry of the crop edge: a track of straight lines and arcs with crop on one side.
 
 Beyond its two ends the track goes straight on for ever, so that it parts the world; one that ends where it
-starts is closed and has an inside and an outside. s [m] runs along the track from its start; offsets are > 0 on the crop side in `signed_distance` and > 0 to the left in `project`.
+starts is closed and has an inside and an outside. s [m] runs along the track from its start; offsets are > 0
+on the crop side in `signed_distance` and > 0 to the left in `project`.
 """
 
 from collections.abc import Sequence

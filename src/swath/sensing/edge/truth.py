@@ -1,8 +1,8 @@
 """Edge level `truth`: the crop edge straight from the field. For isolating steering from perception.
 
 The edge is followed forwards from the first place ahead of the header end where there is one, along lines
-across the machine ROW_M apart, as far as it goes on without a break. It is reported at the reference distance,
-or nearer where it bends away or breaks.
+across the machine ROW_M apart, as far as it goes on without a break. It is reported at the reference
+distance, or nearer where it bends away or breaks.
 """
 
 from dataclasses import dataclass
