@@ -27,8 +27,8 @@ class Rollover:
     """Event `rollover`: the machine is tilted by more than 20 degrees, against the vertical and against the
     ground under it.
 
-    Only the motion level `multibody` can do that: others keep the machine on the ground. What lies on its side
-    would slide, dig in and break; no level says how, so that the run ends there, and fails.
+    Only the motion level `multibody` can do that: others keep the machine on the ground. What lies on its
+    side would slide, dig in and break; no level says how, so that the run ends there, and fails.
     """
 
     OF_FIELD = False
