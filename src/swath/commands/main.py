@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, report, run, scenarios, schema, sheets
+from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
@@ -31,6 +31,7 @@ from swath.tools.scan import command as scan
 COMMANDS = (
     run,
     report,
+    view,
     scenarios,
     levels,
     metrics,

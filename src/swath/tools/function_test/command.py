@@ -114,14 +114,17 @@ def _report(args: argparse.Namespace) -> int:
 
 
 def _again(args: argparse.Namespace) -> int:
-    from swath.api import run
+    from swath.replay.writer import ReplayWriter
+    from swath.report.report import ReportWriter
+    from swath.runtime.job import run_job
     from swath.tools.function_test.one_run import scenario_of
     from swath.tools.function_test.session import open_session
 
     session = open_session(args.folder)
     planned, result = session.run_of(args.name)
     out = args.out or args.folder / "kept" / planned.id
-    done = run(scenario_of(planned), out, progress=True)
+    hooks = [ReportWriter(), ReplayWriter()]
+    done = run_job(scenario_of(planned), out, progress=True, hooks=hooks)
     same = result is not None and result["digest"] == done.summary["digest"]
     print(f"{done.folder}: {'the same digest as in the test' if same else 'another digest than in the test'}")
     return 0 if same else 1
