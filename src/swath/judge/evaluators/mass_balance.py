@@ -11,6 +11,7 @@ class MassBalance:
     """Recounts the field and compares with what all its machines account for."""
 
     OF_FIELD = True
+    SIGNALS = (CropFlow, MachineLoad)
     METRICS = (
         Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
                "losses and on the ground| / left the field", "Harvest", "lower", decimals=-1,
@@ -54,7 +55,7 @@ class MassBalance:
         grain, straw = self._in_transit.get(name, (0.0, 0.0))
         grain += self._shed.get(name, 0.0)
         if (load := self._loads.get(name)) is not None:
-            grain += load.tank_grain - load.unloaded_grain + load.lost_grain + load.held_grain
+            grain += load.tank_grain - load.tank_start + load.lost_grain + load.held_grain
             straw += load.dropped_straw + load.held_straw
         return grain, straw
 
