@@ -309,4 +309,4 @@ class TestRunFolder:
         folder = self.finished(tmp_path / "run")
         (folder / "notes.txt").write_text("mine")
         clear_run_folder(folder)
-        assert [f.name for f in folder.iterdir()] == ["notes.txt"]
+        assert {f.name for f in folder.iterdir()} == {"notes.txt", "scenario.yaml"}

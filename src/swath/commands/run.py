@@ -67,9 +67,9 @@ def run(args: argparse.Namespace) -> int:
             )
     except InputError as error:
         raise scenario.locate(error) from error
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         kept = f"; what was recorded is in {out}" if (out / "summary.json").is_file() else ""
-        raise KeyboardInterrupt(f"stopped{kept}") from None
+        raise type(error)(f"stopped{kept}") from None
     if args.quiet:
         print(out)
     else:
@@ -109,4 +109,4 @@ def _bridge(args: argparse.Namespace) -> Iterator[Any]:
 
 
 _DESCRIPTION = """Run a scenario. Exit code: 0 all limits pass, 1 a limit fails, 2 bad input,
-130 stopped by Ctrl-C (the folder then holds what was recorded, marked incomplete)."""
+130 stopped by Ctrl-C and 143 by SIGTERM (the folder then holds what was recorded, marked incomplete)."""

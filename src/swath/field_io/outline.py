@@ -1,7 +1,6 @@
 """The outline of a field: from a file, or the ground its passes covered."""
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.documents.packed import open_archive, readable
 from swath.field.projection import known_crs, transform
 from swath.field_io.clean import Cleaned
 from swath.field_io.table import shapefile_parts
-from swath.field_io.taskfiles import readable
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
@@ -110,7 +109,7 @@ def _from_shp(path: Path) -> tuple[list[Any], str]:
 
 
 def _from_zip(path: Path) -> tuple[list[Any], str]:
-    with zipfile.ZipFile(path) as archive:
+    with open_archive(path, "boundary") as archive:
         parts = shapefile_parts(archive, path, "boundary")
         shp, prj = parts["shp"], parts.get("prj")
         with archive.open(shp) as stream:

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.judge.evaluation import FIELD, Evaluation, incident
+from swath.core.whole_file import write_whole
+from swath.judge.evaluation import Evaluation, incident
+from swath.judge.windows import FIELD
 from swath.rays.device import ray_device
 from swath.signals import F64
 
@@ -99,8 +101,4 @@ def versions() -> dict[str, str]:
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> Path:
     """Write `summary.json` into the run folder in one go and return its path."""
-    path = folder / "summary.json"
-    part = path.with_suffix(".json.part")
-    part.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    part.replace(path)
-    return path
+    return write_whole(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")

@@ -6,6 +6,7 @@ The container is written by the `mcap` package; `message_factory.py` makes the m
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from swath.core.whole_file import open_to_write
 from swath.record.message_factory import MessageFactory
 
 CHUNK_BYTES = 256 * 1024
@@ -42,7 +43,7 @@ class McapFile:
         self.make = MessageFactory()
         self.store = self.make.store
         self.path = path
-        self._stream = path.open("wb")
+        self._stream = open_to_write(path)
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library="swath")
         self._schemas: dict[str, int] = {}
@@ -88,9 +89,11 @@ class McapFile:
         After an interruption within a message the file ends with its last whole chunk, without an index.
         """
         if not self._stream.closed:
-            if not self._is_torn:
-                self._writer.finish()
-            self._stream.close()
+            try:
+                if not self._is_torn:
+                    self._writer.finish()
+            finally:
+                self._stream.close()
 
     def _declare(self, topic: str, msgtype: str, is_latched: bool) -> None:
         if msgtype not in self._schemas:

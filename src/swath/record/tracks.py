@@ -15,6 +15,7 @@ import numpy as np
 
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
+from swath.core.whole_file import write_whole
 from swath.record.formats import TRACKS, check_format
 from swath.record.messages import RecordedMachine
 from swath.signals import MachineState, Signal
@@ -139,9 +140,9 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         fields.append(pa.field(name, pa.float64(), metadata=note))
         data.append(pa.array(np.concatenate(filled)))
     about = {"format": TRACKS, "units": json.dumps({n: c.unit for n, c in columns.items()})}
-    part = path.with_suffix(".parquet.part")
-    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), part, compression="zstd")
-    part.replace(path)
+    made = pa.BufferOutputStream()
+    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), made, compression="zstd")
+    write_whole(path, made.getvalue().to_pybytes())
 
 
 def read_tracks(path: Path) -> dict[str, np.ndarray]:

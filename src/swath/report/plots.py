@@ -146,12 +146,13 @@ def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, name
             ax.text(*outline.mean(axis=0), track.name, ha="center", va="center", fontsize=8, zorder=8)
 
 
-def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.float64]:
+def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
+    """An image of one colour that covers as much as the share [0, 1] says, (h, w, 4)."""
     from matplotlib.colors import to_rgb
 
-    rgba = np.zeros((*share.shape, 4))
-    rgba[..., :3] = to_rgb(colour)
-    rgba[..., 3] = alpha * share
+    rgba = np.empty((*share.shape, 4), np.uint8)
+    rgba[..., :3] = np.rint(255.0 * np.array(to_rgb(colour)))
+    rgba[..., 3] = np.rint(255.0 * alpha * share)
     return rgba
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,10 @@ from typing import Any
 from swath import __version__
 from swath.core.abilities import ReadsFiles
 from swath.core.errors import InputError
-from swath.core.graph import EndOfRun, Observer
+from swath.core.graph import Observer
 from swath.core.schedule import NS
+from swath.core.stopping import stoppable, unstopped
+from swath.core.whole_file import write_whole
 from swath.judge.limits import is_failed
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
@@ -19,7 +21,7 @@ from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
 from swath.runtime.changes import Interventions, Restart, Script
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.folder import clear_run_folder
+from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.loop import Progress, drive
 from swath.runtime.pacing import Pacer, make_pacer, paced
@@ -56,14 +58,15 @@ def run_job(
     events: changes on the way, as an earlier run's summary.json has them; hooks: go along, in this order
     begun: called once the world is assembled, before the first tick
 
-    The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C and
-    crashes leave a valid folder marked incomplete; the exception goes on.
+    The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C, SIGTERM
+    and crashes leave a valid folder marked incomplete; the exception goes on.
     """
-    while True:
-        try:
-            return _run_once(scenario, out, progress, events, hooks, begun)
-        except Restart:
-            begun = None
+    with stoppable():
+        while True:
+            try:
+                return _run_once(scenario, out, progress, events, hooks, begun)
+            except Restart:
+                begun = None
 
 
 def _run_once(
@@ -75,26 +78,33 @@ def _run_once(
     begun: Callable[[], None] | None,
 ) -> JobResult:
     world = assemble(scenario)
-    _spare_what_is_read(world, out)
-    pacer = make_pacer(world)
-    out.mkdir(parents=True, exist_ok=True)
-    clear_run_folder(out)
-    (out / "scenario.yaml").write_text(scenario.resolved(), encoding="utf-8")
-    running = _Running(world, out, pacer, hooks)
-    if begun is not None:
-        begun()
-    started = time.perf_counter()
     try:
-        with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, pacer):
+        _spare_what_is_read(world, out)
+        pacer = make_pacer(world)
+        with occupied(out, scenario.name):
+            write_whole(out / "scenario.yaml", scenario.resolved())
+            running = _Running(world, out, pacer, hooks)
+            if begun is not None:
+                begun()
+            summary = _drive(running, progress, events)
+    finally:
+        world.close()
+    return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
+
+
+def _drive(running: "_Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Drive to the end and finish; returns the summary."""
+    world, started = running.world, time.perf_counter()
+    try:
+        with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, running.pacer):
             running.begin(events)
             drive(world, running.observers, progress=show)
     except BaseException:
-        running.finish(time.perf_counter() - started, incomplete=True)
+        with suppress(OSError):  # on a full disk the first error says what matters
+            running.finish(time.perf_counter() - started, incomplete=True)
         raise
-    finally:
-        world.close()
-    summary = running.finish(time.perf_counter() - started, incomplete=False)
-    return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
+    world.close()
+    return running.finish(time.perf_counter() - started, incomplete=False)
 
 
 def _machines(world: World) -> str:
@@ -133,7 +143,6 @@ class _Running:
             scenario=world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
-        world.graph.before_tick.append(self._end)
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
@@ -146,15 +155,21 @@ class _Running:
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events))
 
-    def _end(self, t: int) -> None:
-        """Before the tick at t [ns]: an evaluator that wants the run to end ends it."""
-        if reason := self.evaluation.end_reason(t):
-            raise EndOfRun(reason)
-
     def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
-        """Judge, write summary.json, let the hooks finish; returns the summary."""
+        """Judge, write summary.json, let the hooks finish; returns the summary.
+
+        A stop waits until the summary is written.
+        """
+        with unstopped():
+            self.recorder.close()
+            summary = self._summary(wall_s, incomplete)
+            write_summary(self.out, summary)
+        for hook in self.hooks:
+            hook.finish(summary)
+        return summary
+
+    def _summary(self, wall_s: float, incomplete: bool) -> dict[str, Any]:
         world, scenario = self.world, self.world.scenario
-        self.recorder.close()
         summary = make_summary(
             {
                 "name": scenario.name,
@@ -185,9 +200,6 @@ class _Running:
             summary["events"] = self.changes.events
         for hook in self.hooks:
             summary |= hook.summarize(world.graph.t)
-        write_summary(self.out, summary)
-        for hook in self.hooks:
-            hook.finish(summary)
         return summary
 
 

@@ -42,6 +42,7 @@ class EdgeDetection:
     """
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropEdge)
     COLUMNS = ("edge_true_m",)
     METRICS = (
         Metric("edge_rmse_m", "m", "detected against true edge, root mean square", GROUP,

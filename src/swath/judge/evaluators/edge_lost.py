@@ -20,6 +20,7 @@ class EdgeLost:
     """
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropEdge, SteerCommand)
     METRICS: tuple[Metric, ...] = ()
     EVENTS = ("edge_lost",)
 

@@ -19,6 +19,7 @@ class Harvest:
     """Area and grain cut, use of the header's width, crop left uncut."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropFlow)
     METRICS = (
         Metric("header_use", "1", "cut width / header width, mean over time after settling", GROUP,
                "higher", "", "%", 1),

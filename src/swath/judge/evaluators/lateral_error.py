@@ -31,6 +31,7 @@ class LateralError:
     """Lateral error of the header end against the initial edge, after settling."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropFlow)
     COLUMNS = ("lateral_error_m",)
     METRICS = (
         Metric("lateral_rms_m", "m", "lateral error of the header end after settling, root mean square",

@@ -11,6 +11,7 @@ class MassBalance:
     """Recounts the field and compares with what all its machines account for."""
 
     OF_FIELD = True
+    SIGNALS = (CropFlow, MachineLoad)
     METRICS = (
         Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
                "losses and on the ground| / left the field", "Harvest", "lower", decimals=-1,
