@@ -1,7 +1,7 @@
 """Packed files, unpacked no further than a file of their size can honestly hold."""
 
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -53,16 +53,12 @@ def open_archive(path: Path, key: str) -> Iterator[zipfile.ZipFile]:
         yield archive
 
 
-def read_arrays(
-    path: Path, key: str, what: str, make: Callable[[Mapping[str, NDArray[Any]]], Any] = dict
-) -> Any:
-    """What `make` makes of the arrays of a .npz.
-
-    Raises InputError with this key, `expected what: why`, for a file that is none or holds too much, and for
-    whatever `make` raises.
-    """
-    with readable(key, what, path):
-        with open_archive(path, key):
-            pass
+def read_arrays(path: Path, key: str, what: str) -> dict[str, NDArray[Any]]:
+    """The arrays of a .npz. InputError with this key, `expected what: why`, for a file that is none."""
+    with readable(key, what, path), open_archive(path, key):
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            return make({name: data[name] for name in data.files})
+            found = {name: data[name] for name in data.files}
+        strange = [name for name, array in found.items() if not isinstance(array, np.ndarray)]
+        if strange:
+            raise ValueError(f"{strange[0]!r} is no array")
+        return found
