@@ -14,6 +14,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import only_code
+from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.folder import choose_run_folder
 from swath.runtime.job import JobResult, run_job
@@ -50,7 +51,8 @@ def run(
     """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
 
     out: default: a new folder in `runs`; sets, seed, code: as in `load_scenario`; report: write report.html
-    progress: a bar on a terminal. Raises InputError; a limit that fails raises nothing, see `exit_code`.
+    and replay.html; progress: a bar on a terminal
+    Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
     with nullcontext() if code else only_code(()):
         if not isinstance(scenario, Scenario):
@@ -58,8 +60,9 @@ def run(
         elif sets or seed is not None:
             expected = "expected with a name or a file; give them to load_scenario instead"
             raise InputError("sets", None, expected)
+        hooks = [ReportWriter(), ReplayWriter()] if report else []
         folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
         try:
-            return run_job(scenario, folder, progress=progress, hooks=[ReportWriter()] if report else [])
+            return run_job(scenario, folder, progress=progress, hooks=hooks)
         except InputError as error:
             raise scenario.locate(error) from error

@@ -9,8 +9,8 @@ from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, report, run, scenarios, schema, sheets
-from swath.core.errors import SwathError
+from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
+from swath.core.errors import SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
@@ -22,6 +22,7 @@ from swath.link.ros2 import command as ros2
 from swath.link.ros2.middleware import networked
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
@@ -31,6 +32,7 @@ from swath.tools.scan import command as scan
 COMMANDS = (
     run,
     report,
+    view,
     scenarios,
     levels,
     metrics,
@@ -38,6 +40,7 @@ COMMANDS = (
     field,
     lab,
     height_map,
+    function_test,
     rerun,
     calibrate,
     compare,
@@ -122,8 +125,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             file, line = place
             what = f"{file}:{line}: {type(error).__name__}: {error}"
             return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the traceback)", BAD_INPUT)
+        said = shortened(" ".join(str(error).split()), 100)
         return _say(
-            f"{type(error).__name__}: {error}. This is a mistake in swath, not in your input. Please run it "
+            f"{type(error).__name__}: {said}. This is a mistake in swath, not in your input. Please run it "
             "again with SWATH_DEBUG=1 and report what it prints, with the scenario",
             INTERNAL,
         )
@@ -168,7 +172,7 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
 
 
 def _say(text: str, code: int) -> int:
-    print("swath: " + " ".join(text.split()), file=sys.stderr)
+    print("swath: " + shortened(" ".join(text.split())), file=sys.stderr)
     return code
 
 

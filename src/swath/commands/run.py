@@ -40,6 +40,7 @@ def add(parsers: Any) -> None:
         help="file.py:Class or FMU that may be set while it runs; may be given several times",
     )
     parser.add_argument("--no-defaults", action="store_true", help="do not print the default values in use")
+    parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -55,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
         )
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
+    from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
@@ -71,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
                 out,
                 progress=not args.quiet,
                 events=events,
-                hooks=[*bridges, ReportWriter()],
+                hooks=[*bridges, ReportWriter(), *([] if args.no_replay else [ReplayWriter()])],
                 begun=begun,
                 allow=args.allow,
             )

@@ -22,6 +22,7 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import file_of, only_code
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.documents.json_file import read_json
 from swath.field.memory_layout import Solids
 from swath.field.solids import make_obstacles, merge, named_obstacles
 from swath.runtime.assembly import exchange, make_part
@@ -152,11 +153,7 @@ class Script:
 def read_events(source: Path) -> list[dict[str, Any]]:
     """The events of a run folder, or of a JSON file that is a list of them. InputError."""
     file = source / "summary.json" if source.is_dir() else source
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        expected = "expected a run folder, or a JSON file of events"
-        raise InputError("--events", str(source), expected) from error
+    data = read_json(file, "--events", "a run folder, or a JSON file of events")
     found = data.get("events", []) if isinstance(data, dict) else data
     is_list = isinstance(found, list) and all(isinstance(e, dict) for e in found)
     if not is_list or any({"t_s", "set", "value"} - set(e) for e in found):

@@ -10,7 +10,7 @@ from typing import Any
 from swath import __version__
 from swath.core.abilities import ReadsFiles
 from swath.core.errors import InputError
-from swath.core.graph import EndOfRun, Observer
+from swath.core.graph import Observer
 from swath.core.schedule import NS
 from swath.core.stopping import stoppable, unstopped
 from swath.core.whole_file import write_whole
@@ -23,7 +23,7 @@ from swath.runtime.changes import Interventions, Restart, Script
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
-from swath.runtime.loop import Progress, drive
+from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
@@ -153,7 +153,6 @@ class _Running:
             scenario=world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
-        world.graph.before_tick.append(self._end)
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
@@ -165,11 +164,6 @@ class _Running:
             hook.begin(run)
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events))
-
-    def _end(self, t: int) -> None:
-        """Before the tick at t [ns]: an evaluator that wants the run to end ends it."""
-        if reason := self.evaluation.end_reason(t):
-            raise EndOfRun(reason)
 
     def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
         """Judge, write summary.json, let the hooks finish; returns the summary.
@@ -205,6 +199,11 @@ class _Running:
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
         notes = [note for machine in world.machines.values() for note in machine.notes]
+        notes += self.evaluation.notes()
+        if not incomplete and not world.graph.ended and not has_arrived(world):
+            run, driven = scenario.run, driven_m(world)
+            what = f"the run ended at max_duration_s = {run.max_duration_s:g}"
+            notes.append(f"{what}, after {driven:.2f} of {run.distance_m:g} m")
         if world.graph.ended:
             notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
         if self.pacer is not None:
