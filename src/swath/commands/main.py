@@ -5,11 +5,13 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, report, run, scenarios, schema, sheets
+from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError, shortened
+from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
 from swath.field_io import command as field
@@ -19,6 +21,7 @@ from swath.link.osi import command as osi
 from swath.link.ros2 import command as ros2
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
@@ -28,6 +31,7 @@ from swath.tools.scan import command as scan
 COMMANDS = (
     run,
     report,
+    view,
     scenarios,
     levels,
     metrics,
@@ -35,6 +39,7 @@ COMMANDS = (
     field,
     lab,
     height_map,
+    function_test,
     rerun,
     calibrate,
     compare,
@@ -144,7 +149,8 @@ def _dispatch(argv: list[str]) -> int:
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
         raise UsageError(f"{argv[0]}: no such command, {hint}")
     args = parser.parse_args(argv)
-    code: int = args.run(args)
+    with only_code(()) if vars(args).get("no_code") else nullcontext():
+        code: int = args.run(args)
     return code
 
 

@@ -145,13 +145,18 @@ def _rasterio() -> Any:
 
 @contextmanager
 def open_geotiff(path: Path) -> Iterator[Any]:
-    """An open rasterio dataset. Raises InputError naming the file for whatever goes wrong with it."""
+    """An open rasterio dataset. Raises InputError naming the file for whatever goes wrong with it.
+
+    Only GDAL's driver of GeoTIFF looks at it, and no file beside it is read: others, such as VRT and WMS,
+    are texts that name further files and addresses, and GDAL goes by the content, not by the name.
+    """
     rasterio = _rasterio()
     if not path.is_file():
         raise InputError("raster", None, "expected a GeoTIFF, there is no such file", file=path)
     with readable("raster", "a readable GeoTIFF", path), warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-        with rasterio.open(path) as dataset:
+        alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR")
+        with alone, rasterio.open(path, driver="GTiff") as dataset:
             yield dataset
 
 

@@ -29,12 +29,17 @@ MOST_VALUES, VALUES_PER_BYTE = 20_000_000, 25  # that a file may hold: columns t
 
 @dataclass(frozen=True)
 class Column:
-    """A column. value: called with the newest sample of every type; unit as in the file; what it says."""
+    """A column; unit as in the file; what it says.
+
+    value: called for every row with the newest sample of every type
+    later: called with the columns of `value` when the table is read, gives the whole column, (row_count,)
+    """
 
     name: str
     unit: str
     meaning: str
-    value: Callable[[Latest], float]
+    value: Callable[[Latest], float] = lambda _: NAN
+    later: Callable[[Mapping[str, Any]], Any] | None = None
 
 
 def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
@@ -119,7 +124,8 @@ class Tracks:
         """Columns so far, shape (row_count,) each."""
         self._finish_row()
         table = np.array(self._rows, dtype=float).reshape(-1, len(self.columns))
-        return {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
+        found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
+        return found | {c.name: c.later(found) for c in self.columns if c.later is not None}
 
     def _finish_row(self) -> None:
         if self._is_open and MachineState in self._latest:

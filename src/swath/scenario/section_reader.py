@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import NamesCode, is_allowed, refusal
 from swath.core.registry import Level
 from swath.documents.data_sheets import find_sheet
 from swath.documents.hints import unknown_key
@@ -110,7 +111,12 @@ class SectionReader:
             if key not in known:
                 self.note((*path, key), None, unknown_key(key, [*known, "level", *also]))
         own = {k: v for k, v in data.items() if k in known}
-        return None if found.params is None else self.check(found.params, own, path)
+        params = None if found.params is None else self.check(found.params, own, path)
+        if isinstance(params, NamesCode):
+            for reference in params.foreign_code:
+                if not is_allowed(reference, self.folder):
+                    self.note(path, reference, refusal())
+        return params
 
     def _with_paths(self, data: Any, path: KeyPath) -> Any:
         """The data with the paths in it made absolute; notes what is not there."""
