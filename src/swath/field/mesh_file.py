@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.portable import product
 from swath.core.units import CM, MM
 from swath.documents.packed import readable
 
@@ -95,7 +96,7 @@ def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
         total += len(faces)
         if total > TRIANGLES_MAX:
             raise _bad(f"expected at most {TRIANGLES_MAX} triangles, it has more")
-        points = np.asarray(geometry.vertices, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
+        points = product(np.asarray(geometry.vertices, dtype=float), matrix[:3, :3].T) + matrix[:3, 3]
         material = getattr(getattr(geometry.visual, "material", None), "name", None)
         names = tuple(dict.fromkeys(str(n) for n in (material, name, node) if n))
         found.setdefault(names, []).append(points[faces])

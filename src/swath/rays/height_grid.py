@@ -11,6 +11,7 @@ levels hold how thick the crop above is, -log of the share of beams that get the
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import log
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ FORMAT = "swath replay 2"
 DEEP, EVEN = 12, 32
 LEVELS = DEEP + EVEN
 SHARES = (np.arange(EVEN) + 0.5) / EVEN  # of the heights that lie below the upper levels
-THICK = -float(np.log(SHARES[0]))  # thickness above the lowest of these
+THICK = -log(SHARES[0])  # thickness above the lowest of these
 PER_THICKNESS = 50.0  # of the numbers held of it
 THICKEST = 650.0
 TILE = 32  # cells along a tile
