@@ -135,9 +135,10 @@ def _check_accessors(path: Path) -> None:
     data = path.read_bytes()
     if data[:4] == b"glTF":
         data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
-    counts = [int(accessor["count"]) for accessor in json.loads(data).get("accessors", [])]
-    if sum(counts) > NUMBERS_MAX or min(counts, default=0) < 0:
-        raise _bad(f"expected at most {NUMBERS_MAX} corners and indices, it declares {sum(counts)}")
+    each_count = [int(accessor["count"]) for accessor in json.loads(data).get("accessors", [])]
+    total = sum(each_count)
+    if total > NUMBERS_MAX or min(each_count, default=0) < 0:
+        raise _bad(f"expected at most {NUMBERS_MAX} corners and indices, it declares {total}")
 
 
 def _own_materials(text: str) -> tuple[str, str]:
