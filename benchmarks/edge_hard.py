@@ -3,9 +3,9 @@
     python benchmarks/edge_hard.py [--levels max_likelihood likelihood_ratio] [--cases NAME ...]
 
 Prints a Markdown table, one line per case and level, as soon as a run is over. Lateral error of the header
-end against the edge before any bites, from 8 m on [cm]; `edge`: share of the edge samples with an edge, RMS of
-their error [cm]; `sure and wrong`: longest way with a confidence of 0.5 or more and an error above 0.3 m [m];
-`in 95 %`: share of the errors within 1.96 of the standard deviations that were told, "-" where none is.
+end against the edge before any bites, from 8 m on [cm]; `edge`: share of the edge samples with an edge, RMS
+of their error [cm]; `sure and wrong`: longest way with a confidence of 0.5 or more and an error above 0.3 m
+[m]; `in 95 %`: share of the errors within 1.96 of the standard deviations told, "-" where none is.
 """
 
 import argparse

@@ -24,7 +24,7 @@ def detector(side="left", **params):
 
 
 def drive(course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None):
-    """(edges, their errors [m], > 0 to the left) of a machine that drives straight on, or round its course."""
+    """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
     sign = 1.0 if side == "left" else -1.0
     course = course or Course(y=6.0 * sign)
     inside = inside or (lambda x, y: -sign * course.left_of(x, y))
