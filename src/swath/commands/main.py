@@ -5,11 +5,13 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, report, run, scenarios, schema, sheets
+from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError, shortened
+from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
 from swath.field_io import command as field
@@ -17,8 +19,10 @@ from swath.link.can import command as can
 from swath.link.fmi import command as fmu
 from swath.link.osi import command as osi
 from swath.link.ros2 import command as ros2
+from swath.link.ros2.middleware import networked
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
@@ -28,6 +32,7 @@ from swath.tools.scan import command as scan
 COMMANDS = (
     run,
     report,
+    view,
     scenarios,
     levels,
     metrics,
@@ -35,6 +40,7 @@ COMMANDS = (
     field,
     lab,
     height_map,
+    function_test,
     rerun,
     calibrate,
     compare,
@@ -144,7 +150,12 @@ def _dispatch(argv: list[str]) -> int:
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
         raise UsageError(f"{argv[0]}: no such command, {hint}")
     args = parser.parse_args(argv)
-    code: int = args.run(args)
+    with ExitStack() as held:
+        if vars(args).get("no_code"):
+            held.enter_context(only_code(()))
+        if vars(args).get("ros2_network"):
+            held.enter_context(networked())
+        code: int = args.run(args)
     return code
 
 

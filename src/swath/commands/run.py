@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_scenario_options, load
+from swath.terminal.options import add_ros2_network, add_scenario_options, load
 
 
 def add(parsers: Any) -> None:
@@ -24,6 +24,7 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
     )
+    add_ros2_network(parser)
     parser.add_argument("--paused", action="store_true", help="with --ros2: wait at the start for ~/pause")
     parser.add_argument(
         "--events",
@@ -31,7 +32,15 @@ def add(parsers: Any) -> None:
         metavar="RUN",
         help="repeat the changes made while an earlier run was driven (its folder)",
     )
+    parser.add_argument(
+        "--allow",
+        action="append",
+        default=[],
+        metavar="CODE",
+        help="file.py:Class or FMU that may be set while it runs; may be given several times",
+    )
     parser.add_argument("--no-defaults", action="store_true", help="do not print the default values in use")
+    parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -47,11 +56,15 @@ def run(args: argparse.Namespace) -> int:
         )
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
+    from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
+    from swath.scenario.code import code_of
 
     events = read_events(args.events) if args.events is not None else []
+    if not args.quiet and (code := code_of(scenario)):
+        print(f"code of the scenario, run with your rights: {', '.join(map(str, code))}", flush=True)
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario)
     try:
         with _bridge(args) as bridges:
@@ -60,8 +73,9 @@ def run(args: argparse.Namespace) -> int:
                 out,
                 progress=not args.quiet,
                 events=events,
-                hooks=[*bridges, ReportWriter()],
+                hooks=[*bridges, ReportWriter(), *([] if args.no_replay else [ReplayWriter()])],
                 begun=begun,
+                allow=args.allow,
             )
     except InputError as error:
         raise scenario.locate(error) from error

@@ -93,6 +93,8 @@ class Bodies:
         lower bound.
         """
         around = self._around(name)
+        if not around:
+            return float("inf"), ""
         found = nearest(self._in_world(name), joined(list(around.values())))
         if found is None:
             return float("inf"), ""

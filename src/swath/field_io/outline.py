@@ -1,6 +1,5 @@
 """The outline of a field: from a file, or the ground its passes covered."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.documents.json_file import read_json
 from swath.documents.packed import open_archive, readable
 from swath.field.projection import known_crs, transform
 from swath.field_io.clean import Cleaned
@@ -87,7 +87,7 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
 
 
 def _from_geojson(path: Path) -> tuple[list[Any], str]:
-    data = json.loads(path.read_text(encoding="utf-8-sig"))
+    data = read_json(path, "boundary", "GeoJSON or a polygon shapefile")
     if not isinstance(data, dict) or "type" not in data:
         raise InputError("boundary", None, "expected GeoJSON", file=path)
     name = (

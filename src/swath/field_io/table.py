@@ -22,6 +22,7 @@ from swath.field_io.isoxml import is_taskdata, read_taskdata
 
 Array = NDArray[np.float64]
 LONGEST_ROW = 1 << 16  # characters
+LONGEST_BLANK = 1 << 22  # characters between two rows: sheets are exported with blank ones at their end
 MOST_COLUMNS = 1000
 ROWS_AT_ONCE = 8192
 _EXPECTED = "expected a yield log (CSV or zipped shapefile)"
@@ -92,9 +93,9 @@ def read_table(path: Path) -> Table:
         with gzip.open(path) if is_packed else path.open("rb") as stream:
             start = stream.read(65536)
             stream.seek(0)
-            most = most_unpacked(path.stat().st_size) if is_packed else LARGEST_BYTES
+            packed = most_unpacked(path.stat().st_size) if is_packed else LARGEST_BYTES
             with io.TextIOWrapper(stream, "utf-8-sig", "replace", newline="") as text:
-                return _read_csv(start, _Lines(text, path, most), path)
+                return _read_csv(start, _Lines(text, path, min(packed, LARGEST_BYTES)), path)
 
 
 def _read_isoxml(path: Path) -> Table:
@@ -155,11 +156,17 @@ def _header(names: list[str], line: int, path: Path) -> list[str]:
 def _rows(lines: "_Lines", separator: str, path: Path) -> Iterator[tuple[int, list[str]]]:
     """Line and cells of each row that is not blank."""
     reader = csv.reader(lines, delimiter=separator)
+    blank = 0
     try:
         for row in reader:
+            blank += lines.since_row
             lines.since_row = 0
             if any(cell.strip() for cell in row):
+                blank = 0
                 yield reader.line_num, row
+            elif blank > LONGEST_BLANK:
+                expected = f"expected rows, here are {LONGEST_BLANK} characters without one"
+                raise InputError("log", None, expected, file=path, line=reader.line_num)
     except csv.Error as error:
         raise InputError("log", None, f"expected CSV: {error}", file=path, line=reader.line_num) from error
 
@@ -210,6 +217,8 @@ def _read_shapefile(path: Path) -> Table:
         for record in reader.iterRecords():
             for column, value in zip(columns.values(), record, strict=True):
                 column.append(value)
+        if any(len(column) != len(points) for column in columns.values()):
+            raise InputError("log", None, f"expected {len(points)} whole records in the .dbf", file=path)
     return Table(columns, np.arange(1, len(points) + 1), points, crs, {})
 
 

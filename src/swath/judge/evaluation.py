@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-from swath.core.abilities import EndsRun
+from swath.core.abilities import EndsRun, HasNotes
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import (
@@ -82,6 +82,11 @@ class Evaluation:
         """What happened so far to a machine, or in the field to any, in order of time."""
         mine = (e for j in self._noting for e in j.events() if concerns(e, subject))
         return sorted(mine, key=lambda e: (e.t, e.kind, e.machine))
+
+    def notes(self) -> list[str]:
+        """What the evaluators want the user to know about the run."""
+        every = ((name, e) for name, own in self._of.items() for e in own)
+        return [f"{name}: {note}" for name, e in every if isinstance(e, HasNotes) for note in e.notes]
 
     def metrics(self, subject: str) -> Metrics:
         """Metrics of a machine, or of `field`."""

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.packed import read_arrays, readable
 
 Array = NDArray[np.float64]
 FORMAT = "swath replay 2"
@@ -31,6 +32,7 @@ THICKEST = 650.0
 TILE = 32  # cells along a tile
 NODE_CELLS = 8  # cells between two nodes of the ground lattice
 NODES = TILE // NODE_CELLS
+RATIO = 300  # unpacked to packed bytes of a file at most: of tiles with few measured cells about 140
 NONE = -32768  # first quantile of a cell that was never measured
 STORED: dict[str, tuple[str, type]] = {  # key in the file -> field of `HeightGrid`, its type
     "origin_m": ("origin", np.float64),
@@ -126,19 +128,14 @@ def load_height_grid(path: Path) -> HeightGrid:
     """Read a file that `HeightGrid.save` wrote. InputError says what is wrong with another one."""
 
     def wrong(expected: str) -> InputError:
-        return InputError("replay file", str(path), f"expected {expected}")
+        return InputError("replay file", None, f"expected {expected}", file=path)
 
     if not path.is_file():
         raise wrong("a file made by `swath height-map build`")
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
+    what = f"a file made by `swath height-map build` ({FORMAT}), this one cannot be read"
+    arrays = read_arrays(path, "replay file", what, RATIO)
+    with readable("replay file", what, path):
         grid = _grid_of(arrays)
-    except Exception as error:  # zip, deflate, array headers and JSON: each breaks in its own way
-        text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise wrong(
-            f"a file made by `swath height-map build` ({FORMAT}), this one cannot be read: {text}"
-        ) from error
     if (fault := _fault(grid)) is not None:
         raise wrong(fault)
     return grid

@@ -66,8 +66,14 @@ class SpreadTable:
             or self.ground_lift.shape != shape
         ):
             raise InputError("quantile", self.quantile.shape, f"expected cells of shape {shape}")
-        if not (np.isfinite(self.quantile).all() and np.isfinite(self.ground_share).all()):
-            raise InputError("quantile", None, "expected finite cells")
+        if self.silhouette.ndim != 1 or self.lean.ndim != 2 or self.lean.shape[1] != 2:
+            shapes = self.silhouette.shape, self.lean.shape
+            raise InputError("silhouette, lean", shapes, "expected shapes (m,) and (n, 2)")
+        numbers = (*self.axes, self.quantile, self.ground_share, self.ground_lift, self.silhouette, self.lean)
+        if not all(np.isfinite(a).all() and a.size for a in numbers):
+            raise InputError("table", None, "expected finite cells in every array")
+        if not (self.fine > 0.0 and np.isfinite([self.fine, self.cosine, *self.correlation]).all()):
+            raise InputError("table", None, "expected a finite fine > 0, cosine and correlation")
 
     @property
     def axes(self) -> tuple[F64, F64, F64, F64]:

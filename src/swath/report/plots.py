@@ -234,14 +234,15 @@ def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | No
 
 
 def _plot_edge(ax: Any, series: EdgeSeries, band: float | None) -> None:
-    exists = np.isfinite(series.true)
-    _shade(ax, series.distance, exists & ~series.found, ORANGE, "true edge not detected", "////")
-    _shade(ax, series.distance, ~exists, GREY, "no true edge", "")
+    is_false = series.found & ~np.isfinite(series.error)
+    _shade(ax, series.distance, series.exists & ~series.found, ORANGE, "true edge not detected", "////")
+    _shade(ax, series.distance, is_false, PURPLE, "detected where none is", "\\\\")
+    _shade(ax, series.distance, ~series.exists, GREY, "no true edge near", "")
     ax.plot(series.distance, 100 * series.error, "o", color=GREEN, ms=2.0, mec="none")
     _limits(ax, 100 * series.error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="upper right", ncol=2)
+        ax.legend(loc="upper right", ncol=3)
 
 
 def _limits(ax: Any, values: F64, band: float | None) -> None:

@@ -23,7 +23,7 @@ from swath.runtime.changes import Interventions, Restart, Script
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
-from swath.runtime.loop import Progress, drive
+from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
@@ -52,11 +52,13 @@ def run_job(
     events: Sequence[Mapping[str, Any]] = (),
     hooks: Sequence[RunHook] = (),
     begun: Callable[[], None] | None = None,
+    allow: Sequence[str] = (),
 ) -> JobResult:
     """Run a scenario into a folder.
 
     events: changes on the way, as an earlier run's summary.json has them; hooks: go along, in this order
     begun: called once the world is assembled, before the first tick
+    allow: code that changes on the way may name beside the scenario's own, as `file.py:Class` or an FMU
 
     The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C, SIGTERM
     and crashes leave a valid folder marked incomplete; the exception goes on.
@@ -64,7 +66,7 @@ def run_job(
     with stoppable():
         while True:
             try:
-                return _run_once(scenario, out, progress, events, hooks, begun)
+                return _run_once(scenario, out, progress, events, hooks, begun, allow)
             except Restart:
                 begun = None
 
@@ -76,6 +78,7 @@ def _run_once(
     events: Sequence[Mapping[str, Any]],
     hooks: Sequence[RunHook],
     begun: Callable[[], None] | None,
+    allow: Sequence[str],
 ) -> JobResult:
     world = assemble(scenario)
     try:
@@ -83,7 +86,7 @@ def _run_once(
         pacer = make_pacer(world)
         with occupied(out, scenario.name):
             write_whole(out / "scenario.yaml", scenario.resolved())
-            running = _Running(world, out, pacer, hooks)
+            running = _Running(world, out, pacer, hooks, allow)
             if begun is not None:
                 begun()
             summary = _drive(running, progress, events)
@@ -129,12 +132,19 @@ def _spare_what_is_read(world: World, out: Path) -> None:
 class _Running:
     """What goes along while a world runs: digest, evaluation, recorder, hooks."""
 
-    def __init__(self, world: World, out: Path, pacer: Pacer | None, hooks: Sequence[RunHook]) -> None:
+    def __init__(
+        self,
+        world: World,
+        out: Path,
+        pacer: Pacer | None,
+        hooks: Sequence[RunHook],
+        allow: Sequence[str],
+    ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
         recorded = {name: machine.recorded() for name, machine in world.machines.items()}
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
-        self.changes = Interventions(world)
+        self.changes = Interventions(world, allow)
         self.recorder = Recorder(
             out,
             list(recorded.values()),
@@ -189,6 +199,11 @@ class _Running:
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
         notes = [note for machine in world.machines.values() for note in machine.notes]
+        notes += self.evaluation.notes()
+        if not incomplete and not world.graph.ended and not has_arrived(world):
+            run, driven = scenario.run, driven_m(world)
+            what = f"the run ended at max_duration_s = {run.max_duration_s:g}"
+            notes.append(f"{what}, after {driven:.2f} of {run.distance_m:g} m")
         if world.graph.ended:
             notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
         if self.pacer is not None:

@@ -120,7 +120,7 @@ class Drivetrain:
 
 def _grain(load: MachineLoad) -> float:
     """Grain that came in so far [kg]."""
-    return load.tank_grain + load.lost_grain + load.held_grain
+    return load.tank_gain + load.lost_grain + load.held_grain
 
 
 LEVEL = Level(Drivetrain, None, summary="throughput, losses, engine and fuel")

@@ -22,7 +22,7 @@ class Harvest:
     OF_FIELD = False
     SIGNALS = (MachineState, CropFlow)
     METRICS = (
-        Metric("header_use", "1", "cut width / header width, mean over time after settling", GROUP,
+        Metric("header_use", "1", "area cut / area the header passed over, on the way after settling", GROUP,
                "higher", "", "%", 1),
         Metric("uncut_area_m2", "m2", "standing crop left on the cut side of the header end's path", GROUP,
                "lower", "left uncut"),
@@ -36,7 +36,10 @@ class Harvest:
         self._path = HeaderPath(setup.machine)
         self._distance = 0.0
         self._has_header = False
-        self._area = self._grain = self._fill = self._time = 0.0
+        left, right = (setup.machine.geometry.header_end(side)[1] for side in ("left", "right"))
+        self._width = left - right
+        self._area = self._grain = self._settled_area = self._way = 0.0
+        self._last: float | None = None  # distance at the last cut after settling
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Add what was cut."""
@@ -49,15 +52,17 @@ class Harvest:
                 self._area += signal.area
                 self._grain += signal.grain
                 if self._distance >= self.setup.settling_m:
-                    self._fill += signal.header_fill * signal.dt
-                    self._time += signal.dt
+                    if self._last is not None:
+                        self._settled_area += signal.area
+                        self._way += self._distance - self._last
+                    self._last = self._distance
 
     def metrics(self) -> dict[str, float]:
         """Of all that was cut; nothing of a machine without a header."""
         if not self._has_header:
             return {}
         return {
-            "header_use": ratio(self._fill, self._time),
+            "header_use": ratio(self._settled_area, self._width * self._way),
             "uncut_area_m2": self.uncut_area(),
             "area_cut_m2": self._area,
             "grain_cut_kg": self._grain,

@@ -56,7 +56,7 @@ class MassBalance:
         grain, straw = self._in_transit.get(name, (0.0, 0.0))
         grain += self._shed.get(name, 0.0)
         if (load := self._loads.get(name)) is not None:
-            grain += load.tank_grain - load.unloaded_grain + load.lost_grain + load.held_grain
+            grain += load.tank_grain - load.tank_start + load.lost_grain + load.held_grain
             straw += load.dropped_straw + load.held_straw
         return grain, straw
 

@@ -6,15 +6,14 @@ Numbers go in and come out as flat lists, in the order of the variables given, a
 import ctypes
 import math
 import shutil
-import tempfile
 import weakref
-import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 from swath.core.stopping import unstopped
+from swath.link.fmi.archive import unpack_archive
 from swath.link.fmi.calls import FmuError, Group, Library, log_categories, make_groups
 from swath.link.fmi.description import Description, Variable
 
@@ -24,13 +23,10 @@ Steps = Sequence[tuple[float, float, Numbers]]  # t, length [s], inputs
 
 def unpack(file: Path) -> Path:
     """The archive in a new folder of its own, which the caller removes."""
-    folder = Path(tempfile.mkdtemp(prefix="swath-fmu-"))
     try:
-        with zipfile.ZipFile(file) as archive:
-            archive.extractall(folder)
+        folder = unpack_archive(file, "swath-fmu-")
         (folder / "resources").mkdir(exist_ok=True)
-    except (OSError, zipfile.BadZipFile) as error:
-        shutil.rmtree(folder, ignore_errors=True)
+    except (OSError, ValueError) as error:
         raise FmuError(f"{file.name} cannot be unpacked: {error}") from error
     return folder
 

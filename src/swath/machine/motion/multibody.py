@@ -157,7 +157,7 @@ class Multibody(KeepsState):
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
         load: MachineLoad | None = inputs.get("load")
         if load is not None:
-            self._fill(max(load.tank_content, 0.0))
+            self._fill(max(load.tank_grain, 0.0))
         header: HeaderState | None = inputs.get("header")
         if header is not None:
             self.hold_header(header.lift, header.tilt)

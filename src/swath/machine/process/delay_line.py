@@ -50,6 +50,7 @@ class DelayLineProcess(KeepsState):
     """Feeder, then a line for the grain and a line for straw with the lost grain."""
 
     kept = ("_feeder", "_grain", "_straw", "_grain_mixer", "_straw_mixer", "_totals", "_outlet")
+    steps_any_length = True
 
     inputs = (Port("flow", CropFlow, history=True), Port("state", MachineState))
     outputs = (Port("load", MachineLoad),)

@@ -72,6 +72,7 @@ class ThreshingProcess(KeepsState):
     """Transport, threshing, separation and cleaning with delays and losses that depend on the load."""
 
     kept = (*PARTS, "_totals", "_back", "_loss_share", "_shoe_loss", "_is_unloading", "_outlet")
+    steps_any_length = True
 
     inputs = (
         Port("flow", CropFlow, history=True),
@@ -205,7 +206,7 @@ class ThreshingProcess(KeepsState):
         is_running = f.unthreshed + f.separation + f.cleaning > 0.0
         return MachineLoad(
             t,
-            self._totals["tank"].value,
+            self._content(),
             self._totals["lost"].value,
             self._totals["straw"].value,
             grain,
