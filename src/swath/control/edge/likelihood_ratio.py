@@ -4,12 +4,11 @@ Scans become rays with a class and a place (`canopy_rays`); rays of 0.4 m of tra
 what the classes are worth is learned on both sides of the edge while driving (`populations`); the edge of each
 block goes into a track that knows where the next one must be (`block_track`, `arc_track`); and what is
 reported is the edge just ahead of the knife, between blocks seen before and behind it (`near_line`), moved
-from math import atan2, atan2
 from the canopy to the feet of the crop (`canopy_feet`).
 """
 
 from dataclasses import dataclass
-from math import cos, erf, sin, sqrt, tan
+from math import atan2, cos, erf, sin, sqrt, tan
 from typing import Annotated
 
 import numpy as np
