@@ -8,7 +8,7 @@ the feet of the crop (`canopy_feet`).
 """
 
 from dataclasses import dataclass
-from math import cos, erf, sin, sqrt, tan
+from math import atan2, cos, erf, sin, sqrt, tan
 from typing import Annotated
 
 import numpy as np
@@ -154,7 +154,7 @@ class LikelihoodRatio(KeepsState):
             angle, along = front.angle, float(way[0] - (x[0] - reference))
         else:
             back, ahead = np.interp([reference - 1.5, reference + 1.5], x, u).tolist()
-            angle, along = float(np.arctan2(ahead - back, 3.0)), float(np.interp(reference, x, way))
+            angle, along = atan2(ahead - back, 3.0), float(np.interp(reference, x, way))
         place = EdgeFrame(reference, float(np.interp(reference, x, u)), angle, 0.0)
         return near_line(seen, place, along)
 
