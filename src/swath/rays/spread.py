@@ -1,9 +1,11 @@
 """How a beam's measured height spreads over a canopy: the fitted table of the LiDAR level `empirical`.
 
-Cells of a grid over stem density, crop height, depression of the beam and spot diameter. Each holds the
-distribution of the measured height: quantiles of the returns from crop, relative to the crop's height, and
-the share of beams that see the ground. Between the nodes of the grid, quantiles and log(-log(ground share))
-go linearly in log density, height, log tan depression and log spot: for a thin ray -log(ground share) is
+Two grids, one of standing crop and one of its stubble: a spot that stubble fills by half measures the soil
+between the stems, so its heights do not follow from those of the standing crop. Cells of a grid over stem
+density, height, depression of the beam and spot diameter. Each holds the distribution of the measured height:
+quantiles of the returns from crop, relative to the height, and the share of beams that see the ground.
+Between the nodes of the grid, quantiles and log(-log(ground share)) go linearly in log density, height (over
+stubble log height), log tan depression and log spot: for a thin ray -log(ground share) is
 n A cot(depression), a straight line in these (closed form of first returns).
 """
 
@@ -27,16 +29,15 @@ def quantile_nodes(count: int = NODES) -> F64:
 
 
 @dataclass(frozen=True)
-class SpreadTable:
-    """Nodes of the grid, rising: density [1/m2] (i,), height [m] (j,), depression [rad] (k,), spot [m] (l,).
+class Spread:
+    """Nodes of a grid, rising: density [1/m2] (i,), height of crop or stubble [m] (j,), depression [rad]
+    (k,), spot [m] (l,).
 
-    quantile: (i, j, k, l, node_count) height over crop height at `quantile_nodes`, falling; nan nowhere
+    quantile: (i, j, k, l, node_count) measured height over that height at `quantile_nodes`, falling; nan
+    nowhere
     ground_share: (i, j, k, l); ground_lift: (i, j, k, l) mean measured height of ground returns [m]: crop in
-    the spot hides its far part; silhouette: (m,) projected area per stem above equal steps `fine` of the
-    relative height [m2]: how crop adds up along a beam; lean: (n, 2) sideways place of tips per height
-    cosine: mean |cos| of incidence on crop, sets the intensity
-    correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
-    about: source, range of validity, fit quality, as in the YAML beside the npz
+    the spot hides its far part
+    is_stubble: heights, too, go in logarithms: what a stem of stubble shades is proportional to them
     """
 
     density: F64
@@ -46,12 +47,7 @@ class SpreadTable:
     quantile: F64
     ground_share: F64
     ground_lift: F64
-    silhouette: F64
-    fine: float
-    lean: F64
-    cosine: float
-    correlation: tuple[float, float]
-    about: dict[str, object] = field(default_factory=dict)
+    is_stubble: bool = False
 
     def __post_init__(self) -> None:
         shape = tuple(len(a) for a in self.axes)
@@ -74,11 +70,13 @@ class SpreadTable:
 
     def scaled_axes(self) -> tuple[F64, F64, F64, F64]:
         """Axes in the coordinates in which the table is linear."""
-        return np.log(self.density), self.height, np.log(np.tan(self.depression)), np.log(self.spot)
+        height = np.log(self.height) if self.is_stubble else self.height
+        return np.log(self.density), height, np.log(np.tan(self.depression)), np.log(self.spot)
 
     def cell(self, density: float, height: float, depression: float, spot: float) -> tuple[F64, float, float]:
         """Quantiles (node_count,), ground share and lift [m] at one place; clamped outside the range."""
-        value = (np.log(density), height, np.log(np.tan(depression)), np.log(spot))
+        tall = np.log(height) if self.is_stubble else height
+        value = (np.log(density), tall, np.log(np.tan(depression)), np.log(spot))
         base, share = [], []
         for v, axis in zip(value, self.scaled_axes(), strict=True):
             k = int(np.clip(np.searchsorted(axis, v, side="right") - 1, 0, max(len(axis) - 2, 0)))
@@ -105,6 +103,31 @@ class SpreadTable:
         inside = np.clip(share / (1.0 - ground), 0.0, 1.0)
         found = np.interp(inside, quantile_nodes(len(quantile)), quantile) * height
         return np.where(share < 1.0 - ground, found, 2.0 * lift * (1.0 - share) / ground)
+
+
+@dataclass(frozen=True)
+class SpreadTable:
+    """standing, stubble: the two grids
+
+    silhouette: (m,) projected area per stem above equal steps `fine` of the crop's relative height [m2]: how
+    crop adds up along a beam; lean: (n, 2) sideways place of tips per height
+    cosine: mean |cos| of incidence on crop, sets the intensity
+    correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
+    about: source, range of validity, fit quality, as in the YAML beside the npz
+    """
+
+    standing: Spread
+    stubble: Spread
+    silhouette: F64
+    fine: float
+    lean: F64
+    cosine: float
+    correlation: tuple[float, float]
+    about: dict[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.stubble.quantile.shape[-1] != self.standing.quantile.shape[-1]:
+            raise InputError("stubble", self.stubble.quantile.shape, "expected as many quantiles as standing")
 
 
 def double_log(ground_share: F64 | float) -> F64:
