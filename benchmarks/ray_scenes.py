@@ -128,7 +128,7 @@ def _planes(height: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def make_triangles(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
-    """(vertices, triangles, number of plants) of the same plants, cut ones as stubble, and of the same ground."""
+    """(vertices, triangles, number of plants) of the same plants, cut ones as stubble, and of the ground."""
     library, pages, size = scene.library, scene.pages, scene.library.tile_size
     shapes = {
         (k, is_cut): _weld(_tile(library, k, is_cut))

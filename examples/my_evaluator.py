@@ -16,6 +16,7 @@ class SteeringReversals:
     """Counts reversals of the steering after settling."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState, SteerState)
     METRICS = (
         Metric("steering_reversals_per_100_m", "1/100 m", "reversals of the steered axle, after settling",
                "Comfort", "lower", "steering reversals", decimals=1),

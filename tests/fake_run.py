@@ -98,6 +98,12 @@ class GridField:
         at = self._index(x, y)
         return self.crop[at] & ~self.is_cut[at]
 
+    boundary = None
+
+    def why_outside(self, x, y):
+        inside = (x > self.low[0]) & (x < self.low[0] + self.size[0])
+        return "" if inside.any() else "beyond its boundary"
+
     def ground_height(self, x, y):
         return np.zeros(np.broadcast(x, y).shape)
 
@@ -127,16 +133,6 @@ class GridField:
     def standing_area(self, polygon):
         window, inside = self._inside(polygon)
         return float((inside & self.crop[window] & ~self.is_cut[window]).sum()) * self.cell**2
-
-    def edge_offset(self, start, end):
-        along = np.linspace(0.0, 1.0, 601)
-        line = np.asarray(start)[None] + along[:, None] * (np.asarray(end) - np.asarray(start))[None]
-        crop = self.standing(line[:, 0], line[:, 1])
-        if crop.all() or not crop.any():
-            return float("nan")
-        wrong = np.concatenate([[0], np.cumsum(crop)]) + np.concatenate([np.cumsum(~crop[::-1])[::-1], [0]])
-        length = float(np.hypot(*(np.asarray(end) - np.asarray(start))))
-        return float(np.argmin(wrong) / len(crop) * length)
 
     def recount(self):
         return self._mass(int((self.crop & self.is_cut).sum()))

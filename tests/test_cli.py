@@ -38,7 +38,7 @@ class Job:
         self.exit_code = 0
         self.error = None
 
-    def run_job(self, scenario, out, progress, events=(), hooks=(), begun=None):
+    def run_job(self, scenario, out, progress, events=(), hooks=(), begun=None, allow=()):
         self.calls.append((scenario, out, progress))
         if self.error is not None:
             raise self.error
@@ -218,7 +218,7 @@ def test_a_mistake_in_the_users_own_level_is_the_users(job, capsys, tmp_path):
 
 
 def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
-    def stopped(scenario, out, progress, events=(), hooks=(), begun=None):
+    def stopped(scenario, out, progress, events=(), hooks=(), begun=None, allow=()):
         out.mkdir(parents=True)
         (out / "summary.json").write_text("{}")
         raise KeyboardInterrupt
@@ -309,4 +309,4 @@ class TestRunFolder:
         folder = self.finished(tmp_path / "run")
         (folder / "notes.txt").write_text("mine")
         clear_run_folder(folder)
-        assert [f.name for f in folder.iterdir()] == ["notes.txt"]
+        assert {f.name for f in folder.iterdir()} == {"notes.txt", "scenario.yaml"}

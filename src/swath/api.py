@@ -8,10 +8,13 @@ result.summary["lateral_rms_m"], result.exit_code, result.folder
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import only_code
+from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.folder import choose_run_folder
 from swath.runtime.job import JobResult, run_job
@@ -21,14 +24,18 @@ from swath.scenario.scenario import load_scenario as _load
 Sets = Mapping[str, Any] | Sequence[str]
 
 
-def load_scenario(source: str | Path, *, sets: Sets = (), seed: int | None = None) -> Scenario:
+def load_scenario(
+    source: str | Path, *, sets: Sets = (), seed: int | None = None, code: bool = True
+) -> Scenario:
     """A bundled scenario by name, a file, or the scenario of a run folder, with changes.
 
     sets: {"combine.speed.speed_kmh": 5}, or texts as after `--set`; seed: instead of the scenario's
+    code: False refuses Python files and FMUs that it names; reading a Python file runs it (SECURITY.md)
     Raises swath.core.errors.InputError, which names key, value, what was expected, file and line.
     """
     texts = [f"{k}={json.dumps(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
-    return _load(source, sets=texts, flags={} if seed is None else {"seed": f"seed={seed}"})
+    with nullcontext() if code else only_code(()):
+        return _load(source, sets=texts, flags={} if seed is None else {"seed": f"seed={seed}"})
 
 
 def run(
@@ -39,18 +46,23 @@ def run(
     seed: int | None = None,
     report: bool = True,
     progress: bool = False,
+    code: bool = True,
 ) -> JobResult:
     """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
 
-    out: default: a new folder in `runs`; sets, seed: as in `load_scenario`; report: write report.html
-    progress: a bar on a terminal. Raises InputError; a limit that fails raises nothing, see `exit_code`.
+    out: default: a new folder in `runs`; sets, seed, code: as in `load_scenario`; report: write report.html
+    and replay.html; progress: a bar on a terminal
+    Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
-    if not isinstance(scenario, Scenario):
-        scenario = load_scenario(scenario, sets=sets, seed=seed)
-    elif sets or seed is not None:
-        raise InputError("sets", None, "expected with a name or a file; give them to load_scenario instead")
-    folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
-    try:
-        return run_job(scenario, folder, progress=progress, hooks=[ReportWriter()] if report else [])
-    except InputError as error:
-        raise scenario.locate(error) from error
+    with nullcontext() if code else only_code(()):
+        if not isinstance(scenario, Scenario):
+            scenario = load_scenario(scenario, sets=sets, seed=seed)
+        elif sets or seed is not None:
+            expected = "expected with a name or a file; give them to load_scenario instead"
+            raise InputError("sets", None, expected)
+        hooks = [ReportWriter(), ReplayWriter()] if report else []
+        folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
+        try:
+            return run_job(scenario, folder, progress=progress, hooks=hooks)
+        except InputError as error:
+            raise scenario.locate(error) from error

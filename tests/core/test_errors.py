@@ -1,14 +1,82 @@
-"""What an error says of the value that was wrong."""
+"""What an error says of the value that was wrong, how long it gets, and that it survives a process pool."""
 
+import importlib
+import pickle
+import pkgutil
+import threading
 from pathlib import Path
 
-from swath.core.errors import InputError
+import pytest
+
+import swath
+from swath.core.errors import LONGEST, InputError, MissingExtra, SwathError
+from swath.scenario.reader import ScenarioError
 
 
 def test_a_long_value_is_cut_and_a_path_is_not():
-    assert str(InputError("name", "z" * 200, "expected less")) == f"name = {'z' * 77}...: expected less"
+    text = str(InputError("name", "y" * 100 + "z" * 100, "expected less"))
+    assert text.startswith("name = yyy")
+    assert text.endswith("zz: expected less")
+    assert "y...z" in text
     place = Path("/a") / ("x" * 90) / "b.fmu"
     assert str(InputError("file", place, "expected a file")) == f"file = {place}: expected a file"
     deep = "/" + "x/" * 300 + "end.fmu"
-    assert str(InputError("file", deep)).startswith("file = ...")
+    assert str(InputError("file", deep)).startswith("file = /x/")
     assert str(InputError("file", deep)).endswith("x/end.fmu")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        InputError("k" * 5000, "v" * 5000, "e" * 5000, file="/f" * 2000, line=10**9),
+        InputError("/k" * 5000, ["v"] * 5000, "e\0" * 5000),
+        InputError("\0" * 5000, "\ud800" * 5000, "\n" * 5000, file="\0" * 5000),
+        SwathError("a\n" * 5000),
+        MissingExtra("geo", "x" * 5000),
+    ],
+)
+def test_no_error_quotes_more_than_a_few_lines(error):
+    assert 250 < len(str(error)) <= LONGEST
+    assert str(error).isprintable()
+
+
+def test_what_was_expected_keeps_its_hint_at_the_end():
+    names = ", ".join(f"some-long-name-{i}" for i in range(100))
+    assert str(InputError("level", "x", f"expected one of {names}, did you mean 'y'?")).endswith("mean 'y'?")
+
+
+def _errors(kind: type[Exception] = SwathError) -> list[type[Exception]]:
+    return [kind, *(e for sub in kind.__subclasses__() for e in _errors(sub))]
+
+
+def _all_modules() -> None:
+    for module in pkgutil.walk_packages(swath.__path__, "swath."):
+        if "__main__" not in module.name and ".data." not in module.name:
+            try:
+                importlib.import_module(module.name)
+            except (ImportError, SwathError):
+                continue
+
+
+def test_every_error_comes_back_from_a_worker_as_it_was():
+    _all_modules()
+    kinds = _errors()
+    assert len(kinds) >= 8
+    inputs = {"key": "crop.stems_per_m2", "value": -5, "expected": "expected > 0", "file": "field.yaml"}
+    for kind in kinds:
+        if issubclass(kind, ScenarioError):
+            error = kind([InputError(**inputs), InputError("b")])
+        elif issubclass(kind, InputError):
+            error = kind(**inputs, line=3)
+        else:
+            error = kind("what is wrong")
+        again = pickle.loads(pickle.dumps(error))
+        assert type(again) is kind
+        assert str(again) == str(error)
+        assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(error).items()}
+
+
+def test_a_value_that_cannot_be_pickled_becomes_its_text():
+    again = pickle.loads(pickle.dumps(InputError("law", threading.Lock(), "expected a number")))
+    assert "lock" in again.value
+    assert again.expected == "expected a number"

@@ -60,6 +60,18 @@ def test_machines_that_overlap_at_the_start_are_named_once_each_pair():
     assert bodies.clearance("truck")[1] == "cart"
 
 
+def test_a_machine_that_is_taken_away_leaves_no_hitch_behind():
+    """Another one of its name later hangs on nothing."""
+    bodies = Bodies()
+    bodies.add("combine", BODY, Pose.identity())
+    bodies.add("cart", BODY, Pose.identity())
+    bodies.hitch("combine", "cart")
+    assert bodies.contacts() == []
+    bodies.remove("cart")
+    bodies.add("cart", BODY, Pose.identity())
+    assert [(c.first, c.second) for c in bodies.contacts()] == [("cart", "combine")]
+
+
 def test_a_thing_that_is_put_there_on_the_way_touches_machines_alone():
     bodies = Bodies({"post 1": post([30.0, 0.0, 0.0], 2.0, 0.2)})
     bodies.add("combine", BODY, Pose.identity())

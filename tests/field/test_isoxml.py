@@ -246,7 +246,8 @@ def test_units_of_the_standard_agree_with_what_the_device_declares():
     from swath.field_io.isoxml import _read_description
     from swath.field_io.taskfiles import task_files
 
-    described = _read_description(dict(task_files(DATA / "raw")))
+    with task_files(DATA / "raw") as found:
+        described = _read_description(found)
     per = {
         (87, "t/h"): 1 / 3.6,
         (67, "m"): 1,
@@ -258,7 +259,7 @@ def test_units_of_the_standard_agree_with_what_the_device_declares():
     from swath.field_io.ddi import DDI
 
     for (ddi, unit), factor in per.items():
-        _, shown, scale, offset = described.values["DET-1", ddi]
+        _, shown, scale, offset = described.values[described.owners["DET-1"], ddi]
         assert shown == unit
         assert offset == 0.0
         assert DDI[ddi].scale == pytest.approx(scale * factor, rel=1e-6)

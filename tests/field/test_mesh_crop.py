@@ -203,7 +203,7 @@ STALK_ONLY = (SHEET[SHEET.index("  dry_leaf:") : SHEET.index("\nstand:")], "")
         ),
         ([one_mesh("m.glb")], {"m_glb": b"glTF\x02\x00"}, "expected a mesh that can be read"),
         ([one_mesh("m.ply")], {"m_ply": "ply\nnonsense"}, "expected a mesh that can be read"),
-        ([one_mesh("m.doc")], {"m_doc": "x"}, "expected a mesh file, as .obj, .ply or .glb"),
+        ([one_mesh("m.doc")], {"m_doc": "x"}, "expected a mesh file, one of .obj, .ply, .stl"),
         ([one_mesh("[]")], {}, "mesh.files = []: expected at least 1 items"),
         ([("unit: cm", "unit: m")], {}, "expected a plant 0.02 to 6 m high, it is 170 m: mesh.unit"),
         ([("unit: cm", "unit: foot")], {}, "mesh.unit = foot: expected one of m, cm, mm, inch"),

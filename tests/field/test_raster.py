@@ -103,3 +103,35 @@ def test_no_bytes_make_a_traceback(tmp_path_factory, data, tiff_head):
     path.write_bytes(b"II*\x00\x08\x00\x00\x00" + data if tiff_head else data)
     with pytest.raises(InputError):
         Raster.from_geotiff(path)
+
+
+VRT = """<VRTDataset rasterXSize="7" rasterYSize="5"><SRS>EPSG:32632</SRS>
+<GeoTransform>0, 2, 0, 10, 0, -2</GeoTransform><VRTRasterBand dataType="Float32" band="1"><SimpleSource>
+<SourceFilename>{secret}</SourceFilename><SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>"""
+WMS = """<GDAL_WMS><Service name="TMS"><ServerUrl>http://127.0.0.1:9/${z}/${x}/${y}.png</ServerUrl></Service>
+<DataWindow><UpperLeftX>0</UpperLeftX><UpperLeftY>10</UpperLeftY><LowerRightX>14</LowerRightX>
+<LowerRightY>0</LowerRightY><SizeX>7</SizeX><SizeY>5</SizeY></DataWindow><Projection>EPSG:32632</Projection>
+</GDAL_WMS>"""
+
+
+@pytest.mark.parametrize("text", [VRT, WMS, "P5 7 5 255 "], ids=["VRT", "WMS", "PNM"])
+def test_a_tif_that_is_none_opens_no_other_file(text, tmp_path):
+    pytest.importorskip("rasterio")
+    secret = tmp_path / "secret.tif"
+    plane().to_geotiff(secret, 32632)
+    file = tmp_path / "terrain.tif"
+    file.write_text(text.replace("{secret}", str(secret)))
+    with pytest.raises(InputError, match=r"expected a readable GeoTIFF.*terrain\.tif"):
+        Raster.from_geotiff(file)
+
+
+def test_what_lies_beside_a_geotiff_is_not_read(tmp_path):
+    pytest.importorskip("rasterio")
+    file = tmp_path / "terrain.tif"
+    plane().to_geotiff(file, 32632)
+    (tmp_path / "terrain.tif.aux.xml").write_text("<PAMDataset><SRS>EPSG:32633</SRS></PAMDataset>")
+    for mask in ("terrain.tif.msk", "terrain.tif.ovr"):
+        (tmp_path / mask).write_text(VRT.replace("{secret}", str(file)))
+    raster = Raster.from_geotiff(file)
+    assert raster.epsg == 32632
+    assert np.array_equal(raster.values, plane().values)

@@ -94,7 +94,7 @@ def test_the_masses_of_two_machines_and_of_what_lies_on_the_ground_balance():
     assert cut.grain > 0.5
     assert metrics_of(evaluation)["mass_balance_error"] < 1e-12
     zeros = [0.0] * 6
-    load = MachineLoad(0, cut.grain, 0.0, cut.straw, *zeros[:4], unloaded_grain=cut.grain)
+    load = MachineLoad(0, 0.0, 0.0, cut.straw, *zeros[:4], unloaded_grain=cut.grain)
     evaluation("other.process", 0, {"load": load})
     assert metrics_of(evaluation)["mass_balance_error"] == pytest.approx(0.5)
     ground.ground_grain_kg = cut.grain

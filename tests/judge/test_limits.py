@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from swath.judge.evaluator import SETTLING_M, Event
-from swath.judge.evaluators.edge_detection import edge_metrics
 from swath.judge.evaluators.lateral_error import lateral_metrics
 from swath.judge.evaluators.mass_balance import balance_error
 from swath.judge.limits import check_metric, check_samples, entry_of, is_failed
@@ -36,17 +35,6 @@ def test_lateral_ignores_settling_and_sampling():
 def test_too_short_a_run_has_no_lateral_error():
     found = lateral_metrics(np.linspace(0, 9, 50), np.zeros(50), settling=SETTLING_M)
     assert all(np.isnan(v) for v in found.values())
-
-
-def test_edge_shares_count_only_where_a_true_edge_is():
-    exists = np.array([True] * 8 + [False] * 2)
-    found = np.array([True] * 6 + [False] * 2 + [True, False])
-    error = np.array([0.1, -0.1, 0.1, -0.1, 0.1, -0.1] + [np.nan] * 4)
-    got = edge_metrics(error, exists, found)
-    assert got["detection_availability"] == 0.75
-    assert got["false_edge_share"] == 0.5
-    assert got["edge_rmse_m"] == pytest.approx(0.1)
-    assert got["edge_bias_m"] == pytest.approx(0.0, abs=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -70,4 +70,6 @@ def test_missing_numbers_are_null_and_fail(tmp_path):
 
 
 def test_versions_name_what_results_depend_on():
-    assert {"swath", "numpy", "python", "platform"} <= set(versions())
+    found = versions()
+    assert {"swath", "numpy", "python", "platform", "c_library", "processor"} <= set(found)
+    assert all(found.values())

@@ -85,3 +85,9 @@ def test_an_edge_lost_while_steering_is_an_event_with_duration():
     assert lost.x == pytest.approx(10.0 + KNIFE)
     assert lost.text == "no edge for 3.0 s"
     assert last.end_t is None
+    assert last.text == "no edge for 4.8 s, and none since"
+    m = evaluation.metrics("combine")
+    assert m["edge_lost_count"] == 2.0
+    assert m["edge_lost_s"] == pytest.approx(3.0 + 4.8)
+    assert m["edge_lost_m"] == pytest.approx(6.0 + 9.6)
+    assert "combine: the edge was lost 2 times, for 7.8 s and 15.6 m" in evaluation.notes()

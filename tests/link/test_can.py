@@ -443,3 +443,21 @@ def test_a_law_from_a_file_of_the_user_can_be_the_box(tmp_path):
         part.close()
     assert got.is_engaged
     assert got.curvature == pytest.approx(0.02, abs=1e-9)  # 0.1 /s over the cycle's 0.1 s, not the slot's
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("class Law:\n    pass\n", r"law = law.py:Law: could not be made by Class\(params, setup\)"),
+        ("def Law(setup):\n    return 1\n", r"could not be made by Class\(params, setup\): TypeError"),
+        (
+            "def Law(params, setup):\n    return 1\n",
+            r"expected a component, it has no inputs, outputs",
+        ),
+    ],
+)
+def test_a_law_that_is_none_is_refused_in_one_line(text, expected, tmp_path):
+    (tmp_path / "law.py").write_text(text)
+    keys = Params(interface="virtual", box="inside", lock_step=True, law="law.py:Law")
+    with pytest.raises(InputError, match=expected):
+        keys.make_law(setup().control, tmp_path)

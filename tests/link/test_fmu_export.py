@@ -1,12 +1,15 @@
 """Exported FMUs, stepped by fmpy, against the same slots inside swath."""
 
 import dataclasses
+import json
+import signal
 
 import numpy as np
 import pytest
 
 from swath.core.schedule import NS
 from swath.runtime.assembly import assemble
+from swath.runtime.job import run_job
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.signals.flat import flat_fields, read
@@ -17,6 +20,7 @@ pytest.importorskip("fmpy", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu3", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu", reason="needs the extra fmi")
 from swath.link.fmi.export import export_fmu
+from swath.link.fmi.export_slave import Session
 
 LONG = TEXT.replace("distance_m: 3, max_duration_s: 6", "distance_m: 40, max_duration_s: 20")
 PROCESS = {
@@ -269,3 +273,12 @@ def test_a_scanner_sees_what_its_header_cuts(folder):
     assert scans == 50
     assert float(np.isfinite(host["lidar.scan.ranges"]).mean()) > 0.5
     host.close()
+
+
+def test_ctrl_c_inside_an_fmu_stops_the_run_as_anywhere(folder, process_fmu, tmp_path, monkeypatch):
+    """The binary of an FMU made of Python runs it in this process: the interrupt was a fatal error."""
+    monkeypatch.setattr(Session, "step", lambda self, t, h: signal.raise_signal(signal.SIGINT))
+    made = parse_scenario(LONG + f"    process: {{level: fmu, file: {process_fmu}}}\n")
+    with pytest.raises(KeyboardInterrupt):
+        run_job(made, tmp_path / "run")
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["incomplete"] is True

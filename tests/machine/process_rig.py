@@ -23,12 +23,13 @@ def flow(t, grain, straw, dt):
 class Rig:
     """Machine at a wanted speed [m/s]; `crop` gives grain and straw [kg/m2] at x."""
 
-    def __init__(self, *, engine=True, dt=0.1, crop=None, **params):
+    def __init__(self, *, engine=True, rated_power_kw=None, dt=0.1, crop=None, **params):
         self.ground = Ground()
         self.site = site(self.ground, period=dt)
         self.process = ThreshingProcess(Params(**params), self.site)
         self.load = self.process.reset(STREAM)["load"]
-        self.drive = HydrostatPowertrain(DriveParams(), self.site) if engine else None
+        drive = DriveParams(rated_power_kw=rated_power_kw)
+        self.drive = HydrostatPowertrain(drive, self.site) if engine else None
         self.engine = self.drive.reset(STREAM)["engine"] if engine else None
         self.crop = crop or (lambda x: (GRAIN, STRAW))
         self.dt, self.t, self.x, self.speed = round(dt * NS), 0, 0.0, None
@@ -62,7 +63,7 @@ class Rig:
     def balance(self):
         """Relative errors of grain and straw."""
         load = self.load
-        grain = load.tank_grain + load.lost_grain + load.held_grain
+        grain = load.tank_gain + load.lost_grain + load.held_grain
         return abs(grain - self.grain) / self.grain, abs(
             load.dropped_straw + load.held_straw - self.straw
         ) / self.straw

@@ -7,6 +7,7 @@ import pytest
 from tests.machine.process_rig import Rig
 
 RECORD = 7.35 / 3.6
+RATED_KW = 437.0  # 586 hp; the data sheet has the smaller engine of the class
 
 
 def settled(share, **params):
@@ -16,7 +17,7 @@ def settled(share, **params):
 
 
 def test_the_record_run_is_reproduced():
-    rig = settled(1.0)
+    rig = settled(1.0, rated_power_kw=RATED_KW)
     load, engine = rig.load, rig.engine
     assert load.grain_flow * 3.6 == pytest.approx(85.5, rel=0.10)
     assert max(e.load for _, e, _ in rig.rows) < 1.0
@@ -33,7 +34,7 @@ def test_a_third_more_speed_overloads_it_visibly():
     assert over.load.loss_share > 0.015
     assert over.engine.speed_ratio < 0.93
     assert max(e.load for _, e, _ in over.rows) > 1.0
-    assert over.engine.power < 1.01 * 437e3
+    assert over.engine.power < 1.01 * 388.6e3
 
 
 def test_losses_double_with_every_15_percent_as_long_as_the_engine_keeps_up():

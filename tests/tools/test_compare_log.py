@@ -79,8 +79,11 @@ def test_the_log_is_read_with_its_slope_and_its_machines(made):
 def test_a_pause_starts_anew(tmp_path):
     log = read_machine_log(write_log(tmp_path / "log.csv", machines=1, pause=400))
     assert np.flatnonzero(log.gap).tolist() == [0, 400]
-    load = simulate(load_machine("lexion-700"), log, Drive())["engine_load"]
-    assert load[400] < 0.7 * load[399]
+    machine = load_machine("lexion-700")
+    load = simulate(machine, log, Drive())["engine_load"]
+    empty = log.keep(np.arange(len(log)) == 400)
+    assert load[400] == simulate(machine, empty, Drive())["engine_load"][0]
+    assert load[400] < load[399] - 0.1
 
 
 def test_a_fit_finds_the_numbers_that_made_the_log(made):
@@ -190,26 +193,20 @@ def test_broken_cells_are_missing_values_or_a_clean_error(tmp_path, seed):
 
 
 @wheat
-def test_a_fit_on_machine_1_follows_the_others_closer_than_the_regression():
+def test_the_shipped_machine_follows_the_load_closer_than_a_regression():
     """By correlation: the flow sensors differ by some percent. On parts of the log, to be quick."""
     log = read_machine_log(WHEAT)
     assert len(log) == 31_276
     start = [int(np.flatnonzero(log.machine == m)[0]) + 2000 for m in range(3)]
     index = np.arange(len(log))
     part = np.zeros(len(log), dtype=bool)
-    for first, count in zip(start, (2500, 4000, 4000), strict=True):
-        part |= (index >= first) & (index < first + count)
-    keys = [*KEYS, "tyres.rolling_resistance"]
-    found = compare_log("lexion-700", log.keep(part), fit=keys, machine="1")
-    load = found.statistics["engine_load"]
-    print({n: {k: (round(f.r2, 3), round(f.rmse, 2)) for k, f in of.items()} for n, of in load.items()})
-    for name in ("machine 2", "machine 3"):
+    for first in start:
+        part |= (index >= first) & (index < first + 3000)
+    load = compare_log("lexion-700", log.keep(part), machine="1").statistics["engine_load"]
+    for name in ("machine 1", "machine 2", "machine 3"):
         assert load[name]["model"].r > load[name]["regression with lag"].r > load[name]["regression"].r
         assert abs(load[name]["model"].lag_s) < 1.0
         assert 3.0 < load[name]["regression"].lag_s < 5.0
-    assert load["machine 1"]["model"].r2 > load["machine 1"]["regression with lag"].r2 + 0.05
-    rolling = next(f for f in found.fitted if f.key == "tyres.rolling_resistance")
-    assert 0.02 < rolling.value < 0.06
 
 
 @wheat

@@ -95,6 +95,7 @@ def test_the_outcome_is_printed(tmp_path, capsys):
     assert main(["run", str(tmp_path / "s.yaml"), *words]) == 1
     said = capsys.readouterr().out
     assert "combine gap: passes a gap" in said
+    assert "the run ended at max_duration_s = 1.2, after" in said
     assert "fail    combine.lateral_p95_m after edge_lost, within_m 3: the window never opened" in said
 
 

@@ -40,7 +40,8 @@ def test_both_drive_in_one_plan(world):
 def test_the_scanner_sees_the_other_machine_where_it_is_now(world):
     truth = world.graph.latest("combine.lidar", "truth")
     assert isinstance(truth, ScanTruth)
-    rear = world.graph.latest("other.motion", "state").pose.position[1] + world.machines["other"].sheet.body[0]
+    other = world.graph.latest("other.motion", "state").pose
+    rear = other.position[1] + world.machines["other"].sheet.body[0]
     site = world.graph.nodes[[n.slot.name for n in world.graph.nodes].index("combine.lidar")].component.setup
     origin = world.graph.latest("combine.motion", "state").pose.apply([0.0, 0.0, 2.5])
     hits = RayCaster(world.field, threads=1).cast(

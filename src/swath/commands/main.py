@@ -5,12 +5,15 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, run, scenarios, schema, sheets
-from swath.core.errors import SwathError
+from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
+from swath.core.errors import SwathError, shortened
+from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
+from swath.core.stopping import Terminated, stoppable
 from swath.field_io import command as field
 from swath.link.can import command as can
 from swath.link.fmi import command as fmu
@@ -18,6 +21,7 @@ from swath.link.osi import command as osi
 from swath.link.ros2 import command as ros2
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
@@ -26,6 +30,8 @@ from swath.tools.scan import command as scan
 
 COMMANDS = (
     run,
+    report,
+    view,
     scenarios,
     levels,
     metrics,
@@ -33,6 +39,7 @@ COMMANDS = (
     field,
     lab,
     height_map,
+    function_test,
     rerun,
     calibrate,
     compare,
@@ -50,7 +57,7 @@ RENAMED = {  # command lines of version 0.1.0: what to type instead
     ("replay",): "swath rerun RUN",
     ("ros2", "bridge"): "swath ros2 play RUN for a recorded run, swath run SCENARIO --ros2 for a scenario",
 }
-BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
+BAD_INPUT, INTERNAL, INTERRUPTED, BROKEN_PIPE, TERMINATED = 2, 70, 130, 141, 143
 
 EXAMPLES = """\
 swath: a simulator for harvest machines that act on what they sense
@@ -89,13 +96,17 @@ class _Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
-    0 done, 1 a limit of the scenario failed, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C.
+    0 done, 1 a limit of the scenario failed, 2 bad input, 70 a mistake in swath, 130 stopped by Ctrl-C,
+    143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
     try:
-        code = _dispatch(list(sys.argv[1:] if argv is None else argv))
-        sys.stdout.flush()
-        return code
+        with stoppable():
+            code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+            sys.stdout.flush()
+            return code
+    except Terminated as error:
+        return _say(str(error) or "stopped", TERMINATED)
     except KeyboardInterrupt as error:
         return _say(str(error) or "stopped", INTERRUPTED)
     except BrokenPipeError:
@@ -113,8 +124,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             file, line = place
             what = f"{file}:{line}: {type(error).__name__}: {error}"
             return _say(f"{what} (in your own level; SWATH_DEBUG=1 prints the traceback)", BAD_INPUT)
+        said = shortened(" ".join(str(error).split()), 100)
         return _say(
-            f"{type(error).__name__}: {error}. This is a mistake in swath, not in your input. Please run it "
+            f"{type(error).__name__}: {said}. This is a mistake in swath, not in your input. Please run it "
             "again with SWATH_DEBUG=1 and report what it prints, with the scenario",
             INTERNAL,
         )
@@ -137,7 +149,8 @@ def _dispatch(argv: list[str]) -> int:
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
         raise UsageError(f"{argv[0]}: no such command, {hint}")
     args = parser.parse_args(argv)
-    code: int = args.run(args)
+    with only_code(()) if vars(args).get("no_code") else nullcontext():
+        code: int = args.run(args)
     return code
 
 
@@ -154,7 +167,7 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
 
 
 def _say(text: str, code: int) -> int:
-    print("swath: " + " ".join(text.split()), file=sys.stderr)
+    print("swath: " + shortened(" ".join(text.split())), file=sys.stderr)
     return code
 
 

@@ -31,7 +31,15 @@ def add(parsers: Any) -> None:
         metavar="RUN",
         help="repeat the changes made while an earlier run was driven (its folder)",
     )
+    parser.add_argument(
+        "--allow",
+        action="append",
+        default=[],
+        metavar="CODE",
+        help="file.py:Class or FMU that may be set while it runs; may be given several times",
+    )
     parser.add_argument("--no-defaults", action="store_true", help="do not print the default values in use")
+    parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -47,11 +55,15 @@ def run(args: argparse.Namespace) -> int:
         )
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
+    from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
+    from swath.scenario.code import code_of
 
     events = read_events(args.events) if args.events is not None else []
+    if not args.quiet and (code := code_of(scenario)):
+        print(f"code of the scenario, run with your rights: {', '.join(map(str, code))}", flush=True)
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario)
     try:
         with _bridge(args) as bridges:
@@ -60,14 +72,15 @@ def run(args: argparse.Namespace) -> int:
                 out,
                 progress=not args.quiet,
                 events=events,
-                hooks=[*bridges, ReportWriter()],
+                hooks=[*bridges, ReportWriter(), *([] if args.no_replay else [ReplayWriter()])],
                 begun=begun,
+                allow=args.allow,
             )
     except InputError as error:
         raise scenario.locate(error) from error
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         kept = f"; what was recorded is in {out}" if (out / "summary.json").is_file() else ""
-        raise KeyboardInterrupt(f"stopped{kept}") from None
+        raise type(error)(f"stopped{kept}") from None
     if args.quiet:
         print(out)
     else:
@@ -107,4 +120,4 @@ def _bridge(args: argparse.Namespace) -> Iterator[Any]:
 
 
 _DESCRIPTION = """Run a scenario. Exit code: 0 all limits pass, 1 a limit fails, 2 bad input,
-130 stopped by Ctrl-C (the folder then holds what was recorded, marked incomplete)."""
+130 stopped by Ctrl-C and 143 by SIGTERM (the folder then holds what was recorded, marked incomplete)."""

@@ -71,6 +71,18 @@ class EndsRun(Protocol):
 
 
 @runtime_checkable
+class StepsAnyLength(Protocol):
+    """A part whose step may be of any length, not only its period.
+
+    steps_any_length: True for a part that, when a run ends between two of its steps, takes in what was sent
+    to it since the last one; a process does so with the crop that the header still cut
+    """
+
+    @property
+    def steps_any_length(self) -> bool: ...
+
+
+@runtime_checkable
 class NeedsRealTime(Protocol):
     """A part that answers by the clock on the wall. needs_real_time: why; empty when it does not."""
 

@@ -1,17 +1,34 @@
 """Errors a user can act on: what is wrong, where, and what was expected."""
 
+import pickle
 from pathlib import Path
 from typing import Any
 
+LONGEST = 300
+"""Characters of an error at most, whatever its input holds."""
+_LONGEST_PLACE, _LONGEST_VALUE = 150, 80
+
 
 class SwathError(Exception):
-    """Base of every error that swath raises on purpose: printed as one line, exit code 2."""
+    """Base of every error that swath raises on purpose: printed as one line, exit code 2.
+
+    Its text is at most LONGEST characters, all of them printable. It can be pickled, so that it reaches the
+    parent of a worker process as it is.
+    """
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(shortened(text))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        state = {key: value if _can_be_pickled(value) else _shown(value) for key, value in vars(self).items()}
+        return _restored, (type(self), self.args, state)
 
 
 class InputError(SwathError):
     """A value from outside that cannot be used.
 
-    Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out.
+    Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out, and each is
+    shortened to its share of LONGEST.
     """
 
     def __init__(
@@ -24,12 +41,15 @@ class InputError(SwathError):
         line: int | None = None,
     ) -> None:
         self.key, self.value, self.expected, self.file, self.line = key, value, expected, file, line
-        text = key if value is None else f"{key} = {_short(value)}"
+        place = ""
+        if file is not None:
+            place = f" ({shortened(str(file), _LONGEST_PLACE)}{'' if line is None else f':{line}'})"
+        text = shortened(key, _LONGEST_PLACE if "/" in key else _LONGEST_VALUE)
+        if value is not None:
+            text += f" = {_shown(value)}"
         if expected:
             text += f": {expected}"
-        if file is not None:
-            text += f" ({file}:{line})" if line is not None else f" ({file})"
-        super().__init__("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
+        super().__init__(shortened(text, LONGEST - len(place)) + place)
 
 
 class WiringError(SwathError):
@@ -43,10 +63,44 @@ class MissingExtra(SwathError):
         super().__init__(f"{what} needs an optional part: pip install 'swath[{extra}]'")
 
 
-def _short(value: Any) -> str:
-    """At most a line of a value; a path keeps its end, which is what tells it from others."""
-    text = str(value) if isinstance(value, str | Path) else repr(value)
-    limit = 300 if "/" in text and " " not in text else 80
-    if len(text) <= limit:
-        return text
-    return "..." + text[3 - limit :] if limit > 80 else text[: limit - 3] + "..."
+def shortened(text: str, limit: int = LONGEST) -> str:
+    """Text in printable characters, at most `limit`: a longer one without its middle."""
+    whole = len(text) <= 2 * limit
+    shown = _printable(text if whole else text[:limit] + text[-limit:])
+    if whole and len(shown) <= limit:
+        return shown
+    tail = (limit - 3) // 3
+    return f"{shown[: limit - 3 - tail]}...{shown[len(shown) - tail :]}"
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def _shown(value: Any) -> str:
+    """At most a line of a value; more of a path, which is told from others by its end."""
+    text = str(value) if isinstance(value, str | Path) else _written(value)
+    return shortened(text, _LONGEST_PLACE if "/" in text and " " not in text else _LONGEST_VALUE)
+
+
+def _written(value: Any) -> str:
+    """A value as Python writes it; of a long list or array only its kind and length."""
+    if isinstance(value, list | tuple | dict | set) and len(value) > _LONGEST_VALUE:
+        return f"{type(value).__name__} of {len(value)}"
+    return repr(value)
+
+
+def _can_be_pickled(value: Any) -> bool:
+    try:
+        pickle.loads(pickle.dumps(value))
+    except Exception:  # a value of any kind: how it refuses is its own affair
+        return False
+    return True
+
+
+def _restored(kind: type[SwathError], args: tuple[Any, ...], state: dict[str, Any]) -> SwathError:
+    """An error as it was, whatever its constructor takes."""
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(state)
+    return error

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from swath.core.abilities import StepsAnyLength
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import WiringError
 from swath.core.random import Stream
@@ -98,6 +99,16 @@ class Graph:
             if stop is not None and stop():
                 return
         self.t = max(self.t, until)
+
+    def finish(self) -> None:
+        """The end: parts that can (`StepsAnyLength`) take in what was sent to them since their last step."""
+        for node in self.nodes:
+            slot = node.slot
+            waits = any(self._queues[wire] for _, wire, is_queue in self._reads[slot.name] if is_queue)
+            last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
+            part = node.component
+            if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
+                self._publish(node, self.t, part.step(last, self.t - last, self._gather(node)))
 
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import need_allowed
 from swath.core.renamed import present_name
 
 GROUP = "swath.levels"
@@ -110,6 +111,7 @@ class Registry:
 def _from_file(kind: str, reference: str, base: Path) -> Level:
     file_text, _, class_name = reference.rpartition(":")
     file = Path(file_text) if Path(file_text).is_absolute() else base / file_text
+    need_allowed(f"{kind}.level", reference, base)
     if not file.is_file():
         raise InputError(f"{kind}.level", reference, f"expected file.py:Class, but there is no file {file}")
     unique = zlib.crc32(str(file.resolve()).encode())

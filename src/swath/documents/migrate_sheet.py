@@ -11,10 +11,10 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
-from ruamel.yaml.error import YAMLError
 
 from swath.core.errors import InputError
 from swath.core.units import UNITS
+from swath.documents.yaml_document import parse
 
 IN_CM = {"row_spacing", "stubble_height", "straw_below_height", "stand.height", "cob.height", "cob.height_sd"}
 COUNTS = re.compile(
@@ -42,12 +42,10 @@ def migrate_sheet(text: str) -> str:
 
     Raises InputError for text that is no data sheet.
     """
+    parse(text, "data sheet")  # in bounds, and YAML
     yaml = YAML(typ="rt")
     yaml.preserve_quotes, yaml.width = True, 10_000
-    try:
-        data = yaml.load(text)
-    except YAMLError as error:
-        raise InputError("data sheet", None, f"expected YAML, {str(error).splitlines()[0]}") from error
+    data = yaml.load(text)
     kind = _kind(data)
     if "format" in data:
         return text

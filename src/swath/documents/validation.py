@@ -16,6 +16,7 @@ from swath.documents.hints import PATTERNS, near_miss, number_form, unknown_key
 from swath.documents.yaml_document import Document, KeyPath, key_path
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+MOST_ERRORS = 100  # that are told of one section
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _TYPES = {
     "bool_type": "true or false",
@@ -69,12 +70,12 @@ def known_keys(kind: Any) -> list[str]:
 
 
 def validate(kind: Any, data: Any, path: KeyPath, document: Document) -> tuple[Any, list[InputError]]:
-    """The object made of `data`, or None and every error found."""
+    """The object made of `data`, or None and the errors found."""
     try:
         return adapter_of(kind).validate_json(json.dumps([data]))[0], []
     except ValidationError as error:
         raw = sorted(error.errors(include_url=False), key=lambda e: e["type"] not in _UNKNOWN)
-        found = [_translate(e, kind, data, path, document) for e in raw]
+        found = [_translate(e, kind, data, path, document) for e in raw[:MOST_ERRORS]]
         return None, found
     except InputError as error:  # raised by a __post_init__
         return None, [_under(error, path, document)]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
@@ -24,6 +25,7 @@ KeyPath = tuple[str | int, ...]
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 24
 MAX_VALUES = 50_000
+_TOO_LARGE = f"expected YAML of at most {MAX_BYTES >> 20} MiB"
 _INT = re.compile(r"^[-+]?[0-9]+$|^0x[0-9a-fA-F]+$|^0o[0-7]+$")
 _FLOAT = re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$")
 _SPECIAL = re.compile(r"^[-+]?\.(?:inf|Inf|INF)$|^\.(?:nan|NaN|NAN)$")
@@ -109,22 +111,27 @@ def key_path(text: str) -> KeyPath:
 def read_document(file: Path) -> Document:
     """Parse a YAML file. InputError when it cannot be read or is not YAML."""
     try:
-        size = file.stat().st_size
-        if size > MAX_BYTES:
-            raise InputError(str(file), None, f"expected a YAML file of at most {MAX_BYTES >> 20} MiB")
-        text = file.read_bytes().decode("utf-8-sig")
+        with file.open("rb") as stream:
+            text = stream.read(MAX_BYTES + 1).decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if error.end > MAX_BYTES:
+            raise InputError(str(file), None, _TOO_LARGE) from error
         raise InputError(str(file), None, "expected text in UTF-8") from error
     except FileNotFoundError as error:
         raise InputError(str(file), None, "there is no such file") from error
     except OSError as error:
         raise InputError(str(file), None, f"could not be read: {error.strerror}") from error
+    except ValueError as error:
+        raise InputError(str(file), None, "expected a path without a null character") from error
     return parse(text, str(file), Path(file))
 
 
 def parse(text: str, name: str = "text", file: Path | None = None) -> Document:
     """Parse YAML text; `name` stands for the file in error messages."""
+    if len(text) > MAX_BYTES:
+        raise InputError("YAML", None, _TOO_LARGE, file=name)
     reader = YAML(typ="safe", pure=True)
+    reader.Composer = _Composer
     reader.version = (1, 2)
     reader.allow_duplicate_keys = True  # _Builder refuses them, with both lines
     try:
@@ -156,6 +163,18 @@ def parse_value(text: str, flag: str) -> Any:
         return parse(text, flag).data
     except InputError as error:
         raise InputError(flag, None, error.expected) from error
+
+
+class _Composer(Composer):
+    """Stops at more values than a document may have, before the rest of the text is read."""
+
+    count = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self.count += 1
+        if self.count > 2 * MAX_VALUES:  # keys count here, too
+            raise YAMLError(f"more than {MAX_VALUES} values")
+        return super().compose_node(parent, index)
 
 
 class _Builder:

@@ -1,6 +1,5 @@
 """The crop edge and the boundary as a scenario describes them."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,6 +11,8 @@ from pydantic import Field as PydanticField
 
 from swath.core.errors import InputError
 from swath.core.units import DEG
+from swath.documents.json_file import read_json
+from swath.documents.packed import readable
 from swath.field.boundary import Region
 from swath.field.edge_defects import BrokenEdge, Gap, Teeth
 from swath.field.field_setup import FieldSetup
@@ -177,11 +178,11 @@ def read_lines(path: Path, setup: FieldSetup, key: str = "field.edge") -> tuple[
     """World points (n, 2) [m] of every LineString of a GeoJSON file (longitude, latitude)."""
     if setup.to_local is None:
         raise InputError(f"{key}.file", str(path), "expected a field folder, which says where the field is")
-    if not path.is_file():
-        raise InputError(f"{key}.file", str(path), "expected GeoJSON, there is no such file")
-    try:
-        features = json.loads(path.read_text(encoding="utf-8"))["features"]
-        lines = [f["geometry"]["coordinates"] for f in features if f["geometry"]["type"] == "LineString"]
+    features = read_json(path, f"{key}.file", "GeoJSON")
+    with readable(f"{key}.file", "GeoJSON with LineStrings", path):
+        lines = [
+            f["geometry"]["coordinates"]
+            for f in features["features"]
+            if f["geometry"]["type"] == "LineString"
+        ]
         return tuple(np.asarray(setup.to_local([point[:2] for point in line])) for line in lines)
-    except (OSError, ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
-        raise InputError(f"{key}.file", None, "expected GeoJSON with LineStrings", file=path) from error

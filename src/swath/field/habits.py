@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import SwathError
+from swath.core.foreign_code import is_allowed, refusal
 from swath.core.registry import USER_MODULE
 from swath.documents.data_sheets import Sheet
 from swath.documents.hints import near_miss
@@ -33,6 +34,8 @@ def find_habit(sheet: Sheet) -> Habit:
         file = sheet.path.parent / name
         if not file.is_file():
             raise sheet.error("habit", f"expected a Python file, there is no {file}")
+        if not is_allowed(file):
+            raise sheet.error("habit", refusal())
         module = _load(file)
     elif name in habit_names():
         module = importlib.import_module(f"{PACKAGE}.{name}")

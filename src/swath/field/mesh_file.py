@@ -1,11 +1,11 @@
-"""Triangle meshes from files (OBJ, PLY, GLB and what else trimesh reads), in parts with names.
+"""Triangle meshes from files (OBJ, PLY, STL, GLB, glTF, OFF), read by trimesh, in parts with names.
 
 A part's name is that of its material, else of its object. An OBJ file's materials are taken from its own
 `usemtl` lines (`o` and `g` lines where it has none), so its .mtl file and textures need not be there.
 """
 
 import io
-import re
+import json
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,11 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.portable import product
 from swath.core.units import CM, MM
+from swath.documents.packed import readable
 
 Array = NDArray[np.float64]
+FORMATS = ("obj", "ply", "stl", "glb", "gltf", "off")
+BYTES_MAX = 1 << 28  # of a file; TRIANGLES_MAX in an OBJ file are half of that
 TRIANGLES_MAX = 2_000_000
 SIZE_MAX = 1e6  # coordinates beyond this are taken for a broken file [file units]
+NUMBERS_MAX = 12 * TRIANGLES_MAX  # corners, normals and the like, and indices of a glTF file
 UNITS = {"m": 1.0, "cm": CM, "mm": MM, "inch": 0.0254}
 FOOT_SHARE = 0.02  # the lowest part of a mesh, of its height, that its foot is the middle of
 UP = {  # rows: x, y, z of the world from those of the file, right-handed
@@ -50,9 +55,10 @@ def read_mesh(path: Path, *, key: str, file: Path | None = None) -> tuple[MeshPa
         raise InputError(key, str(path), "expected a mesh file, there is no such file", file=file)
     stat = path.stat()
     try:
-        return _read(path, stat.st_mtime_ns, stat.st_size)
-    except _BadMesh as error:
-        raise InputError(key, str(path), str(error), file=file) from error
+        with readable(key, "a mesh that can be read", path):
+            return _read(path, stat.st_mtime_ns, stat.st_size)
+    except InputError as error:
+        raise InputError(key, str(path), error.expected, file=file) from error
 
 
 def file_up(path: Path) -> str:
@@ -68,39 +74,41 @@ def base_middle(corners: Array) -> Array:
     return np.append(0.5 * (base.min(axis=0) + base.max(axis=0))[:2], low)
 
 
-class _BadMesh(Exception):
+def _bad(expected: str) -> InputError:
     """What is wrong with a file, as an expectation."""
+    return InputError("mesh", None, expected)
 
 
 @lru_cache(maxsize=16)
 def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
     """As `read_mesh`; read again when the file has changed."""
+    if size > BYTES_MAX:
+        raise _bad(f"expected at most {BYTES_MAX} bytes, it has {size}")
     scene = _load(path)
     found: dict[tuple[str, ...], list[Array]] = {}
+    total = 0
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
         geometry = scene.geometry[name]
         faces = np.asarray(getattr(geometry, "faces", np.zeros((0, 3))))
         if not len(faces):
             continue
-        points = np.asarray(geometry.vertices, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
+        total += len(faces)
+        if total > TRIANGLES_MAX:
+            raise _bad(f"expected at most {TRIANGLES_MAX} triangles, it has more")
+        points = product(np.asarray(geometry.vertices, dtype=float), matrix[:3, :3].T) + matrix[:3, 3]
         material = getattr(getattr(geometry.visual, "material", None), "name", None)
         names = tuple(dict.fromkeys(str(n) for n in (material, name, node) if n))
         found.setdefault(names, []).append(points[faces])
     parts = [MeshPart(names, np.concatenate(found[names])) for names in sorted(found)]
-    total = sum(len(p.corners) for p in parts)
-    if total > TRIANGLES_MAX:
-        raise _BadMesh(f"expected at most {TRIANGLES_MAX} triangles, it has {total}")
     for part in parts:
         if not np.isfinite(part.corners).all():
-            raise _BadMesh(f"expected finite corners, part {part.names[0]!r} has some that are none")
+            raise _bad(f"expected finite corners, part {part.names[0]!r} has some that are none")
         if np.abs(part.corners).max() > SIZE_MAX:
-            raise _BadMesh(
-                f"expected coordinates within {SIZE_MAX:g}, part {part.names[0]!r} has larger ones"
-            )
+            raise _bad(f"expected coordinates within {SIZE_MAX:g}, part {part.names[0]!r} has larger ones")
     parts = [MeshPart(p.names, kept) for p in parts if len(kept := _with_area(p.corners))]
     if not parts:
-        raise _BadMesh("expected triangles, it has none" if not total else "expected triangles with an area")
+        raise _bad("expected triangles, it has none" if not total else "expected triangles with an area")
     return tuple(parts)
 
 
@@ -111,29 +119,44 @@ def _load(path: Path) -> Any:
     except ImportError as error:
         raise MissingExtra("mesh", "reading a mesh") from error
     kind = path.suffix.lower().lstrip(".")
-    if f".{kind}" not in {f".{k}" for k in trimesh.available_formats()}:
-        raise _BadMesh("expected a mesh file, as .obj, .ply or .glb")
-    try:
-        if kind == "obj":
-            text, library = _own_materials(path.read_text(encoding="utf-8", errors="replace"))
-            resolver = trimesh.resolvers.ZipResolver({"swath.mtl": io.BytesIO(library.encode())})
-            stream = io.BytesIO(text.encode())
-            return trimesh.load_scene(stream, file_type="obj", resolver=resolver, process=False)
+    if kind not in FORMATS:
+        raise _bad(f"expected a mesh file, one of .{', .'.join(FORMATS)}")
+    if kind in ("glb", "gltf"):
+        _check_accessors(path)
+    if kind != "obj":
         return trimesh.load_scene(path, process=False)
-    except Exception as error:  # a reader of foreign files may raise anything
-        reason = " ".join(str(error).split())
-        raise _BadMesh(f"expected a mesh that can be read, {type(error).__name__}: {reason[:120]}") from error
+    text, library = _own_materials(path.read_text(encoding="utf-8", errors="replace"))
+    resolver = trimesh.resolvers.ZipResolver({"swath.mtl": io.BytesIO(library.encode())})
+    return trimesh.load_scene(io.BytesIO(text.encode()), file_type="obj", resolver=resolver, process=False)
+
+
+def _check_accessors(path: Path) -> None:
+    """Refuse what declares more numbers than TRIANGLES_MAX need: one without data is filled with zeros."""
+    data = path.read_bytes()
+    if data[:4] == b"glTF":
+        data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
+    counts = [int(accessor["count"]) for accessor in json.loads(data).get("accessors", [])]
+    if sum(counts) > NUMBERS_MAX or min(counts, default=0) < 0:
+        raise _bad(f"expected at most {NUMBERS_MAX} corners and indices, it declares {sum(counts)}")
 
 
 def _own_materials(text: str) -> tuple[str, str]:
     """An OBJ file that uses materials alone to tell parts apart, and a library that has them all."""
-    text = re.sub(r"^mtllib\b.*$", "", text, flags=re.M)
-    if re.search(r"^usemtl\b", text, re.M):
-        text = re.sub(r"^[og]\b.*$", "", text, flags=re.M)
-    else:
-        text = re.sub(r"^[og][ \t]+(?=\S)", "usemtl ", text, flags=re.M)
-    names = dict.fromkeys(re.findall(r"^usemtl[ \t]+(.*?)[ \t\r]*$", text, re.M))
-    return "mtllib swath.mtl\n" + text, "".join(f"newmtl {name}\n" for name in names)
+    lines = [line.strip() for line in text.splitlines()]
+    words = {line.split(None, 1)[0] for line in lines if line}
+    parts = ("o", "g")
+    made = ["mtllib swath.mtl"]
+    names: dict[str, None] = {}
+    for line in lines:
+        word, _, name = line.replace("\t", " ").partition(" ")
+        name = name.strip()
+        if word == "mtllib" or (word in parts and ("usemtl" in words or not name)):
+            continue
+        if word == "usemtl" or word in parts:
+            names[name] = None
+            line = f"usemtl {name}"
+        made.append(line)
+    return "\n".join(made) + "\n", "".join(f"newmtl {name}\n" for name in names)
 
 
 def _with_area(corners: Array) -> Array:

@@ -21,6 +21,7 @@ MESH_TRIANGLES = 300_000  # of all prototypes; fewer prototypes are made rather 
 MESH_TRIANGLES_MAX = 1_200_000  # some 300 MB
 MESH_TILES_MIN = 3
 MESH_FINE = 15_000  # triangles in a prototype from which on its cells are halved
+PIECES = 4_000  # looked at together: their arrays stay in the processor's cache
 PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays never miss a listed cell [m]
 
 
@@ -62,7 +63,7 @@ def make_library(
     count = per_tile * tile_count
     rng = seed.child("plants").at()
     xy = _places(crop, tile_count, per_tile, size, row_spacing, rng)
-    order = np.argsort(rng.random((tile_count, per_tile)), axis=1)
+    order = np.argsort(rng.random((tile_count, per_tile)), axis=1, kind="stable")
     rank = ((order + rng.random((tile_count, 1))) / per_tile).ravel()
     leaf_parts = leaf_parts_of(crop, detail)
     how = Drawing(leaves=leaves, ears=ears, upright=upright, leaf_parts=leaf_parts)
@@ -172,7 +173,7 @@ def _places(
         jitter = crop.stand.sowing_jitter * rng.random((tile_count, plants))
         slot = (np.arange(plants) + jitter) / plants * rows  # along all rows, even
         row, along = np.floor(slot), slot % 1.0
-        member = _plant_of(np.argsort(rng.random(shape), axis=1), per_tile, plants)
+        member = _plant_of(np.argsort(rng.random(shape), axis=1, kind="stable"), per_tile, plants)
         foot = np.stack([along * size, (row + 0.5) * row_spacing], axis=-1)
         xy = np.take_along_axis(foot, member[..., None], axis=1)
         xy = xy + crop.stand.tiller_spread * np.clip(rng.standard_normal((*shape, 2)), -3.0, 3.0)
@@ -260,9 +261,8 @@ class _Index:
     def fill(self, pieces: _Pieces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """cell_start and cell_items: for each cell the pieces that overlap it, capsules first."""
         cells, items = [], []
-        part_size = 20_000 if pieces.pointed.any() else 200_000
-        for first in range(0, len(pieces.source), part_size):
-            part = np.arange(first, min(first + part_size, len(pieces.source)))
+        for first in range(0, len(pieces.source), PIECES):
+            part = np.arange(first, min(first + PIECES, len(pieces.source)))
             cell, item = self._overlaps(pieces.take(part))
             cells.append(cell)
             items.append(item + first)
@@ -307,21 +307,34 @@ class _Index:
 def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
     """Does the primitive `item` reach into the box? Separating axes: never a false no.
 
-    A capsule is its axis grown by the radius, a ribbon a flat parallelogram; axes: the box normals, the
-    ribbon's normal, and the cross products of box edges and primitive edges.
+    A capsule is its axis grown by the radius, a ribbon a flat parallelogram with half edges e1 and e2.
+    Axes: the ribbon's normal, and the cross products of its edges with those of the box. The box's own
+    normals tell nothing more: the boxes were chosen by the bounds of the primitive. What one axis tells
+    apart is not looked at on the next.
     """
-    e1 = 0.5 * (pieces.b - pieces.a)[item]
-    e2 = pieces.half[item]
-    offset = 0.5 * (pieces.a + pieces.b)[item] - middle
-    radius = pieces.radius[item] + PAD
-    axes = [np.cross(e1, e2)]
-    for unit in np.eye(3):
-        axes += [np.broadcast_to(unit, e1.shape), np.cross(e1, unit), np.cross(e2, unit)]
-    meets = np.ones(len(item), bool)
-    for axis in axes:
-        reach = np.abs((e1 * axis).sum(1)) + np.abs((e2 * axis).sum(1)) + (np.abs(axis) * box).sum(1)
-        reach += radius * np.linalg.norm(axis, axis=1)
-        meets &= np.abs((offset * axis).sum(1)) <= reach
+    e1, e2 = (0.5 * (pieces.b - pieces.a)).T.copy(), pieces.half.T.copy()
+    normal = np.cross(e1, e2, axis=0)
+    radius = pieces.radius + PAD
+    offset, half = (0.5 * (pieces.a + pieces.b)[item] - middle).T.copy(), box.T.copy()
+    left = np.arange(len(item))
+    for edge in (e1, e2):
+        for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # edge x unit k; the other edge reaches |normal k|
+            reach = np.abs(normal[k]) + radius * np.hypot(edge[i], edge[j])
+            of = item[left]
+            u, v, own = edge[i][of], edge[j][of], reach[of]
+            apart = np.abs(offset[i, left] * v - offset[j, left] * u)
+            own += np.abs(u) * half[j, left] + np.abs(v) * half[i, left]
+            left = left[apart <= own]
+        if edge is e1:
+            whole = left[pieces.radius[item[left]] > 0.0]  # capsules: e2 is zero
+            left = left[pieces.radius[item[left]] == 0.0]
+    of = item[left]
+    reach = (np.abs(normal[:, of]) * half[:, left]).sum(axis=0) + (radius * np.linalg.norm(normal, axis=0))[
+        of
+    ]
+    left = left[np.abs((normal[:, of] * offset[:, left]).sum(axis=0)) <= reach]
+    meets = np.zeros(len(item), bool)
+    meets[whole], meets[left] = True, True
     return meets
 
 

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.documents.packed import readable
 
 Array = NDArray[np.float64]
+CELLS_MAX = 50_000_000  # of a map held in memory: 50 km2 in cells of 1 m
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,9 @@ class Raster:
         with open_geotiff(path) as dataset:
             epsg = _metric_epsg(dataset.crs, path)
             cell = _cell(dataset.transform, path)
-            masked = dataset.read(1, masked=True)
+            _check_cells(dataset, path)
+            values = dataset.read(1, masked=True).astype(np.float32).filled(np.nan)[::-1]
             west, north = float(dataset.transform.c), float(dataset.transform.f)
-        values = np.asarray(masked.astype(np.float32).filled(np.nan))[::-1]
         if not (may_be_empty or np.isfinite(values).any()):
             raise InputError("raster", None, "expected at least one number, every cell is empty", file=path)
         values = np.where(np.isfinite(values), values, np.float32(np.nan))
@@ -143,18 +145,25 @@ def _rasterio() -> Any:
 
 @contextmanager
 def open_geotiff(path: Path) -> Iterator[Any]:
-    """An open rasterio dataset. Raises InputError naming the file for whatever goes wrong with it."""
+    """An open rasterio dataset. Raises InputError naming the file for whatever goes wrong with it.
+
+    Only GDAL's driver of GeoTIFF looks at it, and no file beside it is read: others, such as VRT and WMS,
+    are texts that name further files and addresses, and GDAL goes by the content, not by the name.
+    """
     rasterio = _rasterio()
     if not path.is_file():
         raise InputError("raster", None, "expected a GeoTIFF, there is no such file", file=path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(path) as dataset:
-                yield dataset
-    except (rasterio.errors.RasterioError, ValueError, MemoryError, TypeError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError("raster", None, f"expected a readable GeoTIFF: {reason}", file=path) from error
+    with readable("raster", "a readable GeoTIFF", path), warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR")
+        with alone, rasterio.open(path, driver="GTiff") as dataset:
+            yield dataset
+
+
+def _check_cells(dataset: Any, path: Path) -> None:
+    if dataset.width * dataset.height > CELLS_MAX:
+        expected = f"expected at most {CELLS_MAX} cells: cut it to the field, or take larger cells"
+        raise InputError("raster", f"{dataset.width} x {dataset.height}", expected, file=path)
 
 
 def _metric_epsg(crs: Any, path: Path) -> int | None:

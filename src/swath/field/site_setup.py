@@ -73,6 +73,7 @@ class Bodies:
         for known in (self._solids, self._poses, self._starts, self._parts, self._known):
             known.pop(name, None)
         self._standing.discard(name)
+        self._hitched = {pair for pair in self._hitched if name not in pair}
 
     def place(self, name: str, pose: Pose) -> None:
         """Move a machine. Raises InputError for a name that was not added."""
@@ -92,6 +93,8 @@ class Bodies:
         lower bound.
         """
         around = self._around(name)
+        if not around:
+            return float("inf"), ""
         found = nearest(self._in_world(name), joined(list(around.values())))
         if found is None:
             return float("inf"), ""

@@ -52,8 +52,8 @@ class PageMaker:
         return PageData(
             ground=ground.astype(np.float32),
             tile_plane=self._planes(ground).astype(np.float32),
-            tile_stand=self._stand(x, y).astype(np.float32),
-            tile_prototype=self._prototypes(tx, ty),
+            tile_stand=self.stand_at(x, y).astype(np.float32),
+            tile_prototype=self.prototypes(tx, ty),
             codes=self.codes(i, j),
         )
 
@@ -122,7 +122,7 @@ class PageMaker:
         slope_y = (blocks * weight[:, None]).sum(axis=(2, 3))
         return np.stack([blocks.mean(axis=(2, 3)), slope_x, slope_y], axis=-1)
 
-    def _stand(self, x: Array, y: Array) -> Array:
+    def stand_at(self, x: Array, y: Array) -> Array:
         """Scale, lean and density fraction of tiles. A plant that leans by a keeps its length: its height
         shrinks with cos a and its tip moves aside with sin a.
         """
@@ -134,7 +134,8 @@ class PageMaker:
         lean = aside * np.cos(azimuth), aside * np.sin(azimuth)
         return np.stack([factor * np.cos(angle), *lean, np.clip(fraction, 0.0, 1.0)], axis=-1)
 
-    def _prototypes(self, tx: Any, ty: Any) -> NDArray[np.int32]:
+    def prototypes(self, tx: Any, ty: Any) -> NDArray[np.int32]:
+        """Prototype numbers with mirror flags of tiles by their indices."""
         h = hash_cells(self.seed, tx, ty)
         number = (h % np.uint64(self.library.tile_count)).astype(np.int32)
         mirror_x = np.where(h & np.uint64(1 << 40), MIRROR_X, 0)

@@ -1,13 +1,13 @@
 """A digital elevation model, in whatever system it comes, on the cells of a field."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from swath.core.errors import InputError, MissingExtra
 from swath.field.raster import Raster, open_geotiff
 
+WARP_MB = 64  # of the file that are held at once: it may be far larger than the field
 LEAST_KNOWN = 0.8  # share of the cells around the field that must have a height
 
 
@@ -32,9 +32,9 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
             raise InputError("dem.crs", None, "expected a coordinate system, the file names none", file=path)
         system = dataset.crs.to_string()[:40]
         rasterio.warp.reproject(
-            _band(dataset), values, src_transform=dataset.transform, src_crs=dataset.crs, src_nodata=np.nan,
-            dst_transform=target, dst_crs=f"EPSG:{grid.epsg}", dst_nodata=np.nan,
-            resampling=rasterio.warp.Resampling.bilinear,
+            rasterio.band(dataset, 1), values, src_nodata=dataset.nodata, dst_transform=target,
+            dst_crs=f"EPSG:{grid.epsg}", dst_nodata=np.nan, init_dest_nodata=True,
+            resampling=rasterio.warp.Resampling.bilinear, warp_mem_limit=WARP_MB,
         )  # fmt: skip
     values = values[::-1]
     known = np.isfinite(values)
@@ -48,7 +48,3 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
         raise InputError("dem", f"{share:.0%}", expected, file=path)
     nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
     return Raster(values[tuple(nearest)], grid.x0, grid.y0, grid.cell, grid.epsg), share
-
-
-def _band(dataset: Any) -> Any:
-    return dataset.read(1, masked=True).astype(np.float32).filled(np.nan)

@@ -15,13 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.documents.yaml_document import dump, read_document
-from swath.field.projection import Origin
+from swath.documents.yaml_document import dump
+from swath.field.projection import Origin, known_crs
 from swath.field.raster import Raster
-from swath.field_io.passes import Track, from_feature, to_geojson
+from swath.field_io.folder_files import (
+    FORMAT,
+    VERSION,
+    Boundaries,
+    Head,
+    Info,
+    Obstacles,
+    Passes,
+    read_features,
+    read_info,
+)
+from swath.field_io.passes import Track, to_geojson, track_of
 
 Array = NDArray[np.float64]
-FORMAT, VERSION = "swath field", 1
 OPTIONAL = ("moisture",)  # maps that may be without a single number: not every log measures it
 RASTERS = {
     "terrain": "terrain.tif",
@@ -63,35 +73,33 @@ class FieldFolder:
 
 def read_origin(path: Path) -> Origin:
     """Only where the local metres of a field folder count from."""
-    return _origin(_read_info(path / "field.yaml"), path / "field.yaml")
+    return _origin(read_info(path, Head)[0])
 
 
 def read(path: Path | str) -> FieldFolder:
-    """Read a field folder. Raises InputError naming the file that is missing or wrong."""
+    """Read a field folder. Raises InputError naming the file that is missing or wrong, and the key in it."""
     path = Path(path)
-    info = _read_info(path / "field.yaml")
-    origin = _origin(info, path / "field.yaml")
+    head, info = read_info(path, Info)
+    origin = _origin(head)
     corner = (origin.easting, origin.northing)
     rasters = {}
     for key, name in RASTERS.items():
         raster = Raster.from_geotiff(path / name, corner, may_be_empty=key in OPTIONAL)
         if raster.epsg != origin.epsg:
-            raise InputError(
-                "raster.crs", raster.epsg, f"expected EPSG {origin.epsg} of field.yaml", file=path / name
-            )
+            expected = f"expected EPSG {origin.epsg} of field.yaml"
+            raise InputError("raster.crs", raster.epsg, expected, file=path / name)
         rasters[key] = raster
     terrain = rasters["terrain"]
     rasters["terrain"] = replace(terrain, values=(terrain.values - np.float32(origin.height)))
-    boundary, holes = _read_boundary(path / "boundary.geojson", origin)
-    features = _read_features(path / "tracks.geojson")
-    tracks = tuple(from_feature(f, origin, path / "tracks.geojson") for f in features)
+    boundary, *holes = _local_rings(path / "boundary.geojson", origin)
+    tracks = path / "tracks.geojson"
     return FieldFolder(
         path=path,
         origin=origin,
         boundary=boundary,
-        holes=holes,
-        row_azimuth=float(np.radians(_number(info, "row_azimuth_deg", path / "field.yaml"))),
-        tracks=tracks,
+        holes=tuple(holes),
+        row_azimuth=float(np.radians(head.row_azimuth_deg)),
+        tracks=tuple(track_of(found, origin, tracks) for found in read_features(tracks, Passes).features),
         obstacles=_read_obstacles(path / "obstacles.geojson", origin),
         info=info,
         **rasters,
@@ -181,80 +189,33 @@ def _write_json(path: Path, data: dict[str, Any]) -> None:
     path.write_text(json.dumps(data, allow_nan=False, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
-def _read_info(path: Path) -> dict[str, Any]:
-    if not path.parent.is_dir():
-        raise InputError("field folder", str(path.parent), "expected a folder, there is none")
-    if not path.is_file():
-        raise InputError("field folder", str(path.parent), "expected a field folder, it has no field.yaml")
-    info = read_document(path).data
-    if not isinstance(info, dict) or info.get("format") != FORMAT:
-        found = info.get("format") if isinstance(info, dict) else info
-        raise InputError("format", found, f"expected {FORMAT!r}", file=path)
-    if info.get("version") != VERSION:
-        raise InputError("version", info.get("version"), f"expected {VERSION}", file=path)
-    return info
+def _origin(head: Head) -> Origin:
+    at = head.origin
+    origin = Origin(int(head.crs.removeprefix("EPSG:")), at.easting_m, at.northing_m, at.height_m)
+    known_crs(head.crs)
+    return origin
 
 
-def _origin(info: dict[str, Any], path: Path) -> Origin:
-    crs, origin = str(info.get("crs", "")), info.get("origin")
-    if not (crs.startswith("EPSG:") and crs[5:].isdigit()):
-        raise InputError("crs", crs, "expected EPSG:number", file=path)
-    if not isinstance(origin, dict):
-        raise InputError("origin", origin, "expected easting_m, northing_m and height_m", file=path)
-    keys = ("easting_m", "northing_m", "height_m")
-    return Origin(int(crs[5:]), *(_number(origin, key, path, "origin.") for key in keys))
-
-
-def _number(mapping: dict[str, Any], key: str, path: Path, prefix: str = "") -> float:
-    value = mapping.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(prefix + key, value, "expected a finite number", file=path)
-    return float(value)
-
-
-def _read_features(path: Path) -> list[dict[str, Any]]:
-    try:
-        features = json.loads(path.read_text(encoding="utf-8"))["features"]
-    except FileNotFoundError as error:
-        raise InputError(path.stem, None, "expected GeoJSON, there is no such file", file=path) from error
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(path.stem, None, "expected a GeoJSON FeatureCollection", file=path) from error
-    if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
-        raise InputError(path.stem, None, "expected a GeoJSON FeatureCollection", file=path)
-    return features
-
-
-def _read_boundary(path: Path, origin: Origin) -> tuple[Array, tuple[Array, ...]]:
-    features = _read_features(path)
-    try:
-        geometry = features[0]["geometry"]
-        if geometry["type"] != "Polygon":
-            raise ValueError(geometry["type"])
-        loops = [origin.to_local(np.array(ring, dtype=float)[:-1, :2]) for ring in geometry["coordinates"]]
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise InputError("boundary", None, "expected one feature with a Polygon", file=path) from error
-    if not all(len(loop) >= 3 and np.isfinite(loop).all() for loop in loops):
-        raise InputError("boundary", None, "expected rings of at least three finite corners", file=path)
-    return loops[0], tuple(loops[1:])
+def _local_rings(path: Path, origin: Origin) -> list[Array]:
+    rings = read_features(path, Boundaries).features[0].geometry.coordinates
+    loops = [origin.to_local([place[:2] for place in ring[:-1]]) for ring in rings]
+    if not all(np.isfinite(loop).all() for loop in loops):
+        raise InputError("boundary", None, "expected longitude and latitude in degrees", file=path)
+    return loops
 
 
 def _read_obstacles(path: Path, origin: Origin) -> tuple[tuple[dict[str, Any], dict[str, Any]], ...]:
     if not path.is_file():
         return ()
-    try:
-        return tuple(
-            (_map_geometry(f["geometry"], origin.to_local), dict(f.get("properties") or {}))
-            for f in _read_features(path)
-        )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError("obstacles", None, "expected features with a geometry", file=path) from error
+    found = read_features(path, Obstacles).features
+    return tuple((_map_geometry(f.geometry.model_dump(), origin.to_local), f.properties or {}) for f in found)
 
 
 def _map_geometry(geometry: dict[str, Any], to: Callable[[Any], Array]) -> dict[str, Any]:
     """A GeoJSON geometry with its coordinates moved by `to`, which takes and gives shape (n, 2)."""
 
     def walk(coordinates: Any) -> Any:
-        if isinstance(coordinates[0], int | float):
+        if coordinates and isinstance(coordinates[0], int | float):
             return to([coordinates[:2]])[0].tolist()
         return [walk(c) for c in coordinates]
 

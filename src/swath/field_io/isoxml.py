@@ -1,6 +1,7 @@
 """Task data of ISO 11783-10 as one table: TASKDATA.XML names devices and logs, TLG files hold the records."""
 
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -9,10 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field_io.taskfiles import Element, elements, hex_number, is_log_file, number, task_files
-from swath.field_io.timelog import Description, TimeLog, column_names, read_time_log
+from swath.field_io.taskfiles import (
+    Element,
+    TaskFiles,
+    elements,
+    hex_number,
+    is_log_file,
+    number,
+    task_files,
+)
+from swath.field_io.timelog import (
+    MOST_VALUES,
+    Description,
+    TimeLog,
+    Value,
+    check_values,
+    column_names,
+    read_time_log,
+)
 
 Array = NDArray[np.float64]
+DESCRIBED = ("DVC", "DET", "DVP", "DPD", "TLG", "XFR")
+FEW_VALUES, VALUES_PER_BYTE = 20_000_000, 32  # held of any task data; more per byte, up to MOST_VALUES
+MOST_PROBLEMS = 100  # that are told of one set of task data
 
 
 @dataclass(frozen=True)
@@ -38,6 +58,8 @@ class TaskData:
         elevation_m and one per channel; nan where a log has no such channel.
         """
         count = [len(log) for log in self.logs]
+        channels = [column_names(log.channels) for log in self.logs]
+        check_values(len(self), len({name for names in channels for name in names}), self.path)
         names = np.array([log.name for log in self.logs])
         made: dict[str, Any] = {"log": np.repeat(names, count).tolist(), "time_s": self.time}
         made["machine"] = np.repeat(np.array([log.device for log in self.logs]), count).tolist()
@@ -48,7 +70,7 @@ class TaskData:
             made["elevation_m"] = up
         start = np.concatenate([[0], np.cumsum(count)])
         for i, log in enumerate(self.logs):
-            for k, name in enumerate(column_names(log.channels)):
+            for k, name in enumerate(channels[i]):
                 column = made.setdefault(name, np.full(len(self), np.nan))
                 column[start[i] : start[i + 1]] = log.values[:, k]
         return made
@@ -75,46 +97,56 @@ def read_taskdata(path: Path) -> TaskData:
     Raises InputError when nothing can be read: no TASKDATA.XML, no time log, no whole record in any.
     """
     path = Path(path)
-    files = task_files(path)
-    if "TASKDATA.XML" not in files:
-        raise InputError("taskdata", None, "expected a TASKDATA.XML beside the time logs", file=path)
-    described = _read_description(files)
-    names = list(described.logs)
-    if described.problems or not names:
-        there = sorted(n[:-4] for n in files if n.startswith("TLG") and n.endswith(".BIN"))
-        names += [n for n in there if n not in described.logs]
-    if is_log_file(path):
-        names = [path.stem.upper()]
-    problems, logs = list(described.problems), []
-    for name in names:
-        try:
-            logs.append(read_time_log(name, files, described))
-            problems += logs[-1].problems
-        except InputError as error:
-            problems.append(str(error))
-    logs = sorted((log for log in logs if len(log)), key=lambda log: (log.time[0], log.name))
+    with task_files(path) as files:
+        if "TASKDATA.XML" not in files:
+            raise InputError("taskdata", None, "expected a TASKDATA.XML beside the time logs", file=path)
+        described = _read_description(files)
+        logs, problems = _read_logs(path, files, described)
     if not logs:
         why = f": {problems[0]}" if problems else ""
-        raise InputError(
-            "taskdata", None, f"expected at least one time log with a whole record{why}", file=path
-        )
-    return TaskData(path, tuple(logs), dict(described.devices), tuple(problems))
+        expected = f"expected at least one time log with a whole record{why}"
+        raise InputError("taskdata", None, expected, file=path)
+    logs.sort(key=lambda log: (log.time[0], log.name))
+    return TaskData(path, tuple(logs), dict(described.devices), tuple(problems[:MOST_PROBLEMS]))
 
 
-def _read_description(files: dict[str, bytes]) -> Description:
+def _read_logs(path: Path, files: TaskFiles, described: Description) -> tuple[list[TimeLog], list[str]]:
+    """The logs that hold a record, and what was wrong with all of them."""
+    names = dict.fromkeys(described.logs)
+    if described.problems or not names:
+        names |= dict.fromkeys(sorted(n[:-4] for n in files if n.startswith("TLG") and n.endswith(".BIN")))
+    if is_log_file(path):
+        names = {path.stem.upper(): None}
+    problems, logs = list(described.problems), []
+    left = min(FEW_VALUES + VALUES_PER_BYTE * files.size, MOST_VALUES)
+    for name in names:
+        try:
+            log = read_time_log(name, files, described, left)
+        except InputError as error:
+            problems.append(str(error))
+            continue
+        problems += log.problems
+        left -= log.values.size
+        if len(log):
+            logs.append(log)
+    return logs, problems
+
+
+def _read_description(files: Mapping[str, bytes]) -> Description:
     made = Description()
-    parts = ["TASKDATA.XML"]
+    parts, rest = {"TASKDATA.XML"}, ["TASKDATA.XML"]
     found: list[Element] = []
-    for part in parts:
+    for part in rest:
         if part not in files:
             made.problems.append(f"{part}: referenced, but missing")
             continue
-        more, problem = elements(files[part])
+        more, problem = elements(files[part], DESCRIBED)
         found += more
         if problem:
             made.problems.append(f"{part}: {problem}; the rest of it is left out")
-        linked = [f"{a.get('A', '').upper()}.XML" for tag, a, _ in more if tag == "XFR"]
-        parts += [name for name in linked if name not in parts]
+        linked = dict.fromkeys(f"{a.get('A', '').upper()}.XML" for tag, a, _ in more if tag == "XFR")
+        rest += [name for name in linked if name not in parts]
+        parts |= set(linked)
     _take_devices(found, made)
     for tag, a, around in found:
         if tag == "TLG" and a.get("A"):
@@ -127,13 +159,11 @@ def _take_devices(found: list[Element], made: Description) -> None:
     """Labels and scaling of the values of every device element."""
     shown: dict[tuple[str, str], tuple[float, float, str]] = {}
     data: list[tuple[str, str, dict[str, str]]] = []
-    owners: dict[str, list[str]] = {}
     for tag, a, around in found:
         device = next((b.get("A", "") for t, b in around if t == "DVC"), "")
         if tag == "DVC":
             made.devices[a.get("A", "")] = a.get("B", "")
         elif tag == "DET":
-            owners.setdefault(device, []).append(a.get("A", ""))
             made.owners[a.get("A", "")] = device
         elif tag == "DVP":
             shown[device, a.get("A", "")] = (
@@ -147,5 +177,4 @@ def _take_devices(found: list[Element], made: Description) -> None:
         ddi = hex_number(a.get("B"))
         scale, offset, unit = shown.get((device, presentation), (1.0, 0.0, ""))
         if ddi is not None:
-            for element in owners.get(device, []):
-                made.values[element, ddi] = (a.get("E", "").strip(), unit, scale, offset)
+            made.values[device, ddi] = Value(a.get("E", "").strip(), unit, scale, offset)

@@ -1,7 +1,5 @@
 """The outline of a field: from a file, or the ground its passes covered."""
 
-import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.documents.json_file import read_json
+from swath.documents.packed import open_archive, readable
 from swath.field.projection import known_crs, transform
 from swath.field_io.clean import Cleaned
 from swath.field_io.table import shapefile_parts
-from swath.field_io.taskfiles import readable
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
@@ -88,7 +87,7 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
 
 
 def _from_geojson(path: Path) -> tuple[list[Any], str]:
-    data = json.loads(path.read_text(encoding="utf-8-sig"))
+    data = read_json(path, "boundary", "GeoJSON or a polygon shapefile")
     if not isinstance(data, dict) or "type" not in data:
         raise InputError("boundary", None, "expected GeoJSON", file=path)
     name = (
@@ -110,7 +109,7 @@ def _from_shp(path: Path) -> tuple[list[Any], str]:
 
 
 def _from_zip(path: Path) -> tuple[list[Any], str]:
-    with zipfile.ZipFile(path) as archive:
+    with open_archive(path, "boundary") as archive:
         parts = shapefile_parts(archive, path, "boundary")
         shp, prj = parts["shp"], parts.get("prj")
         with archive.open(shp) as stream:

@@ -1,6 +1,7 @@
 """The driven passes of a field as tracks, and what they say together: row direction and spacing."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from swath.core.errors import InputError
 from swath.core.units import DEG, KMH
 from swath.field.projection import Origin
 from swath.field_io.clean import Cleaned
+from swath.field_io.folder_files import Pass
 
 Array = NDArray[np.float64]
 STRAIGHT_TOLERANCE = 0.3  # m: a straight window keeps this close to its chord
@@ -198,21 +200,18 @@ def _feature(track: Track, origin: Origin) -> dict[str, Any]:
     }
 
 
-def from_feature(feature: dict[str, Any], origin: Origin, file: Any) -> Track:
-    """One track of the GeoJSON. Raises InputError when it is not one."""
-    try:
-        p = feature["properties"]
-        lon_lat = np.array(feature["geometry"]["coordinates"], dtype=float)[:, :2]
-        straights = tuple(
-            Straight(int(w["first"]), int(w["last"]), **_read(w, STRAIGHT_PROPERTIES))
-            for w in p.get("straights", ())
+def track_of(found: Pass, origin: Origin, file: Path) -> Track:
+    """One track of the GeoJSON. Raises InputError where it lies nowhere on earth, or a window outside it."""
+    p = found.properties
+    line = origin.to_local([place[:2] for place in found.geometry.coordinates])
+    if not np.isfinite(line).all():
+        raise InputError("tracks", p.number, "expected longitude and latitude in degrees", file=file)
+    if any(not w.first < w.last < len(line) for w in p.straights):
+        raise InputError(
+            "straights", p.number, "expected first and last among the points of the pass", file=file
         )
-        numbers = _read(p, TRACK_PROPERTIES)
-        line = origin.to_local(lon_lat)
-        return Track(line, str(p["machine"]), int(p["pass"]), straights=straights, **numbers)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        expected = "expected LineString features with the pass's properties"
-        raise InputError("tracks", str(error), expected, file=file) from error
+    straights = tuple(Straight(w.first, w.last, **_read(w, STRAIGHT_PROPERTIES)) for w in p.straights)
+    return Track(line, p.machine, p.number, straights=straights, **_read(p, TRACK_PROPERTIES))
 
 
 def _written(of: Any, table: dict[str, tuple[str, float, int]]) -> dict[str, float]:
@@ -220,4 +219,4 @@ def _written(of: Any, table: dict[str, tuple[str, float, int]]) -> dict[str, flo
 
 
 def _read(properties: Any, table: dict[str, tuple[str, float, int]]) -> dict[str, float]:
-    return {k: float(properties[name]) * unit for k, (name, unit, _) in table.items()}
+    return {k: getattr(properties, name) * unit for k, (name, unit, _) in table.items()}

@@ -5,21 +5,27 @@ import gzip
 import io
 import math
 import zipfile
-import zlib
-from collections.abc import Iterable, Sequence
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.documents.packed import LARGEST_BYTES, most_unpacked, open_archive, readable
 from swath.field_io.isoxml import is_taskdata, read_taskdata
-from swath.field_io.taskfiles import readable
 
 Array = NDArray[np.float64]
-LARGEST_BYTES = 1 << 30  # of an unpacked log; a season of one combine is about 1e8
+LONGEST_ROW = 1 << 16  # characters
+LONGEST_BLANK = 1 << 22  # characters between two rows: sheets are exported with blank ones at their end
+MOST_COLUMNS = 1000
+ROWS_AT_ONCE = 8192
+_EXPECTED = "expected a yield log (CSV or zipped shapefile)"
 _MAGIC = {
     b"\x89PNG": "a PNG image", b"\xff\xd8\xff": "a JPEG image", b"GIF8": "a GIF image", b"%PDF": "a PDF",
     b"II*\x00": "a TIFF image", b"MM\x00*": "a TIFF image", b"\x7fELF": "a program", b"SQLite": "a database",
@@ -29,7 +35,7 @@ _MAGIC = {
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of a log as read. columns: name -> list of str or array of numbers, all as long as row_number.
+    """Columns of a log as read. columns: name -> its cells as text, list or array; all as long as row_number.
 
     row_number: line of the text file, or record number of the shapefile, counted from 1
     points: (x, y) of each record, shape (n, 2), when the file has geometry; crs: of the points (WKT), or ''
@@ -55,22 +61,41 @@ class Table:
         return [str(v).strip() for v in values]
 
 
+class Cells:
+    """The text of a column in packed blocks: a cell takes about as many bytes as in the file."""
+
+    def __init__(self) -> None:
+        self._blocks: list[Any] = []
+
+    def append(self, cells: Iterable[str]) -> None:
+        """Append a block."""
+        import pyarrow as pa
+
+        self._blocks.append(pa.array(cells, pa.string()))
+
+    def blocks(self) -> Iterator[list[str]]:
+        """All cells in order, some at a time."""
+        return (block.to_pylist() for block in self._blocks)
+
+    def __iter__(self) -> Iterator[str]:
+        return (cell for block in self.blocks() for cell in block)
+
+
 def read_table(path: Path) -> Table:
     """Read a log file. Raises InputError for what is none: missing, empty, binary, an image, a web page."""
-    if is_taskdata(path):
-        return _read_isoxml(path)
-    try:
+    with readable("log", "a readable file", path):
+        if is_taskdata(path):
+            return _read_isoxml(path)
         head = _head(path)
         if head.startswith(b"PK\x03\x04"):
             return _read_shapefile(path)
-        with gzip.open(path) if head.startswith(b"\x1f\x8b") else path.open("rb") as stream:
-            text = stream.read(LARGEST_BYTES + 1)
-    except (OSError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or str(error) or "it is damaged"
-        raise InputError("log", None, f"expected a readable file: {reason}", file=path) from error
-    if len(text) > LARGEST_BYTES:
-        raise InputError("log", len(text), f"expected at most {LARGEST_BYTES} bytes unpacked", file=path)
-    return _read_csv(text, path)
+        is_packed = head.startswith(b"\x1f\x8b")
+        with gzip.open(path) if is_packed else path.open("rb") as stream:
+            start = stream.read(65536)
+            stream.seek(0)
+            most = most_unpacked(path.stat().st_size) if is_packed else LARGEST_BYTES
+            with io.TextIOWrapper(stream, "utf-8-sig", "replace", newline="") as text:
+                return _read_csv(start, _Lines(text, path, most), path)
 
 
 def _read_isoxml(path: Path) -> Table:
@@ -89,54 +114,86 @@ def _head(path: Path) -> bytes:
         raise InputError("log", None, "expected a yield log, the file is empty", file=path)
     for magic, kind in _MAGIC.items():
         if head.startswith(magic):
-            raise InputError(
-                "log", None, f"expected a yield log (CSV or zipped shapefile), this is {kind}", file=path
-            )
+            raise InputError("log", None, f"{_EXPECTED}, this is {kind}", file=path)
     return head
 
 
-def _read_csv(data: bytes, path: Path) -> Table:
-    if b"\x00" in data[:65536]:
-        raise InputError(
-            "log", None, "expected a yield log (CSV or zipped shapefile), this is binary", file=path
-        )
-    text = data.decode("utf-8-sig", errors="replace")
+def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
+    """Read it row by row; start: of the file, which tells what it is."""
+    if b"\x00" in start:
+        raise InputError("log", None, f"{_EXPECTED}, this is binary", file=path)
+    text = start.decode("utf-8-sig", errors="replace")
     if text.lstrip()[:15].lower().startswith(("<!doctype", "<html", "<?xml")):
-        raise InputError(
-            "log", None, "expected a yield log (CSV or zipped shapefile), this is a web page", file=path
-        )
+        raise InputError("log", None, f"{_EXPECTED}, this is a web page", file=path)
     first = next((line for line in text.splitlines() if line.strip()), "")
     separator = max(",;\t|", key=first.count)
     if first.count(separator) < 2:
         raise InputError("log.header", first[:80], "expected at least three named columns", file=path, line=1)
-    rows, lines, header = _rows(text, separator, path)
-    right = [i for i, row in enumerate(rows) if len(row) == len(header)]
-    broken = {"wrong_field_count": len(rows) - len(right)}
-    columns = {name: [rows[i][k] for i in right] for k, name in enumerate(header)}
-    if separator == ";":
-        columns = {name: _decimal_points(values) for name, values in columns.items()}
-    return Table(columns, np.array([lines[i] for i in right], dtype=np.int64), None, "", broken)
+    rows = _rows(lines, separator, path)
+    line, names = next(rows)
+    header = _header(names, line, path)
+    cells = {name: Cells() for name in header}
+    numbers, wrong = array("q"), 0
+    while block := list(islice(rows, ROWS_AT_ONCE)):
+        whole = [(line, row) for line, row in block if len(row) == len(header)]
+        wrong += len(block) - len(whole)
+        numbers.extend(line for line, _ in whole)
+        for name, column in zip(header, zip(*(row for _, row in whole), strict=True), strict=False):
+            cells[name].append(_decimal_points(column) if separator == ";" else column)
+    return Table(cells, np.array(numbers, dtype=np.int64), None, "", {"wrong_field_count": wrong})
 
 
-def _rows(text: str, separator: str, path: Path) -> tuple[list[list[str]], list[int], list[str]]:
-    reader = csv.reader(io.StringIO(text.replace("\x00", "\ufffd"), newline=""), delimiter=separator)
-    rows: list[list[str]] = []
-    lines: list[int] = []
+def _header(names: list[str], line: int, path: Path) -> list[str]:
+    header = [name.strip() or f"column {i + 1}" for i, name in enumerate(names)]
+    if len(header) > MOST_COLUMNS:
+        raise InputError("log.header", len(header), f"expected at most {MOST_COLUMNS} columns", file=path)
+    twice = sorted(name for name, count in Counter(header).items() if count > 1)
+    if twice:
+        raise InputError("log.header", twice[0], "expected each column name once", file=path, line=line)
+    return header
+
+
+def _rows(lines: "_Lines", separator: str, path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Line and cells of each row that is not blank."""
+    reader = csv.reader(lines, delimiter=separator)
+    blank = 0
     try:
         for row in reader:
+            blank += lines.since_row
+            lines.since_row = 0
             if any(cell.strip() for cell in row):
-                rows.append(row)
-                lines.append(reader.line_num)
+                blank = 0
+                yield reader.line_num, row
+            elif blank > LONGEST_BLANK:
+                expected = f"expected rows, here are {LONGEST_BLANK} characters without one"
+                raise InputError("log", None, expected, file=path, line=reader.line_num)
     except csv.Error as error:
         raise InputError("log", None, f"expected CSV: {error}", file=path, line=reader.line_num) from error
-    header = [name.strip() for name in rows[0]]
-    twice = sorted({name for name in header if name and header.count(name) > 1})
-    if twice:
-        raise InputError("log.header", twice[0], "expected each column name once", file=path, line=lines[0])
-    return rows[1:], lines[1:], header
 
 
-def _decimal_points(values: list[str]) -> list[str]:
+class _Lines:
+    """Lines of a text; InputError for a row or a whole that is longer than a log's. since_row: characters."""
+
+    def __init__(self, text: TextIO, path: Path, most: int) -> None:
+        self._text, self._path = text, path
+        self._left, self._line, self.since_row = most, 0, 0
+
+    def __iter__(self) -> Iterator[str]:
+        while line := self._text.readline(LONGEST_ROW + 1):
+            self._line += 1
+            self._left -= len(line)
+            self.since_row += len(line)
+            if self.since_row > LONGEST_ROW:
+                expected = f"expected rows of at most {LONGEST_ROW} characters"
+                raise InputError("log", None, expected, file=self._path, line=self._line)
+            if self._left < 0:
+                raise InputError(
+                    "log", None, "expected less unpacked from a file of its size", file=self._path
+                )
+            yield line.replace("\x00", "\ufffd")
+
+
+def _decimal_points(values: Iterable[str]) -> list[str]:
     return [v.replace(",", ".") if v.count(",") == 1 and "." not in v else v for v in values]
 
 
@@ -145,29 +202,29 @@ def _read_shapefile(path: Path) -> Table:
         import shapefile
     except ImportError as error:
         raise MissingExtra("geo", "reading a shapefile") from error
-    with readable("log", "a zipped point shapefile", path), zipfile.ZipFile(path) as archive:
+    with readable("log", "a zipped point shapefile", path), open_archive(path, "log") as archive:
         parts = shapefile_parts(archive, path)
         if "dbf" not in parts:
             raise InputError("log", None, "expected a .dbf beside the .shp in the archive", file=path)
         files = {kind: io.BytesIO(archive.read(parts[kind])) for kind in ("shp", "dbf")}
         reader = shapefile.Reader(**files, encoding="utf-8", encodingErrors="replace")
         crs = archive.read(parts["prj"]).decode("utf-8", "replace") if "prj" in parts else ""
-        names = [field[0] for field in reader.fields[1:]]
         points = np.array([_point(shape) for shape in reader.iterShapes()], dtype=float).reshape(-1, 2)
-        records = [tuple(record) for record in reader.iterRecords()]
-    if not records or len(records) != len(points):
-        raise InputError(
-            "log", None, f"expected as many points as records: {len(points)}, {len(records)}", file=path
-        )
-    columns = dict(zip(names, (list(c) for c in zip(*records, strict=True)), strict=True))
+        if not len(points) or len(points) != reader.numRecords:
+            expected = f"expected as many points as records: {len(points)}, {reader.numRecords}"
+            raise InputError("log", None, expected, file=path)
+        columns: dict[str, Any] = {field[0]: [] for field in reader.fields[1:]}
+        for record in reader.iterRecords():
+            for column, value in zip(columns.values(), record, strict=True):
+                column.append(value)
+        if any(len(column) != len(points) for column in columns.values()):
+            raise InputError("log", None, f"expected {len(points)} whole records in the .dbf", file=path)
     return Table(columns, np.arange(1, len(points) + 1), points, crs, {})
 
 
 def shapefile_parts(archive: zipfile.ZipFile, path: Path, key: str = "log") -> dict[str, str]:
     """Extension -> name of the one shapefile in the archive."""
     infos = [i for i in archive.infolist() if not i.is_dir() and "__MACOSX" not in i.filename]
-    if sum(i.file_size for i in infos) > LARGEST_BYTES:
-        raise InputError(key, None, f"expected at most {LARGEST_BYTES} bytes unpacked", file=path)
     shapes = [i.filename for i in infos if i.filename.lower().endswith(".shp")]
     if len(shapes) != 1:
         raise InputError(key, None, f"expected one .shp in the archive, found {len(shapes)}", file=path)
@@ -183,6 +240,8 @@ def _point(shape: Any) -> tuple[float, float]:
 
 def to_numbers(values: Iterable[Any]) -> Array:
     """Numbers of cells, nan where a cell is none. Dates and truth values are not numbers."""
+    if isinstance(values, Cells):
+        return np.concatenate([to_numbers(block) for block in values.blocks()] or [np.zeros(0)])
     values = list(values)
     try:
         return np.array(values, dtype=float)

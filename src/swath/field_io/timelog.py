@@ -6,8 +6,10 @@ Values are logged when they change; a column holds the last one, nan before the 
 left out, counted, and said with file and byte.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,8 @@ from swath.field_io.taskfiles import elements, hex_number
 Array = NDArray[np.float64]
 EPOCH = np.datetime64("1980-01-01T00:00:00.000", "ms")
 DAY_MS = 86_400_000
+MOST_CHANNELS = 256  # a record names them by a byte
+MOST_VALUES = 100_000_000  # records by channels of a set of task data: 700 hours at 1 Hz of 40 channels
 DAYS = (3652, 43_830)  # 1990 to 2100: a date outside is no date
 NOT_AVAILABLE = -(2**31)  # a value that says that there is none
 LONGEST_PAUSE = 600_000  # between two records by which reading finds its way back [ms]
@@ -75,15 +79,24 @@ class TimeLog:
         return len(self.time)
 
 
+class Value(NamedTuple):
+    """How a device shows a logged integer: label, unit, and (integer + offset) * scale."""
+
+    label: str = ""
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+
+
 @dataclass
 class Description:
     """What TASKDATA.XML says of the logs.
 
-    values: device element and DDI -> (label, unit, scale, offset); logs: name -> task; owners: device element
+    values: by device and DDI; logs: name -> task; owners: device element
     -> device; devices: id -> name; problems: what could not be read
     """
 
-    values: dict[tuple[str, int], tuple[str, str, float, float]] = field(default_factory=dict)
+    values: dict[tuple[str, int], Value] = field(default_factory=dict)
     logs: dict[str, str] = field(default_factory=dict)
     owners: dict[str, str] = field(default_factory=dict)
     devices: dict[str, str] = field(default_factory=dict)
@@ -109,11 +122,18 @@ class Layout:
     scales: dict[str, float]
 
 
-def _read_layout(name: str, files: dict[str, bytes], described: Description) -> Layout:
+def check_values(records: int, columns: int, file: Path | str, most: int = MOST_VALUES) -> None:
+    """Raise InputError for more values than are held in memory."""
+    if records * columns > most:
+        expected = f"expected at most {most} values, records by channels, there are {records} by {columns}"
+        raise InputError("log", None, expected, file=file)
+
+
+def _read_layout(name: str, files: Mapping[str, bytes], described: Description) -> Layout:
     file = f"{name}.xml"
     if f"{name}.XML" not in files:
         raise InputError(file, None, "missing: the time log cannot be read without it")
-    parts_found, problem = elements(files[f"{name}.XML"])
+    parts_found, problem = elements(files[f"{name}.XML"], ("TIM", "PTN", "DLV"))
     if problem:
         raise InputError(file, None, f"expected well-formed XML, {problem}")
     tags = {tag: a for tag, a, _ in reversed(parts_found)}
@@ -127,7 +147,10 @@ def _read_layout(name: str, files: dict[str, bytes], described: Description) -> 
         if tags.get("PTN", {}).get(attribute) == "":
             parts.append((field_name, kind))
             scales[field_name] = scale
-    channels = tuple(_channel(a, described, file) for tag, a, _ in parts_found if tag == "DLV")
+    listed = [a for tag, a, _ in parts_found if tag == "DLV"]
+    if len(listed) > MOST_CHANNELS:
+        raise InputError("DLV", len(listed), f"expected at most {MOST_CHANNELS} channels", file=file)
+    channels = tuple(_channel(a, described, file) for a in listed)
     return Layout(np.dtype(parts), channels, scales)
 
 
@@ -135,7 +158,7 @@ def _channel(a: dict[str, str], described: Description, file: str) -> Channel:
     ddi, element = hex_number(a.get("A")), a.get("C", "")
     if ddi is None or not 0 <= ddi <= 0xFFFF:
         raise InputError("DLV.A", a.get("A", ""), "expected a DDI of four hex digits", file=file)
-    label, unit, scale, offset = described.values.get((element, ddi), ("", "", 1.0, 0.0))
+    label, unit, scale, offset = described.values.get((described.owners.get(element, ""), ddi), Value())
     known = DDI.get(ddi)
     if known is not None:
         return Channel(known.name, known.unit, ddi, element, label, known.scale)
@@ -143,13 +166,19 @@ def _channel(a: dict[str, str], described: Description, file: str) -> Channel:
     return Channel(name, unit_name(unit), ddi, element, label, scale, offset)
 
 
-def read_time_log(name: str, files: dict[str, bytes], described: Description) -> TimeLog:
-    """Read one log; files: upper-case name -> content. InputError when its xml or bin cannot be used."""
+def read_time_log(
+    name: str, files: Mapping[str, bytes], described: Description, most_values: int = MOST_VALUES
+) -> TimeLog:
+    """Read one log; files: upper-case name -> content; most_values: records by channels.
+
+    InputError when its xml or bin cannot be used.
+    """
     layout = _read_layout(name, files, described)
     if f"{name}.BIN" not in files:
         raise InputError(f"{name}.bin", None, "missing: the log has a description but no records")
     data = files[f"{name}.BIN"]
     starts, problems, unread = _find_records(data, layout, f"{name}.bin")
+    check_values(len(starts), len(layout.channels), f"{name}.bin", most_values)
     gaps = len(problems)
     size = layout.head.itemsize
     raw = np.frombuffer(data, np.uint8)
@@ -256,8 +285,9 @@ def _values(raw: NDArray[np.uint8], counts_at: NDArray[np.int64], layout: Layout
 
 
 def _held(values: Array) -> Array:
-    """Every nan replaced by the last number above it."""
-    rows = np.where(np.isfinite(values), np.arange(len(values))[:, None], -1)
-    last = np.maximum.accumulate(rows, axis=0) if len(rows) else rows
-    held = np.take_along_axis(values, np.maximum(last, 0), axis=0) if len(rows) else values
-    return np.where(last >= 0, held, np.nan)
+    """Every nan replaced by the last number above it, in place, column by column."""
+    row = np.arange(len(values))
+    for column in values.T:
+        last = np.maximum.accumulate(np.where(np.isfinite(column), row, 0))
+        column[:] = column[last]
+    return values

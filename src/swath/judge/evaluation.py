@@ -5,19 +5,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-from swath.core.abilities import EndsRun
+from swath.core.abilities import EndsRun, HasNotes
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
-from swath.judge.evaluator import Evaluator, EvaluatorSetup, Event, HasColumns, HasEvents, HasLimits
+from swath.judge.evaluator import (
+    Evaluator,
+    EvaluatorSetup,
+    Event,
+    HasColumns,
+    HasEvents,
+    HasLimits,
+    HasSignals,
+    is_shown,
+)
 from swath.judge.limits import check_metric, check_samples, entry_of, window_of
-from swath.judge.windows import WindowedEvaluator
+from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns
 from swath.record.messages import RecordedMachine
 from swath.record.tracks import Column
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
 from swath.signals import F64, MachineState, Signal
 
-FIELD = "field"
 E = TypeVar("E")
 Metrics = dict[str, Any]
 
@@ -43,6 +51,9 @@ class Evaluation:
             subject: [make(setup) for make in catalogue.classes if (subject == FIELD) == make.OF_FIELD]
             for subject, setup in self._setups.items()
         }
+        self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
+        self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
+        self._shown: dict[tuple[str, tuple[type[Signal], ...]], list[Evaluator]] = {}
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
         self._distance = dict.fromkeys(self._setups, 0.0)
@@ -50,13 +61,14 @@ class Evaluation:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Show samples to the evaluators whose business they are."""
-        name = slot.partition(".")[0]
-        for evaluator in self._of.get(name, ()):
+        key = slot, tuple(map(type, outputs.values()))
+        shown = self._shown.get(key)
+        if shown is None:
+            shown = self._shown[key] = self._interested(*key)
+        for evaluator in shown:
             evaluator.see(slot, t, outputs)
-        for evaluator in self._of[FIELD]:
-            evaluator.see(slot, t, outputs)
-        if self._windows and name in self._setups:
-            self._show_windows(name, slot, t, outputs)
+        if self._windows:
+            self._show_windows(slot, t, outputs)
 
     def find(self, subject: str, kind: type[E]) -> E | None:
         """The evaluator of a class for a machine or the field; None where there is none."""
@@ -68,9 +80,13 @@ class Evaluation:
 
     def events(self, subject: str = FIELD) -> list[Event]:
         """What happened so far to a machine, or in the field to any, in order of time."""
-        found = [e for own in self._of.values() for j in own if isinstance(j, HasEvents) for e in j.events()]
-        mine = (e for e in found if subject == FIELD or subject in (e.machine, e.other))
+        mine = (e for j in self._noting for e in j.events() if concerns(e, subject))
         return sorted(mine, key=lambda e: (e.t, e.kind, e.machine))
+
+    def notes(self) -> list[str]:
+        """What the evaluators want the user to know about the run."""
+        every = ((name, e) for name, own in self._of.items() for e in own)
+        return [f"{name}: {note}" for name, e in every if isinstance(e, HasNotes) for note in e.notes]
 
     def metrics(self, subject: str) -> Metrics:
         """Metrics of a machine, or of `field`."""
@@ -78,10 +94,9 @@ class Evaluation:
 
     def end_reason(self, t: int) -> str:
         """Why an evaluator wants the run to end before the tick at t [ns]; "" where none does."""
-        for subject, evaluators in self._of.items():
-            for evaluator in evaluators:
-                if isinstance(evaluator, EndsRun) and (reason := evaluator.end_reason(t)):
-                    return f"{subject}: {reason}"
+        for subject, evaluator in self._ending:
+            if reason := evaluator.end_reason(t):
+                return f"{subject}: {reason}"
         return ""
 
     def check(
@@ -113,6 +128,11 @@ class Evaluation:
                     outcome = None, "the window never opened: no sample lies in it"
                 yield _placed(outcome, stretch.event)
 
+    def _interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:
+        """Who wants samples of these types from a slot: evaluators of its machine, then of the field."""
+        own = self._of.get(slot.partition(".")[0], [])
+        return [e for e in (*own, *self._of[FIELD]) if not isinstance(e, HasSignals) or is_shown(e, kinds)]
+
     def _implied(self, expect: Sequence[Expectation]) -> list[Expectation]:
         """Limits that evaluators bring along, where the scenario sets none on the metric of that subject."""
         named = {(e.subject, e.name) for e in expect}
@@ -131,20 +151,27 @@ class Evaluation:
             if e.limit.window and e.limit.hold is None:
                 make = self.catalogue.maker_of(e.name)
                 setup = dataclasses.replace(self._setups[e.subject], settling_m=0.0)
-                key = (e.subject, make, window_of(e.limit))
-                made.setdefault(key, WindowedEvaluator(key[2], partial(make, setup)))
+                window = window_of(e.limit)
+                feed = EventFeed(window, [j for j in self._noting if window.kind in j.EVENTS], e.subject)
+                made.setdefault(
+                    (e.subject, make, window), WindowedEvaluator(window, partial(make, setup), feed)
+                )
         return made
 
-    def _show_windows(self, name: str, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def _show_windows(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        name = slot.partition(".")[0]
+        if name not in self._setups:
+            return
         moved = next((s for s in outputs.values() if isinstance(s, MachineState)), None)
         if moved is not None:
             self._distance[name] = moved.distance
             if name == self._first:
                 self._distance[FIELD] = moved.distance
-        for (subject, _, window), watch in self._windows.items():
+        for (subject, _, _), watch in self._windows.items():
             if subject in (name, FIELD):
-                events = self.events(subject) if window.kind and moved is not None else ()
-                watch.see(self._distance[subject], slot, t, outputs, events)
+                if moved is not None:
+                    watch.look_for_events()
+                watch.see(self._distance[subject], slot, t, outputs)
 
 
 def _placed(outcome: tuple[float | None, str], event: Event | None) -> tuple[float | None, str]:

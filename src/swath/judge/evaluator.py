@@ -2,12 +2,12 @@
 
 An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/evaluators/` that ends with
 `LEVEL = Level(Class, None, summary="...")`, or in a user's file, named `my.py:Class` under the scenario's key
-`evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`
-and `core.abilities.EndsRun`.
+`evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`,
+`HasSignals` and `core.abilities.EndsRun` and `HasNotes`.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
@@ -68,18 +68,23 @@ class Event:
 
 
 class Edge(Protocol):
-    """The initial edge of the crop as a curve; distances > 0 on the side of the crop."""
+    """The initial edge of the crop as a curve; distances > 0 on the side of the crop. length [m]"""
 
+    @property
+    def length(self) -> float: ...
     def signed_distance(self, x: Any, y: Any) -> Any: ...
     def project(self, x: Any, y: Any) -> Any: ...
 
 
 class Truth(Protocol):
-    """What evaluators ask of the field."""
+    """What evaluators ask of the field. boundary: None where it has none."""
 
     @property
+    def boundary(self) -> Any: ...
+    @property
     def ground_grain_kg(self) -> float: ...
-    def edge_offset(self, start_xy: Any, end_xy: Any) -> float: ...
+    def standing(self, x: Any, y: Any, /) -> Any: ...
+    def why_outside(self, x: Any, y: Any) -> str: ...
     def standing_area(self, polygon: Any) -> float: ...
     def recount(self) -> Any: ...
 
@@ -156,6 +161,21 @@ class HasEvents(Protocol):
     EVENTS: ClassVar[tuple[str, ...]]
 
     def events(self) -> Sequence[Event]: ...
+
+
+@runtime_checkable
+class HasSignals(Protocol):
+    """An evaluator that is shown outputs only when a sample of one of these types is among them.
+
+    SIGNALS: the types; an evaluator without it is shown everything
+    """
+
+    SIGNALS: ClassVar[tuple[type[Signal], ...]]
+
+
+def is_shown(evaluator: HasSignals, kinds: Iterable[type[Signal]]) -> bool:
+    """Whether an evaluator wants to see one of these types of samples."""
+    return any(issubclass(kind, evaluator.SIGNALS) for kind in kinds)
 
 
 @runtime_checkable

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.judge.evaluation import FIELD, Evaluation, incident
+from swath.core.whole_file import write_whole
+from swath.judge.evaluation import Evaluation, incident
+from swath.judge.windows import FIELD
 from swath.rays.device import ray_device
 from swath.signals import F64
 
@@ -93,14 +95,24 @@ def versions() -> dict[str, str]:
     return {
         **found,
         "python": platform.python_version(),
+        "c_library": " ".join(platform.libc_ver()).strip() or platform.system(),
         "platform": f"{platform.system()} {platform.machine()}",
+        "processor": processor(),
     }
+
+
+def processor() -> str:
+    """Name of the processor, and the widest vectors that it has."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    about = dict(reversed([line.replace("\t", "").split(": ", 1) for line in lines if ": " in line]))
+    flags = about.get("flags", "").split()
+    wide = [name for flag, name in (("avx2", "AVX2"), ("avx512f", "AVX-512")) if flag in flags][-1:]
+    return ", ".join([about.get("model name", platform.machine()).strip(), *wide])
 
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> Path:
     """Write `summary.json` into the run folder in one go and return its path."""
-    path = folder / "summary.json"
-    part = path.with_suffix(".json.part")
-    part.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    part.replace(path)
-    return path
+    return write_whole(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from swath.core.schedule import NS
-from swath.judge.evaluator import Evaluator, Event
+from swath.judge.evaluator import Evaluator, Event, HasEvents
 from swath.signals import Signal
 
+FIELD = "field"  # the subject of what is no machine's
 LATE_S = 2.0  # an event may become known this much after it happened
 
 
@@ -54,6 +55,42 @@ class Window:
         return (distance >= from_m) & (distance <= to_m) & (time >= from_s) & (time <= to_s)
 
 
+def concerns(event: Event, subject: str) -> bool:
+    """Whether an event is one of a machine's, or of `field`, whose are all."""
+    return subject in (FIELD, event.machine, event.other)
+
+
+class EventFeed:
+    """Tells of every event that a window hangs on, once, as soon as it has come so far.
+
+    sources: the evaluators that note events of the window's kind; subject: a machine, or `field`
+    """
+
+    def __init__(self, window: Window, sources: Sequence[HasEvents], subject: str) -> None:
+        self._window, self._subject = window, subject
+        self._sources = list(sources)
+        self._open: list[list[int]] = [[] for _ in sources]  # events that have not come so far
+        self._seen = [0] * len(self._sources)
+
+    def fresh(self) -> list[Event]:
+        """Those since the last call, in order of time."""
+        found: list[Event] = []
+        for k, source in enumerate(self._sources):
+            events = source.events()
+            waiting = [*self._open[k], *range(self._seen[k], len(events))]
+            self._seen[k] = len(events)
+            self._open[k] = []
+            for index in waiting:
+                event = events[index]
+                if event.kind != self._window.kind or not concerns(event, self._subject):
+                    continue
+                if self._window.begins_at(event):
+                    found.append(event)
+                else:
+                    self._open[k].append(index)
+        return sorted(found, key=lambda e: (e.t, e.machine))
+
+
 @dataclass
 class _Stretch:
     """One occurrence of a window. event: that it hangs on; count: samples seen."""
@@ -70,23 +107,20 @@ class WindowedEvaluator:
     event has happened.
     """
 
-    def __init__(self, window: Window, make: Callable[[], Evaluator]) -> None:
-        self.window, self._make = window, make
+    def __init__(self, window: Window, make: Callable[[], Evaluator], feed: EventFeed) -> None:
+        self.window, self._make, self._feed = window, make, feed
         self.stretches: list[_Stretch] = [] if window.kind else [_Stretch(make(), None)]
         self._kept: deque[tuple[float, int, str, Mapping[str, Signal]]] = deque()
         self._marks: deque[tuple[float, int]] = deque()
-        self._known: set[tuple[str, int]] = set()
 
-    def see(
-        self, distance: float, slot: str, t: int, outputs: Mapping[str, Signal], events: Sequence[Event]
-    ) -> None:
-        """A sample, with the distance driven [m] and all events so far."""
+    def look_for_events(self) -> None:
+        """Open a stretch for every event that has come since the last call."""
         if self.window.kind:
-            for event in events:
-                key = (event.machine, event.t)
-                if self.window.begins_at(event) and key not in self._known:
-                    self._known.add(key)
-                    self._open(event)
+            for event in self._feed.fresh():
+                self._open(event)
+
+    def see(self, distance: float, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """A sample, with the distance driven [m]."""
         if self.window.before:
             self._keep(distance, slot, t, outputs)
             return

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.kernels import filled
@@ -130,7 +131,7 @@ def _pack_grid(grid: Spread) -> Any:
         **{name: np.ascontiguousarray(array.ravel(), np.float32) for name, array in arrays.items()},
         size=tuple(len(a) for a in axes),
         densities=tuple(grid.density[[0, -1]]),
-        tangents=tuple(np.exp(axes[2][[0, -1]])),
+        tangents=tuple(portable.exp(axes[2][[0, -1]])),
     )
 
 

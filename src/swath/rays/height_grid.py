@@ -11,6 +11,7 @@ levels hold how thick the crop above is, -log of the share of beams that get the
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import log
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.packed import read_arrays, readable
 
 Array = NDArray[np.float64]
 FORMAT = "swath replay 2"
 DEEP, EVEN = 12, 32
 LEVELS = DEEP + EVEN
 SHARES = (np.arange(EVEN) + 0.5) / EVEN  # of the heights that lie below the upper levels
-THICK = -float(np.log(SHARES[0]))  # thickness above the lowest of these
+THICK = -log(SHARES[0])  # thickness above the lowest of these
 PER_THICKNESS = 50.0  # of the numbers held of it
 THICKEST = 650.0
 TILE = 32  # cells along a tile
@@ -125,19 +127,14 @@ def load_height_grid(path: Path) -> HeightGrid:
     """Read a file that `HeightGrid.save` wrote. InputError says what is wrong with another one."""
 
     def wrong(expected: str) -> InputError:
-        return InputError("replay file", str(path), f"expected {expected}")
+        return InputError("replay file", None, f"expected {expected}", file=path)
 
     if not path.is_file():
         raise wrong("a file made by `swath height-map build`")
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
+    what = f"a file made by `swath height-map build` ({FORMAT}), this one cannot be read"
+    arrays = read_arrays(path, "replay file", what)
+    with readable("replay file", what, path):
         grid = _grid_of(arrays)
-    except Exception as error:  # zip, deflate, array headers and JSON: each breaks in its own way
-        text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise wrong(
-            f"a file made by `swath height-map build` ({FORMAT}), this one cannot be read: {text}"
-        ) from error
     if (fault := _fault(grid)) is not None:
         raise wrong(fault)
     return grid

@@ -11,10 +11,12 @@ n A cot(depression), a straight line in these (closed form of first returns).
 
 from dataclasses import dataclass, field
 from itertools import product
+from math import exp, log, tan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.errors import InputError
 
 F64 = NDArray[np.float64]
@@ -60,8 +62,9 @@ class Spread:
             or self.ground_lift.shape != shape
         ):
             raise InputError("quantile", self.quantile.shape, f"expected cells of shape {shape}")
-        if not (np.isfinite(self.quantile).all() and np.isfinite(self.ground_share).all()):
-            raise InputError("quantile", None, "expected finite cells")
+        numbers = (*self.axes, self.quantile, self.ground_share, self.ground_lift)
+        if not all(np.isfinite(a).all() and a.size for a in numbers):
+            raise InputError("table", None, "expected finite cells in every array")
 
     @property
     def axes(self) -> tuple[F64, F64, F64, F64]:
@@ -70,13 +73,13 @@ class Spread:
 
     def scaled_axes(self) -> tuple[F64, F64, F64, F64]:
         """Axes in the coordinates in which the table is linear."""
-        height = np.log(self.height) if self.is_stubble else self.height
-        return np.log(self.density), height, np.log(np.tan(self.depression)), np.log(self.spot)
+        height = portable.log(self.height) if self.is_stubble else self.height
+        depression = portable.log(portable.tan(self.depression))
+        return portable.log(self.density), height, depression, portable.log(self.spot)
 
     def cell(self, density: float, height: float, depression: float, spot: float) -> tuple[F64, float, float]:
         """Quantiles (node_count,), ground share and lift [m] at one place; clamped outside the range."""
-        tall = np.log(height) if self.is_stubble else height
-        value = (np.log(density), tall, np.log(np.tan(depression)), np.log(spot))
+        value = (log(density), log(height) if self.is_stubble else height, log(tan(depression)), log(spot))
         base, share = [], []
         for v, axis in zip(value, self.scaled_axes(), strict=True):
             k = int(np.clip(np.searchsorted(axis, v, side="right") - 1, 0, max(len(axis) - 2, 0)))
@@ -91,7 +94,7 @@ class Spread:
                 loglog += weight * float(double_log(self.ground_share[at]))
                 lift += weight * float(self.ground_lift[at])
                 quantile += weight * self.quantile[at]
-        return quantile, float(np.exp(-np.exp(loglog))), lift
+        return quantile, exp(-exp(loglog)), lift
 
     def heights(self, share: F64, density: float, height: float, depression: float, spot: float) -> F64:
         """Measured heights [m] of beams with drawn shares in [0, 1): small ones high up, the rest ground.
@@ -128,8 +131,15 @@ class SpreadTable:
     def __post_init__(self) -> None:
         if self.stubble.quantile.shape[-1] != self.standing.quantile.shape[-1]:
             raise InputError("stubble", self.stubble.quantile.shape, "expected as many quantiles as standing")
+        if self.silhouette.ndim != 1 or self.lean.ndim != 2 or self.lean.shape[1] != 2:
+            shapes = self.silhouette.shape, self.lean.shape
+            raise InputError("silhouette, lean", shapes, "expected shapes (m,) and (n, 2)")
+        if not all(np.isfinite(a).all() and a.size for a in (self.silhouette, self.lean)):
+            raise InputError("table", None, "expected finite cells in every array")
+        if not (self.fine > 0.0 and np.isfinite([self.fine, self.cosine, *self.correlation]).all()):
+            raise InputError("table", None, "expected a finite fine > 0, cosine and correlation")
 
 
 def double_log(ground_share: F64 | float) -> F64:
     """log(-log(g)) of ground shares, which are kept off 0 and 1."""
-    return np.asarray(np.log(-np.log(np.clip(ground_share, SHARE_MIN, 1.0 - SHARE_MIN))))
+    return portable.log(-portable.log(np.clip(ground_share, SHARE_MIN, 1.0 - SHARE_MIN)))

@@ -13,24 +13,33 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
+from swath.core.whole_file import write_whole
+from swath.documents.packed import readable
 from swath.record.formats import TRACKS, check_format
 from swath.record.messages import RecordedMachine
 from swath.signals import MachineState, Signal
 
 Latest = Mapping[type[Signal], Any]  # newest sample of each type
 NAN = float("nan")
+MOST_VALUES, VALUES_PER_BYTE = 20_000_000, 25  # that a file may hold: columns that do not change pack well
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column. value: called with the newest sample of every type; unit as in the file; what it says."""
+    """A column; unit as in the file; what it says.
+
+    value: called for every row with the newest sample of every type
+    later: called with the columns of `value` when the table is read, gives the whole column, (row_count,)
+    """
 
     name: str
     unit: str
     meaning: str
-    value: Callable[[Latest], float]
+    value: Callable[[Latest], float] = lambda _: NAN
+    later: Callable[[Mapping[str, Any]], Any] | None = None
 
 
 def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
@@ -115,7 +124,8 @@ class Tracks:
         """Columns so far, shape (row_count,) each."""
         self._finish_row()
         table = np.array(self._rows, dtype=float).reshape(-1, len(self.columns))
-        return {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
+        found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
+        return found | {c.name: c.later(found) for c in self.columns if c.later is not None}
 
     def _finish_row(self) -> None:
         if self._is_open and MachineState in self._latest:
@@ -139,18 +149,23 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         fields.append(pa.field(name, pa.float64(), metadata=note))
         data.append(pa.array(np.concatenate(filled)))
     about = {"format": TRACKS, "units": json.dumps({n: c.unit for n, c in columns.items()})}
-    part = path.with_suffix(".parquet.part")
-    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), part, compression="zstd")
-    part.replace(path)
+    made = pa.BufferOutputStream()
+    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), made, compression="zstd")
+    write_whole(path, made.getvalue().to_pybytes())
 
 
 def read_tracks(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for a newer format."""
+    """Columns of a tracks.parquet as arrays, `machine` as strings. InputError for another or newer file."""
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path)
-    check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
-    return {name: table.column(name).to_numpy() for name in table.column_names}
+    with readable("tracks", "a tracks.parquet", path), pq.ParquetFile(path) as file:
+        about = file.metadata
+        if about.num_rows * about.num_columns > MOST_VALUES + VALUES_PER_BYTE * path.stat().st_size:
+            size = f"{about.num_rows} x {about.num_columns}"
+            raise InputError("tracks", size, "expected fewer values in a file of its size", file=path)
+        table = file.read()
+        check_format((table.schema.metadata or {}).get(b"format", b"").decode(), TRACKS, path)
+        return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def column_names() -> list[str]:

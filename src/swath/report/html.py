@@ -4,6 +4,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from swath.core.whole_file import write_whole
+
 TEMPLATES = Path(__file__).parent / "templates"
 CSS = (TEMPLATES / "base.css").read_text(encoding="utf-8")
 
@@ -15,10 +17,7 @@ def render_page(template: str, **values: Any) -> str:
 
 def write_page(path: Path, template: str, **values: Any) -> Path:
     """Render and write a page; one that is half written is never seen under its name."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(render_page(template, **values), encoding="utf-8")
-    part.replace(path)
-    return path
+    return write_whole(path, render_page(template, **values))
 
 
 def signed(value: float, digits: int) -> str:

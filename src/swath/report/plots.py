@@ -146,12 +146,13 @@ def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, name
             ax.text(*outline.mean(axis=0), track.name, ha="center", va="center", fontsize=8, zorder=8)
 
 
-def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.float64]:
+def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
+    """An image of one colour that covers as much as the share [0, 1] says, (h, w, 4)."""
     from matplotlib.colors import to_rgb
 
-    rgba = np.zeros((*share.shape, 4))
-    rgba[..., :3] = to_rgb(colour)
-    rgba[..., 3] = alpha * share
+    rgba = np.empty((*share.shape, 4), np.uint8)
+    rgba[..., :3] = np.rint(255.0 * np.array(to_rgb(colour)))
+    rgba[..., 3] = np.rint(255.0 * alpha * share)
     return rgba
 
 
@@ -233,14 +234,15 @@ def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | No
 
 
 def _plot_edge(ax: Any, series: EdgeSeries, band: float | None) -> None:
-    exists = np.isfinite(series.true)
-    _shade(ax, series.distance, exists & ~series.found, ORANGE, "true edge not detected", "////")
-    _shade(ax, series.distance, ~exists, GREY, "no true edge", "")
+    is_false = series.found & ~np.isfinite(series.error)
+    _shade(ax, series.distance, series.exists & ~series.found, ORANGE, "true edge not detected", "////")
+    _shade(ax, series.distance, is_false, PURPLE, "detected where none is", "\\\\")
+    _shade(ax, series.distance, ~series.exists, GREY, "no true edge near", "")
     ax.plot(series.distance, 100 * series.error, "o", color=GREEN, ms=2.0, mec="none")
     _limits(ax, 100 * series.error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="upper right", ncol=2)
+        ax.legend(loc="upper right", ncol=3)
 
 
 def _limits(ax: Any, values: F64, band: float | None) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.whole_file import write_whole
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M
@@ -20,6 +21,7 @@ from swath.report.stand3d import Stand, stand_figure
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
+from swath.scenario.scenario import Scenario
 from swath.signals import F64
 
 
@@ -66,8 +68,10 @@ def collect(
     evaluation: Evaluation,
     samplers: Mapping[str, ScanSampler],
     tracks: Mapping[str, Mapping[str, Any]],
+    scenario: Scenario | None = None,
 ) -> ReportData:
-    """The data of a report after a run. samplers, tracks: by machine."""
+    """The data of a report after a run. samplers, tracks: by machine; scenario: to print, or the world's."""
+    scenario = world.scenario if scenario is None else scenario
     machines = [_machine(evaluation, samplers[name], own) for name, own in tracks.items()]
     moved = [m for m in machines if len(m.tracks["t_s"])]
     picture = None
@@ -76,13 +80,13 @@ def collect(
         picture = make_map(world.field, ends[0], also=np.concatenate(ends[1:]), margin=6.0)
     return ReportData(
         summary,
-        world.scenario.resolved(),
+        scenario.resolved(),
         machines,
         map=picture,
         stand=world.field,
         obstacles=circles_of(world.obstacles),
         driven=world.driven,
-        default_lines=default_lines(world.scenario),
+        default_lines=default_lines(scenario),
         known=evaluation.catalogue,
     )
 
@@ -123,8 +127,20 @@ def _edge_about(shape: Any, path: F64, reach: float) -> F64:
     return np.asarray(shape.point_at(np.arange(start - 30.0, start + reach, 0.25)))
 
 
+@dataclass(frozen=True)
+class FinishedRun:
+    """A run that is over and lacks its report, which is drawn while its recording is played."""
+
+    folder: Path
+    summary: Mapping[str, Any]
+    scenario: Scenario
+
+
 class ReportWriter(RunHook):
-    """Writes report.html once a run is complete."""
+    """Writes report.html once a run is complete; of: for that one, not the one it goes with."""
+
+    def __init__(self, *, of: FinishedRun | None = None) -> None:
+        self._of = of
 
     def begin(self, run: ActiveRun) -> None:
         """Keep some scans of every machine on the way."""
@@ -137,12 +153,14 @@ class ReportWriter(RunHook):
             run.observers.insert(run.observers.index(run.recorder), self._samplers[name])
 
     def finish(self, summary: Mapping[str, Any]) -> None:
-        """Write the page; an incomplete run gets none."""
+        """Write the page; an incomplete run gets none unasked."""
         if summary["incomplete"]:
             return
         run = self._run
+        of = self._of or FinishedRun(run.out, summary, run.world.scenario)
         tracks = {name: tracks.arrays() for name, tracks in run.recorder.tracks.items()}
-        write_report(run.out, collect(summary, run.world, run.evaluation, self._samplers, tracks))
+        data = collect(of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario)
+        write_report(of.folder, data)
 
 
 def _true_offset(detection: EdgeDetection) -> float:
@@ -153,14 +171,10 @@ def write_report(run_dir: Path, data: ReportData) -> Path:
     """Write `report.html` into the run folder in one go and return its path."""
     import matplotlib
 
-    path = run_dir / "report.html"
     with matplotlib.rc_context(plots.STYLE):
         figures = list(_figures(data))
         text = page.render(data.summary, data.scenario, figures, data.default_lines, data.known)
-    part = path.with_suffix(".html.part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
-    return path
+    return write_whole(run_dir / "report.html", text)
 
 
 def _figures(data: ReportData) -> Iterator[page.Figure]:

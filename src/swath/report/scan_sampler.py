@@ -41,7 +41,7 @@ class _Scanner:
 
     scan: Scan
     truth: ScanTruth | None = None
-    newest: tuple[MachineState, Scan, ScanTruth | None, CropEdge | None, float] | None = None
+    newest: tuple[MachineState, Scan, ScanTruth | None, CropEdge | None] | None = None
     kept: list[KeptScan] = field(default_factory=list)
     spacing: float = SPACING_M
 
@@ -95,7 +95,7 @@ class ScanSampler:
     def _see(self, slot: str, scanner: _Scanner, edge: CropEdge | None) -> None:
         if self._state is None:
             return
-        scanner.newest = (self._state, scanner.scan, scanner.truth, edge, self._true_offset())
+        scanner.newest = (self._state, scanner.scan, scanner.truth, edge)
         last = scanner.kept[-1].distance if scanner.kept else 0.0
         if self._state.distance - last >= scanner.spacing:
             scanner.kept.append(self._make(slot, scanner))
@@ -104,7 +104,7 @@ class ScanSampler:
 
     def _make(self, slot: str, scanner: _Scanner) -> KeptScan:
         assert scanner.newest is not None
-        state, scan, truth, edge, true_offset = scanner.newest
+        state, scan, truth, edge = scanner.newest
         points = self.machine.mounting.get(slot, Pose.identity()).apply(scan.points().reshape(-1, 3))
         hits = np.zeros((0, 3)) if truth is None else truth.points.reshape(-1, 3)
         return KeptScan(
@@ -115,7 +115,7 @@ class ScanSampler:
             points[np.isfinite(points[:, 0])],
             hits[np.isfinite(hits[:, 0])] if len(hits) else hits,
             edge,
-            true_offset,
+            self._true_offset(),
         )
 
 

@@ -51,6 +51,7 @@ NAMES = {
     Organ.STUBBLE: "cut: stubble",
 }
 GROUND, GROUND_FAR = "#C9BBA3", "#E9E3D8"
+LAYERS, SHADES = 100, 31  # of the picture, from far to near; of each colour, at most 31
 BACK, AHEAD, ASIDE = 2.4, 2.4, 1.9  # shown about the place where the beams meet the edge [m]
 
 
@@ -206,8 +207,6 @@ def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F
 
     edge: points of the initial edge in the world, (k, 2) [m]
     """
-    from matplotlib.collections import PolyCollection
-
     side = 1.0 if machine.edge_side == "left" else -1.0
     edge_seen = np.nan if scan.edge is None else scan.edge.offset
     y = next((v for v in (scan.edge_true, edge_seen) if np.isfinite(v)), 0.0)
@@ -219,7 +218,7 @@ def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F
     quads, colours = _painted(field, found, box, camera)
     fig = figure(11.0, 6.2)
     ax = fig.add_subplot()
-    ax.add_collection(PolyCollection(list(quads), facecolors=colours, edgecolors="none", linewidths=0))
+    ax.add_collection(_areas(quads, colours))
     _draw_edges(ax, field, scan, edge, box, camera)
     _draw_echoes(ax, scan, machine, box, camera)
     low, high = quads.min(axis=(0, 1)), quads.max(axis=(0, 1))
@@ -267,6 +266,35 @@ def _painted(field: Stand, organs: Organs, box: _Box, camera: Camera) -> tuple[F
     colours = _shaded(seen.organ, height, depth)
     ground, soil = _ground(field, box, camera)
     return np.concatenate([ground, image[order]]), np.concatenate([soil, colours[order]])
+
+
+def _areas(quads: F64, colours: F64) -> Any:
+    """Quads (n, 4, 2) of colours (n, 4) as a collection for the axes, painted in their order.
+
+    One path of the plotting library holds all quads of like colour of a layer: some 3,000 instead of 50,000.
+    All corners run the same way round, so that quads of a path that overlap add up.
+    """
+    from matplotlib.collections import PathCollection
+    from matplotlib.path import Path
+
+    around = quads[:, 2:] - quads[:, :2]  # the diagonals
+    turned = around[:, 0, 0] * around[:, 1, 1] < around[:, 0, 1] * around[:, 1, 0]
+    quads = np.where(turned[:, None, None], quads[:, ::-1], quads)
+    shade = (np.clip(colours, 0.0, 1.0) * SHADES + 0.5).astype(np.int64)
+    layer = np.arange(len(quads)) * LAYERS // max(len(quads), 1)
+    key = (layer * 32 + shade[:, 0]) * 1024 + shade[:, 1] * 32 + shade[:, 2]
+    order = np.argsort(key, kind="stable")
+    _, first = np.unique(key[order], return_index=True)
+    ring = np.concatenate([quads, quads[:, :1]], axis=1)[order]
+    codes = np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(quads))
+    ends = [*first[1:], len(quads)]
+    paths = [
+        Path(ring[i:j].reshape(-1, 2), codes[5 * i : 5 * j])
+        for i, j in zip(first.tolist(), ends, strict=True)
+    ]
+    made = PathCollection(paths, facecolors=colours[order][first], edgecolors="none", linewidths=0)
+    made.set_in_layout(False)
+    return made
 
 
 def _shaded(organ: NDArray[np.uint8], height: F64, depth: F64) -> F64:

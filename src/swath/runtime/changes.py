@@ -7,23 +7,27 @@
     changes.set(t, "obstacles.pole", None)
 
 Keys and values are those of `--set`. Each change takes effect before the tick at t; what was done is kept in
-`events` and does the same again through `Script`.
+`events` and does the same again through `Script`. Of code that is not swath's only that comes in which the
+scenario names, or who started the run: a change may be somebody else's, over ROS 2 or in a recording.
 """
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from swath.core.abilities import Closes
 from swath.core.errors import InputError
+from swath.core.foreign_code import file_of, only_code
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.documents.json_file import read_json
 from swath.field.memory_layout import Solids
 from swath.field.solids import make_obstacles, merge, named_obstacles
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
+from swath.scenario.code import code_of
 from swath.scenario.resolved import SlotChoice
 from swath.scenario.scenario import Scenario, parse_scenario
 
@@ -38,10 +42,12 @@ class Interventions:
     """Changes a world, and keeps a list of what was changed.
 
     events: per change the simulated time `t_s`, the key `set` and its new `value`, None where it was removed
+    allow: code that may be set beside what the scenario names, files or `file.py:Class`
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, allow: Iterable[str] = ()) -> None:
         self.world = world
+        self._code = (*code_of(world.scenario), *(file_of(text) for text in allow))
         self.events: list[dict[str, Any]] = []
         self._now: Scenario = _freshly_read(world.scenario, [])
         self._fixed = {str(i): o for i, o in enumerate(world.scenario.field.obstacles)}
@@ -50,10 +56,11 @@ class Interventions:
     def set(self, t: int, key: str, value: Any) -> None:
         """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""
         first, _, rest = key.partition(".")
-        if first == OBSTACLES and rest:
-            self._set_obstacle(rest, value)
-        else:
-            self._set_slot(key, value)
+        with only_code(self._code):
+            if first == OBSTACLES and rest:
+                self._set_obstacle(rest, value)
+            else:
+                self._set_slot(key, value)
         self.events.append({"t_s": t / NS, "set": key, "value": value})
 
     def values(self) -> dict[str, Any]:
@@ -146,11 +153,7 @@ class Script:
 def read_events(source: Path) -> list[dict[str, Any]]:
     """The events of a run folder, or of a JSON file that is a list of them. InputError."""
     file = source / "summary.json" if source.is_dir() else source
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        expected = "expected a run folder, or a JSON file of events"
-        raise InputError("--events", str(source), expected) from error
+    data = read_json(file, "--events", "a run folder, or a JSON file of events")
     found = data.get("events", []) if isinstance(data, dict) else data
     is_list = isinstance(found, list) and all(isinstance(e, dict) for e in found)
     if not is_list or any({"t_s", "set", "value"} - set(e) for e in found):

@@ -1,23 +1,37 @@
-"""Where a run is written: never over something that is not an earlier run of the same scenario."""
+"""Where a run is written: never over something that is not an earlier run of the same scenario.
 
+While a run writes, its folder holds `run.lock`, which says what is run and keeps other runs out. A run that
+was killed leaves that file behind; the lock itself goes with the process.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from swath.core.errors import InputError
+from swath.core.whole_file import PART
 
-RUN_FILES = ("summary.json", "tracks.parquet", "run.mcap", "report.html", "scenario.yaml")
+RUN_FILES = ("summary.json", "report.html", "replay.html", "tracks.parquet", "run.mcap", "scenario.yaml")
+LOCK = "run.lock"
 
 
 def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
     """The folder for a run; it is not made here.
 
     Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists. A given
-    `out` must be new, empty, or an earlier run of the scenario `name`; InputError otherwise.
+    `out` must be new, empty, or an earlier run of the scenario `name`, which may have been killed; InputError
+    otherwise, and while another run writes into it.
     """
     if out is None:
         return _fresh(f"{name}-{seed}-{what}" if what else f"{name}-{seed}")
     if not _is_free(out) and run_name(out) != name:
         expected = f"expected a new or empty folder, or an earlier run of {name}"
         raise InputError("--out", str(out), expected)
+    if (out / LOCK).is_file():
+        os.close(_lock(out))
     return out
 
 
@@ -35,7 +49,7 @@ def run_name(folder: Path) -> str | None:
     from swath.documents.yaml_document import read_document
 
     file = folder / "scenario.yaml"
-    if not file.is_file() or not any((folder / f).is_file() for f in ("summary.json", "run.mcap")):
+    if not file.is_file() or not any((folder / f).is_file() for f in ("summary.json", "run.mcap", LOCK)):
         return None
     try:
         data = read_document(file).data
@@ -45,10 +59,74 @@ def run_name(folder: Path) -> str | None:
     return name if isinstance(name, str) else None
 
 
+@contextmanager
+def occupied(folder: Path, name: str) -> Iterator[None]:
+    """Inside the block a run of the scenario `name` has the folder, empty but for an old scenario.yaml.
+
+    The folder is made where it is missing. A run that ends without a summary leaves run.lock behind, as one
+    that is killed does: it marks the folder as a run's. InputError when another run has the folder.
+    """
+    file = _lock(folder)
+    try:
+        os.ftruncate(file, 0)
+        os.write(file, json.dumps({"scenario": name, "pid": os.getpid()}).encode())
+        clear_run_folder(folder)
+        yield
+    finally:
+        if (folder / "summary.json").is_file():
+            (folder / LOCK).unlink(missing_ok=True)
+        os.close(file)
+
+
 def clear_run_folder(folder: Path) -> None:
-    """Remove the files of an earlier run, and only those."""
-    for name in RUN_FILES:
+    """Remove what an earlier run wrote, and only that; its summary first, so that nothing seems whole.
+
+    Its scenario.yaml stays until the new one takes its place: a folder without one would be nobody's.
+    """
+    for name in (*RUN_FILES[:-1], *(f"{n}{PART}" for n in RUN_FILES)):
         (folder / name).unlink(missing_ok=True)
+
+
+def _lock(folder: Path) -> int:
+    """A locked file descriptor of run.lock, which is made where it is missing. InputError where it is taken.
+
+    The lock goes with the process, however that ends. Where the file system has no locks, there is none.
+    """
+    path = folder / LOCK
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            _take(file, folder)
+            if path.exists() and os.path.samestat(os.fstat(file), path.stat()):
+                return file  # else the run before removed it between the two lines above
+        except BaseException:
+            os.close(file)
+            raise
+        os.close(file)
+
+
+def _take(file: int, folder: Path) -> None:
+    if sys.platform == "win32":
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(
+            "--out", str(folder), f"expected a folder that {_who(file)} does not write to"
+        ) from None
+    except OSError:
+        return
+
+
+def _who(file: int) -> str:
+    """The run that holds a lock, in words."""
+    with suppress(OSError, ValueError, TypeError, KeyError):
+        held = json.loads(os.pread(file, 1000, 0))
+        return f"another run (process {int(held['pid'])}, {held['scenario']})"
+    return "another run"
 
 
 def _fresh(name: str) -> Path:
@@ -61,4 +139,6 @@ def _fresh(name: str) -> Path:
 
 
 def _is_free(path: Path) -> bool:
-    return not path.exists() or (path.is_dir() and not any(path.iterdir()))
+    """Whether there is nothing, or only what a run left that was killed before it began."""
+    leftover = {LOCK, f"scenario.yaml{PART}"}
+    return not path.exists() or (path.is_dir() and {f.name for f in path.iterdir()} <= leftover)

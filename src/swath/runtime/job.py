@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,10 @@ from typing import Any
 from swath import __version__
 from swath.core.abilities import ReadsFiles
 from swath.core.errors import InputError
-from swath.core.graph import EndOfRun, Observer
+from swath.core.graph import Observer
 from swath.core.schedule import NS
+from swath.core.stopping import stoppable, unstopped
+from swath.core.whole_file import write_whole
 from swath.judge.limits import is_failed
 from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
@@ -19,9 +21,9 @@ from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
 from swath.runtime.changes import Interventions, Restart, Script
 from swath.runtime.evaluation import make_evaluation
-from swath.runtime.folder import clear_run_folder
+from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
-from swath.runtime.loop import Progress, drive
+from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
@@ -50,20 +52,23 @@ def run_job(
     events: Sequence[Mapping[str, Any]] = (),
     hooks: Sequence[RunHook] = (),
     begun: Callable[[], None] | None = None,
+    allow: Sequence[str] = (),
 ) -> JobResult:
     """Run a scenario into a folder.
 
     events: changes on the way, as an earlier run's summary.json has them; hooks: go along, in this order
     begun: called once the world is assembled, before the first tick
+    allow: code that changes on the way may name beside the scenario's own, as `file.py:Class` or an FMU
 
-    The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C and
-    crashes leave a valid folder marked incomplete; the exception goes on.
+    The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C, SIGTERM
+    and crashes leave a valid folder marked incomplete; the exception goes on.
     """
-    while True:
-        try:
-            return _run_once(scenario, out, progress, events, hooks, begun)
-        except Restart:
-            begun = None
+    with stoppable():
+        while True:
+            try:
+                return _run_once(scenario, out, progress, events, hooks, begun, allow)
+            except Restart:
+                begun = None
 
 
 def _run_once(
@@ -73,28 +78,36 @@ def _run_once(
     events: Sequence[Mapping[str, Any]],
     hooks: Sequence[RunHook],
     begun: Callable[[], None] | None,
+    allow: Sequence[str],
 ) -> JobResult:
     world = assemble(scenario)
-    _spare_what_is_read(world, out)
-    pacer = make_pacer(world)
-    out.mkdir(parents=True, exist_ok=True)
-    clear_run_folder(out)
-    (out / "scenario.yaml").write_text(scenario.resolved(), encoding="utf-8")
-    running = _Running(world, out, pacer, hooks)
-    if begun is not None:
-        begun()
-    started = time.perf_counter()
     try:
-        with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, pacer):
+        _spare_what_is_read(world, out)
+        pacer = make_pacer(world)
+        with occupied(out, scenario.name):
+            write_whole(out / "scenario.yaml", scenario.resolved())
+            running = _Running(world, out, pacer, hooks, allow)
+            if begun is not None:
+                begun()
+            summary = _drive(running, progress, events)
+    finally:
+        world.close()
+    return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
+
+
+def _drive(running: "_Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Drive to the end and finish; returns the summary."""
+    world, started = running.world, time.perf_counter()
+    try:
+        with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, running.pacer):
             running.begin(events)
             drive(world, running.observers, progress=show)
     except BaseException:
-        running.finish(time.perf_counter() - started, incomplete=True)
+        with suppress(OSError):  # on a full disk the first error says what matters
+            running.finish(time.perf_counter() - started, incomplete=True)
         raise
-    finally:
-        world.close()
-    summary = running.finish(time.perf_counter() - started, incomplete=False)
-    return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
+    world.close()
+    return running.finish(time.perf_counter() - started, incomplete=False)
 
 
 def _machines(world: World) -> str:
@@ -119,12 +132,19 @@ def _spare_what_is_read(world: World, out: Path) -> None:
 class _Running:
     """What goes along while a world runs: digest, evaluation, recorder, hooks."""
 
-    def __init__(self, world: World, out: Path, pacer: Pacer | None, hooks: Sequence[RunHook]) -> None:
+    def __init__(
+        self,
+        world: World,
+        out: Path,
+        pacer: Pacer | None,
+        hooks: Sequence[RunHook],
+        allow: Sequence[str],
+    ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
         recorded = {name: machine.recorded() for name, machine in world.machines.items()}
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
-        self.changes = Interventions(world)
+        self.changes = Interventions(world, allow)
         self.recorder = Recorder(
             out,
             list(recorded.values()),
@@ -133,7 +153,6 @@ class _Running:
             scenario=world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
-        world.graph.before_tick.append(self._end)
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
@@ -146,15 +165,21 @@ class _Running:
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events))
 
-    def _end(self, t: int) -> None:
-        """Before the tick at t [ns]: an evaluator that wants the run to end ends it."""
-        if reason := self.evaluation.end_reason(t):
-            raise EndOfRun(reason)
-
     def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
-        """Judge, write summary.json, let the hooks finish; returns the summary."""
+        """Judge, write summary.json, let the hooks finish; returns the summary.
+
+        A stop waits until the summary is written.
+        """
+        with unstopped():
+            self.recorder.close()
+            summary = self._summary(wall_s, incomplete)
+            write_summary(self.out, summary)
+        for hook in self.hooks:
+            hook.finish(summary)
+        return summary
+
+    def _summary(self, wall_s: float, incomplete: bool) -> dict[str, Any]:
         world, scenario = self.world, self.world.scenario
-        self.recorder.close()
         summary = make_summary(
             {
                 "name": scenario.name,
@@ -174,6 +199,11 @@ class _Running:
             cost={n.slot.name: (n.cost_s, n.step_count) for n in world.graph.nodes},
         )
         notes = [note for machine in world.machines.values() for note in machine.notes]
+        notes += self.evaluation.notes()
+        if not incomplete and not world.graph.ended and not has_arrived(world):
+            run, driven = scenario.run, driven_m(world)
+            what = f"the run ended at max_duration_s = {run.max_duration_s:g}"
+            notes.append(f"{what}, after {driven:.2f} of {run.distance_m:g} m")
         if world.graph.ended:
             notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
         if self.pacer is not None:
@@ -185,9 +215,6 @@ class _Running:
             summary["events"] = self.changes.events
         for hook in self.hooks:
             summary |= hook.summarize(world.graph.t)
-        write_summary(self.out, summary)
-        for hook in self.hooks:
-            hook.finish(summary)
         return summary
 
 

@@ -25,7 +25,7 @@ def drive(
     progress: Progress | None = None,
     resume: bool = False,
 ) -> None:
-    """Run a world to the end of its scenario, or to a simulated time.
+    """Run a world to the end of its scenario, where what the header cut last is taken in, or to a time.
 
     observers see every sample in order, and may end the run (`core.abilities.EndsRun`); progress is called
     with (driven distance [m], simulated time [s]); resume: go on from where the world stands instead of from
@@ -53,6 +53,8 @@ def drive(
             progress(driven_m(world), graph.t / NS)
     if ending:
         graph.before_tick.remove(end_with_observers)
+    if until_s is None:
+        graph.finish()
 
 
 def driven_m(world: World) -> float:

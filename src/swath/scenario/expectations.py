@@ -27,7 +27,7 @@ def read_evaluators(reader: SectionReader, data: Any) -> tuple[tuple[str, ...], 
     judged = reader.catalogue.judged()
     for index, entry in enumerate(data):
         where = (*path, index)
-        if not isinstance(entry, str) or ".py:" not in entry:
+        if not isinstance(entry, str) or ".py:" not in entry or "\0" in entry:
             reader.note(where, entry, "expected file.py:Class")
             continue
         reference = reader.absolute_level(entry, reader.base(where))

@@ -16,6 +16,7 @@ from swath.scenario.sections import MachineCommon, SlotCommon, StartAlongEdge, S
 from swath.scenario.slots import SlotKind
 from swath.scenario.versions import SECTIONS
 
+MOST_MACHINES = 50
 MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side", "field_edge")
 
 
@@ -24,7 +25,10 @@ def machine_names(reader: SectionReader, data: dict[str, Any]) -> list[str]:
     named = [key for key in data if key not in SECTIONS]
     if not named:
         reader.note((), None, "expected a machine under `machines:`, such as `combine:` with its slots")
-    return [name for name in named if _is_machine(reader, name, data)]
+    found = [name for name in named if _is_machine(reader, name, data)]
+    if len(found) > MOST_MACHINES:
+        reader.note((found[MOST_MACHINES],), None, f"expected at most {MOST_MACHINES} machines")
+    return found[:MOST_MACHINES]
 
 
 def _is_machine(reader: SectionReader, name: str, data: dict[str, Any]) -> bool:
@@ -83,11 +87,11 @@ def _slots_of_type(reader: SectionReader, sheet: Path, path: KeyPath) -> dict[st
         reader.errors.append(error)
         return {}
     data = data if isinstance(data, dict) else {}
-    machine_type, own = data.get("type"), data.get("slots", {})
-    if machine_type not in reader.catalogue.machine_types:
-        reader.note(
-            path, machine_type, f"expected a data sheet of type {', '.join(reader.catalogue.machine_types)}"
-        )
+    machine_type, own = data.get("type", ""), data.get("slots", {})
+    if not isinstance(machine_type, str) or machine_type not in reader.catalogue.machine_types:
+        known = ", ".join(reader.catalogue.machine_types)
+        said = f"says {str(machine_type)[:40]}" if machine_type else "has none"
+        reader.note(path, sheet.as_posix(), f"expected a data sheet with a `type` of {known}; it {said}")
         return {}
     return slots_of(reader.catalogue.machine_types[machine_type], own if isinstance(own, dict) else {})
 

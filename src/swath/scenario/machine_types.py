@@ -12,6 +12,7 @@ _HARVESTER = {
     "process": "constant",
     "lidar": "plants",
     "odometry": "error",
+    "imu": "error",
     "edge": "max_likelihood",
     "steer": "preview",
     "speed": "constant",

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from swath.core.errors import InputError
 from swath.documents.validation import known_keys
 from swath.documents.yaml_document import Document, KeyPath
 from swath.scenario.catalogue import Catalogue
@@ -12,18 +11,9 @@ from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.field_reader import read_field
 from swath.scenario.machine_reader import is_off, machine_names, read_machines, read_slot
 from swath.scenario.resolved import MachineSection, RealTimeSection, SlotChoice
-from swath.scenario.section_reader import SectionReader
+from swath.scenario.section_reader import ScenarioError, SectionReader
 from swath.scenario.sections import Head, RealTime, Run, SlotCommon
 from swath.scenario.versions import SECTIONS
-
-
-class ScenarioError(InputError):
-    """The first thing wrong in a scenario; `others` are the rest, in the order found."""
-
-    def __init__(self, errors: list[InputError]) -> None:
-        first = errors[0]
-        super().__init__(first.key, first.value, first.expected, file=first.file, line=first.line)
-        self.others = tuple(errors[1:])
 
 
 def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
+from swath.core.foreign_code import NamesCode, is_allowed, refusal
 from swath.core.registry import Level
 from swath.documents.data_sheets import find_sheet
 from swath.documents.hints import unknown_key
@@ -15,6 +16,18 @@ from swath.scenario.catalogue import Catalogue
 
 SHEETS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
 NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")  # of a machine or an edge
+
+
+MOST_ERRORS = 100  # that are told of one document
+
+
+class ScenarioError(InputError):
+    """The first thing wrong in a scenario; `others` are the rest, in the order found."""
+
+    def __init__(self, errors: list[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.key, first.value, first.expected, file=first.file, line=first.line)
+        self.others = tuple(errors[1:])
 
 
 class SectionReader:
@@ -28,12 +41,19 @@ class SectionReader:
     def check(self, kind: Any, data: Any, path: KeyPath) -> Any:
         """The validated object; None when there were errors, which are noted."""
         value, found = validate(kind, data, path, self.document)
-        self.errors += found
+        for error in found:
+            self.take(error)
         return value
+
+    def take(self, error: InputError) -> None:
+        """Note an error. ScenarioError at MOST_ERRORS: what follows is hardly meant as a scenario."""
+        self.errors.append(error)
+        if len(self.errors) == MOST_ERRORS:
+            raise ScenarioError(self.errors)
 
     def note(self, path: KeyPath, value: Any, expected: str) -> None:
         """Note an error."""
-        self.errors.append(self.document.error(path, value, expected))
+        self.take(self.document.error(path, value, expected))
 
     def mapping(self, data: Any, path: KeyPath) -> dict[str, Any]:
         """The mapping at a path; an empty one, and an error noted, when it is something else."""
@@ -91,7 +111,12 @@ class SectionReader:
             if key not in known:
                 self.note((*path, key), None, unknown_key(key, [*known, "level", *also]))
         own = {k: v for k, v in data.items() if k in known}
-        return None if found.params is None else self.check(found.params, own, path)
+        params = None if found.params is None else self.check(found.params, own, path)
+        if isinstance(params, NamesCode):
+            for reference in params.foreign_code:
+                if not is_allowed(reference, self.folder):
+                    self.note(path, reference, refusal())
+        return params
 
     def _with_paths(self, data: Any, path: KeyPath) -> Any:
         """The data with the paths in it made absolute; notes what is not there."""

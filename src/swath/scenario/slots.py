@@ -169,7 +169,12 @@ SLOTS: tuple[SlotKind, ...] = (
         "max_likelihood",
         25.0,
         (Port("edge", CropEdge),),
-        {**_STATE, "scan": ("lidar", "scan"), "odometry": ("odometry", "odometry")},
+        {
+            **_STATE,
+            "scan": ("lidar", "scan"),
+            "odometry": ("odometry", "odometry"),
+            "inertial": ("imu", "inertial"),
+        },
         is_control=True,
         is_plural=True,
         is_exchangeable=True,

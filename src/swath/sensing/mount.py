@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
+from swath.core import portable
 from swath.core.frames import Pose, wrap_angle
 from swath.core.units import DEG
 from swath.signals import F64, MachineState
@@ -62,9 +63,9 @@ def poses_at(states: Sequence[MachineState], times: F64) -> tuple[F64, F64]:
 
 def _euler(rotation: F64) -> F64:
     """(roll, pitch, yaw) [rad] of rotations (n, 3, 3), shape (n, 3), as `Pose.euler`."""
-    pitch = -np.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
-    roll = np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
-    yaw = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+    pitch = -portable.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
+    roll = portable.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
+    yaw = portable.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
     return np.stack([roll, pitch, yaw], axis=1)
 
 

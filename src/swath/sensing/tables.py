@@ -1,5 +1,6 @@
 """Spread tables on disk: `<name>.npz` with the numbers, `<name>.yaml` with source, range and fit quality."""
 
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.units import DEG
+from swath.documents.packed import read_arrays, readable
 from swath.documents.yaml_document import dump, read_document
 from swath.rays.spread import Spread, SpreadTable
 
@@ -31,15 +33,16 @@ def load_table(name: str, base: Path | None = None) -> SpreadTable:
         have = ", ".join(table_names()) or "none"
         expected = f"expected a .npz file or one of {have}; `swath calibrate lidar` makes one"
         raise InputError("table", name, expected)
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            values: dict[str, Any] = {k: np.asarray(data[k], dtype=np.float64) for k in ARRAYS}
-            values |= {"standing": _grid(data, ""), "stubble": _grid(data, STUBBLE)}
-            values |= {k: float(data[k]) for k in ("fine", "cosine")}
-            values["correlation"] = float(data["correlation"][0]), float(data["correlation"][1])
+    return _made(read_arrays(path, "table", "a spread table"), path)
+
+
+def _made(arrays: Mapping[str, Any], path: Path) -> SpreadTable:
+    with readable("table", "a spread table", path):
+        values: dict[str, Any] = {k: np.asarray(arrays[k], dtype=np.float64) for k in ARRAYS}
+        values |= {"standing": _grid(arrays, ""), "stubble": _grid(arrays, STUBBLE)}
+        values |= {k: float(arrays[k]) for k in ("fine", "cosine")}
+        values["correlation"] = float(arrays["correlation"][0]), float(arrays["correlation"][1])
         return SpreadTable(**values, about=_about(path))
-    except (OSError, KeyError, ValueError, IndexError) as error:
-        raise InputError("table", str(path), f"expected a spread table: {error}", file=path) from error
 
 
 def save_table(table: SpreadTable, path: Path) -> list[Path]:
@@ -70,7 +73,7 @@ def valid_range(grid: Spread) -> dict[str, list[float]]:
     }
 
 
-def _grid(data: Any, prefix: str) -> Spread:
+def _grid(data: Mapping[str, Any], prefix: str) -> Spread:
     arrays = {k: np.asarray(data[prefix + k], dtype=np.float64) for k in GRID}
     return Spread(**arrays, is_stubble=prefix == STUBBLE)
 

@@ -8,9 +8,9 @@ from swath.core.signal import About, Quantity, Signal
 
 @frozen
 class MachineLoad(Signal, about=About(track_order=8)):
-    """Where the crop is: masses since the start, flows at this moment."""
+    """Where the crop is: grain in the tank now, other masses since the start, flows at this moment."""
 
-    tank_grain: Annotated[float, Quantity("kg", "grain that came into the tank", column="tank_grain_kg")]
+    tank_grain: Annotated[float, Quantity("kg", "grain in the tank", column="tank_grain_kg")]
     lost_grain: Annotated[float, Quantity("kg", "grain lost over the rear", column="lost_grain_kg")]
     dropped_straw: Annotated[float, Quantity("kg", "straw laid or spread")]
     held_grain: Annotated[float, Quantity("kg", "grain inside the machine, not in the tank")]
@@ -46,9 +46,9 @@ class MachineLoad(Signal, about=About(track_order=8)):
     ] = 0.0
 
     @property
-    def tank_content(self) -> float:
-        """Grain in the tank now [kg]."""
-        return self.tank_start + self.tank_grain - self.unloaded_grain
+    def tank_gain(self) -> float:
+        """Grain that came into the tank since the start [kg], unloaded since or not."""
+        return self.tank_grain - self.tank_start + self.unloaded_grain
 
 
 @frozen

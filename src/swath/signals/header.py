@@ -15,7 +15,12 @@ class CropFlow(Signal, about=About(track_order=6)):
     straw: Annotated[float, Quantity("kg", "straw that went in", is_amount=True)]
     area: Annotated[float, Quantity("m2", "area that was cut", is_amount=True)]
     stem_count: Annotated[int, Quantity("", "stems that were cut", is_amount=True)]
-    header_fill: Annotated[float, Quantity("", "cut width / header width", column="header_fill")]
+    header_fill: Annotated[
+        float,
+        Quantity(
+            "", "share of the header's width that cuts crop, over the last metre, 0..1", column="header_fill"
+        ),
+    ]
     dt: Annotated[float, Quantity("s", "length of the step", is_amount=True)]
     lost_grain: Annotated[
         float, Quantity("kg", "grain that the header cut but shed on the ground", is_amount=True)

@@ -67,13 +67,16 @@ class ControlSetup:
 
     @property
     def mounting(self) -> Pose:
-        """Of the one sensor that is wired to the component. InputError where there is none, or several."""
-        poses = list(self.mountings.values())
+        """Of the one sensor that is wired to the component, an inertial unit aside.
+
+        InputError where there is none, or several.
+        """
+        poses = {port: pose for port, pose in self.mountings.items() if port != "inertial"}
         if len(poses) != 1:
-            found = ", ".join(self.mountings) or "none"
+            found = ", ".join(poses) or "none"
             expected = "expected one sensor with a mounting, such as {scan: lidar.scan}"
             raise InputError("wires", found, expected)
-        return poses[0]
+        return next(iter(poses.values()))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
-    """`--out`, `--set` and `--seed`."""
+    """`--out`, `--set`, `--seed` and `--no-code`."""
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
     )
@@ -19,6 +19,16 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
         help="change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times",
     )
     parser.add_argument("--seed", metavar="N", help="another seed")
+    add_no_code(parser)
+
+
+def add_no_code(parser: argparse.ArgumentParser) -> None:
+    """`--no-code`, which holds for the whole command."""
+    parser.add_argument(
+        "--no-code",
+        action="store_true",
+        help="refuse code that files bring along: Python files, FMUs, systems of them (SECURITY.md)",
+    )
 
 
 def load(args: argparse.Namespace) -> Any:

@@ -39,6 +39,8 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
         print(f"events  {len(events)}, listed in summary.json; repeat them with --events {out}")
     print(f"digest  {summary.get('digest', '-')}")
     print(f"report  {out / 'report.html'}")
+    if (out / "replay.html").is_file():
+        print(f"replay  {out / 'replay.html'}")
 
 
 def limit_text(entry: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ throughput that is measured after the crop has gone in. The speed falls in time 
 
 from collections import deque
 from dataclasses import dataclass
-from math import exp, isfinite, sqrt
+from math import exp, fsum, isfinite, sqrt
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -97,7 +97,7 @@ class LookAhead(KeepsState):
             return
         self._raw.append((place, max(amount, 0.0) ** self._p.power))
         near = [a for s, a in self._raw if s >= place - self._p.smooth_m]
-        self._places.append((place - 0.5 * self._p.smooth_m, sum(near) / len(near)))
+        self._places.append((place - 0.5 * self._p.smooth_m, fsum(near) / len(near)))
 
     def _learn(self, t: int, speed: float, feed: FeedReading | None, h: float) -> None:
         """Compare what is measured now with what was cut when that crop came in."""

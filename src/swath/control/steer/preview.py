@@ -49,8 +49,8 @@ class Params:
     dead_time_s, lag_s: of the steering, bridged by prediction
     slip_m: distance over which side slip is learnt, 0 = never; slip_step_cm: errors beyond are no slip
     rate_deg_s: limit of the wanted steering angle's rate; share_of_lock: of the steering angle that is used
-    hold_s: after losing the edge the bend driven last is held for so long, then the wheels go straight and a
-    person must steer; engage_s: time to blend in when an edge is found
+    hold_s: after losing the edge the bend driven last is held for so long, then the law lets go, the wheels
+    stay where they are and a person must steer; engage_s: time to blend in when an edge is found
     """
 
     overlap_m: Annotated[float, Ge(-1), Le(3)] = 0.10

@@ -88,16 +88,28 @@ class Dem:
 
 def fill_gaps(values: Array) -> Array:
     """nan cells as the mean of their known neighbours, ring by ring from the known ones."""
-    values = values.copy()
-    while np.isnan(values).any():
-        padded = np.pad(values, 1, constant_values=np.nan)
-        ny, nx = values.shape
-        around = [padded[j : j + ny, i : i + nx] for j in range(3) for i in range(3)]
-        known = sum(np.isfinite(a).astype(float) for a in around)
-        total = sum(np.nan_to_num(a) for a in around)
-        fill = np.isnan(values) & (known > 0.0)
-        values[fill] = (total / np.maximum(known, 1.0))[fill]
-    return values
+    padded = np.pad(values, 1, constant_values=np.nan)
+    flat, (ny, nx) = padded.reshape(-1), values.shape
+    is_missing = np.zeros(padded.shape, dtype=bool)
+    is_missing[1:-1, 1:-1] = np.isnan(values)
+    steps = [(nx + 2) * j + i for j in (-1, 0, 1) for i in (-1, 0, 1)]
+    beside = np.zeros(values.shape, dtype=bool)
+    for j in range(3):
+        for i in range(3):
+            beside |= np.isfinite(padded[j : j + ny, i : i + nx])
+    row, column = np.nonzero(beside & is_missing[1:-1, 1:-1])
+    missing, ring = is_missing.reshape(-1), (nx + 2) * (row + 1) + column + 1
+    while len(ring):
+        known, total = np.zeros(len(ring)), np.zeros(len(ring))
+        for step in steps:
+            value = flat[ring + step]
+            known += np.isfinite(value)
+            total += np.nan_to_num(value)
+        flat[ring] = total / known
+        missing[ring] = False
+        around = np.concatenate([ring + step for step in steps])
+        ring = np.unique(around[missing[around]])
+    return padded[1:-1, 1:-1].copy()
 
 
 LEVEL = Level(

@@ -31,6 +31,7 @@ class ContactWatch:
     """
 
     OF_FIELD = False
+    SIGNALS = (MachineState,)
     METRICS = (
         Metric("contact_count", "", "times that the machine touched an obstacle or another machine", "Safety",
                "lower", "contacts", "", decimals=0),

@@ -20,6 +20,7 @@ class Drivetrain:
     """Judges loads and engine once the machine has driven the settling distance with crop in its drum."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState, MachineLoad, EngineState)
     METRICS = (
         Metric("mean_throughput_t_h", "t/h", "grain taken in per hour, after settling", GROUP,
                "higher", "throughput of grain", "", 1),
@@ -119,7 +120,7 @@ class Drivetrain:
 
 def _grain(load: MachineLoad) -> float:
     """Grain that came in so far [kg]."""
-    return load.tank_grain + load.lost_grain + load.held_grain
+    return load.tank_gain + load.lost_grain + load.held_grain
 
 
 LEVEL = Level(Drivetrain, None, summary="throughput, losses, engine and fuel")

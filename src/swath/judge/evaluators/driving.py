@@ -11,6 +11,7 @@ class Driving:
     """The way of the middle of the fixed axle."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState,)
     METRICS = (Metric("distance_m", "m", "way of the fixed axle's centre", "Run", "", "", "", 1),)
 
     def __init__(self, setup: EvaluatorSetup) -> None:

@@ -1,7 +1,7 @@
 """The detected crop edge against the one that stands in the field."""
 
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,22 +9,31 @@ from numpy.typing import NDArray
 
 from swath.core.frames import Pose, wrap_angle
 from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.statistics import mean, rms
 from swath.record.tracks import Column
 from swath.signals import F64, CropEdge, MachineState, Signal
 
 GROUP = "Edge detection"
-SEARCH_M = 15.0  # how far to either side of the header end the initial edge is looked for
-HALF_M = 1.5  # the true edge is looked for this far to either side of the initial edge
+NEAR_M = 5.0  # an edge this near to the header end has to be detected
+FAR_M = 8.0  # one this near may be detected
+MATCH_M = 1.5  # a detected edge is none that stands there when it is farther from it
+SURE, WRONG_M = 0.5, 0.3  # confidence, and error, of an edge that is wrong and sure
+FEW = 0.5  # a metric over a smaller share of the samples is noted
+CHUNK = 256  # samples that are judged together
 
 
 @dataclass(frozen=True)
 class EdgeSeries:
     """The course of a run, arrays of shape (n,): t [s], distance [m].
 
-    true, detected: y in the machine frame at the detector's reference [m], nan = none; error: detected minus
-    true [m], > 0 towards the crop; found: an edge was reported
+    true: y in the machine frame at the detector's reference [m] of the edge nearest to the detected one, or
+    to the header end where none is detected; nan = none
+    detected: likewise, nan = none; error: detected minus true [m], > 0 towards the crop, nan where they are
+    farther apart than MATCH_M; found: an edge was reported; exists: one is near enough that it had to be
+    confidence, is_held: as reported
     """
 
     t: F64
@@ -33,38 +42,58 @@ class EdgeSeries:
     detected: F64
     error: F64
     found: NDArray[np.bool_]
+    exists: NDArray[np.bool_]
+    confidence: F64
+    is_held: NDArray[np.bool_]
+
+
+@dataclass
+class _Row:
+    """A sample and whether crop stands on the line across the machine at its reference, packed."""
+
+    t: int
+    distance: float
+    edge: CropEdge
+    crop: NDArray[np.uint8]
 
 
 class EdgeDetection:
     """Detected against true edge, at the place ahead that the detector reports for.
 
-    true_offset: of the newest judged sample, y in the machine frame [m], nan = there is no true edge
+    What stands there is looked up at the time of the sample, and judged later, many samples together.
     """
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropEdge)
     COLUMNS = ("edge_true_m",)
     METRICS = (
         Metric("edge_rmse_m", "m", "detected against true edge, root mean square", GROUP,
                "lower", "edge error, RMS", "cm"),
         Metric("edge_bias_m", "m", "detected minus true edge, mean; > 0 towards the standing crop", GROUP,
                "", "edge error, mean", "cm"),
-        Metric("detection_availability", "1", "share of edge samples with an edge, where a true edge exists",
-               GROUP, "higher", "availability", "%", 1),
-        Metric("false_edge_share", "1", "share of edge samples with an edge, where no true edge exists",
-               GROUP, "lower", "edges reported where none is", "%", 1),
+        Metric("detection_availability", "1", "share of edge samples with a right edge, where one is near; "
+               "after settling", GROUP, "higher", "availability", "%", 1),
+        Metric("false_edge_share", "1", "share of the edges reported as seen that are none, no edge within "
+               f"{MATCH_M:g} m", GROUP, "lower", "edges reported where none is", "%", 1),
+        Metric("sure_wrong_share", "1", f"share of edge samples with a confidence of {SURE:g} or more and an "
+               f"error above {WRONG_M:g} m", GROUP, "lower", "sure and wrong", "%", 1),
+        Metric("edge_sample_count", "", "edge samples that were judged", GROUP, "", "edge samples", "", 0),
+        Metric("edge_judged_share", "1", "share of them with a detected and a true edge, over which the edge "
+               "error is", GROUP, "higher", "of them with an error", "%", 1),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
         self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[1]
+        self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
         self._states: list[MachineState] = []
         self._waiting: list[CropEdge] = []
-        self._rows: list[tuple[float, float, float, float, bool]] = []
-        self.true_offset = float("nan")
+        self._rows: list[_Row] = []
+        self._judged: list[F64] = []
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Judge the edges whose time the truth has reached."""
+        """Look up what stands where an edge is reported, once the truth has reached its time."""
         for signal in outputs.values():
             if isinstance(signal, MachineState):
                 self._states.append(signal)
@@ -73,53 +102,87 @@ class EdgeDetection:
             elif isinstance(signal, CropEdge):
                 self._waiting.append(signal)
         while self._waiting and self._states and self._waiting[0].t <= self._states[-1].t:
-            self._judge(self._waiting.pop(0))
+            self._look(self._waiting.pop(0))
 
     def metrics(self) -> dict[str, float]:
         """Of all edges; nothing of a machine without an edge detection."""
-        if not self._rows and not self._waiting:
+        if not self._rows and not self._judged and not self._waiting:
             return {}
-        series = self.series()
-        return edge_metrics(series.error, np.isfinite(series.true), series.found)
+        return edge_metrics(self.series(), settling=self.setup.settling_m)
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Over how many samples the error is, where those are few."""
+        found = self.metrics()
+        count, share = found.get("edge_sample_count", 0.0), found.get("edge_judged_share", 1.0)
+        if not share < FEW:
+            return []
+        return [f"the edge error is over {round(share * count)} of {count:.0f} edge samples"]
+
+    @property
+    def true_offset(self) -> float:
+        """Of the newest judged sample, y in the machine frame [m], nan = there is no true edge."""
+        if self._rows:
+            return float(self._judge(self._rows[-1:])[0, 2])
+        return float(self._judged[-1][-1, 2]) if self._judged else float("nan")
 
     def columns(self) -> tuple[Column, ...]:
         """The true edge, for the newest detected one."""
         meaning = "true edge at edge_reference_m, > 0 left"
-        return (Column("edge_true_m", "m", meaning, lambda _: self.true_offset),)
+        return (Column("edge_true_m", "m", meaning, later=self._true_at),)
 
     def series(self) -> EdgeSeries:
         """The course of the run so far."""
-        t, at, true, seen, found = np.array(self._rows, dtype=float).reshape(-1, 5).T
-        return EdgeSeries(t, at, true, seen, -self.side * (seen - true), found > 0)
+        self._judge_rows()
+        table = np.concatenate([np.zeros((0, 8)), *self._judged])
+        t, at, true, seen, found, exists, confidence, is_held = table.T
+        error = -self.side * (seen - true)
+        error = np.where(np.abs(error) <= MATCH_M, error, np.nan)
+        return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, confidence, is_held > 0)
 
-    def find_edge(self, pose: Pose, reference_x: float) -> float:
-        """y of the true edge at x = reference_x in the machine frame [m], nan = there is none.
+    def _true_at(self, tracks: Mapping[str, F64]) -> F64:
+        """y of the true edge [m] for the rows of the tracks."""
+        series, asked = self.series(), tracks["edge_t_s"]
+        if not len(series.t):
+            return np.full(len(asked), np.nan)
+        index = np.minimum(np.searchsorted(series.t, asked), len(series.t) - 1)
+        return np.where(series.t[index] == asked, series.true[index], np.nan)
 
-        A segment across the initial edge is laid through the field, HALF_M to either side of it, and the
-        field says where along it bare or cut ground turns into standing crop.
-        """
-        y = self._end_y + np.linspace(-SEARCH_M, SEARCH_M, 121)
-        points = pose.apply(np.stack([np.full_like(y, reference_x), y, np.zeros_like(y)], axis=1))
-        depth = np.asarray(self.setup.edge.signed_distance(points[:, 0], points[:, 1]), dtype=float)
-        crossing = np.nonzero((depth[:-1] > 0) != (depth[1:] > 0))[0]
-        if len(crossing) == 0:
-            return float("nan")
-        k = crossing[np.argmin(np.abs(y[crossing] - self._end_y))]
-        middle = y[k] - depth[k] * (y[k + 1] - y[k]) / (depth[k + 1] - depth[k])
-        cut_end, crop_end = middle + self.side * HALF_M, middle - self.side * HALF_M
-        ends = pose.apply([[reference_x, cut_end, 0.0], [reference_x, crop_end, 0.0]])[:, :2]
-        length = float(np.linalg.norm(ends[1] - ends[0]))
-        along = self.setup.field.edge_offset(ends[0], ends[1]) / length
-        return float(cut_end + along * (crop_end - cut_end))
-
-    def _judge(self, edge: CropEdge) -> None:
+    def _look(self, edge: CropEdge) -> None:
         pose, distance = self._at(edge.t)
-        self.true_offset = self.find_edge(pose, edge.reference_x)
-        seen = edge.offset if edge.is_found else float("nan")
-        self._rows.append((edge.t * 1e-9, distance, self.true_offset, seen, edge.is_found))
+        end = 2.0 * self._end_y - self._begin
+        crop = crop_across(self.setup.field, pose, edge.reference_x, self._begin, end)
+        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop)))
+        if len(self._rows) >= CHUNK:
+            self._judge_rows()
+
+    def _judge_rows(self) -> None:
+        if self._rows:
+            self._judged.append(self._judge(self._rows))
+            self._rows = []
+
+    def _judge(self, rows: Sequence[_Row]) -> F64:
+        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held."""
+        count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
+        crop = np.unpackbits(np.stack([r.crop for r in rows]), axis=1, count=count).astype(bool)
+        judged = np.full((len(rows), 8), np.nan)
+        for out, row, places in zip(judged, rows, edges_of(crop), strict=True):
+            edge, y = row.edge, self._begin - self.side * STEP_M * places
+            seen = edge.offset if edge.is_found else float("nan")
+            away = np.abs(y - self._end_y)
+            exists = bool((away <= NEAR_M).any())
+            true = float("nan")
+            if edge.is_found and len(y):
+                true = y[np.argmin(np.abs(y - seen))]
+            elif exists:
+                true = y[np.argmin(away)]
+            out[:] = row.t, row.distance, true, seen, edge.is_found, exists, edge.confidence, edge.is_held
+        return judged
 
     def _at(self, t: int) -> tuple[Pose, float]:
         """True pose and distance at t [ns]; position and angles are interpolated between samples."""
+        if self._states[-1].t == t:
+            return self._states[-1].pose, self._states[-1].distance
         after = min(bisect_left(self._states, t, key=lambda s: s.t), len(self._states) - 1)
         b = self._states[after]
         if b.t == t or after == 0:
@@ -132,18 +195,20 @@ class EdgeDetection:
         return Pose.from_euler(position, roll, pitch, yaw), a.distance + share * (b.distance - a.distance)
 
 
-def edge_metrics(error: F64, exists: NDArray[np.bool_], found: NDArray[np.bool_]) -> dict[str, float]:
-    """Quality of an edge detection.
-
-    error: detected minus true [m], > 0 towards the crop, nan where either is missing; exists: there was a
-    true edge; found: an edge was reported; all of shape (n,)
-    """
-    good = error[np.isfinite(error) & exists & found]
+def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
+    """Quality of an edge detection. settling: driven before a machine has to have found its edge [m]"""
+    right = np.isfinite(series.error)
+    asked = series.exists & (series.distance >= settling)
+    claimed = series.found & ~series.is_held
+    off = ~right | (np.abs(series.error) > WRONG_M)
     return {
-        "edge_rmse_m": rms(good),
-        "edge_bias_m": mean(good),
-        "detection_availability": mean(found[exists].astype(float)),
-        "false_edge_share": mean(found[~exists].astype(float)),
+        "edge_rmse_m": rms(series.error[right]),
+        "edge_bias_m": mean(series.error[right]),
+        "detection_availability": mean(right[asked].astype(float)),
+        "false_edge_share": mean(~right[claimed]),
+        "sure_wrong_share": mean(series.found & (series.confidence >= SURE) & off),
+        "edge_sample_count": float(len(series.t)),
+        "edge_judged_share": mean(right),
     }
 
 

@@ -9,6 +9,7 @@ from swath.judge.evaluator import EvaluatorSetup, Event, Metric
 from swath.judge.header_path import HeaderPath
 from swath.signals import CropEdge, MachineState, Signal, SteerCommand
 
+GROUP = "Edge detection"
 LEAST_S = 1.0  # shorter losses are no event
 
 
@@ -20,14 +21,22 @@ class EdgeLost:
     """
 
     OF_FIELD = False
-    METRICS: tuple[Metric, ...] = ()
+    SIGNALS = (MachineState, CropEdge, SteerCommand)
+    METRICS = (
+        Metric("edge_lost_count", "", f"times that the edge was lost for {LEAST_S:g} s or longer while the "
+               "machine steered itself", GROUP, "lower", "edge lost, times", "", 0),
+        Metric("edge_lost_s", "s", "time without an edge in all those times", GROUP, "lower",
+               "edge lost, time", "", 1),
+        Metric("edge_lost_m", "m", "way driven without an edge in all those times", GROUP, "lower",
+               "edge lost, way", "", 1),
+    )  # fmt: skip
     EVENTS = ("edge_lost",)
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
         self._end = HeaderPath(setup.machine).end
         self._state: MachineState | None = None
-        self._is_steering = self._is_listed = False
+        self._is_steering = self._is_listed = self._has_edges = self._was_found = False
         self._begin: Event | None = None
         self._events: list[Event] = []
 
@@ -42,15 +51,40 @@ class EdgeLost:
                 self._see_edge(signal, self._state)
 
     def metrics(self) -> dict[str, float]:
-        """None."""
-        return {}
+        """Of all losses; nothing of a machine without an edge detection."""
+        if not self._has_edges:
+            return {}
+        times, ways = [0.0], [0.0]
+        for event in self._events:
+            end_t, end = event.end_t, event.end_distance
+            if end_t is None and self._state is not None:
+                end_t, end = self._state.t, self._state.distance
+            times.append(((end_t or event.t) - event.t) / NS)
+            ways.append(end - event.distance)
+        count = float(len(self._events))
+        return {"edge_lost_count": count, "edge_lost_s": sum(times), "edge_lost_m": sum(ways)}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Whether the edge was lost, or never found."""
+        if self._events:
+            m = self.metrics()
+            count = f"{m['edge_lost_count']:.0f} times" if len(self._events) > 1 else "once"
+            return [f"the edge was lost {count}, for {m['edge_lost_s']:.1f} s and {m['edge_lost_m']:.1f} m"]
+        return ["no edge was ever found"] if self._has_edges and not self._was_found else []
 
     def events(self) -> Sequence[Event]:
         """Every loss that lasted long enough."""
+        if self._is_listed and self._state is not None:
+            last = self._events[-1]
+            text = f"no edge for {(self._state.t - last.t) / NS:.1f} s, and none since"
+            self._events[-1] = replace(last, text=text)
         return self._events
 
     def _see_edge(self, edge: CropEdge, state: MachineState) -> None:
+        self._has_edges = True
         if edge.is_found:
+            self._was_found = True
             if self._is_listed:
                 last = self._events[-1]
                 text = f"no edge for {(edge.t - last.t) / NS:.1f} s"

@@ -16,6 +16,7 @@ class Gaps:
     """Events `gap`: from where the header end comes beside a gap of its edge to where it leaves it."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState,)
     METRICS: tuple[Metric, ...] = ()
     EVENTS = ("gap",)
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from swath.core import portable
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.header_path import HeaderPath
@@ -19,8 +20,9 @@ class Harvest:
     """Area and grain cut, use of the header's width, crop left uncut."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropFlow)
     METRICS = (
-        Metric("header_use", "1", "cut width / header width, mean over time after settling", GROUP,
+        Metric("header_use", "1", "area cut / area the header passed over, on the way after settling", GROUP,
                "higher", "", "%", 1),
         Metric("uncut_area_m2", "m2", "standing crop left on the cut side of the header end's path", GROUP,
                "lower", "left uncut"),
@@ -34,7 +36,10 @@ class Harvest:
         self._path = HeaderPath(setup.machine)
         self._distance = 0.0
         self._has_header = False
-        self._area = self._grain = self._fill = self._time = 0.0
+        left, right = (setup.machine.geometry.header_end(side)[1] for side in ("left", "right"))
+        self._width = left - right
+        self._area = self._grain = self._settled_area = self._way = 0.0
+        self._last: float | None = None  # distance at the last cut after settling
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Add what was cut."""
@@ -47,15 +52,17 @@ class Harvest:
                 self._area += signal.area
                 self._grain += signal.grain
                 if self._distance >= self.setup.settling_m:
-                    self._fill += signal.header_fill * signal.dt
-                    self._time += signal.dt
+                    if self._last is not None:
+                        self._settled_area += signal.area
+                        self._way += self._distance - self._last
+                    self._last = self._distance
 
     def metrics(self) -> dict[str, float]:
         """Of all that was cut; nothing of a machine without a header."""
         if not self._has_header:
             return {}
         return {
-            "header_use": ratio(self._fill, self._time),
+            "header_use": ratio(self._settled_area, self._width * self._way),
             "uncut_area_m2": self.uncut_area(),
             "area_cut_m2": self._area,
             "grain_cut_kg": self._grain,
@@ -73,7 +80,7 @@ class Harvest:
         px, py = np.interp(at, distance, x), np.interp(at, distance, y)
         inside = np.asarray(self.setup.edge.signed_distance(px, py), dtype=float)
         depth = np.maximum(inside, 0.0) + OUTSIDE_M
-        heading = np.arctan2(np.gradient(py), np.gradient(px))
+        heading = portable.arctan2(np.gradient(py), np.gradient(px))
         outer_x = px - self.side * np.sin(heading) * depth
         outer_y = py + self.side * np.cos(heading) * depth
         inner, outer = np.stack([px, py], axis=1), np.stack([outer_x, outer_y], axis=1)

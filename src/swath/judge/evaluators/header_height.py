@@ -15,6 +15,7 @@ class HeaderHeight:
     """Height of the knife against the wanted one, after settling; grain that the header lost."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropFlow, HeaderState)
     METRICS = (
         Metric("header_in_band", "1", "share of the time after settling in which the knife's mean height is "
                "within its band", GROUP, "higher", "mean height within the band", "%", 1),

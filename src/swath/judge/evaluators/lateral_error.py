@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath.core.frames import Pose
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.header_path import HeaderPath
 from swath.judge.statistics import even_path, mean, rms
-from swath.record.tracks import Column, Latest
+from swath.record.tracks import Column
 from swath.signals import F64, CropFlow, MachineState, Signal
 
 GROUP = "Steering"
@@ -31,6 +30,7 @@ class LateralError:
     """Lateral error of the header end against the initial edge, after settling."""
 
     OF_FIELD = False
+    SIGNALS = (MachineState, CropFlow)
     COLUMNS = ("lateral_error_m",)
     METRICS = (
         Metric("lateral_rms_m", "m", "lateral error of the header end after settling, root mean square",
@@ -64,21 +64,21 @@ class LateralError:
     def columns(self) -> tuple[Column, ...]:
         """The lateral error at any time."""
 
-        def lateral(latest: Latest) -> float:
-            return self.error(latest[MachineState].pose)
+        def lateral(tracks: Mapping[str, F64]) -> F64:
+            return self._error(tracks["header_end_x_m"], tracks["header_end_y_m"])
 
-        return (Column("lateral_error_m", "m", "header end, > 0 towards the standing crop", lateral),)
+        return (Column("lateral_error_m", "m", "header end, > 0 towards the standing crop", later=lateral),)
 
-    def error(self, pose: Pose) -> float:
-        """Lateral error [m] of a machine at a pose."""
-        x, y, _ = pose.apply(self._path.end)
-        return float(self.setup.edge.signed_distance(x, y)) + self.setup.overlap
+    def _error(self, x: F64, y: F64) -> F64:
+        """Lateral error [m] of header ends at world points [m], nan beyond the end of the edge."""
+        edge = self.setup.edge
+        inside = np.asarray(edge.signed_distance(x, y), dtype=float)
+        return np.where(edge.project(x, y)[0] <= edge.length, inside + self.setup.overlap, np.nan)
 
     def series(self) -> PathSeries:
         """The course of the run so far."""
         t, distance, x, y = self._path.arrays()
-        inside = np.asarray(self.setup.edge.signed_distance(x, y), dtype=float)
-        return PathSeries(t, distance, x, y, inside + self.setup.overlap)
+        return PathSeries(t, distance, x, y, self._error(x, y))
 
 
 def lateral_metrics(distance: F64, error: F64, *, settling: float) -> dict[str, float]:

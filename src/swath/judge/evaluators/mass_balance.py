@@ -1,6 +1,7 @@
 """Whether everything that left the field is somewhere: in a machine, lost, or on the ground."""
 
 from collections.abc import Mapping
+from math import fsum
 
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric
@@ -11,6 +12,7 @@ class MassBalance:
     """Recounts the field and compares with what all its machines account for."""
 
     OF_FIELD = True
+    SIGNALS = (CropFlow, MachineLoad)
     METRICS = (
         Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
                "losses and on the ground| / left the field", "Harvest", "lower", decimals=-1,
@@ -42,8 +44,8 @@ class MassBalance:
         missing = self.setup.field.recount()
         held = [self.accounted(name) for name in self._in_transit]
         on_ground = self.setup.field.ground_grain_kg
-        grain = balance_error(float(missing.grain), sum(h[0] for h in held) + on_ground)
-        straw = balance_error(float(missing.straw), sum(h[1] for h in held))
+        grain = balance_error(float(missing.grain), fsum(h[0] for h in held) + on_ground)
+        straw = balance_error(float(missing.straw), fsum(h[1] for h in held))
         return {"mass_balance_error": max(grain, straw)}
 
     def accounted(self, name: str) -> tuple[float, float]:
@@ -54,7 +56,7 @@ class MassBalance:
         grain, straw = self._in_transit.get(name, (0.0, 0.0))
         grain += self._shed.get(name, 0.0)
         if (load := self._loads.get(name)) is not None:
-            grain += load.tank_grain - load.unloaded_grain + load.lost_grain + load.held_grain
+            grain += load.tank_grain - load.tank_start + load.lost_grain + load.held_grain
             straw += load.dropped_straw + load.held_straw
         return grain, straw
 

@@ -9,8 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
+from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.documents.hints import unknown_key
 from swath.documents.validation import known_keys, validate
@@ -127,9 +128,23 @@ def make_law(
         params, errors = validate(found.params, {**given, **keys}, ("law_keys",), Document(None))
         if errors:
             raise errors[0]
-    law = found.component(params, replace(setup, period=period / NS))
+    law = _made(found, level, params, replace(setup, period=period / NS))
     if missing := [p.name for p in law.inputs if p.name not in ("edge", "odometry") and not p.optional]:
         raise InputError("law", level, f"expected edge and odometry to be enough, it needs {missing[0]}")
+    return law
+
+
+def _made(found: Level, level: str, params: Any, setup: ControlSetup) -> Any:
+    """The component. InputError where a class of the user's is none."""
+    try:
+        law = found.component(params, setup)
+    except SwathError:
+        raise
+    except Exception as error:
+        what = f"could not be made by Class(params, setup): {type(error).__name__}: {error}"
+        raise InputError("law", level, what) from error
+    if absent := {"inputs", "outputs", "reset", "step"} - set(dir(law)):
+        raise InputError("law", level, f"expected a component, it has no {', '.join(sorted(absent))}")
     return law
 
 

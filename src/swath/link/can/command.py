@@ -3,6 +3,8 @@
 import argparse
 from typing import Any
 
+from swath.terminal.options import add_no_code
+
 
 def add(parsers: Any) -> None:
     """Add the command and its parts."""
@@ -13,6 +15,7 @@ def add(parsers: Any) -> None:
     box.add_argument(
         "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="change the scenario"
     )
+    add_no_code(box)
     box.add_argument("--once", action="store_true", help="end when the machine has switched off")
     box.set_defaults(run=run_box)
     listen = parts.add_parser("listen", help="print the messages on a bus")

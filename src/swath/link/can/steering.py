@@ -72,6 +72,11 @@ class Params:
     box_address: Address | None = None
 
     @property
+    def foreign_code(self) -> tuple[str, ...]:
+        """The law, where it is a file."""
+        return (self.law,) if ".py:" in self.law else ()
+
+    @property
     def where(self) -> Where:
         """The bus."""
         return Where(self.interface, self.channel, self.options)

@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, MissingExtra
+from swath.link.fmi.archive import BROKEN, reason
 from swath.link.fmi.repair import repaired
 from swath.link.fmi.units import BASE, Unit, known_unit
 
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
+UNREADABLE = "expected an FMU of FMI 2 or 3, its description cannot be read"
 _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
 
 
@@ -135,10 +137,17 @@ def read_fmu(file: Path, key: str = "file") -> Description:
     try:
         with zipfile.ZipFile(file) as archive:
             names = archive.namelist()
-    except (OSError, zipfile.BadZipFile) as error:
-        raise InputError(key, str(file), f"expected an FMU, a zip archive: {error}") from error
+    except BROKEN as error:
+        raise InputError(key, str(file), f"expected an FMU, a zip archive: {reason(error)}") from error
     if "modelDescription.xml" not in names:
         raise InputError(key, str(file), "expected an FMU, it has no modelDescription.xml")
+    try:
+        return _described(file, key, names, fmpy)
+    except BROKEN as error:
+        raise InputError(key, str(file), f"{UNREADABLE}: {reason(error)}") from error
+
+
+def _described(file: Path, key: str, names: list[str], fmpy: Any) -> Description:
     model, faults = _model(file, key)
     side = model.coSimulation
     if side is None:
@@ -188,9 +197,7 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
         with repaired(file) as (copy, repairs):
             return read_model_description(str(copy), validate=False), repairs or faults
     except Exception as error:
-        reason = " ".join(str(error).split())
-        text = f"expected an FMU of FMI 2 or 3, its description cannot be read: {reason}"
-        raise InputError(key, str(file), text) from error
+        raise InputError(key, str(file), f"{UNREADABLE}: {reason(error)}") from error
 
 
 def _variables(model: Any, units: dict[str | None, Unit | None], faults: list[str]) -> dict[str, Variable]:

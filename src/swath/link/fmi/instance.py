@@ -6,14 +6,14 @@ Numbers go in and come out as flat lists, in the order of the variables given, a
 import ctypes
 import math
 import shutil
-import tempfile
 import weakref
-import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
+from swath.core.stopping import unstopped
+from swath.link.fmi.archive import unpack_archive
 from swath.link.fmi.calls import FmuError, Group, Library, log_categories, make_groups
 from swath.link.fmi.description import Description, Variable
 
@@ -23,19 +23,16 @@ Steps = Sequence[tuple[float, float, Numbers]]  # t, length [s], inputs
 
 def unpack(file: Path) -> Path:
     """The archive in a new folder of its own, which the caller removes."""
-    folder = Path(tempfile.mkdtemp(prefix="swath-fmu-"))
     try:
-        with zipfile.ZipFile(file) as archive:
-            archive.extractall(folder)
+        folder = unpack_archive(file, "swath-fmu-")
         (folder / "resources").mkdir(exist_ok=True)
-    except (OSError, zipfile.BadZipFile) as error:
-        shutil.rmtree(folder, ignore_errors=True)
+    except (OSError, ValueError) as error:
         raise FmuError(f"{file.name} cannot be unpacked: {error}") from error
     return folder
 
 
 class Instance(ABC):
-    """One FMU in this process, loaded when it is first started.
+    """One FMU in this process, loaded when it is first started. Ctrl-C waits until a call has come back.
 
     folder: where the caller unpacked it and removes it; None = the instance does both
     remembered: attributes that belong to the state beside the FMU's own
@@ -72,6 +69,7 @@ class Instance(ABC):
 
     # the verbs
 
+    @unstopped()
     def start(self, starts: Mapping[str, Any]) -> list[float]:
         """A fresh instance, start values set by name, initialised; outputs at t = 0.
 
@@ -97,6 +95,7 @@ class Instance(ABC):
         """Set the inputs, go from t to t + h [s], get the outputs."""
         return self.run([(t, h, inputs)])
 
+    @unstopped()
     def run(self, steps: Steps) -> list[float]:
         """One step after the other; the outputs after the last."""
         try:
@@ -107,6 +106,7 @@ class Instance(ABC):
             raise
         return self.outputs()
 
+    @unstopped()
     def save(self) -> Any:
         """The state: bytes where the FMU can serialise it, otherwise a mark of this instance."""
         if not self.description.saves_state:
@@ -124,6 +124,7 @@ class Instance(ABC):
         self._state_call("Free{}", ctypes.byref(state))
         return {"bytes": buffer.raw, "extra": extra}
 
+    @unstopped()
     def load(self, state: Any) -> None:
         """Back to a saved state."""
         if "kept" in state:
@@ -139,6 +140,7 @@ class Instance(ABC):
             self._state_call("Free{}", ctypes.byref(made))
         vars(self).update(state["extra"])
 
+    @unstopped()
     def close(self) -> None:
         """Terminate, free, unload, remove the unpacked files; a later start loads it anew."""
         if self._library is not None and not self._library.is_dead:

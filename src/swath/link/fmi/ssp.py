@@ -5,15 +5,14 @@ from the start of a connection to its end, then its linear transformation is app
 """
 
 import shutil
-import tempfile
 import weakref
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 from swath.core.errors import InputError
+from swath.link.fmi.archive import BROKEN, reason, unpack_archive
 from swath.link.fmi.description import Description, read_fmu
 from swath.link.fmi.units import BASE, Scale, Unit, parse_unit, scale
 
@@ -22,7 +21,6 @@ SSD, SSC, SSV = f"{_SSP}Description}}", f"{_SSP}Common}}", f"{_SSP}ParameterValu
 SUFFIXES = (".ssp", ".ssd")
 Node = tuple[str, str]  # path of an element, "" for the whole system; name of its connector
 Edge = tuple[Node, Scale, bool]  # where it starts, its transformation, whether units are left alone
-UNREADABLE = (OSError, ValueError, LookupError, ElementTree.ParseError)
 NUMBERS = ("Real", "Float64", "Float32", "Integer", "Boolean", "Enumeration")
 
 
@@ -89,13 +87,11 @@ def read_system(file: Path) -> System:
     folder, name = file.parent, file.name
     system = System(file)
     if file.suffix.lower() == ".ssp":
-        folder, name = Path(tempfile.mkdtemp(prefix="swath-ssp-")), "SystemStructure.ssd"
-        weakref.finalize(system, shutil.rmtree, folder, True)
         try:
-            with zipfile.ZipFile(file) as archive:
-                archive.extractall(folder)
-        except (OSError, zipfile.BadZipFile) as error:
+            folder, name = unpack_archive(file, "swath-ssp-"), "SystemStructure.ssd"
+        except ValueError as error:
             raise InputError("file", str(file), f"expected a System Structure Package: {error}") from error
+        weakref.finalize(system, shutil.rmtree, folder, True)
     try:
         root = ElementTree.parse(folder / name).getroot()
         top = root.find(SSD + "System")
@@ -104,8 +100,8 @@ def read_system(file: Path) -> System:
         reader = _Reader(system, folder, _units(root))
         reader.element("", top)
         reader.bindings("", top)
-    except UNREADABLE as error:
-        text = f"expected a System Structure Description, it cannot be read: {error}"
+    except BROKEN as error:
+        text = f"expected a System Structure Description, it cannot be read: {reason(error)}"
         raise InputError("file", str(file), text) from error
     if not system.components:
         raise InputError("file", str(file), "expected components with FMUs")
@@ -121,7 +117,7 @@ class _Reader:
     def element(self, path: str, node: Any) -> None:
         """A system: its connectors, elements and connections."""
         self.connectors(path, node)
-        for child in node.find(SSD + "Elements") or ():
+        for child in node.iterfind(f"{SSD}Elements/*"):
             inner = f"{path}.{child.get('name')}".lstrip(".")
             if child.tag == SSD + "System":
                 self.element(inner, child)

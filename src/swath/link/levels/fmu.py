@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import need_allowed
 from swath.core.registry import Level
 from swath.link.fmi.composite import Composite, describe_system
 from swath.link.fmi.description import Description, read_fmu
@@ -46,10 +47,16 @@ class Params:
     process: Literal["here", "own"] = "here"
     timeout_s: Annotated[float, Gt(0), Ge(0.1), Le(3600)] = 10.0
 
+    @property
+    def foreign_code(self) -> tuple[str, ...]:
+        """The FMU: foreign code."""
+        return (self.file,)
+
 
 def make_part(params: Params, setup: LinkSetup) -> FmuPart:
     """The component. InputError where the FMU, a name, a unit or a step does not fit."""
     file = setup.base / params.file
+    need_allowed("file", file)
     whole, params = _open(file, params)
     fmu = describe_system(whole)[0] if isinstance(whole, System) else whole
     wiring = make_wiring(fmu, setup, params)

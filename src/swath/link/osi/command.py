@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_no_code
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
@@ -14,6 +16,7 @@ def add(parsers: Any) -> None:
         "--type", default="sd", metavar="T", help="sd = SensorData (default), sv = SensorView"
     )
     parser.add_argument("--slot", metavar="SLOT", help="the scanner (default: the first recorded one)")
+    add_no_code(parser)
     parser.set_defaults(run=run)
 
 

@@ -20,6 +20,7 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
 from swath.field.cut_result import Cut
 from swath.field.site_setup import SiteSetup
+from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.header.hydraulics import Controller, Cylinder, Feelers
 from swath.machine.header.predictor import Predictor
@@ -88,7 +89,10 @@ class Params:
 class HeightControlHeader(KeepsState):
     """A stiff knife on feeder and tilt cylinders."""
 
-    kept = ("_path", "_pose", "_speed", "_feelers", "_lift", "_tilt", "_raising", "_leaning", "_predictor")
+    kept = (
+        *("_path", "_gauge", "_pose", "_speed", "_feelers", "_lift", "_tilt"),
+        *("_raising", "_leaning", "_predictor"),
+    )
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow), Port("height", HeaderState))
@@ -107,6 +111,7 @@ class HeightControlHeader(KeepsState):
         self._behind = np.concatenate([np.zeros(count), skid])
         self._across = np.concatenate([knife, np.tile(self._feeler_y, 3)])
         self._nodes, self._period = count, setup.period
+        self._gauge = FillGauge(setup.machine.header_width)
 
     def reset(self, stream: Stream) -> Outputs:
         """Knife level at the wanted height; its place is taken from the first state that comes."""
@@ -123,6 +128,7 @@ class HeightControlHeader(KeepsState):
         self._raising = Controller(*gains, band, (-p.lower_m_s, p.raise_m_s), self._period)
         self._leaning = Controller(*gains, band / self.kinematics.half, (-limit, limit), self._period)
         self._path = LinePath(p.sweep_step_m)
+        self._gauge.clear()
         self._pose: Pose | None = None
         self._speed = 0.0
         heights = np.full(self._nodes, p.cutting_height_m)
@@ -156,7 +162,7 @@ class HeightControlHeader(KeepsState):
         height = float(reading.mean()) + up
         self._lift.command(t, self._raising.rate(self._p.cutting_height_m - height))
         if self._p.lateral:
-            rise = float(self._feeler_y @ reading) / float(self._feeler_y @ self._feeler_y)
+            rise = float((self._feeler_y * reading).sum() / (self._feeler_y * self._feeler_y).sum())
             self._tilt.command(t, self._leaning.rate(-rise - lean))
 
     def _cut(
@@ -168,7 +174,7 @@ class HeightControlHeader(KeepsState):
                 for polygon in swept(before[[first, last]], now[[first, last]]):
                     taken += self._field.cut(polygon, height)
                     swept_area += signed_area(polygon)
-        fill = taken.area / swept_area if swept_area > 0.0 else 0.0
+        fill = self._gauge.read(taken.area, swept_area)
         lost = taken.grain * self._loss_share()
         return CropFlow(
             t,

@@ -139,7 +139,7 @@ class SingleTrack:
         """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
         if load is None:
             return
-        grain = max(load.tank_content, 0.0)
+        grain = max(load.tank_grain, 0.0)
         if abs(grain - self._grain) >= GRAIN_STEP:
             before = self._ahead
             self._fill(grain)

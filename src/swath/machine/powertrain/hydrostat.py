@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Annotated
 
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs
 from swath.core.random import Stream
@@ -33,11 +33,12 @@ HEADROOM = 0.2  # a drive that yields starts from this much above the present sp
 @dataclass(frozen=True)
 class Params:
     """recover_m_s2: how fast the ground speed may rise again after an overload; substep_ms: longest
-    integration step.
+    integration step; rated_power_kw: of another engine in the same machine, else that of the data sheet
     """
 
     recover_m_s2: Annotated[float, Gt(0), Le(5)] = 0.2
     substep_ms: Annotated[float, Gt(0), Le(50)] = 25.0
+    rated_power_kw: Annotated[float, Ge(1), Le(2000)] | None = None
 
 
 class HydrostatPowertrain(Powertrain):
@@ -46,7 +47,7 @@ class HydrostatPowertrain(Powertrain):
     kept = (*Powertrain.kept, "_speed", "_torque", "_limit")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        super().__init__(params, setup)
+        super().__init__(params.rated_power_kw, setup)
         self._p = params
 
     def reset(self, stream: Stream) -> Outputs:

@@ -1,21 +1,30 @@
 """Powertrain level `ideal`: the engine always turns at rated speed, whatever is asked of it."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.field.site_setup import SiteSetup
 from swath.machine.powertrain.power_balance import Powers, Powertrain, fuel_rate
 
 
 @dataclass(frozen=True)
 class Params:
-    """There is nothing to choose: everything is on the machine's sheet."""
+    """rated_power_kw: of another engine in the same machine, else that of the data sheet."""
+
+    rated_power_kw: Annotated[float, Ge(1), Le(2000)] | None = None
 
 
 class IdealPowertrain(Powertrain):
     """Adds up what is taken; the load may exceed 1."""
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        super().__init__(params.rated_power_kw, setup)
 
     def reset(self, stream: Stream) -> Outputs:
         """At rated speed, nothing threshed."""

@@ -1,7 +1,7 @@
 """Who takes how much power, and what the engine can give and burns."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from swath.core.component import KeepsState, Outputs, Port
@@ -36,8 +36,8 @@ class Powers:
 
     @property
     def total(self) -> float:
-        """Everything [W]."""
-        return self.belts + self.propulsion
+        """Everything [W], at least 0: what a descent gives beyond what the belts take is braked away."""
+        return max(self.belts + self.propulsion, 0.0)
 
 
 def powers(load: MachineLoad, propulsion: float, width: float, drivetrain: Drivetrain) -> Powers:
@@ -65,8 +65,11 @@ def pull(state: MachineState, accel: float, grain: float, dynamics: Dynamics) ->
 
 
 def propulsion_power(force: float, speed: float, efficiency: float) -> float:
-    """At the engine [W]; braking gives nothing back."""
-    return max(force * speed, 0.0) / efficiency
+    """At the engine [W]. Downhill the wheels turn the pump: what is left of their power, below 0, drives the
+    belts, since a closed hydraulic circuit passes power both ways.
+    """
+    power = force * speed
+    return power / efficiency if power > 0.0 else power * efficiency
 
 
 def full_torque(speed: float, e: Engine) -> float:
@@ -93,6 +96,13 @@ def governed_speed(torque: float, e: Engine) -> float:
     return e.rated_speed * (1.0 + e.droop * (1.0 - min(max(torque / rated, 0.0), 1.0)))
 
 
+def with_power(drivetrain: Drivetrain, rated_power: float) -> Drivetrain:
+    """The same machine with another engine: rated power [W]; what turning alone burns grows with it."""
+    e = drivetrain.engine
+    idle = e.fuel_idle * rated_power / e.rated_power
+    return replace(drivetrain, engine=replace(e, rated_power=rated_power, fuel_idle=idle))
+
+
 def fuel_rate(power: float, speed: float, e: Engine) -> float:
     """Fuel [kg/s] by Willans' line: in proportion to the work, and what turning alone burns."""
     return e.fuel_per_work * power + e.fuel_idle * speed / e.rated_speed
@@ -105,8 +115,11 @@ class Powertrain(KeepsState):
     outputs = (Port("engine", EngineState),)
     kept: ClassVar[tuple[str, ...]] = ("_fuel", "_before")
 
-    def __init__(self, params: object, setup: SiteSetup) -> None:
-        self._drivetrain, self._dynamics = drivetrain_of(setup.machine), dynamics_of(setup.machine)
+    def __init__(self, rated_power_kw: float | None, setup: SiteSetup) -> None:
+        """rated_power_kw: of the engine, None = that of the data sheet."""
+        sheet = drivetrain_of(setup.machine)
+        self._drivetrain = sheet if rated_power_kw is None else with_power(sheet, 1e3 * rated_power_kw)
+        self._dynamics = dynamics_of(setup.machine)
         self._width = setup.machine.header_width
 
     def _at_rest(self) -> Powers:
@@ -121,7 +134,7 @@ class Powertrain(KeepsState):
 
     def _taken(self, state: MachineState, load: MachineLoad, accel: float) -> tuple[Powers, float]:
         """Powers at rated speed [W] and the force at the wheels [N] at an acceleration [m/s2]."""
-        force = pull(state, accel, load.tank_content, self._dynamics)
+        force = pull(state, accel, load.tank_grain, self._dynamics)
         driving = propulsion_power(force, state.speed, self._drivetrain.hydrostat.efficiency)
         return powers(load, driving, self._width, self._drivetrain), force
 

@@ -37,6 +37,7 @@ class ConstantProcess(KeepsState):
     """No delay, a constant loss."""
 
     kept = ("_totals", "_outlet")
+    steps_any_length = True
 
     inputs = (Port("flow", CropFlow, history=True), Port("state", MachineState))
     outputs = (Port("load", MachineLoad),)

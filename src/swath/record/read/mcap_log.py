@@ -11,6 +11,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
+from swath.documents.packed import most_unpacked
 
 MAGIC = b"\x89MCAP0\r\n"
 CUT_OFF = "recording broke off"
@@ -206,18 +207,28 @@ def _unpacked(chunk: bytes) -> bytes:
     """The records in a chunk; of a torn one as many bytes as can be had."""
     if len(chunk) < _CHUNK_HEAD.size:
         return b""
-    size = _CHUNK_HEAD.unpack_from(chunk)[-1]
+    _, _, declared, _, size = _CHUNK_HEAD.unpack_from(chunk)
     begin = _CHUNK_HEAD.size + size
     kind, data = bytes(chunk[_CHUNK_HEAD.size : begin]), chunk[begin + 8 :]
+    return unpacked(kind, data, declared)
+
+
+def unpacked(kind: bytes, data: bytes, declared: int) -> bytes:
+    """Packed data unpacked as far as they go, no further than they declare; kind: zstd, lz4, bz2 or none."""
+    most = min(declared, most_unpacked(len(data)))
     if kind == b"zstd":
         import zstandard
 
-        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return bytes(zstandard.ZstdDecompressor().stream_reader(data).read(most))
     if kind == b"lz4":
         import lz4.frame  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
-    return data if kind == b"" else b""
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most))
+    if kind == b"bz2":
+        from bz2 import BZ2Decompressor
+
+        return BZ2Decompressor().decompress(data, max_length=most)
+    return data if kind in (b"", b"none") else b""
 
 
 def _read(kind: Any, body: memoryview) -> Any:

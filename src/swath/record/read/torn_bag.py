@@ -11,7 +11,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.record.read.mcap_log import Cut, McapLog
+from swath.record.read.mcap_log import Cut, McapLog, unpacked
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7  # values of the field `op`
@@ -35,7 +35,7 @@ class TornBag(McapLog):
         data = file.read()
         for header, body in _records(data, len(MAGIC)):
             if header.get(b"op") == bytes([_CHUNK]):
-                for inner in _records(_unpacked(header.get(b"compression", b""), body), 0):
+                for inner in _records(_unpacked(header, body), 0):
                     yield from _entry(*inner)
             else:
                 yield from _entry(header, body)
@@ -81,6 +81,11 @@ def _records(data: bytes, at: int) -> Iterator[Record]:
             yield header, data[begin + 4 : at]
 
 
+def _unpacked(header: dict[bytes, bytes], body: bytes) -> bytes:
+    declared = int.from_bytes(header.get(b"size", b""), "little")
+    return unpacked(header.get(b"compression", b""), body, declared)
+
+
 def _fields(data: bytes) -> dict[bytes, bytes]:
     found, at = {}, 0
     while at + 4 <= len(data):
@@ -89,16 +94,3 @@ def _fields(data: bytes) -> dict[bytes, bytes]:
         found[name] = value
         at += 4 + length
     return found
-
-
-def _unpacked(compression: bytes, data: bytes) -> bytes:
-    """The records in a chunk, of a torn one as far as they can be had."""
-    if compression == b"bz2":
-        from bz2 import BZ2Decompressor
-
-        return BZ2Decompressor().decompress(data)
-    if compression == b"lz4":
-        import lz4.frame  # type: ignore[import-not-found,import-untyped,unused-ignore]
-
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
-    return data

@@ -1,12 +1,14 @@
 """Edge level `truth`: the crop edge straight from the field. For isolating steering from perception."""
 
 from dataclasses import dataclass
+from math import atan, cos
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.portable import solve
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
@@ -40,10 +42,11 @@ class TruthEdge(KeepsState):
         y = np.array([true_offset(self._setup, inputs["state"], float(v), self._p.reach_m) for v in x])
         if np.any(np.isnan(y)):
             return {"edge": _no_edge(t + dt, float(x[1]))}
-        bend, slope, offset = np.polyfit(x - x[1], y, 2)
-        heading = float(np.arctan(slope))
-        curvature = float(2 * bend * np.cos(heading) ** 3)
-        edge = CropEdge(t + dt, float(offset), heading, curvature, float(x[1]), 1.0, np.nan, np.nan)
+        ahead = x - x[1]
+        offset, slope, bend = solve(np.stack([np.ones(3), ahead, ahead * ahead], axis=1), y).tolist()
+        heading = atan(slope)
+        curvature = 2.0 * bend * cos(heading) ** 3
+        edge = CropEdge(t + dt, offset, heading, curvature, float(x[1]), 1.0, np.nan, np.nan)
         return {"edge": edge}
 
 

@@ -1,14 +1,17 @@
-"""`swath calibrate`: fits a LiDAR table to the level `plants` or to measurements."""
+"""`swath calibrate`: fits a LiDAR table, or the engine of a machine, to what was measured."""
 
 import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_no_code
+from swath.tools.calibrate.engine_command import add_engine
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser(
-        "calibrate", help="fits a LiDAR table to the level `plants` or to measurements"
+        "calibrate", help="fits a LiDAR table or a machine's engine to what was measured"
     )
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
     lidar = kinds.add_parser("lidar", help="the table of the LiDAR level empirical", description=_DESCRIPTION)
@@ -39,7 +42,9 @@ def add(parsers: Any) -> None:
     )
     lidar.add_argument("--quick", action="store_true", help="a coarse design, for a first try")
     lidar.add_argument("--seed", type=int, default=1, help="another seed")
+    add_no_code(lidar)
     lidar.set_defaults(run=run)
+    add_engine(kinds)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -89,7 +89,7 @@ def run_engine(
             own = replace(machine, header_width=widths[log.machine[i]])
             engine = level.component(level.params(), _site(own))
             engine.reset(Stream(0, "log"))
-        load = replace(loads[i], t=t + dt, tank_grain=grain, unloaded_grain=0.0)
+        load = replace(loads[i], t=t + dt, tank_grain=grain)
         e = engine.step(t, dt, {"state": _state(t + dt, speed, grade), "load": load})["engine"]
         rows[i] = e.load, e.speed, e.power, e.fuel
     share, turning, power, fuel = rows.T

@@ -120,7 +120,7 @@ def compare_log(
     if fit:
         sheet, fitted = _fit(sheet, read, first, used & first, chosen, fit, on)
     progress("running along the whole log")
-    made = _Runner(read, chosen).run(read_machine(sheet))
+    made = LogRunner(read, chosen).run(read_machine(sheet))
     scale = {q: SHOWN[q][1] for q in read.measured}
     measured = {q: v * scale[q] for q, v in read.measured.items()}
     simulated = {q: made[q] * scale[q] for q in measured}
@@ -168,8 +168,8 @@ def _parts(
     return {names[0]: first & used, names[1]: ~first & used}, first
 
 
-class _Runner:
-    """Runs along one log; the process only anew when it changed."""
+class LogRunner:
+    """Runs machines along one log; the process only anew when it changed."""
 
     def __init__(self, log: MachineLog, drive: Drive) -> None:
         self._log, self._drive = log, drive
@@ -209,7 +209,7 @@ def _fit(
     if mask.sum() < FEWEST:
         raise InputError("fit", int(mask.sum()), f"expected at least {FEWEST} records to fit on")
     part, inside = log.keep(span), mask[span]
-    runner = _Runner(part, drive)
+    runner = LogRunner(part, drive)
     spread = {q: float(np.nanstd(part.measured[q][inside])) or 1.0 for q in on}
 
     def residuals(ratio: Array) -> Array:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.units import DEG
+from swath.documents.packed import read_arrays
 from swath.tools.height_map.poses import PoseTrack, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 
@@ -30,7 +31,7 @@ SCANS_AT_ONCE = 64
 
 def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     """Scans as matrices. InputError names the key that is missing or has the wrong shape."""
-    data = _read_npz(path)
+    data = read_arrays(path, "scans", "a readable .npz")
     ranges = _array(data, "ranges_m", (-1, -1), path)
     scans, beams = ranges.shape
     angle = _array(data, "angle_deg", (beams,), path) * DEG
@@ -125,14 +126,6 @@ def _track(table: Mapping[str, Array], time: Array, path: Path) -> PoseTrack:
         return make_track(time, position, angle)
     except InputError as error:
         raise InputError(error.key, error.value, error.expected, file=path) from error
-
-
-def _read_npz(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
-    except Exception as error:  # zip, deflate and array headers: each breaks in its own way
-        raise InputError("scans", path.name, f"expected a readable .npz ({error})", file=path) from error
 
 
 def _array(

@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_no_code
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verb."""
@@ -39,6 +41,7 @@ def add(parsers: Any) -> None:
         metavar="KEY=VALUE",
         help="a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times",
     )
+    add_no_code(made)
     made.set_defaults(run=run_stand)
 
 

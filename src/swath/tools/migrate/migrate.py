@@ -38,7 +38,7 @@ def migrate_file(file: Path, *, is_dry: bool = False) -> bool:
     """Rewrite a file in place; the old one stays beside it as `NAME.orig`. True where something changed."""
     try:
         text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise InputError("file", str(file), f"could not be read as text: {error}") from error
     new = migrate_text(file, text)
     if new == text:

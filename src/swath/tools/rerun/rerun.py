@@ -1,6 +1,7 @@
 """A recorded run made again, with recorded signals in the place of some of its slots."""
 
 import json
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
-from swath.report.report import ReportWriter
+from swath.report.report import FinishedRun, ReportWriter
 from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
@@ -46,12 +47,36 @@ class Rerun:
         return [e for e in events if ".".join(str(e["set"]).split(".")[:2]) not in self.played]
 
 
+def draw_report(folder: Path) -> Path:
+    """Write report.html of a run that was stopped before it had one, and return its path.
+
+    Its recording is played: all slots but the header, which cuts the field anew. InputError where there is no
+    summary, or not every sample.
+    """
+    file = folder / "summary.json"
+    if not file.is_file():
+        expected = "expected a run folder with a summary.json; a run that was killed before has to run again"
+        raise InputError("run", str(folder), expected)
+    summary = json.loads(file.read_text(encoding="utf-8"))
+    plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
+    writer = ReportWriter(of=FinishedRun(folder, summary, _scenario(plan.log, folder, ())))
+    with tempfile.TemporaryDirectory(prefix="swath-report-") as aside:
+        run_job(plan.scenario, Path(aside) / "run", hooks=[writer])
+    return folder / "report.html"
+
+
 def plan_rerun(
-    source: Path, *, slots: Sequence[str] | None = None, sets: Sequence[str] = (), seed: str | None = None
+    source: Path,
+    *,
+    slots: Sequence[str] | None = None,
+    sets: Sequence[str] = (),
+    seed: str | None = None,
+    is_all: bool = False,
 ) -> Rerun:
     """What to run for a run folder or a run.mcap.
 
-    slots: `combine.lidar`, or `lidar` in every machine; None = the sensors and the motion that carried them
+    slots: `combine.lidar`, or `lidar` in every machine; None = the sensors and the motion that carried them,
+    with `is_all` everything but the header
     sets, seed: changes to the scenario, as of `swath run`. InputError where the source or a slot will not do
     """
     log = open_log(source)
@@ -61,7 +86,7 @@ def plan_rerun(
     if not exact:
         held = "expected a run.mcap of swath with every sample (run.record: exact), it has messages only"
         raise InputError("recording", log.path.name, held, file=log.path)
-    played = _default_slots(exact) if slots is None else _named(slots, exact)
+    played = _named(slots, exact) if slots is not None else _default_slots(exact, is_all)
     changes = [f"{slot}={_entry(recorded, slot, log.path)}" for slot in played]
     flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
     return Rerun(log, _scenario(log, source, [*changes, *sets], flags), tuple(played))
@@ -84,11 +109,13 @@ def _slots(scenario: Scenario) -> list[str]:
     return [f"{m.name}.{s}" for m in scenario.machines.values() for s in m.slots]
 
 
-def _default_slots(exact: Sequence[str]) -> list[str]:
+def _default_slots(exact: Sequence[str], is_all: bool) -> list[str]:
     """Sensors, and the motion: with another path under it, what the sensors saw would be out of place."""
 
     def is_played(slot: str) -> bool:
         kind = kind_of(slot.rpartition(".")[2])
+        if is_all:
+            return kind is not None and kind.name != "header"
         is_sensor = kind is not None and not kind.is_control and kind.packages[0].startswith(SENSING)
         return is_sensor or (kind is not None and kind.name == "motion")
 

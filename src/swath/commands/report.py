@@ -1,0 +1,27 @@
+"""`swath report`: the report of a run that has none."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from swath.terminal.options import add_no_code
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser("report", help="draw the report of a run again", description=_DESCRIPTION)
+    parser.add_argument("source", type=Path, metavar="RUN", help="a run folder")
+    add_no_code(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write report.html, print where it is."""
+    from swath.tools.rerun.rerun import draw_report
+
+    print(draw_report(args.source))
+    return 0
+
+
+_DESCRIPTION = """Writes report.html of a run that was stopped while it was drawn, or before the end. The
+recording is played for it, so the run must have recorded every sample (run.record: exact or full)."""

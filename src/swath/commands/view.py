@@ -1,0 +1,27 @@
+"""`swath view`: the page on which a run can be watched again."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser(
+        "view", help="make replay.html of a run folder: watch the run again", description=_DESCRIPTION
+    )
+    parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="where to write (default: RUN/replay.html)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the page and print where it is."""
+    from swath.replay.writer import view
+
+    print(view(args.folder, out=args.out))
+    return 0
+
+
+_DESCRIPTION = """Make replay.html of a run folder: one file to open in a browser, offline, or to mail.
+The field is made again from the scenario, everything else comes from the folder."""

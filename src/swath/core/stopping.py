@@ -1,0 +1,77 @@
+"""Ctrl-C and SIGTERM: both stop what runs in order; where a stop would do harm, it comes a little later.
+
+Python raises KeyboardInterrupt between any two steps of its own. Inside the binary of an FMU that is lost or
+comes out as an error of the FMU, and while the end of a run is written it would leave half of it.
+"""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_depth = 0
+_waiting: "type[KeyboardInterrupt] | None" = None
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM came: as Ctrl-C, but the exit code is another."""
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Inside the block SIGTERM stops as Ctrl-C does, and both wait for `unstopped` blocks.
+
+    Only signals that have their default are taken: a handler of the caller's own and one that is ignored
+    stay. Outside the main thread, which alone gets signals, it does nothing.
+    """
+    if not _is_main_thread():
+        yield
+        return
+    defaults = (signal.SIG_DFL, signal.default_int_handler)
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    taken = {n: handler for n, handler in before.items() if handler in defaults}
+    for number in taken:
+        signal.signal(number, _stop)
+    try:
+        yield
+    finally:
+        for number, handler in taken.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def unstopped() -> Iterator[None]:
+    """A stop that comes inside the block is raised at its end; a second one at once."""
+    global _depth
+    if not _is_main_thread():
+        yield
+        return
+    _depth += 1
+    try:
+        yield
+    finally:
+        _depth -= 1
+        if not _depth:
+            _raise_waiting()
+
+
+def _stop(number: int, frame: object) -> None:
+    """The handler of both signals."""
+    global _waiting
+    kind = Terminated if number == signal.SIGTERM else KeyboardInterrupt
+    if _depth and _waiting is None:
+        _waiting = kind
+        return
+    _waiting = None
+    raise kind
+
+
+def _raise_waiting() -> None:
+    global _waiting
+    kind, _waiting = _waiting, None
+    if kind is not None:
+        raise kind
+
+
+def _is_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()

@@ -1,0 +1,196 @@
+"""What the text files of a field folder have to hold: `field.yaml` and GeoJSON in lon/lat (RFC 7946)."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from swath.core.errors import InputError
+from swath.documents.json_file import read_json
+from swath.documents.validation import validate
+from swath.documents.yaml_document import Document, Place, read_document
+
+FORMAT, VERSION = "swath field", 1
+T = TypeVar("T")
+
+
+class _Open(BaseModel):
+    """Keys that are not known are left alone: a GIS adds its own."""
+
+    model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False, frozen=True)
+
+
+class OriginKeys(_Open):
+    """Where local (0, 0, 0) lies."""
+
+    easting_m: Annotated[float, Field(ge=-1e8, le=1e8)]
+    northing_m: Annotated[float, Field(ge=-1e8, le=1e8)]
+    height_m: Annotated[float, Field(ge=-1e4, le=1e4)]
+
+
+class Head(_Open):
+    """The keys of field.yaml that say where the field is."""
+
+    format: Literal["swath field"]
+    version: Literal[1]
+    crs: Annotated[str, Field(pattern=r"^EPSG:[0-9]{1,6}$")]
+    origin: OriginKeys
+
+
+class _CropFacts(_Open):
+    grain_g_per_stem: Annotated[float, Field(gt=0.0)] | None = None
+
+
+class _Rows(_Open):
+    broken: dict[str, int] | None = None
+
+
+class _Histogram(_Open):
+    top_t_ha: Annotated[float, Field(gt=0.0)]
+    kept: list[int]
+    removed: list[int]
+
+
+class _Source(_Open):
+    file: str | None = None
+
+
+class Info(Head):
+    """All of field.yaml that is read back; what the overview draws may be left out."""
+
+    row_azimuth_deg: float
+    source: _Source | None = None
+    crop: _CropFacts | None = None
+    rows: _Rows | None = None
+    removed: dict[str, int] | None = None
+    yield_histogram: _Histogram | None = None
+
+
+Position = Annotated[list[float], Field(min_length=2)]
+Line = Annotated[list[Position], Field(min_length=2)]
+Ring = Annotated[list[Position], Field(min_length=4)]
+
+
+class _Point(_Open):
+    type: Literal["Point"]
+    coordinates: Position
+
+
+class _Points(_Open):
+    type: Literal["MultiPoint"]
+    coordinates: list[Position]
+
+
+class LineString(_Open):
+    """A line of at least two points."""
+
+    type: Literal["LineString"]
+    coordinates: Line
+
+
+class _Lines(_Open):
+    type: Literal["MultiLineString"]
+    coordinates: list[Line]
+
+
+class Polygon(_Open):
+    """An outer ring and those of the holes, each closed."""
+
+    type: Literal["Polygon"]
+    coordinates: Annotated[list[Ring], Field(min_length=1)]
+
+
+class _Polygons(_Open):
+    type: Literal["MultiPolygon"]
+    coordinates: list[list[Ring]]
+
+
+Geometry = Annotated[
+    _Point | _Points | LineString | _Lines | Polygon | _Polygons, Field(discriminator="type")
+]
+
+
+class StraightProperties(_Open):
+    """A straight window of a pass."""
+
+    first: Annotated[int, Field(ge=0)]
+    last: Annotated[int, Field(ge=0)]
+    azimuth_deg: float
+    lateral_sd_m: float
+
+
+class PassProperties(_Open):
+    """What a pass says of itself."""
+
+    machine: str
+    number: int = Field(alias="pass")
+    header_width_m: Annotated[float, Field(ge=0.0)]
+    mean_speed_kmh: float
+    start_time_s: float
+    azimuth_deg: float
+    length_m: Annotated[float, Field(ge=0.0)]
+    straights: list[StraightProperties] = []
+
+
+class Boundary(_Open):
+    """The one feature of boundary.geojson."""
+
+    geometry: Polygon
+
+
+class Pass(_Open):
+    """A feature of tracks.geojson."""
+
+    geometry: LineString
+    properties: PassProperties
+
+
+class Obstacle(_Open):
+    """A feature of obstacles.geojson."""
+
+    geometry: Geometry
+    properties: dict[str, Any] | None = None
+
+
+class Boundaries(_Open):
+    """boundary.geojson"""
+
+    features: Annotated[list[Boundary], Field(min_length=1)]
+
+
+class Passes(_Open):
+    """tracks.geojson"""
+
+    features: list[Pass]
+
+
+class Obstacles(_Open):
+    """obstacles.geojson"""
+
+    features: list[Obstacle]
+
+
+def read_info(folder: Path, kind: type[T]) -> tuple[T, dict[str, Any]]:
+    """What field.yaml says, checked as `kind`, and all of it. InputError names key, file and line."""
+    path = folder / "field.yaml"
+    if not folder.is_dir():
+        raise InputError("field folder", str(folder), "expected a folder, there is none")
+    if not path.is_file():
+        raise InputError("field folder", str(folder), "expected a field folder, it has no field.yaml")
+    document = read_document(path)
+    document.kind = "field folder"
+    return _checked(kind, document), document.data
+
+
+def read_features(path: Path, kind: type[T]) -> T:
+    """A GeoJSON file, checked as `kind`. InputError names the key within it."""
+    data = read_json(path, path.stem, "GeoJSON")
+    return _checked(kind, Document(data, path, {(): Place(str(path))}, kind=path.stem))
+
+
+def _checked(kind: type[T], document: Document) -> T:
+    found, errors = validate(kind, document.data, (), document)
+    if errors:
+        raise errors[0]
+    made: T = found
+    return made

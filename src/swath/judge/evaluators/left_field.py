@@ -1,0 +1,112 @@
+"""When a machine that cuts leaves its field, or passes the end of its edge."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from swath.core.registry import Level
+from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.header_path import HeaderPath
+from swath.signals import F64, CropFlow, MachineState, Signal
+
+GROUP = "Harvest"
+BESIDE_M = 2.0  # the field without a boundary ends this far on the cut side of the edge
+STEP_M = 0.2  # driven between two looks
+
+
+class LeftField:
+    """Events `left_the_field`: both ends and the middle of the knife are outside; and `edge_end`: the header
+    end passes the end of its edge.
+
+    Outside is what lies beyond the boundary or the map of the terrain, in a field without a boundary also
+    what lies more than BESIDE_M on the cut side of the edge. Nothing is said before the knife was inside.
+    """
+
+    OF_FIELD = False
+    SIGNALS = (MachineState, CropFlow)
+    METRICS = (
+        Metric("left_the_field_count", "", "times that the whole header left the field", GROUP, "lower",
+               "left the field, times", "", 0),
+        Metric("left_the_field_m", "m", "way driven with the whole header outside the field", GROUP, "lower",
+               "left the field, way", "", 1),
+    )  # fmt: skip
+    EVENTS = ("left_the_field", "edge_end")
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self._end = HeaderPath(setup.machine).end
+        (x, left), (_, right) = (setup.machine.geometry.header_end(side) for side in ("left", "right"))
+        self._knife = np.array([[x, left, 0.0], [x, 0.5 * (left + right), 0.0], [x, right, 0.0]])
+        self._looked_at = -STEP_M
+        self._has_header = self._was_inside = self._is_beyond = False
+        self._open: int | None = None  # index of the event that lasts
+        self._events: list[Event] = []
+        self._way = 0.0
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look where the knife is."""
+        for signal in outputs.values():
+            if isinstance(signal, CropFlow):
+                self._has_header = True
+            elif isinstance(signal, MachineState) and signal.distance - self._looked_at >= STEP_M:
+                if self._has_header:
+                    self._look(signal)
+                self._looked_at = signal.distance
+
+    def metrics(self) -> dict[str, float]:
+        """Of the whole way; nothing of a machine without a header."""
+        if not self._has_header:
+            return {}
+        left = sum(e.kind == "left_the_field" for e in self._events)
+        return {"left_the_field_count": float(left), "left_the_field_m": self._way}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Whether it left the field or its edge."""
+        return [f"{e.text} at {e.distance:.1f} m" for e in self.events()]
+
+    def events(self) -> Sequence[Event]:
+        """Every time that it left the field or its edge."""
+        return self._events
+
+    def _look(self, state: MachineState) -> None:
+        if self._open is not None:
+            self._way += state.distance - self._looked_at
+        x, y, _ = state.pose.apply(self._knife).T
+        why = self._why_outside(x, y)
+        if not why:
+            self._was_inside = True
+            if self._open is not None:
+                self._end_event(self._open, state)
+        elif self._was_inside and self._open is None:
+            self._open = len(self._events)
+            self._note(state, "left_the_field", f"left the field, {why}", end_t=None)
+        end_x, end_y, _ = state.pose.apply(self._end)
+        is_beyond = bool(self.setup.edge.project(end_x, end_y)[0] > self.setup.edge.length)
+        if is_beyond and not self._is_beyond and self._was_inside:
+            self._note(state, "edge_end", "passed the end of its edge", end_t=state.t)
+        self._is_beyond = is_beyond
+
+    def _why_outside(self, x: F64, y: F64) -> str:
+        """Why no part of the knife is in the field, "" where one is."""
+        field = self.setup.field
+        if why := field.why_outside(x, y):
+            return why
+        if field.boundary is None and (self.setup.edge.signed_distance(x, y) < -BESIDE_M).all():
+            return f"more than {BESIDE_M:g} m beside its edge"
+        return ""
+
+    def _note(self, state: MachineState, kind: str, text: str, *, end_t: int | None) -> None:
+        x, y, _ = (float(v) for v in state.pose.apply(self._end))
+        name = self.setup.name
+        self._events.append(Event(state.t, kind, name, x, y, state.distance, text, end_t=end_t))
+
+    def _end_event(self, index: int, state: MachineState) -> None:
+        event = self._events[index]
+        text = f"{event.text}, for {state.distance - event.distance:.1f} m"
+        self._events[index] = replace(event, text=text, end_t=state.t, end_distance=state.distance)
+        self._open = None
+
+
+LEVEL = Level(LeftField, None, summary="when the machine leaves its field or passes the end of its edge")

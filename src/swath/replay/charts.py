@@ -1,0 +1,169 @@
+"""Which curves the page of a run shows, and its marks on the time line."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from swath.replay.machines import Columns
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A column of the tracks, what a chart calls it, and the factor to the unit of the chart."""
+
+    column: str
+    label: str
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Curves of one unit."""
+
+    title: str
+    unit: str
+    curves: tuple[Curve, ...]
+    of_header: bool = False
+
+
+CHARTS = (
+    Chart("Edge", "cm", (
+        Curve("lateral_error_m", "header end beside its line", 100.0),
+        Curve("edge_error_m", "detected edge beside the true one", 100.0),
+    ), of_header=True),
+    Chart("Speed", "km/h", (
+        Curve("speed_m_s", "driven", 3.6),
+        Curve("command_speed_m_s", "wanted", 3.6),
+    )),
+    Chart("Crop", "kg/s", (
+        Curve("feeder_flow_kg_s", "into the feeder house"),
+        Curve("grain_flow_kg_s", "grain into the tank"),
+    )),
+    Chart("Load and loss", "%", (
+        Curve("engine_load", "engine load", 100.0),
+        Curve("loss_share", "grain lost", 100.0),
+        Curve("tank_level", "tank", 100.0),
+    )),
+    Chart("Header", "cm", (Curve("knife_height_m", "knife above ground", 100.0),), of_header=True),
+    Chart("Header use", "%", (Curve("header_fill", "share of the width", 100.0),), of_header=True),
+    Chart("Steering", "°", (Curve("steer_rad", "wheel angle", 57.29578),)),
+    Chart("Clearance", "m", (Curve("clearance_m", "to the nearest obstacle or machine"),)),
+)  # fmt: skip
+SETTLED_M = 15.0  # worst moments of steering are looked for beyond
+NEAR_M = 5.0  # a clearance above is no moment worth looking at
+
+
+@dataclass(frozen=True)
+class Worst:
+    """A moment to look at: where a column is largest, or smallest; text with its value."""
+
+    column: str
+    text: str
+    factor: float
+    is_least: bool = False
+    beyond_m: float = 0.0
+    at_least: float = 0.01
+    of_header: bool = False
+
+
+WORST = (
+    Worst(
+        "lateral_error_m",
+        "header end {:.1f} cm off",
+        100.0,
+        beyond_m=SETTLED_M,
+        at_least=0.01,
+        of_header=True,
+    ),
+    Worst(
+        "edge_error_m",
+        "edge detected {:.1f} cm off",
+        100.0,
+        beyond_m=SETTLED_M,
+        at_least=0.01,
+        of_header=True,
+    ),
+    Worst("engine_load", "engine load {:.0f} %", 100.0, at_least=0.5),
+    Worst("loss_share", "{:.1f} % of the grain lost", 100.0, at_least=0.02),
+    Worst("clearance_m", "{:.2f} m from something", 1.0, is_least=True),
+)
+
+
+def shown_charts(columns: Columns, *, cuts: bool) -> list[dict[str, Any]]:
+    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header"""
+    found = []
+    for chart in CHARTS:
+        if chart.of_header and not cuts:
+            continue
+        curves = [vars(c) for c in chart.curves if _says_something(columns.get(c.column))]
+        if curves:
+            found.append({"title": chart.title, "unit": chart.unit, "curves": curves})
+    return found
+
+
+def columns_of(charts: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Names of the columns that charts need."""
+    return [curve["column"] for chart in charts for curve in chart["curves"]]
+
+
+def _says_something(values: np.ndarray | None) -> bool:
+    return values is not None and bool(np.any(np.isfinite(values) & (values != 0.0)))
+
+
+def worst_moments(name: str, columns: Columns, *, cuts: bool) -> list[dict[str, Any]]:
+    """The worst moments of a machine, in order of time. cuts: False for one without a header"""
+    found = []
+    for worst in WORST:
+        values = columns.get(worst.column)
+        if values is None or (worst.of_header and not cuts):
+            continue
+        size = np.where(columns["distance_m"] >= worst.beyond_m, np.abs(values), np.nan)
+        if not np.isfinite(size).any():
+            continue
+        at = int(np.nanargmin(size) if worst.is_least else np.nanargmax(size))
+        if size[at] < worst.at_least or (worst.is_least and size[at] > NEAR_M):
+            continue
+        text = worst.text.format(float(values[at]) * worst.factor).replace("-", "\u2212")
+        found.append({"t_s": round(float(columns["t_s"][at]), 3), "machine": name, "text": text})
+    return sorted(found, key=lambda moment: float(moment["t_s"]))
+
+
+def events_of(summary: Mapping[str, Any], tracks: Mapping[str, Columns]) -> list[dict[str, Any]]:
+    """Incidents, limits that broke and changes that were made, in order of time."""
+    found = [
+        {
+            "t_s": float(e["t_s"]),
+            "end_s": None if e.get("end_t_s", e["t_s"]) is None else float(e.get("end_t_s", e["t_s"])),
+            "kind": e["kind"],
+            "machine": e["machine"],
+            "text": f"{e['kind'].replace('_', ' ')}: {e['text']}",
+        }
+        for e in summary.get("incidents", [])
+    ]
+    found += [event for e in summary.get("expect", []) if (event := _broken(e, tracks)) is not None]
+    for change in summary.get("events", []):
+        told = "removed" if change["value"] in (None, "") else f"= {change['value']}"
+        found.append(_mark(float(change["t_s"]), "change", "", f"{change['set']} {told}"))
+    return sorted(found, key=lambda event: float(event["t_s"]))
+
+
+def _broken(entry: Mapping[str, Any], tracks: Mapping[str, Columns]) -> dict[str, Any] | None:
+    """A limit that fails, at the first sample outside it or at the end of the run."""
+    if entry["result"] != "fail":
+        return None
+    columns = tracks.get(entry["subject"]) or next(iter(tracks.values()))
+    time = float(columns["t_s"][-1])
+    limit, values = entry["limit"], columns.get(entry["name"])
+    if values is not None:
+        low, high = limit.get("min", -np.inf), limit.get("max", np.inf)
+        beyond = columns["distance_m"] >= float(entry.get("window", {}).get("from_m", 0.0))
+        outside = np.flatnonzero(beyond & ((values < low) | (values > high)))
+        time = float(columns["t_s"][outside[0]]) if len(outside) else time
+    text = f"limit {entry['name']} fails: {entry.get('reason', '')}"
+    return _mark(time, "limit", str(entry["subject"]), text.rstrip(": "))
+
+
+def _mark(time: float, kind: str, machine: str, text: str) -> dict[str, Any]:
+    return {"t_s": round(time, 3), "end_s": round(time, 3), "kind": kind, "machine": machine, "text": text}

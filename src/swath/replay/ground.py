@@ -1,0 +1,105 @@
+"""Terrain and stand of an area as a page draws them, from the field's generators: nothing is taken from
+memory that a run has changed.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.field import Field
+from swath.field.initial_edges import code_at
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
+from swath.replay.area import Area
+from swath.signals import F64
+
+FAR_STEP, FAR_REACH = 3.0, 150.0  # grid of the country around the area, and how far it goes [m]
+LEAN_UNIT = 1.0 / 100.0  # of the lean of a tile's stand
+FLAGS = 16  # 16: mirrored in x, 32: mirrored in y, beside the number of a prototype
+
+
+@dataclass(frozen=True)
+class Ground:
+    """heights: (ny + 1, nx + 1) at tile corners [m]; stand: (ny, nx, 5) uint8: scale, lean x, lean y, density
+    share, prototype with flags; codes: (ny * cells, nx * cells) at the start, as in `field.memory_layout`
+    scale_max: the scale that 255 stands for
+    """
+
+    heights: F64
+    stand: NDArray[np.uint8]
+    codes: NDArray[np.uint8]
+    scale_max: float
+
+
+def ground_of(field: Field, area: Area, prototypes: int) -> Ground:
+    """Of an area, with the first `prototypes` of the field's tile prototypes in place of all."""
+    (x0, y0), (ny, nx), tile = area.first, area.shape, area.tile
+    u: F64 = (np.arange(nx + 1, dtype=np.float64) + x0) * tile
+    v: F64 = (np.arange(ny + 1, dtype=np.float64) + y0) * tile
+    heights = field.terrain.lattice(u, v, field.stand_yaw)
+    tx, ty = np.meshgrid(np.arange(nx) + x0, np.arange(ny) + y0)
+    x, y = field.maker.to_world((tx + 0.5) * tile, (ty + 0.5) * tile)
+    stand = field.maker.stand_at(x, y)
+    scale_max = max(float(stand[..., 0].max()), 1e-3)
+    number = field.maker.prototypes(tx, ty)
+    flags = FLAGS * ((number & MIRROR_X) > 0) + 2 * FLAGS * ((number & MIRROR_Y) > 0)
+    share = np.where(area.shown, stand[..., 3], 0.0)
+    values = [
+        255.0 * stand[..., 0] / scale_max,
+        128.0 + stand[..., 1] / LEAN_UNIT,
+        128.0 + stand[..., 2] / LEAN_UNIT,
+        255.0 * share,
+        (number & (MIRROR_X - 1)) % prototypes + flags,
+    ]
+    bytes_ = np.clip(np.rint(np.stack(values, axis=-1)), 0, 255).astype(np.uint8)
+    return Ground(np.asarray(heights, dtype=float), bytes_, _codes(field, area), scale_max)
+
+
+def _codes(field: Field, area: Area) -> NDArray[np.uint8]:
+    """Codes of the cells at the start, page by page; 0 where nothing is shown."""
+    (x0, y0), (ny, nx), n = area.first, area.shape, area.cells
+    fine = PAGE_CUT_CELLS // PAGE_TILES // n
+    codes = np.zeros((ny * n, nx * n), np.uint8)
+    for j in range(y0 // PAGE_TILES, (y0 + ny - 1) // PAGE_TILES + 1):
+        for i in range(x0 // PAGE_TILES, (x0 + nx - 1) // PAGE_TILES + 1):
+            rows, own_rows = _overlap(j, y0, ny)
+            columns, own_columns = _overlap(i, x0, nx)
+            if not area.shown[rows, columns].any():
+                continue
+            page = field.maker.codes(i, j)
+            place = _times(rows, n), _times(columns, n)
+            if isinstance(page, int):
+                codes[place] = page
+            else:
+                sampled = page[fine // 2 :: fine, fine // 2 :: fine]
+                codes[place] = sampled[_times(own_rows, n), _times(own_columns, n)]
+    bare = np.repeat(np.repeat(~area.shown, n, axis=0), n, axis=1)
+    codes[bare] = 0
+    return codes
+
+
+def _overlap(page: int, first: int, count: int) -> tuple[slice, slice]:
+    """Tiles that a page shares with the area, as the area and as the page count them."""
+    low, high = max(page * PAGE_TILES, first), min((page + 1) * PAGE_TILES, first + count)
+    return slice(low - first, high - first), slice(low - page * PAGE_TILES, high - page * PAGE_TILES)
+
+
+def _times(part: slice, n: int) -> slice:
+    return slice(part.start * n, part.stop * n)
+
+
+def far_ground(field: Field, area: Area) -> tuple[dict[str, Any], F64, NDArray[np.uint8]]:
+    """The country around: where its grid lies (stand frame [m]), heights and codes at its nodes."""
+    (x0, y0), (ny, nx), tile = area.first, area.shape, area.tile
+    begin = np.array([x0 * tile - FAR_REACH, y0 * tile - FAR_REACH])
+    sides = np.array([nx, ny]) * tile + 2 * FAR_REACH
+    step = max(FAR_STEP, float(sides.max()) / 180.0)
+    u, v = (begin[k] + step * np.arange(int(np.ceil(sides[k] / step)) + 1) for k in (0, 1))
+    heights = np.asarray(field.terrain.lattice(u, v, field.stand_yaw), dtype=float)
+    x, y = field.maker.to_world(*np.meshgrid(u, v))
+    codes = code_at(field.edges, x, y)
+    codes[(codes == STANDING) & field.stand.bare(x, y)] = 0
+    codes[~field.covers(x, y)] = 0
+    grid = {"x": float(begin[0]), "y": float(begin[1]), "step": step, "nx": len(u), "ny": len(v)}
+    return grid, heights, codes.astype(np.uint8)

@@ -1,0 +1,188 @@
+// Machines from the numbers of their data sheets: body, header, wheels, and how they move at a time.
+
+const PAINTS = [
+  { body: [0.44, 0.58, 0.16], dark: [0.30, 0.40, 0.12], header: [0.66, 0.18, 0.12] },
+  { body: [0.72, 0.45, 0.10], dark: [0.48, 0.29, 0.07], header: [0.28, 0.30, 0.33] },
+  { body: [0.20, 0.42, 0.60], dark: [0.13, 0.28, 0.42], header: [0.55, 0.57, 0.58] },
+  { body: [0.60, 0.22, 0.20], dark: [0.42, 0.15, 0.14], header: [0.30, 0.32, 0.34] },
+];
+const GLASS = [0.13, 0.18, 0.22], STEEL = [0.62, 0.64, 0.66], RUBBER = [0.10, 0.10, 0.11], RIM = [0.85, 0.80, 0.62];
+const CHASSIS = [0.17, 0.18, 0.19], GRAIN = [0.86, 0.66, 0.27], ROOF = [0.88, 0.89, 0.88];
+
+class Machine {
+  constructor(gl, about, tracks, index) {
+    Object.assign(this, about);
+    this.about = about;
+    this.track = tracks;
+    this.paint = PAINTS[index % PAINTS.length];
+    this.index = index;
+    const kind = about.type === "combine" || about.type === "forage_harvester" ? harvesterBody : vehicleBody;
+    this.bodyShape = kind(new Shape(), about, this.paint).upload(gl);
+    this.pivot = [about.body[1] - 0.6, 0, Math.max(1.3, about.body[3] + 0.9)];
+    if (about.header[0] > 0) {
+      this.headerShape = headerBody(new Shape(), about, this.pivot, this.paint).upload(gl);
+      this.reelShape = reelBody(new Shape(), about).upload(gl);
+    }
+    const rim = about.type === "truck" ? STEEL : RIM;
+    this.wheels = [[0, 0], [about.steered_x, 1]].flatMap(([x, k]) => [-1, 1].map((side) => ({
+      x, y: side * about.tracks[k] / 2, r: about.radii[k], steered: k === 1,
+      shape: new Shape().wheel(about.radii[k], Math.max(0.3, about.widths[k]), RUBBER, rim).upload(gl),
+    })));
+    this.sensorShape = new Shape().box(-0.09, 0.09, -0.09, 0.09, -0.1, 0.1, [0.0, 0.32, 0.55]).upload(gl);
+    const level = tracks.columns.tank_level;
+    this.hasTank = Boolean(level && level.some((v) => v > 0));
+    if (this.hasTank) this.grainShape = new Shape().box(-0.5, 0.5, -0.5, 0.5, -1, 0, GRAIN).upload(gl);
+  }
+
+  pose(t) { return this.track.pose(t); }
+
+  // Heading, calmed over a second and a half, for cameras.
+  calmYaw(t) {
+    let c = 0, s = 0;
+    for (let k = -3; k <= 3; k++) {
+      const yaw = this.track.angle("yaw_rad", t + k * 0.25);
+      c += Math.cos(yaw);
+      s += Math.sin(yaw);
+    }
+    return Math.atan2(s, c);
+  }
+
+  // pose_machine_header: turned about the feeder house by lift and tilt.
+  headerMotion(t) {
+    const lift = this.track.at("header_lift_rad", t) || 0, tilt = this.track.at("header_tilt_rad", t) || 0;
+    return times(turnedAt(this.pivot, "y", -lift), turnedAt([0, this.header[2], this.pivot[2]], "x", tilt));
+  }
+
+  parts(t) {
+    const body = this.pose(t), found = [[this.bodyShape, body]];
+    const way = this.track.at("distance_m", t) || 0, steer = this.track.at("steer_rad", t) || 0;
+    if (this.headerShape) {
+      const header = times(body, this.headerMotion(t)), [, knife, , high] = this.header;
+      found.push([this.headerShape, header]);
+      const axle = [knife + 0.05, 0, Math.max(0.95, 0.8 * high)];
+      found.push([this.reelShape, times(header, times(moved(...axle), turned("y", way * 1.2 / 0.55)))]);
+    }
+    for (const wheel of this.wheels) {
+      let m = times(body, moved(wheel.x, wheel.y, wheel.r));
+      // a steered axle behind the fixed one turns its wheels the other way
+      if (wheel.steered) m = times(m, turned("z", this.steered_x < 0 ? -steer : steer));
+      found.push([wheel.shape, times(m, turned("y", way / wheel.r))]);
+    }
+    for (const sensor of this.sensors) {
+      found.push([this.sensorShape, times(body, frameMatrix(sensor.position, sensor.rotation))]);
+    }
+    if (this.hasTank) found.push([this.grainShape, times(body, this.grain(t))]);
+    return found;
+  }
+
+  grain(t) {
+    const [, front, half, , top] = this.body, level = Math.min(1, this.track.at("tank_level", t) || 0);
+    const m = moved(front - 2.9, 0, top - 0.75 + 0.8 * level);
+    return times(m, [1.9, 0, 0, 0, 0, 1.8 * half, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1]);
+  }
+}
+
+function harvesterBody(shape, about, paint) {
+  const [rear, front, half, bottom, top] = about.body, side = half * 0.94, cab = front - 1.5;
+  const hull = [
+    [rear + 0.2, bottom + 0.75], [rear + 1.0, bottom + 0.25], [cab - 0.2, bottom + 0.25], [cab, bottom + 0.7],
+    [cab, top - 0.75], [rear + 1.0, top - 0.75], [rear, top - 1.5],
+  ];
+  shape.prism(hull, -side, side, paint.body);
+  shape.prism([[rear + 0.1, bottom + 0.7], [rear + 0.9, bottom + 0.2], [rear + 1.1, bottom + 1.2], [rear, bottom + 1.5]],
+    -side * 0.8, side * 0.8, CHASSIS);  // straw hood
+  for (const y of [-side - 0.03, side]) {
+    shape.prism([[rear + 0.9, bottom + 0.6], [cab - 0.5, bottom + 0.6], [cab - 0.5, bottom + 1.05], [rear + 0.9, bottom + 0.95]],
+      y, y + 0.03, paint.dark);
+  }
+  shape.prism([[rear + 0.7, top - 0.8], [cab - 2.6, top - 0.8], [cab - 2.6, top - 0.25], [rear + 1.2, top - 0.25]],
+    -side * 0.9, side * 0.9, paint.dark);  // engine
+  shape.box(rear + 1.4, cab - 2.9, -side * 0.7, side * 0.7, top - 0.25, top - 0.2, CHASSIS);
+  if (about.type === "combine") {  // rim of the grain tank, open above
+    for (const s of [-1, 1]) shape.box(cab - 2.5, cab - 0.15, s * side - 0.04, s * side + 0.04, top - 0.8, top + 0.05, paint.body);
+    for (const x of [cab - 2.5, cab - 0.2]) shape.box(x, x + 0.06, -side, side, top - 0.8, top + 0.05, paint.body);
+    shape.box(cab - 2.5, cab - 0.15, -side, side, top - 0.8, top - 0.7, CHASSIS);
+    shape.rod([cab - 2.3, side + 0.12, top - 0.35], [rear - 0.3, side + 0.22, top - 0.2], 0.17, paint.dark);  // spout
+  } else {
+    shape.rod([cab - 1.6, 0, top - 0.3], [cab - 1.8, 0, top + 1.0], 0.22, paint.dark);
+    shape.rod([cab - 1.8, 0, top + 1.0], [cab - 5.6, 0, top + 1.5], 0.2, paint.dark);
+  }
+  cabin(shape, cab + 0.05, front + 0.15, 0.62 * half + 0.1, bottom + 1.15, top + 0.12);
+  shape.box(-0.22, 0.22, -about.tracks[0] / 2, about.tracks[0] / 2, about.radii[0] - 0.2, about.radii[0] + 0.2, CHASSIS);
+  const x = about.steered_x;
+  shape.box(x - 0.15, x + 0.15, -about.tracks[1] / 2, about.tracks[1] / 2, about.radii[1] - 0.12, about.radii[1] + 0.12, CHASSIS);
+  return shape;
+}
+
+function cabin(shape, x0, x1, half, z0, z1) {
+  shape.prism([[x0, z0], [x1 - 0.35, z0], [x1, z1 - 0.35], [x1 - 0.15, z1 - 0.12], [x0, z1 - 0.12]], -half, half, GLASS);
+  shape.prism([[x0 - 0.1, z1 - 0.14], [x1 - 0.02, z1 - 0.14], [x1 - 0.15, z1], [x0, z1]], -half - 0.06, half + 0.06, ROOF);
+  for (const y of [-half - 0.02, half - 0.04]) {
+    shape.box(x0 - 0.04, x0 + 0.08, y, y + 0.06, z0 - 0.1, z1, CHASSIS);
+  }
+  shape.box(x0 - 0.05, x1 - 0.3, -half - 0.04, half + 0.04, z0 - 0.12, z0 + 0.06, CHASSIS);
+  shape.rod([x0 + 0.2, half * 0.7, z1], [x0 + 0.2, half * 0.7, z1 + 0.18], 0.07, [0.95, 0.55, 0.05]);
+}
+
+function vehicleBody(shape, about, paint) {
+  const [rear, front, half, bottom, top] = about.body, truck = about.type === "truck";
+  const cab = truck ? front - 1.9 : rear + 0.45, end = truck ? front : rear + 2.3, wide = truck ? half : half * 0.68;
+  if (truck) shape.box(rear, cab - 0.1, -half, half, bottom + 0.3, top - 0.6, paint.body);
+  else {
+    shape.prism([[end - 0.1, bottom + 0.35], [front - 0.1, bottom + 0.35], [front, bottom + 0.9], [front - 0.3, top - 1.35], [end - 0.1, top - 1.15]],
+      -half * 0.42, half * 0.42, paint.body);
+    shape.box(front - 0.02, front + 0.04, -half * 0.36, half * 0.36, bottom + 0.5, top - 1.5, CHASSIS);
+    for (const s of [-1, 1]) {
+      const y = s * about.tracks[0] / 2, w = 0.5 * Math.max(0.4, about.widths[0]);
+      shape.prism([[-0.9, about.radii[0] * 2 - 0.25], [0.9, about.radii[0] * 2 - 0.25], [0.5, about.radii[0] * 2 + 0.1], [-0.5, about.radii[0] * 2 + 0.1]],
+        y - w, y + w, paint.dark);
+    }
+    shape.box(rear, end, -half * 0.5, half * 0.5, bottom + 0.1, bottom + 0.9, CHASSIS);
+  }
+  cabin(shape, cab, end, wide, truck ? bottom + 0.6 : bottom + 0.85, top);
+  shape.box(Math.min(0, about.steered_x), Math.max(0, about.steered_x), -0.25, 0.25, bottom + 0.1, bottom + 0.4, CHASSIS);
+  for (const [x, k] of [[0, 0], [about.steered_x, 1]]) {
+    shape.box(x - 0.12, x + 0.12, -about.tracks[k] / 2, about.tracks[k] / 2, about.radii[k] - 0.1, about.radii[k] + 0.1, CHASSIS);
+  }
+  return shape;
+}
+
+function headerBody(shape, about, pivot, paint) {
+  const [width, knife, middle, high, deep] = about.header, left = middle + width / 2, right = middle - width / 2;
+  const back = knife - deep, low = 0.12, red = paint.header;
+  shape.prism([[back, low], [back + 0.12, low], [back + 0.08, 0.15 + high], [back - 0.05, 0.15 + high]], right, left, red);
+  shape.prism([[back, low], [knife, low - 0.02], [knife, low + 0.03], [back, low + 0.12]], right, left, red.map((c) => 0.7 * c));
+  shape.box(knife - 0.02, knife + 0.05, right, left, low - 0.01, low + 0.04, STEEL);  // knife
+  for (const [y, s] of [[left, 1], [right, -1]]) {
+    const y0 = s > 0 ? y - 0.02 : y - 0.06, y1 = y0 + 0.08;
+    shape.prism([[back, low], [knife + 0.1, low], [knife + 0.1, low + 0.45], [back, 0.15 + 0.8 * high]], y0, y1, red);
+    shape.prism([[knife + 0.1, low - 0.04], [knife + 0.95, low], [knife + 0.1, low + 0.4]], y0, y1, red);
+  }
+  shape.rod([back + 0.42, right + 0.05, 0.5], [back + 0.42, left - 0.05, 0.5], 0.2, STEEL, 12);  // auger
+  const turns = Math.max(4, Math.round(width / 0.5));
+  for (let k = 0; k < turns; k++) {
+    const y = right + (k + 0.5) * width / turns, lean = (y > middle ? -1 : 1) * 0.1;
+    shape.rod([back + 0.42, y - lean, 0.5], [back + 0.42, y - lean + 0.03, 0.5], 0.31, red, 12);
+  }
+  for (const y of [left - 0.3, right + 0.3]) {  // arms of the reel
+    shape.prism([[back, 0.1 + high], [back, high], [knife + 0.1, Math.max(0.9, 0.75 * high)], [knife + 0.1, Math.max(1.0, 0.85 * high)]],
+      y - 0.04, y + 0.04, CHASSIS);
+  }
+  shape.prism([[pivot[0] - 0.3, pivot[2] + 0.3], [pivot[0] - 0.4, pivot[2] - 0.5], [back, low + 0.1], [back, 0.1 + 0.85 * high]],
+    middle - 0.75, middle + 0.75, paint.dark);  // feeder house
+  return shape;
+}
+
+// About its own axle, along y.
+function reelBody(shape, about) {
+  const [width, , middle] = about.header, left = middle + width / 2 - 0.35, right = middle - width / 2 + 0.35;
+  shape.rod([0, right, 0], [0, left, 0], 0.05, STEEL, 8);
+  for (let k = 0; k < 6; k++) {
+    const a = 2 * Math.PI * k / 6, x = 0.5 * Math.cos(a), z = 0.5 * Math.sin(a);
+    shape.rod([x, right, z], [x, left, z], 0.028, [0.93, 0.80, 0.25], 6);
+    for (let y = right; y <= left + 1e-6; y += (left - right) / Math.max(2, Math.round(width / 2.5))) {
+      shape.rod([0, y, 0], [x, y, z], 0.02, STEEL, 5);
+    }
+  }
+  return shape;
+}

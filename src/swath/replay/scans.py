@@ -1,0 +1,93 @@
+"""What the scanners saw and the straw that was laid, from the recording of a run."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.schedule import NS
+from swath.record.read.mcap_log import McapLog
+from swath.record.read.scans import cloud_table
+from swath.signals import F64
+
+MOST_POINTS = 160_000  # of all scanners together
+UNIT = 1.0 / 200.0  # of echoes about the middle of their scan [m]
+RECORDING = "run.mcap"
+
+
+@dataclass
+class ScannerEchoes:
+    """Of one scanner: times (n,) [s], echoes as they really were, world [m], (k, 3) each."""
+
+    machine: str
+    slot: str
+    times: list[float] = field(default_factory=list)
+    echoes: list[NDArray[np.float32]] = field(default_factory=list)
+
+
+@dataclass
+class Recorded:
+    """scanners: with their echoes; straw: per machine times [s] and mass on the ground so far [kg]."""
+
+    scanners: list[ScannerEchoes] = field(default_factory=list)
+    straw: dict[str, F64] = field(default_factory=dict)
+
+
+def recorded(folder: Path, scanners: Mapping[str, Collection[str]]) -> Recorded | None:
+    """Of a run folder; None where nothing was recorded. scanners: slots by machine."""
+    path = folder / RECORDING
+    if not path.is_file():
+        return None
+    known = {f"/{m}/{slot}/truth": ScannerEchoes(m, slot) for m, slots in scanners.items() for slot in slots}
+    loads = {f"/{machine}/process/load": machine for machine in scanners}
+    log = McapLog(path)
+    topics = [t for t in log.topics() if t in known or t in loads]
+    straw: dict[str, list[tuple[float, float]]] = {}
+    for topic, t, message in log.messages(topics):
+        if topic in loads:
+            straw.setdefault(loads[topic], []).append((t / NS, float(message.dropped_straw)))
+            continue
+        table = cloud_table(message)
+        known[topic].times.append(t / NS)
+        known[topic].echoes.append(np.stack([table[n].astype(np.float32) for n in "xyz"], axis=1))
+    found = [scanner for scanner in known.values() if scanner.times]
+    return Recorded(found, {name: np.array(rows) for name, rows in straw.items()})
+
+
+@dataclass(frozen=True)
+class PackedEchoes:
+    """times: (n,) float32 [s]; starts: (n + 1,) uint32; middle: (n, 3) float32 [m]; points: (m, 3) int16"""
+
+    times: NDArray[np.float32]
+    starts: NDArray[np.uint32]
+    middle: NDArray[np.float32]
+    points: NDArray[np.int16]
+    shown: int
+    recorded: int
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """By name."""
+        return {"times": self.times, "starts": self.starts, "middle": self.middle, "points": self.points}
+
+
+def pack_echoes(scanner: ScannerEchoes, most: int, origin: F64) -> PackedEchoes:
+    """Every n-th scan, so that at most about `most` echoes are left. origin: places count from it [m]"""
+    total = sum(len(e) for e in scanner.echoes)
+    every = max(1, -(-total // max(most, 1)))
+    rows = range(0, len(scanner.times), every)
+    echoes = [scanner.echoes[i].astype(np.float64) - origin for i in rows]
+    middle = np.array([e.mean(axis=0) if len(e) else np.zeros(3) for e in echoes]).reshape(-1, 3)
+    middle = middle.astype(np.float32)
+    shifted = [(e - m.astype(np.float64)) / UNIT for e, m in zip(echoes, middle, strict=True)]
+    points = np.concatenate([*shifted, np.zeros((0, 3))])
+    return PackedEchoes(
+        np.array([scanner.times[i] for i in rows], np.float32),
+        np.concatenate([[0], np.cumsum([len(e) for e in echoes])]).astype(np.uint32),
+        middle,
+        np.clip(np.rint(points), -32767, 32767).astype(np.int16),
+        len(rows),
+        len(scanner.times),
+    )

@@ -1,0 +1,92 @@
+"""Writes replay.html: after a run, or from its folder."""
+
+import html
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.record.tracks import read_tracks
+from swath.replay.collect import collect
+from swath.replay.machines import Columns
+from swath.replay.pack import as_text, packed
+from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.world import World
+
+PAGE = Path(__file__).parent / "page"
+SCRIPTS = (
+    "data", "matrix", "gl", "ground", "stand", "shapes", "machines", "things", "scans", "cameras", "charts",
+    "timeline", "app",
+)  # fmt: skip
+FILE = "replay.html"
+
+
+class ReplayWriter(RunHook):
+    """Writes replay.html once a run is complete."""
+
+    def begin(self, run: ActiveRun) -> None:
+        """Keep the run in mind; nothing is done while it goes on."""
+        self._run = run
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Write the page; an incomplete run gets none, `swath view` makes it."""
+        has_rows = any(len(tracks.arrays()["t_s"]) for tracks in self._run.recorder.tracks.values())
+        if has_rows and not summary["incomplete"]:
+            write_replay(self._run.world, self._run.out, summary)
+
+
+def write_replay(world: World, folder: Path, summary: Mapping[str, Any], *, out: Path | None = None) -> Path:
+    """The page of a run folder. world: of its scenario, as it is now; it is not changed.
+
+    out: where to write; default: `replay.html` in the folder. Returns the path.
+    """
+    values, arrays = collect(world, folder, summary, tracks_of(folder))
+    path = out or folder / FILE
+    part = path.with_name(path.name + ".part")
+    part.write_text(render(values["name"], packed(values, arrays)), encoding="utf-8")
+    part.replace(path)
+    return path
+
+
+def view(folder: Path, *, out: Path | None = None) -> Path:
+    """The page of a finished run, from its folder alone. InputError where it is none."""
+    from swath.runtime.assembly import assemble
+    from swath.scenario.scenario import load_scenario
+
+    for name in ("scenario.yaml", "tracks.parquet"):
+        if not (folder / name).is_file():
+            raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        summary = {"incomplete": True}
+    except ValueError as error:
+        raise InputError("RUN", str(folder), f"expected a readable summary.json ({error})") from error
+    world = assemble(load_scenario(folder / "scenario.yaml"))
+    try:
+        return write_replay(world, folder, summary, out=out)
+    finally:
+        world.close()
+
+
+def tracks_of(folder: Path) -> dict[str, Columns]:
+    """Columns of tracks.parquet by machine."""
+    table = read_tracks(folder / "tracks.parquet")
+    names = table.pop("machine")
+    return {str(n): {k: v[names == n] for k, v in table.items()} for n in dict.fromkeys(names.tolist())}
+
+
+def render(name: str, data: bytes) -> str:
+    """The whole page."""
+    script = "".join((PAGE / f"{part}.js").read_text(encoding="utf-8") for part in SCRIPTS)
+    page = (PAGE / "page.html").read_text(encoding="utf-8")
+    parts = {
+        "NAME": html.escape(name),
+        "STYLE": (PAGE / "page.css").read_text(encoding="utf-8"),
+        "SCRIPT": f'"use strict";(() => {{\n{script}}})();\n',
+        "DATA": as_text(data),
+    }
+    for key, text in parts.items():
+        page = page.replace(f"%{key}%", text)
+    return page

@@ -1,0 +1,83 @@
+"""`swath calibrate engine`: engine, fuel and powers of a machine from a log of several."""
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from swath.tools.calibrate.engine_fit import Prediction
+
+_DESCRIPTION = """Fit numbers of a machine's data sheet to engine load and fuel of a recorded log together,
+and predict each machine of the log by numbers fitted on the others. Standard errors come from a bootstrap
+over machines and stretches of 5 minutes."""
+
+
+def add_engine(kinds: Any) -> None:
+    """Add `calibrate engine`."""
+    parser = kinds.add_parser("engine", help="engine, fuel and powers of a machine", description=_DESCRIPTION)
+    parser.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
+    parser.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
+    parser.add_argument(
+        "--fit",
+        action="append",
+        default=[],
+        metavar="KEY",
+        help="of the data sheet (rated power, idle fuel, auxiliary power, drum work)",
+    )
+    parser.add_argument("--straw", type=float, default=0.65, metavar="R", help="straw per grain (0.65)")
+    parser.add_argument("--resamples", type=int, default=1000, metavar="N", help="of the bootstrap (1000)")
+    parser.add_argument("--seed", type=int, default=1, help="of the bootstrap")
+    parser.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
+    parser.add_argument("--out", type=Path, metavar="SHEET.yaml", help="write the data sheet as fitted")
+    parser.set_defaults(run=run_engine_fit)
+
+
+def run_engine_fit(args: argparse.Namespace) -> int:
+    """Fit, print, write."""
+    from rich.console import Console
+
+    from swath.core.errors import InputError
+    from swath.documents.yaml_document import dump
+    from swath.field_io.machine_log import read_machine_log
+    from swath.machine.machine_sheet import open_machine
+    from swath.terminal.tables import number, table
+    from swath.tools.calibrate.engine_fit import KEYS, fit_engine
+    from swath.tools.compare_log.along_log import Drive
+
+    if not 10 <= args.resamples <= 100_000:
+        raise InputError("--resamples", args.resamples, "expected 10 to 100000")
+    if not 0.0 <= args.straw <= 10.0:
+        raise InputError("--straw", args.straw, "expected 0 to 10")
+    sheet = open_machine(args.model)
+    with Console(stderr=True).status("reading the log") as status:
+        log = read_machine_log(args.log, args.columns)
+        made = fit_engine(
+            sheet, log, Drive(straw=args.straw), keys=args.fit or KEYS, resamples=args.resamples,
+            seed=args.seed, progress=status.update,
+        )  # fmt: skip
+    names = [f"without {name}" for name in log.machine_names]
+    rows = [
+        [n.key, number(n.start), number(n.value), number(n.error), *map(number, n.left_out), n.unit]
+        for n in made.numbers
+    ]
+    table("fitted on all machines", ("key", "start", "value", "error", *names, "unit"), rows)
+    head = ("machine", "count", "load R2", "RMSE", "bias", "fuel R2", "RMSE l/h", "bias l/h", "bias %")
+    table("as given", head, _rows(made.before))
+    table("fitted on all machines", head, _rows(made.after))
+    table("each machine predicted by numbers fitted on the others", head, _rows(made.left_out))
+    if args.out is not None:
+        args.out.write_text(dump(made.sheet.document.data, width=110), encoding="utf-8")
+        print(args.out)
+    return 0
+
+
+def _rows(made: Iterable["Prediction"]) -> list[list[str]]:
+    from swath.report.html import signed
+
+    rows = []
+    for p in made:
+        load = [signed(v, 2) for v in (p.load.r2, p.load.rmse, p.load.bias)]
+        fuel = [signed(v, 2) for v in (p.fuel.r2, p.fuel.rmse, p.fuel.bias, p.fuel_bias_percent)]
+        rows.append([p.machine, str(p.load.count), *load, *fuel])
+    return rows

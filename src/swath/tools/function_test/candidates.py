@@ -1,0 +1,38 @@
+"""Candidates: named changes of a scenario that are tested against each other."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from swath.core.errors import InputError
+from swath.documents.yaml_document import read_document
+
+
+def read_candidates(path: Path | None) -> Mapping[str, Sequence[str]]:
+    """Changes by name, as after `--set`, from a file `NAME: {KEY: VALUE}`; `{base: {}}` without a file.
+
+    Files that values name (`mine.py:Detector`) are relative to that file. Raises InputError.
+    """
+    if path is None:
+        return {"base": ()}
+    document = read_document(path)
+    document.kind = "candidates"
+    if not isinstance(document.data, dict) or not document.data:
+        raise document.error((), None, "expected names, each with scenario keys and values")
+    found: dict[str, list[str]] = {}
+    for name, sets in document.data.items():
+        if not isinstance(sets, dict):
+            raise document.error((name,), sets, "expected scenario keys and values, {} for none")
+        found[name] = [f"{key}={json.dumps(_absolute(value, path.parent))}" for key, value in sets.items()]
+    if any(not name or "/" in name for name in found):
+        raise InputError("candidates", str(list(found)), "expected names without /", file=path)
+    return found
+
+
+def _absolute(value: object, base: Path) -> object:
+    """A file beside the candidates' one as an absolute path."""
+    if isinstance(value, str):
+        file, colon, name = value.partition(":")
+        if file.endswith((".py", ".yaml", ".fmu", ".csv", ".npz")) and (base / file).is_file():
+            return f"{(base / file).resolve()}{colon}{name}"
+    return value

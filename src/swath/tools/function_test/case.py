@@ -1,0 +1,196 @@
+"""Test cases as files: a scenario, what varies in it, what is expected of each run and of all together.
+
+The words are those of ISO 34505: a test case has an identifier (the name of its file), an objective, inputs,
+a platform and an expected result.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.documents.hints import near_miss
+from swath.documents.validation import validate
+from swath.documents.yaml_document import Document, read_document
+from swath.scenario.sections import Bounds
+
+FORMAT = "swath test case 1"
+CATALOGUE = Path(str(files("swath.data") / "tests"))
+Scalar = str | float | int | bool
+Point = Mapping[str, Scalar]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Varied:
+    """A parameter. key: of the scenario, as after `--set`; at: the values of the grid; range: of values
+    drawn.
+    """
+
+    key: str
+    at: Annotated[list[Scalar], Field(min_length=1)]
+    range: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.range is not None and not self.range[0] < self.range[1]:
+            raise InputError("range", list(self.range), "expected two numbers, the lower one first")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """What all runs together shall show: at least this share of runs passes, with this confidence."""
+
+    pass_rate: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    confidence: Annotated[float, Field(gt=0.5, lt=1)] = 0.95
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """A failure that is known. at: values of the parameters that it happens at, {} = everywhere; why"""
+
+    why: str
+    at: dict[str, Scalar] = field(default_factory=dict)
+
+    def holds_at(self, point: Point) -> bool:
+        """True where a point has these values."""
+        return all(point.get(name) == value for name, value in self.at.items())
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseFile:
+    """The keys of a case file. set: scenario keys and values; seeds: their number, or themselves; expect: as
+    in a scenario, for each run; mean: bounds of the mean over the runs, by metric.
+    """
+
+    format: Literal["swath test case 1"]
+    objective: str
+    source: str
+    scenario: str
+    expect: dict[str, Any]
+    set: dict[str, Any] = field(default_factory=dict)
+    vary: dict[str, Varied] = field(default_factory=dict)
+    seeds: Annotated[int, Field(ge=1, le=100_000)] | list[int] = 3
+    claim: Claim = Claim()
+    mean: dict[str, Bounds] = field(default_factory=dict)
+    tags: list[str] = field(default_factory=list)
+    known: list[Known] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A test case. name: of its file, without the suffix; document: what was read, for errors"""
+
+    name: str
+    file: CaseFile
+    document: Document
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the scenario, each run at every point."""
+        seeds = self.file.seeds
+        return list(range(1, seeds + 1)) if isinstance(seeds, int) else seeds
+
+    @property
+    def scenario(self) -> str:
+        """Name of a bundled scenario, or an absolute path."""
+        source = self.file.scenario
+        beside = (self.document.file or Path()).parent / source
+        return str(beside.resolve()) if beside.suffix in (".yaml", ".yml") else source
+
+    def grid(self) -> list[dict[str, Scalar]]:
+        """Every combination of the values of all parameters."""
+        names = list(self.file.vary)
+        return [
+            dict(zip(names, values, strict=True))
+            for values in product(*(v.at for v in self.file.vary.values()))
+        ]
+
+    def drawn(self, count: int, seed: int) -> list[dict[str, Scalar]]:
+        """Points at random: uniform in the ranges, one of the values where a parameter has no range.
+
+        A point depends on the case's name, the seed and its number alone, not on how many are drawn.
+        """
+        points: list[dict[str, Scalar]] = []
+        for number in range(count):
+            rng = Stream(seed, f"function test {self.name}").at(number)
+            points.append({name: _draw(varied, rng) for name, varied in self.file.vary.items()})
+        return points
+
+    def sets(self, point: Point) -> list[str]:
+        """Changes of the scenario at a point, as after `--set`."""
+        fixed = {**self.file.set, "expect": self.file.expect}
+        varied = {self.file.vary[name].key: value for name, value in point.items()}
+        return [f"{key}={json.dumps(value)}" for key, value in {**fixed, **varied}.items()]
+
+    def known(self, point: Point) -> str:
+        """Why a failure at a point is known; "" where it is not."""
+        return next((k.why for k in self.file.known if k.holds_at(point)), "")
+
+
+def _draw(varied: Varied, rng: np.random.Generator) -> Scalar:
+    if varied.range is None:
+        return varied.at[int(rng.integers(len(varied.at)))]
+    low, high = varied.range
+    return float(f"{rng.uniform(low, high):.4g}")
+
+
+def read_case(path: Path) -> Case:
+    """A case file. Raises InputError with key, value, file and line; its `others` are what else is wrong."""
+    document = read_document(path)
+    document.kind = "test case"
+    if not isinstance(document.data, dict):
+        raise document.error((), None, "expected a mapping of keys")
+    if document.data.get("format") != FORMAT:
+        raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
+    made, errors = validate(CaseFile, document.data, (), document)
+    if errors:
+        raise errors[0]
+    case = Case(path.stem, made, document)
+    for index, known in enumerate(case.file.known):
+        for name in known.at:
+            if name not in case.file.vary:
+                expected = f"expected a parameter of vary{near_miss(name, list(case.file.vary))}"
+                raise document.error(("known", index, "at", name), None, expected)
+    return case
+
+
+def find_cases(source: str, tags: Sequence[str] = ()) -> list[Case]:
+    """Cases by name: `catalogue` for all that are bundled, one of them, a case file, or a folder of them.
+
+    tags: only cases that have one of these. Raises InputError when there is none.
+    """
+    cases = [read_case(path) for path in _paths(source)]
+    chosen = [case for case in cases if not tags or set(tags) & set(case.file.tags)]
+    if not chosen:
+        have = sorted({tag for case in cases for tag in case.file.tags})
+        raise InputError(
+            "--only", ", ".join(tags), f"no case has this tag; there are {', '.join(have) or 'none'}"
+        )
+    return chosen
+
+
+def _paths(source: str) -> list[Path]:
+    bundled = {path.stem: path for path in sorted(CATALOGUE.glob("*.yaml"))}
+    if source == "catalogue":
+        return list(bundled.values())
+    if source in bundled:
+        return [bundled[source]]
+    path = Path(source)
+    if path.is_dir():
+        found = sorted(path.glob("*.yaml"))
+        if not found:
+            raise InputError("cases", source, "expected a folder with case files, *.yaml")
+        return found
+    if path.is_file():
+        return [path]
+    names = ["catalogue", *bundled]
+    raise InputError(
+        "cases", source, f"expected a file, a folder or one of {', '.join(names)}{near_miss(source, names)}"
+    )

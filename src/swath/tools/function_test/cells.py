@@ -1,0 +1,147 @@
+"""Results put together: a cell is a case with a candidate, pooled over points and seeds."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, sqrt
+from typing import Any
+
+from swath.judge.limits import check_metric
+from swath.scenario.sections import Limit
+from swath.tools.function_test.case import Case
+from swath.tools.function_test.journal import Result
+from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, verdict
+
+EXIT = {SHOWN: 0, BROKEN: 1, NOT_SHOWN: 3}
+
+
+@dataclass
+class Cell:
+    """The runs of a case with a candidate. planned: how many there are to be; text: what the rate of passes
+    shows; means: what is said of each bounded mean; surprises: runs that passed at points of known failures
+    """
+
+    case: Case
+    candidate: str
+    planned: int
+    runs: list[Result] = field(default_factory=list)
+    verdict: str = NOT_SHOWN
+    text: str = ""
+    means: list[str] = field(default_factory=list)
+
+    @property
+    def counted(self) -> list[Result]:
+        """Runs that count for the rate: not those at points where a failure is known."""
+        return [run for run in self.runs if not self.case.known(run["point"])]
+
+    @property
+    def failed(self) -> list[Result]:
+        """Runs that count and did not pass, in the order of the plan."""
+        return [run for run in self.counted if run["verdict"] != "pass"]
+
+    @property
+    def surprises(self) -> list[Result]:
+        """Runs that passed where a failure is known: the list of known failures is out of date."""
+        return [run for run in self.runs if self.case.known(run["point"]) and run["verdict"] == "pass"]
+
+    @property
+    def worst(self) -> Result | None:
+        """The run farthest beyond a limit, or nearest to one; an error before all others."""
+        return max(self.runs, key=lambda run: -margin(run), default=None)
+
+    def judge(self) -> None:
+        """Work out the verdict from the runs."""
+        claim, counted = self.case.file.claim, self.counted
+        passed = sum(run["verdict"] == "pass" for run in counted)
+        is_complete = len(self.runs) >= self.planned
+        self.verdict = verdict(
+            passed, len(counted), claim.pass_rate, claim.confidence, is_complete=is_complete
+        )
+        self.text = describe(passed, len(counted), claim.pass_rate, claim.confidence, self.verdict)
+        for name, bounds in self.case.file.mean.items():
+            values = [run["metrics"].get(name) for run in counted]
+            outcome, text = _mean(name, values, bounds)
+            self.means.append(text)
+            self.verdict = max(self.verdict, outcome, key=(SHOWN, NOT_SHOWN, BROKEN).index)
+
+
+def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: dict[tuple[str, str], int],
+             results: Iterable[Result]) -> list[Cell]:  # fmt: skip
+    """Judged cells by case and candidate. planned: how many runs each is to have"""
+    names = list(candidates)
+    cells = {(c.name, name): Cell(c, name, planned.get((c.name, name), 0)) for c in cases for name in names}
+    for result in results:
+        cells[result["case"], result["candidate"]].runs.append(result)
+    for cell in cells.values():
+        cell.judge()
+    return list(cells.values())
+
+
+def judged_again(result: Result, case: Case) -> Result:
+    """The result against the present limits of its case on whole runs; others as they were judged."""
+    entries = []
+    for entry in result["expect"]:
+        limit = _present(case, entry)
+        if limit is None:
+            entries.append(entry)
+            continue
+        value, reason = check_metric(limit, entry["value"])
+        plain = {k: v for k, v in limit.plain().items() if k not in limit.window}
+        kept = {k: v for k, v in entry.items() if k not in ("limit", "result", "reason", "value")}
+        entries.append({**kept, "limit": plain, "value": value, "result": "fail" if reason else "pass",
+                        **({"reason": reason} if reason else {})})  # fmt: skip
+    broken = [e for e in entries if e["result"] == "fail"]
+    if result["verdict"] == "error":
+        return result
+    reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}" if broken else ""
+    return {**result, "expect": entries, "verdict": "fail" if broken else "pass", "reason": reason}
+
+
+def _present(case: Case, entry: dict[str, Any]) -> Limit | None:
+    """The limit on a metric of the whole run that a case has now; None where it is of another kind."""
+    expect = case.file.expect
+    at = expect.get(entry["subject"], expect)
+    found = at.get(entry["name"], expect.get(entry["name"])) if isinstance(at, dict) else None
+    if not isinstance(found, dict) or "window" in entry or "hold" in entry["limit"]:
+        return None
+    limit = Limit.model_validate(found)
+    return None if limit.window or limit.hold is not None else limit
+
+
+def margin(result: Result) -> float:
+    """How far a run is from its nearest limit, as a share of the limit, in -1..1; < 0 it fails, -1 without a
+    value.
+    """
+    if result["verdict"] == "error":
+        return -2.0
+    margins = [1.0]
+    for entry in result["expect"]:
+        value, limit = entry["value"], entry["limit"]
+        if value is None or not isfinite(value):
+            margins.append(-1.0 if entry["result"] == "fail" else 1.0)
+            continue
+        for key, sign in (("max", 1.0), ("min", -1.0)):
+            bound = limit.get(key)
+            if bound is not None and entry["name"] != "contact_count":
+                margins.append(min(1.0, max(-1.0, sign * (bound - value) / (abs(bound) or 1.0))))
+            elif bound is not None and entry["result"] == "fail":
+                margins.append(-1.0)
+    return min(margins)
+
+
+def _mean(name: str, values: Sequence[float | None], bounds: Any) -> tuple[str, str]:
+    """Verdict on a mean with its interval of 95 % (Student), and the text that says so."""
+    good = [v for v in values if v is not None]
+    if len(good) < max(2, len(values)):
+        return (
+            BROKEN if len(good) < len(values) else NOT_SHOWN
+        ), f"{name}: {len(good)} of {len(values)} runs have it"
+    from scipy import stats
+
+    mean = sum(good) / len(good)
+    spread = sqrt(sum((v - mean) ** 2 for v in good) / (len(good) - 1) / len(good))
+    half = float(stats.t.ppf(0.975, len(good) - 1)) * spread
+    low, high = mean - half, mean + half
+    inside = (bounds.max is None or high <= bounds.max) and (bounds.min is None or low >= bounds.min)
+    outside = (bounds.max is not None and low > bounds.max) or (bounds.min is not None and high < bounds.min)
+    text = f"{name}: mean {mean:.4g} ({low:.4g} to {high:.4g})"
+    return (SHOWN if inside else BROKEN if outside else NOT_SHOWN), text

@@ -1,0 +1,181 @@
+"""`swath test`: list, run, work, report, again."""
+
+import argparse
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser("test", help="run and judge cases many times", description=_DESCRIPTION)
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    listing = verbs.add_parser("list", help="cases, what varies in them, what they ask")
+    listing.add_argument("cases", nargs="?", default="catalogue", help=_CASES)
+    listing.set_defaults(run=_list)
+    run = verbs.add_parser("run", help="do the runs of cases; goes on where it was stopped")
+    run.add_argument("cases", help=_CASES)
+    run.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    run.add_argument("--with", type=Path, dest="candidates", metavar="FILE", help="candidates to compare")
+    run.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N instead of those of the cases")
+    run.add_argument(
+        "--draw", type=int, default=0, metavar="N", help="N points at random instead of the grid"
+    )
+    run.add_argument("--draw-seed", type=int, default=1, metavar="N", help="seed of the points (default 1)")
+    run.add_argument("--only", action="append", default=[], metavar="TAG", help="cases with this tag")
+    run.add_argument(
+        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="of every scenario"
+    )
+    run.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
+    )
+    run.add_argument("--plan-only", action="store_true", help="write the plan, for `swath test work`")
+    run.set_defaults(run=_run)
+    work = verbs.add_parser("work", help="do one share of a plan, on any machine that sees the folder")
+    work.add_argument("folder", type=Path)
+    work.add_argument("--shard", required=True, metavar="I/N", help="which share, such as 3/200")
+    work.set_defaults(run=_work)
+    report = verbs.add_parser("report", help="judge stored results against the present limits; runs nothing")
+    report.add_argument("folder", type=Path)
+    report.set_defaults(run=_report)
+    again = verbs.add_parser("again", help="one run once more as a full run folder; is the digest the same?")
+    again.add_argument("folder", type=Path)
+    again.add_argument("name", metavar="RUN", help="the run, or the beginning of its name")
+    again.add_argument("--out", type=Path, metavar="DIR", help="default: FOLDER/kept/RUN")
+    again.set_defaults(run=_again)
+
+
+def _list(args: argparse.Namespace) -> int:
+    from swath.terminal.tables import table
+    from swath.tools.function_test.case import find_cases
+
+    rows = []
+    for case in find_cases(args.cases):
+        varied = "; ".join(f"{name} {', '.join(map(str, v.at))}" for name, v in case.file.vary.items())
+        count = len(case.grid()) * len(case.seeds)
+        limits = ", ".join(str(name) for name in case.file.expect)
+        rows.append(
+            (case.name, case.file.objective, varied or "-", str(count), limits, ", ".join(case.file.tags))
+        )
+    table("", ("case", "objective", "varied", "runs", "limits on", "tags"), rows)
+    return 0
+
+
+def _run(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.candidates import read_candidates
+    from swath.tools.function_test.plan import Plan
+    from swath.tools.function_test.session import begin
+
+    plan = Plan(
+        args.cases if not Path(args.cases).exists() else str(Path(args.cases).resolve()),
+        tags=tuple(args.only),
+        candidates=read_candidates(args.candidates),
+        seeds=args.seeds,
+        drawn=args.draw,
+        draw_seed=args.draw_seed,
+        sets=tuple(args.sets),
+    )
+    session = begin(args.out, plan)
+    left = session.left()
+    if args.plan_only:
+        print(f"{len(left)} runs to do: swath test work {args.out} --shard 1/N ... N/N")
+        return 0
+    with _progress(len(left)) as done:
+        session.do(max(1, args.workers), done)
+    return _finish(session.folder, session, again=False)
+
+
+def _work(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.session import open_session
+
+    share, _, of = args.shard.partition("/")
+    if not (share.isdecimal() and of.isdecimal() and 1 <= int(share) <= int(of)):
+        raise InputError("--shard", args.shard, "expected I/N with I from 1 to N")
+    session = open_session(args.folder)
+    count = 0
+
+    def done(result: dict[str, Any]) -> None:
+        nonlocal count
+        count += 1
+
+    session.do_share(int(share), int(of), done)
+    print(f"{count} runs done, {len(session.left())} of the plan are left")
+    return 0
+
+
+def _report(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.session import open_session
+
+    return _finish(args.folder, open_session(args.folder, same_code=False), again=True)
+
+
+def _again(args: argparse.Namespace) -> int:
+    from swath.replay.writer import ReplayWriter
+    from swath.report.report import ReportWriter
+    from swath.runtime.job import run_job
+    from swath.tools.function_test.one_run import scenario_of
+    from swath.tools.function_test.session import open_session
+
+    session = open_session(args.folder)
+    planned, result = session.run_of(args.name)
+    out = args.out or args.folder / "kept" / planned.id
+    hooks = [ReportWriter(), ReplayWriter()]
+    done = run_job(scenario_of(planned), out, progress=True, hooks=hooks)
+    same = result is not None and result["digest"] == done.summary["digest"]
+    print(f"{done.folder}: {'the same digest as in the test' if same else 'another digest than in the test'}")
+    return 0 if same else 1
+
+
+def _finish(folder: Path, session: Any, *, again: bool) -> int:
+    """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
+    from swath.terminal.tables import table
+    from swath.tools.function_test.cells import EXIT
+    from swath.tools.function_test.junit import write_junit
+    from swath.tools.function_test.page import write_matrix
+    from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
+
+    cells = session.cells(again=again)
+    session.table()
+    write_junit(folder / "junit.xml", cells)
+    page = write_matrix(folder / "report.html", cells)
+    rows = []
+    for cell in cells:
+        worst = cell.worst
+        rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]),
+                     "" if worst is None else f"{worst['id'][:8]} {worst['reason']}"))  # fmt: skip
+    table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
+    verdicts = [cell.verdict for cell in cells]
+    print(", ".join(f"{verdicts.count(v)} {v}" for v in (SHOWN, BROKEN, NOT_SHOWN)))
+    surprises = [run for cell in cells for run in cell.surprises]
+    if surprises:
+        print(f"{len(surprises)} runs pass where the cases say that a failure is known")
+    print(f"report  {page}")
+    return next((EXIT[v] for v in (BROKEN, NOT_SHOWN) if v in verdicts), 0)
+
+
+@contextmanager
+def _progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """A bar over the runs on a terminal; failures are counted in it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    failed = 0
+    with Progress(console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"{count} runs", total=count)
+
+        def done(result: dict[str, Any]) -> None:
+            nonlocal failed
+            failed += result["verdict"] != "pass"
+            bar.update(task, advance=1, description=f"{count} runs, {failed} did not pass")
+
+        yield done
+
+
+_CASES = "a case file, a folder of them, `catalogue`, or one of its cases"
+_DESCRIPTION = """Function tests: cases with varied parameters and seeds, each judged as shown, broken or
+not shown (too few runs). Exit code 0 all shown, 1 one is broken, 3 none is broken but not all are shown."""

@@ -1,0 +1,40 @@
+"""JUnit XML: a suite is a case, a test is a run with a candidate; build servers show it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from swath.core.whole_file import write_whole
+from swath.tools.function_test.cells import Cell
+from swath.tools.function_test.verdict import NOT_SHOWN, SHOWN
+
+
+def write_junit(path: Path, cells: Sequence[Cell]) -> Path:
+    """Write junit.xml. A cell is a test too: it fails when its claim is broken, and is skipped when not
+    shown.
+    """
+    root = ET.Element("testsuites")
+    for cell in cells:
+        suite = ET.SubElement(root, "testsuite", name=f"{cell.case.name} [{cell.candidate}]")
+        whole = ET.SubElement(suite, "testcase", classname=cell.case.name, name=f"{cell.candidate}: claim")
+        failures = 0
+        if cell.verdict == NOT_SHOWN:
+            ET.SubElement(whole, "skipped", message=cell.text)
+        elif cell.verdict != SHOWN:
+            ET.SubElement(whole, "failure", message="; ".join([cell.text, *cell.means]))
+            failures += 1
+        for run in cell.runs:
+            point = ", ".join(f"{k}={v}" for k, v in run["point"].items())
+            name = f"{cell.candidate}: {point or 'as it is'}, seed {run['seed']} ({run['id']})"
+            test = ET.SubElement(suite, "testcase", classname=cell.case.name, name=name)
+            if known := cell.case.known(run["point"]):
+                ET.SubElement(test, "skipped", message=f"known: {known}")
+            elif run["verdict"] != "pass":
+                ET.SubElement(
+                    test, "error" if run["verdict"] == "error" else "failure", message=run["reason"]
+                )
+                failures += 1
+        suite.set("tests", str(len(cell.runs) + 1))
+        suite.set("failures", str(failures))
+    ET.indent(root)
+    return write_whole(path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")

@@ -1,0 +1,80 @@
+"""One run of a function test, in this process: what comes out is a line of a journal."""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import SwathError, shortened
+from swath.runtime.job import run_job
+from swath.scenario.scenario import Scenario, load_scenario
+from swath.tools.function_test.plan import PlannedRun
+
+NOT_METRICS = ("seed", "real_time_factor", "ray_count", "simulated_s", "wall_s")
+
+
+def scenario_of(run: PlannedRun) -> Scenario:
+    """The scenario of a run. Raises InputError."""
+    return load_scenario(run.scenario, sets=run.sets, flags={f"seed {run.seed}": f"seed={run.seed}"})
+
+
+def do_run(run: PlannedRun) -> dict[str, Any]:
+    """Drive and judge. The verdict is `pass`, `fail`, or `error` where the run could not be made or crashed.
+
+    reason: the first limit that failed, or the error
+    """
+    started = time.process_time()
+    try:
+        found = _result(run, _summary(scenario_of(run)))
+    except SwathError as error:
+        found = no_result(run, str(error))
+    except Exception as error:  # a user's own part may raise anything; one run must not end the others
+        found = no_result(run, f"{type(error).__name__}: {error}")
+    return {**found, "cpu_s": time.process_time() - started}
+
+
+def no_result(run: PlannedRun, why: str) -> dict[str, Any]:
+    """The result of a run that came to nothing."""
+    reason = shortened(" ".join(why.split()))
+    nothing = {"metrics": {}, "expect": [], "incidents": [], "digest": "", "cpu_s": 0.0}
+    return {**_about(run), "verdict": "error", "reason": reason, **nothing}
+
+
+def _about(run: PlannedRun) -> dict[str, Any]:
+    point = dict(run.point)
+    return {"id": run.id, "case": run.case, "candidate": run.candidate, "point": point, "seed": run.seed}
+
+
+def _summary(scenario: Scenario) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory(prefix="swath-test-") as folder:
+        return run_job(scenario, Path(folder) / "run").summary
+
+
+def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
+    broken = [entry for entry in summary["expect"] if entry["result"] == "fail"]
+    reason = ""
+    if broken:
+        reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}"
+    return {
+        **_about(run),
+        "verdict": "fail" if broken else "pass",
+        "reason": reason,
+        "metrics": _metrics(summary),
+        "expect": summary["expect"],
+        "incidents": [
+            {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
+        ],
+        "digest": summary["digest"],
+    }
+
+
+def _metrics(summary: dict[str, Any]) -> dict[str, float | None]:
+    """Numbers of the summary by name; with several machines as `machine.name`."""
+    found = {k: v for k, v in summary.items() if _is_number(v) and k not in NOT_METRICS}
+    for machine, values in summary.get("machines", {}).items():
+        found |= {f"{machine}.{k}": v for k, v in values.items() if _is_number(v)}
+    return found
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))

@@ -1,0 +1,105 @@
+"""report.html of a function test: a matrix of cases and candidates, every run a dot against its limit."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from swath import __version__
+from swath.report.html import write_page
+from swath.tools.function_test.cells import Cell, margin
+from swath.tools.function_test.journal import Result
+from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
+
+MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?"}
+WIDTH, HEIGHT, PAD = 260.0, 34.0, 8.0  # of a strip [px]
+FAILED_MAX = 200  # runs in the list of failures
+
+
+def write_matrix(path: Path, cells: Sequence[Cell]) -> Path:
+    """Write the page."""
+    candidates = list(dict.fromkeys(cell.candidate for cell in cells))
+    cases = list(dict.fromkeys(cell.case.name for cell in cells))
+    by_place = {(cell.case.name, cell.candidate): cell for cell in cells}
+    rows = [
+        {
+            "case": by_place[case, candidates[0]].case,
+            "name": case,
+            "cells": [_cell(by_place[case, c]) for c in candidates],
+        }
+        for case in cases
+    ]
+    failed = [(cell, run) for cell in cells for run in cell.failed]
+    return write_page(
+        path,
+        "function_test.html.j2",
+        title="Function tests",
+        version=__version__,
+        candidates=candidates,
+        rows=rows,
+        counts={v: sum(c.verdict == v for c in cells) for v in (SHOWN, BROKEN, NOT_SHOWN)},
+        run_count=sum(len(c.runs) for c in cells),
+        groups=_groups(failed),
+        failed=[_failure(cell, run) for cell, run in failed[:FAILED_MAX]],
+        failed_count=len(failed),
+        surprises=[_failure(cell, run) for cell in cells for run in cell.surprises],
+        strip={"width": WIDTH, "height": HEIGHT, "middle": WIDTH / 2.0},
+    )
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    worst = cell.worst
+    return {
+        "verdict": cell.verdict.replace(" ", "-"),
+        "mark": MARKS[cell.verdict],
+        "text": cell.text,
+        "means": cell.means,
+        "dots": [_dot(run, number) for number, run in enumerate(cell.runs)],
+        "worst": None if worst is None else _failure(cell, worst),
+    }
+
+
+def _dot(run: Result, number: int) -> dict[str, Any]:
+    """Place of a run in its strip: left beyond the limit, right within it; rows keep dots apart."""
+    share = min(1.0, max(-1.0, margin(run)))
+    return {
+        "x": round(WIDTH / 2.0 + share * (WIDTH / 2.0 - PAD), 1),
+        "y": round(PAD + (number * 7 % 19) / 18.0 * (HEIGHT - 2.0 * PAD), 1),
+        "kind": run["verdict"],
+        "title": f"{_point(run)}: {run['reason'] or 'passes'}",
+    }
+
+
+def _failure(cell: Cell, run: Result) -> dict[str, str]:
+    return {"case": cell.case.name, "candidate": cell.candidate, "point": _point(run), "id": run["id"],
+            "reason": run["reason"] or "passes"}  # fmt: skip
+
+
+def _point(run: Result) -> str:
+    values = ", ".join(f"{name} {value}" for name, value in run["point"].items())
+    return f"{values}, seed {run['seed']}" if values else f"seed {run['seed']}"
+
+
+def _groups(failed: Sequence[tuple[Cell, Result]]) -> list[dict[str, Any]]:
+    """Failures put together by case, candidate and the first limit that failed, most frequent first."""
+    groups: dict[tuple[str, str, str], list[Result]] = {}
+    for cell, run in failed:
+        what = "error" if run["verdict"] == "error" else run["reason"].partition(":")[0]
+        groups.setdefault((cell.case.name, cell.candidate, what), []).append(run)
+    found = sorted(groups.items(), key=lambda item: -len(item[1]))
+    return [
+        {"case": case, "candidate": candidate, "what": what, "count": len(runs), "where": _region(runs)}
+        for (case, candidate, what), runs in found
+    ]
+
+
+def _region(runs: Sequence[Result]) -> str:
+    """The range of each parameter over some runs."""
+    parts = []
+    for name in runs[0]["point"]:
+        values = sorted({run["point"][name] for run in runs}, key=str)
+        numbers = sorted(v for v in values if isinstance(v, int | float) and not isinstance(v, bool))
+        if numbers and len(numbers) == len(values):
+            parts.append(f"{name} {numbers[0]:g}" + (f" to {numbers[-1]:g}" if len(numbers) > 1 else ""))
+        else:
+            parts.append(f"{name} {', '.join(map(str, values))}")
+    return "; ".join(parts) or "everywhere"

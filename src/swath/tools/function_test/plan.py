@@ -1,0 +1,168 @@
+"""The plan of a function test: every run with its name, which says all that its result depends on.
+
+The name is a SHA-256 (FIPS 180-4) of the scenario as it is resolved, the contents of every file that it or a
+change of it names, the changes, the seed, and the code of this package. A result is found again under it
+however often a plan is interrupted, and not found where anything has changed.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import swath
+from swath.core.errors import InputError
+from swath.documents.yaml_document import parse_value
+from swath.scenario.scenario import load_scenario
+from swath.tools.function_test.case import Case, Scalar, find_cases
+
+ID_LENGTH = 16  # hexadecimal digits: a clash in a million runs has a chance of 3e-8
+CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan"""
+
+    id: str
+    number: int
+    case: str
+    candidate: str
+    point: Mapping[str, Scalar]
+    seed: int
+    scenario: str
+    sets: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name;
+    seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
+    sets: changes of every scenario, after those of its case and before the candidate's
+    """
+
+    cases: str
+    tags: tuple[str, ...] = ()
+    candidates: Mapping[str, Sequence[str]] = field(default_factory=lambda: {"base": ()})
+    seeds: int | None = None
+    drawn: int = 0
+    draw_seed: int = 1
+    sets: tuple[str, ...] = ()
+
+    @cached_property
+    def found(self) -> list[Case]:
+        """The cases."""
+        return find_cases(self.cases, self.tags)
+
+    def runs(self) -> Iterator[PlannedRun]:
+        """Every run, in order: case, seed, point, candidate, so that an early look has seen all points."""
+        number = 0
+        for case in self.found:
+            base = _base(case)
+            points = case.drawn(self.drawn, self.draw_seed) if self.drawn else case.grid()
+            seeds = case.seeds if self.seeds is None else list(range(1, self.seeds + 1))
+            changed = {name: [*self.sets, *sets] for name, sets in self.candidates.items()}
+            contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
+            for seed in seeds:
+                for point in points:
+                    for name, sets in changed.items():
+                        all_sets = [*case.sets(point), *sets]
+                        told = [base, contents[name], *all_sets, f"seed={seed}"]
+                        yield PlannedRun(
+                            _sha(told)[:ID_LENGTH],
+                            number,
+                            case.name,
+                            name,
+                            point,
+                            seed,
+                            case.scenario,
+                            all_sets,
+                        )
+                        number += 1
+
+    def check(self) -> None:
+        """Raise InputError where the scenario of the first point of a case cannot be read."""
+        for case in self.found:
+            for name, sets in self.candidates.items():
+                try:
+                    point = (case.drawn(1, self.draw_seed) if self.drawn else case.grid())[0]
+                    load_scenario(case.scenario, sets=[*case.sets(point), *self.sets, *sets])
+                except InputError as error:
+                    where = f"{case.name}, candidate {name}: {error.key}"
+                    raise InputError(where, error.value, error.expected, file=case.document.file) from error
+
+    def plain(self) -> dict[str, Any]:
+        """As it stands in plan.json, with the code that it was made with."""
+        return {"format": "swath test plan 1", "code": code_hash(), **asdict(self)}
+
+
+def plan_of(data: Mapping[str, Any]) -> Plan:
+    """The plan that `plain` gave. InputError where it was made with other code."""
+    if data.get("code") != code_hash():
+        expected = "expected results of this version of swath; `swath test report` still shows these"
+        raise InputError("plan.json", data.get("code"), expected)
+    keys = {k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed")}
+    return Plan(**keys, tags=tuple(data["tags"]), sets=tuple(data["sets"]))
+
+
+@cache
+def code_hash() -> str:
+    """SHA-256 of what this package consists of."""
+    root = Path(swath.__file__).parent
+    files = sorted(p for p in root.rglob("*") if p.suffix in CODE and "__pycache__" not in p.parts)
+    return _sha(f"{p.relative_to(root).as_posix()} {_file_hash(p)}" for p in files)
+
+
+def _base(case: Case) -> str:
+    """Hash of a case's scenario and of what it names."""
+    fixed = [f"{key}={json.dumps(value)}" for key, value in case.file.set.items()]
+    try:
+        scenario = load_scenario(case.scenario, sets=fixed)
+    except InputError as error:
+        raise InputError(
+            f"{case.name}: {error.key}", error.value, error.expected, file=case.document.file
+        ) from error
+    return _sha([code_hash(), json.dumps(_with_contents(scenario.plain()), sort_keys=True, default=str)])
+
+
+def _contents_of_sets(sets: Sequence[str]) -> str:
+    return _sha(_with_contents(parse_value(text.partition("=")[2], text)) for text in sets)
+
+
+def _with_contents(node: Any) -> Any:
+    """The data with a hash of the contents instead of the path of a file or folder (`file.py:Class` too)."""
+    if isinstance(node, Mapping):
+        return {str(key): _with_contents(value) for key, value in node.items()}
+    if isinstance(node, list | tuple):
+        return [_with_contents(value) for value in node]
+    if not isinstance(node, str | Path):
+        return node
+    text = str(node)
+    file, _, name = text.partition(":")
+    path = Path(file)
+    try:
+        there = bool(file) and ("/" in file or "." in file) and path.exists()
+    except (OSError, ValueError):
+        there = False
+    if not there:
+        return text
+    files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+    if path.suffix == ".py":  # a user's level may import what lies beside it
+        files = sorted(path.parent.glob("*.py"))
+    return [name, *(f"{p.name} {_file_hash(p)}" for p in files)]
+
+
+def _file_hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _sha(parts: Any) -> str:
+    whole = hashlib.sha256()
+    for part in parts:
+        text = part if isinstance(part, str) else json.dumps(part)
+        whole.update(f"{len(text)} {text}".encode())
+    return whole.hexdigest()

@@ -1,0 +1,133 @@
+"""A folder of a function test: plan, journals, table; runs are done, gone on with and judged."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
+from swath.tools.function_test.cells import Cell, cells_of, judged_again
+from swath.tools.function_test.journal import Journal, Result, finished, results_of, write_table
+from swath.tools.function_test.one_run import do_run
+from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
+from swath.tools.function_test.pool import Done, run_all
+
+PLAN, JOURNALS = "plan.json", "journal"
+
+
+@dataclass(frozen=True)
+class Session:
+    """A plan in its folder."""
+
+    folder: Path
+    plan: Plan
+
+    @property
+    def journals(self) -> Path:
+        """Folder of the journals."""
+        return self.folder / JOURNALS
+
+    def left(self) -> list[PlannedRun]:
+        """Runs that are in no journal, each once: two candidates may come to the same scenario."""
+        done = finished(self.journals)
+        left: dict[str, PlannedRun] = {run.id: run for run in self.plan.runs() if run.id not in done}
+        return list(left.values())
+
+    def do(self, workers: int, done: Done) -> None:
+        """Do what is left on worker processes; `done` is called with each result."""
+        run_all(self.left(), self.journals, workers, done)
+
+    def do_share(self, share: int, of: int, done: Done) -> None:
+        """Do what is left of one share of the plan (1..of), in this process."""
+        journal = Journal(self.journals, f"share-{share}-of-{of}")
+        for run in self.left():
+            if int(run.id, 16) % of == share - 1:
+                result = do_run(run)
+                journal.add(result)
+                done(result)
+        journal.close()
+
+    def results(self) -> list[Result]:
+        """Finished runs in the order of the plan."""
+        runs = list(self.plan.runs())
+        found = {r["id"]: r for r in results_of(self.journals, (run.id for run in runs))}
+        return [_as_planned(found[run.id], run) for run in runs if run.id in found]
+
+    def cells(self, *, again: bool = False) -> list[Cell]:
+        """Judged cells; again: against the limits that the cases have now."""
+        planned: dict[tuple[str, str], int] = {}
+        for run in self.plan.runs():
+            planned[run.case, run.candidate] = planned.get((run.case, run.candidate), 0) + 1
+        cases = {case.name: case for case in self.plan.found}
+        results = self.results()
+        if again:
+            results = [judged_again(result, cases[result["case"]]) for result in results]
+        return cells_of(self.plan.found, self.plan.candidates, planned, results)
+
+    def table(self) -> Path:
+        """Write results.parquet."""
+        return write_table(self.folder, self.results())
+
+    def run_of(self, name: str) -> tuple[PlannedRun, Result | None]:
+        """A run by its name or the beginning of it, with its result. InputError when there is none, or
+        several.
+        """
+        found = {run.id: run for run in self.plan.runs() if run.id.startswith(name)}
+        if len(found) != 1:
+            raise InputError(
+                "run", name, f"expected the name of one run of {self.folder}, {len(found)} begin with it"
+            )
+        run = next(iter(found.values()))
+        return run, next(iter(results_of(self.journals, [run.id])), None)
+
+
+def _as_planned(result: Result, run: PlannedRun) -> Result:
+    """A result under the case and candidate of a run: one with the same scenario may have been done."""
+    return {
+        **result,
+        "case": run.case,
+        "candidate": run.candidate,
+        "point": dict(run.point),
+        "seed": run.seed,
+    }
+
+
+def begin(folder: Path, plan: Plan) -> Session:
+    """A session in a new folder, or the one that is there with the same plan. InputError for another plan."""
+    file = folder / PLAN
+    text = json.dumps(plan.plain(), indent=2, sort_keys=True) + "\n"
+    if file.is_file() and file.read_text(encoding="utf-8") != text:
+        expected = (
+            "expected a new folder: in this one lie results of another plan, or of another version of swath"
+        )
+        raise InputError("--out", str(folder), expected)
+    if not file.is_file() and folder.is_dir() and any(folder.iterdir()):
+        raise InputError("--out", str(folder), "expected a new or empty folder, or one of a function test")
+    plan.check()
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(file, text)
+    return Session(folder, plan)
+
+
+def open_session(folder: Path, *, same_code: bool = True) -> Session:
+    """The session in a folder. InputError where there is none; same_code: or where it is of other code."""
+    file = folder / PLAN
+    try:
+        data: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        if same_code:
+            return Session(folder, plan_of(data))
+        return Session(folder, stored_plan(data))
+    except FileNotFoundError:
+        raise InputError(
+            "folder", str(folder), f"expected the folder of a function test, with {PLAN}"
+        ) from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(PLAN, None, f"expected a plan: {error}", file=file) from error
+
+
+def stored_plan(data: dict[str, Any]) -> Plan:
+    """The plan of a folder, whatever code it was made with."""
+    from swath.tools.function_test.plan import code_hash
+
+    return plan_of({**data, "code": code_hash()})

@@ -1,0 +1,191 @@
+"""Damage files for a while: every case is valid, or a short error, within its time and memory.
+
+    python -m tests.fuzz.run --minutes 60            # of every kind for as long
+    python -m tests.fuzz.run --kinds geotiff,isoxml --cases 500
+    python -m tests.fuzz.run --kinds geotiff --only 17   # one case again, with its traceback
+
+Cases run in a worker process with a limit on its memory; one that hangs or dies is replaced. A case is told
+by its kind and number; the same two give the same bytes. Exit code 1 where a case failed.
+"""
+
+import argparse
+import json
+import random
+import resource
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tests.fuzz.kinds import KINDS, repacked
+from tests.fuzz.mutate import mutated
+
+MEMORY_GB, CASE_S, LONGEST = 4, 60.0, 300
+BINARY = {".tif", ".gz", ".zip", ".npz", ".mcap", ".bag", ".db3", ".glb", ".fmu", ".ssp", ".bin", ".parquet"}
+PACKED = {".zip", ".npz", ".fmu", ".ssp"}
+
+
+class Seeds:
+    """Whole files by kind, made once. Each read of a whole file has to pass."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def of(self, kind: str) -> Path:
+        """The folder with the files of a kind."""
+        folder = self.folder / kind
+        if not folder.is_dir():
+            folder.mkdir()
+            KINDS[kind].make(folder)
+        return folder
+
+
+def damage(seed: Path, work: Path, kind: str, number: int) -> str:
+    """Put the files of a seed, one of them damaged, into a folder; says which."""
+    shutil.rmtree(work, ignore_errors=True)
+    shutil.copytree(seed, work)
+    rng = random.Random(f"{kind} {number}")
+    file = rng.choice(sorted(p for p in work.rglob("*") if p.is_file()))
+    data = file.read_bytes()
+    change = partial(mutated, rng=rng, text=file.suffix not in BINARY)
+    if file.suffix in PACKED and rng.random() < 0.7:
+        file.write_bytes(repacked(data, change, rng.choice))
+    else:
+        file.write_bytes(change(data))
+    return file.name
+
+
+def verdict(kind: str, work: Path) -> tuple[str, str]:
+    """(valid, refused or what went wrong; more about it) of reading a folder."""
+    from swath.core.errors import SwathError
+    from swath.scenario.section_reader import ScenarioError
+
+    try:
+        KINDS[kind].read(work)
+    except SwathError as error:
+        others = error.others if isinstance(error, ScenarioError) else ()
+        texts = [str(e) for e in (error, *others)]
+        long = [t for t in texts if len(t) > LONGEST or not t.isprintable()]
+        return ("long message", long[0][:2000]) if long else ("refused", texts[0])
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)
+        own = [f"{Path(f.filename).name}:{f.lineno}" for f in place if "swath" in f.filename]
+        return f"{type(error).__name__} at {own[-1] if own else '?'}", f"{str(error)[:300]} {own[-4:]}"
+    return "valid", ""
+
+
+def worker(folder: Path) -> None:
+    """Read `kind number` lines, answer each with a line of JSON."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_GB << 30, MEMORY_GB << 30))
+    warnings.simplefilter("ignore")
+    seeds, answer = Seeds(folder), sys.stdout
+    sys.stdout = sys.stderr
+    for line in sys.stdin:
+        kind, number = line.split()
+        work = folder / "work"
+        file = damage(seeds.of(kind), work, kind, int(number))
+        begin = time.monotonic()
+        said, more = verdict(kind, work)
+        spent = time.monotonic() - begin
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+        print(json.dumps([said, more, file, spent, peak]), file=answer, flush=True)
+
+
+class Worker:
+    """The worker process, begun again when it hangs or dies."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.process = folder, self._begin(folder)
+
+    def _begin(self, folder: Path) -> Any:
+        command = [sys.executable, "-m", "tests.fuzz.run", "--worker", str(folder)]
+        return subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+
+    def ask(self, kind: str, number: int) -> list[Any]:
+        """The answer to a case."""
+        self.process.stdin.write(f"{kind} {number}\n")
+        self.process.stdin.flush()
+        if not select.select([self.process.stdout], [], [], CASE_S)[0]:
+            self.close()
+            self.process = self._begin(self.folder)
+            return [f"hang of {CASE_S:.0f} s", "", "", CASE_S, 0]
+        line = self.process.stdout.readline()
+        if not line:
+            code = self.process.wait()
+            self.process = self._begin(self.folder)
+            return [f"died with {code}", "", "", 0.0, 0]
+        return list(json.loads(line))
+
+    def close(self) -> None:
+        """End the process."""
+        self.process.kill()
+        self.process.wait()
+        self.process.stdin.close()
+        self.process.stdout.close()
+
+
+def run(kinds: list[str], first: int, cases: int, seconds: float) -> tuple[Counter[str], list[str]]:
+    """Damage files, of every kind for as long; counts of what came out, and a line about each failure."""
+    counts: Counter[str] = Counter()
+    failures: list[str] = []
+    spent_in: Counter[str] = Counter()
+    done: Counter[str] = Counter()
+    slowest, peak, end = 0.0, 0, time.monotonic() + seconds
+    with tempfile.TemporaryDirectory() as folder:
+        asked = Worker(Path(folder))
+        try:
+            while (left := [k for k in kinds if done[k] < cases]) and time.monotonic() < end:
+                kind = min(left, key=lambda k: spent_in[k])
+                number = first + done[kind]
+                done[kind] += 1
+                said, more, file, spent, now = asked.ask(kind, number)
+                spent_in[kind] += round(1000 * spent) + 20
+                slowest, peak = max(slowest, spent), max(peak, now)
+                counts[said if said in ("valid", "refused") else "failed"] += 1
+                if said not in ("valid", "refused"):
+                    failures.append(f"{kind} {number} {file}: {said} {more}")
+                    print(failures[-1], flush=True)
+        finally:
+            asked.close()
+    counts["seconds of the slowest"], counts["MiB at most"] = round(slowest), peak
+    print("cases:", ", ".join(f"{kind} {count}" for kind, count in done.most_common()))
+    return counts, failures
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--cases", type=int, default=10**9, help="of each kind")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--only", type=int, help="this case of the kinds, with its traceback")
+    parser.add_argument("--worker", type=Path, help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    kinds = args.kinds.split(",")
+    if args.worker is not None:
+        worker(args.worker)
+        return 0
+    if args.only is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            for kind in kinds:
+                print(kind, damage(Seeds(Path(folder)).of(kind), Path(folder, "work"), kind, args.only))
+                KINDS[kind].read(Path(folder, "work"))
+        return 0
+    counts, failures = run(kinds, args.first, args.cases, 60.0 * args.minutes)
+    print(", ".join(f"{name} {count}" for name, count in sorted(counts.items())))
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+"""All evaluators together: which limits hold, who is shown what, and that it stays cheap."""
+
+from swath.judge.catalogue import load_evaluators
+from swath.judge.evaluation import Evaluation
+from swath.judge.evaluator import EvaluatorSetup, Event, Metric, is_shown
+from swath.judge.windows import EventFeed, Window
+from swath.scenario.resolved import Expectation
+from swath.scenario.sections import Limit
+from swath.signals import MachineState, Scan, SpeedCommand
+from tests.fake_run import ArcEdge, GridField, drive, machine
+
+
+class Classes:
+    """A catalogue of these evaluators alone."""
+
+    def __init__(self, *classes):
+        self.classes = classes
+
+    def maker_of(self, metric):
+        return next(c for c in self.classes for m in c.METRICS if m.name == metric)
+
+
+class Counting:
+    """Counts what it is shown, and brings a limit along."""
+
+    OF_FIELD = False
+    METRICS = (Metric("shown", "", "outputs shown", "Run"),)
+    LIMITS = {"shown": {"max": 0.0}}
+
+    def __init__(self, setup):
+        self.setup, self.count, self.asked = setup, 0, 0
+
+    def see(self, slot, t, outputs):
+        self.count += 1
+
+    def metrics(self):
+        return {"shown": float(self.count)}
+
+    def end_reason(self, t):
+        self.asked += 1
+        return ""
+
+
+class States(Counting):
+    SIGNALS = (MachineState,)
+    METRICS = (Metric("states", "", "machine states shown", "Run"),)
+    LIMITS = {"states": {"max": 0.0}}
+
+
+def judged(*classes, expect=(), names=("combine",)):
+    machines = {name: machine(name=name) for name in names}
+    setups = {name: EvaluatorSetup(GridField(ArcEdge()), machines, name) for name in names}
+    return Evaluation(Classes(*classes), setups, expect)
+
+
+def test_a_limit_that_is_brought_along_holds_for_each_machine_unless_that_one_has_its_own():
+    own = Expectation("combine", "shown", Limit(max=5.0))
+    other = Expectation("combine", "distance_m", Limit(max=5.0))
+    evaluation = judged(Counting, States, expect=[own, other], names=("combine", "cart"))
+    implied = [(e.subject, e.name, e.limit.max) for e in evaluation.expect[2:]]
+    assert implied == [("combine", "states", 0.0), ("cart", "shown", 0.0), ("cart", "states", 0.0)]
+    assert evaluation.expect[:2] == (own, other)
+
+
+def test_an_evaluator_is_shown_the_signals_it_names_and_without_names_all():
+    evaluation = judged(Counting, States)
+    drive([evaluation], GridField(ArcEdge()), seconds=1.0)
+    states, everything = evaluation.find("combine", States).count, evaluation.find("combine", Counting).count
+    assert states == 101
+    assert everything > 5 * states
+    evaluation("cart.speed", 0, {"command": SpeedCommand(0, 1.0)})
+    assert evaluation.find("combine", Counting).count == everything
+
+
+def test_the_end_is_asked_for_once():
+    evaluation = judged(Counting)
+    for t in range(5):
+        assert evaluation.end_reason(t) == ""
+    assert evaluation.find("combine", Counting).asked == 5
+
+
+class Watched(list):
+    """Counts how often an event is looked at."""
+
+    looked = 0
+
+    def __getitem__(self, index):
+        self.looked += 1
+        return super().__getitem__(index)
+
+
+class Noting:
+    EVENTS = ("gap", "other")
+
+    def __init__(self, events):
+        self._events = events
+
+    def events(self):
+        return self._events
+
+
+def event(t, end=None, kind="gap", machine="combine"):
+    return Event(t, kind, machine, 0.0, 0.0, 0.0, "", end)
+
+
+def test_events_that_were_told_are_not_looked_at_again():
+    """1000 gaps passed and 1000 looks: each gap is looked at once."""
+    events = Watched(event(t, t) for t in range(1000))
+    feed = EventFeed(Window(after="gap", to_m=1.0), [Noting(events)], "combine")
+    assert len(feed.fresh()) == 1000
+    for _ in range(1000):
+        assert feed.fresh() == []
+    assert events.looked == 1000
+
+
+def test_an_event_is_told_once_when_the_window_may_begin():
+    events = [event(1), event(2, 2, "other"), event(3, 3, machine="cart")]
+    after = EventFeed(Window(after="gap"), [Noting(events)], "combine")
+    before = EventFeed(Window(before="gap"), [Noting(events)], "field")
+    assert after.fresh() == []
+    assert [e.t for e in before.fresh()] == [1, 3]
+    events[0] = event(1, 5)
+    events.append(event(7, 7))
+    assert [e.t for e in after.fresh()] == [1, 7]
+    assert [e.t for e in before.fresh()] == [7]
+    assert after.fresh() == []
+
+
+def test_the_built_in_evaluators_say_what_they_want_to_see():
+    assert all(is_shown(c, c.SIGNALS) and not is_shown(c, [Scan]) for c in load_evaluators().classes)

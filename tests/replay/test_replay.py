@@ -1,0 +1,248 @@
+"""replay.html of a short run: what is in it, that it lies where the run was, that it loads nothing."""
+
+import base64
+import re
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from swath.commands.main import main
+from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.record.tracks import read_tracks
+from swath.replay.area import area_about
+from swath.replay.pack import packed, unpacked
+from swath.replay.writer import ReplayWriter, view
+from swath.runtime.hooks import RunHook
+from swath.runtime.job import run_job
+from swath.scenario.scenario import parse_scenario
+from tests.replay.browser import Browser, NoBrowser
+
+SCENARIO = """
+format: swath scenario 2
+name: short
+seed: 4
+run: {distance_m: 7, max_duration_s: 6}
+field:
+  terrain: {level: formula, slope_percent: 2}
+  stand: {level: uniform, stems_per_m2: 120}
+  edge: {shape: straight, heading_deg: 60}
+  obstacles: [{kind: post, x_m: -6, y_m: 12, name: pole}]
+machines:
+  combine:
+    motion: {start_speed_kmh: 7}
+    lidar: {sub_rays: 3, sector_deg: [-40, 40], step_deg: 1.0}
+"""
+
+
+class KeepWorld(RunHook):
+    """Keeps the world of a run."""
+
+    def begin(self, run):
+        self.world = run.world
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out, kept = tmp_path_factory.mktemp("runs") / "short", KeepWorld()
+    run_job(parse_scenario(SCENARIO), out, hooks=[kept, ReplayWriter()])
+    return out, kept.world
+
+
+def data_of(page: Path):
+    text = page.read_text(encoding="utf-8")
+    return unpacked(base64.b64decode(re.search(r'<script id="data"[^>]*>([^<]*)<', text).group(1)))
+
+
+def cells(values, arrays):
+    """World places of the cells' middles, and the time at which each is cut [s], inf = never."""
+    area = values["area"]
+    rows, columns = arrays["cut_when"].shape
+    size = area["tile"] / area["cells"]
+    u = area["first"][0] * area["tile"] + (np.arange(columns) + 0.5) * size
+    v = area["first"][1] * area["tile"] + ((np.arange(rows) + 0.5) * size)[:, None]
+    c, s = np.cos(area["yaw"]), np.sin(area["yaw"])
+    when = np.where(arrays["cut_when"] == 65535, np.inf, arrays["cut_when"] * area["unit_s"])
+    return c * u - s * v, s * u + c * v, when
+
+
+def test_the_cells_that_the_page_cuts_are_those_that_the_run_cut(finished):
+    out, world = finished
+    values, arrays = data_of(out / "replay.html")
+    x, y, when = cells(values, arrays)
+    shown = np.repeat(np.repeat(arrays["shown"] > 0, values["area"]["cells"], 0), values["area"]["cells"], 1)
+    stands = world.field.standing(x, y)
+    assert np.mean(stands[shown] == np.isinf(when)[shown]) > 0.999
+    assert 0.3 < np.mean(stands[shown]) < 0.9
+
+
+def test_a_cell_is_cut_when_the_knife_is_there(finished):
+    out, world = finished
+    x, y, when = cells(*data_of(out / "replay.html"))
+    tracks, sheet = read_tracks(out / "tracks.parquet"), world.leader.sheet
+    taken = (when > 0.5) & np.isfinite(when)
+    pose = [np.interp(when[taken], tracks["t_s"], tracks[name]) for name in ("x_m", "y_m", "yaw_rad")]
+    ahead = np.cos(pose[2]) * (x[taken] - pose[0]) + np.sin(pose[2]) * (y[taken] - pose[1])
+    assert np.abs(ahead - sheet.knife_x).max() < 0.08
+
+
+def test_places_are_those_of_the_tracks_to_a_millimetre(finished):
+    out, world = finished
+    values, arrays = data_of(out / "replay.html")
+    tracks, about = read_tracks(out / "tracks.parquet"), values["machines"][0]
+    own = dict(zip(about["columns"], arrays["track_0"], strict=True))
+    at = np.searchsorted(tracks["t_s"], own["t_s"] - 1e-4)
+    for name, shift in (("x_m", values["origin"][0]), ("y_m", values["origin"][1]), ("z_m", 0.0)):
+        assert np.abs(own[name] + shift - tracks[name][at]).max() < 1e-3
+    assert about["header"][1] == world.leader.sheet.knife_x
+    ground = world.field.ground_height(*world.field.maker.to_world(0.0, 0.0))
+    corner = -np.array(values["area"]["first"])
+    height = values["area"]["low"] + values["area"]["unit_m"] * arrays["heights"][corner[1], corner[0]]
+    assert height == pytest.approx(float(ground), abs=1e-3)
+
+
+def test_the_page_knows_scans_straw_obstacles_and_charts(finished):
+    values, arrays = data_of(finished[0] / "replay.html")
+    assert [s["slot"] for s in values["scanners"]] == ["lidar"]
+    assert len(arrays["scan_times_0"]) > 20
+    assert arrays["scan_starts_0"][-1] == len(arrays["scan_points_0"]) > 500
+    assert [t["name"] for t in values["things"]] == ["pole"]
+    assert {c["title"] for c in values["machines"][0]["charts"]} >= {"Edge", "Speed", "Crop"}
+    assert values["limits"][1] == 0
+
+
+def test_the_page_loads_nothing_and_runs_no_text(finished):
+    text = (finished[0] / "replay.html").read_text(encoding="utf-8")
+    plain = re.sub(r'(<script id="data"[^>]*>)[^<]*', r"\1", text)
+    assert "http:" not in plain
+    assert "https:" not in plain
+    assert not re.search(r"\bsrc\s*=|@import|url\(|\beval\b|new Function|import\(|\bfetch\(|XMLHttp", plain)
+    assert re.findall(r'href="([^"]*)"', plain) == ["data:,"]
+    assert len(text) < 8e6
+
+
+def test_the_same_bytes_again_from_the_folder(finished, tmp_path):
+    out = finished[0]
+    again = view(out, out=tmp_path / "again.html")
+    assert again.read_bytes() == (out / "replay.html").read_bytes()
+
+
+def test_without_a_recording_the_page_says_what_is_missing(finished, tmp_path, capsys):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in ("scenario.yaml", "summary.json", "tracks.parquet"):
+        (folder / name).write_bytes((finished[0] / name).read_bytes())
+    assert main(["view", str(folder)]) == 0
+    assert capsys.readouterr().out.strip() == str(folder / "replay.html")
+    values, _ = data_of(folder / "replay.html")
+    assert values["notes"] == ["nothing was recorded: scans and straw are missing"]
+    assert values["machines"][0]["charts"]
+    assert values["scanners"] == []
+
+
+def test_what_is_no_run_folder_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"expected a run folder, it has no scenario\.yaml"):
+        view(tmp_path)
+
+
+def test_arrays_come_back_as_they_were():
+    arrays = {
+        "a": np.arange(7, dtype=np.uint16),
+        "b": np.random.default_rng(1).normal(size=(3, 2)).astype("f4"),
+    }
+    values, back = unpacked(packed({"x": [1, "ä"]}, arrays))
+    assert values == {"x": [1, "ä"]}
+    assert all((back[k] == arrays[k]).all() and back[k].dtype == arrays[k].dtype for k in arrays)
+    with pytest.raises(TypeError, match="float64"):
+        packed({}, {"c": np.zeros(2)})
+
+
+def test_a_run_through_a_large_field_is_shown_as_far_as_fits():
+    way = np.stack([np.linspace(0.0, 40_000.0, 4001), np.linspace(0.0, 9000.0, 4001)], axis=1)
+    area = area_about(1.0, np.arange(4001.0), way)
+    assert area.until_s < 4000.0
+    assert np.prod(area.shape) <= 250_000
+    assert max(area.shape) * area.cells <= 4096
+
+
+SOON = """new Promise((done) => {
+  const before = swath.frames, look = () => (swath.frames > before ? done(true) : setTimeout(look, 10));
+  swath.app.touch();
+  look();
+})"""
+STEMS = """(() => {
+  const [left, right] = swath.header(0, %g), d = [left[1] - right[1], right[0] - left[0]];
+  const n = Math.hypot(...d);
+  const place = (s) => [0, 1].map((k) => (left[k] + right[k]) / 2 + s * d[k] / n);
+  const [ahead, behind] = [1.5, -1.5].map((s) => swath.stems(...place(s), 1, %g));
+  return { left, right, ahead, behind };
+})()"""
+
+
+@pytest.fixture(scope="module")
+def browser(finished):
+    try:
+        with Browser() as opened:
+            opened.open(finished[0] / "replay.html", "detail=0.1")
+            yield opened
+    except NoBrowser as error:
+        pytest.skip(str(error))
+
+
+def test_in_a_browser_stems_are_cut_behind_the_header_and_stand_ahead(finished, browser):
+    out, world = finished
+    told = browser.ask(STEMS % (3, 3))
+    assert told["ahead"]["cut"] == 0
+    assert told["ahead"]["standing"] > 150
+    assert told["behind"]["standing"] == 0
+    assert told["behind"]["cut"] > 150
+    values, tracks = data_of(out / "replay.html")[0], read_tracks(out / "tracks.parquet")
+    names = ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad")
+    x, y, z, *angles = (np.interp(3.0, tracks["t_s"], tracks[name]) for name in names)
+    pose = Pose.from_euler([x, y, z], *angles)
+    for side in ("left", "right"):
+        place = pose.apply([*world.leader.sheet.header_end(side), 0.0]) - values["origin"]
+        assert told[side] == pytest.approx(place, abs=1e-3)
+
+
+def test_in_a_browser_the_slider_and_the_keys_move_the_time(browser):
+    slider = "document.getElementById('time')"
+    browser.ask(f"({slider}.value = 2, {slider}.dispatchEvent(new Event('input')))")
+    assert browser.ask("swath.time") == 2.0
+    browser.ask("dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight' }))")
+    assert browser.ask("swath.time") == pytest.approx(2.2)
+    browser.ask("dispatchEvent(new KeyboardEvent('keydown', { key: '4' }))")
+    assert browser.ask("swath.app.cameras.name") == "above"
+    browser.ask(SOON)
+    assert browser.ask("document.getElementById('clock').textContent").startswith("2.2 s")
+    assert browser.ask("document.querySelectorAll('figure canvas').length") >= 3
+
+
+def test_in_a_browser_crop_becomes_stubble_and_back_to_the_pixel(browser):
+    browser.ask("(swath.seek(1.6), swath.camera(3))")
+    browser.ask(SOON)
+    browser.ask("swath.camera(4)")  # free, from where one is
+    seen = []
+    for time in (1.6, 3.4, 1.6):
+        browser.ask(f"swath.seek({time})")
+        browser.ask(SOON)
+        seen.append(imread(BytesIO(browser.picture())))
+    assert (seen[0] == seen[2]).all()
+    left, right = browser.ask("swath.header(0, 1.6)")
+    d = np.array([left[1] - right[1], right[0] - left[0]]) / np.hypot(left[0] - right[0], left[1] - right[1])
+    x, y = 0.5 * (np.array(left) + right)[:2] + 1.2 * d
+    u, v = browser.ask(f"swath.project({x}, {y}, {left[2]})")
+    box = browser.ask("(({ left, top, width, height }) => [left, top, width, height])"
+                      "(document.getElementById('view').getBoundingClientRect())")  # fmt: skip
+    row, column = round(box[1] + v * box[3]), round(box[0] + u * box[2])
+    patch = [image[row - 4 : row + 5, column - 4 : column + 5, :3].mean(axis=(0, 1)) for image in seen[:2]]
+    vivid = [(p.max() - p.min()) / p.max() for p in patch]
+    assert vivid[0] - vivid[1] > 0.15  # gold, then straw-coloured stubble
+
+
+def test_in_a_browser_nothing_is_asked_for_and_nothing_complains(finished, browser):
+    assert browser.told == []
+    assert [r for r in browser.requests if not r.startswith(("file:", "data:", "about:"))] == []

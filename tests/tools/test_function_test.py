@@ -1,0 +1,246 @@
+"""`swath test`: cases, plans, verdicts, workers that die, journals, judging again."""
+
+import json
+import os
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from swath.commands.main import main
+from swath.core.errors import InputError
+from swath.tools.function_test.case import find_cases, read_case
+from swath.tools.function_test.cells import cells_of, judged_again, margin
+from swath.tools.function_test.journal import Journal, finished, results_of, write_table
+from swath.tools.function_test.junit import write_junit
+from swath.tools.function_test.page import write_matrix
+from swath.tools.function_test.plan import Plan, plan_of
+from swath.tools.function_test.pool import run_all
+from swath.tools.function_test.session import begin, open_session
+from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
+from tests.tools.fake_work import fake_work
+
+CASE = """
+format: swath test case 1
+objective: drives
+source: estimated
+scenario: straight
+set: {run.distance_m: 6, combine.lidar.level: empirical}
+vary:
+  speed_kmh: {key: combine.speed.speed_kmh, at: [5, 8], range: [4, 12]}
+seeds: 2
+expect: {distance_m: {min: 6}}
+"""
+
+
+@pytest.fixture
+def case_file(tmp_path):
+    path = tmp_path / "drives.yaml"
+    path.write_text(CASE, encoding="utf-8")
+    return path
+
+
+def results(cell_runs, limit=None):
+    """Made results of a case: (value, point) each."""
+    metric = "distance_m"
+    entry = {"subject": "combine", "name": metric, "limit": limit or {"max": 1.0}}
+    return [
+        {
+            "id": f"{i:016x}", "case": "drives", "candidate": "base", "point": {"speed_kmh": speed},
+            "seed": 1, "verdict": "fail" if value > 1.0 else "pass", "reason": "", "metrics": {metric: value},
+            "expect": [{**entry, "value": value, "result": "fail" if value > 1.0 else "pass"}],
+            "incidents": [], "digest": "",
+        }
+        for i, (value, speed) in enumerate(cell_runs)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("passed", "count", "expected"),
+    [
+        (59, 59, SHOWN),
+        (58, 58, NOT_SHOWN),
+        (92, 93, SHOWN),
+        (91, 92, NOT_SHOWN),
+        (31, 50, BROKEN),
+        (0, 0, NOT_SHOWN),
+    ],
+)
+def test_a_complete_plan_is_judged_by_the_exact_interval(passed, count, expected):
+    """59 and 93 runs with no and one failure: the tables of Clopper and Pearson, and of Wilks."""
+    assert verdict(passed, count, 0.95, 0.95, is_complete=True) == expected
+    assert needed(0.95, 0.95) == 59
+    assert needed(0.99, 0.95) == 299
+
+
+def test_looking_early_claims_falsely_in_less_than_one_of_twenty():
+    """True rate on the edge of the claim, looked at after every run of 1000: Ville's inequality."""
+    rng = np.random.default_rng(3)
+    for is_for in (True, False):
+        false = 0
+        for _ in range(60):
+            passed = np.cumsum(rng.random(600) < 0.95)
+            looks = range(19, 600, 20)
+            false += any(log_capital(int(passed[n]), n + 1, 0.95, is_for=is_for) >= np.log(20) for n in looks)
+        assert false <= 8  # 5 % of 60 is 3; more than 8 has a chance of 0.003
+    assert verdict(66, 66, 0.95, 0.95, is_complete=False) == NOT_SHOWN
+    assert verdict(67, 67, 0.95, 0.95, is_complete=False) == SHOWN
+    assert verdict(20, 40, 0.95, 0.95, is_complete=False) == BROKEN
+
+
+def test_the_bundled_cases_can_be_read_and_their_scenarios_too():
+    cases = find_cases("catalogue")
+    assert len(cases) >= 5
+    Plan("catalogue", seeds=1).check()
+    for case in cases:
+        for name, varied in case.file.vary.items():
+            if varied.range is not None:
+                low, high = varied.range
+                assert all(low <= p[name] <= high for p in case.drawn(5, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("seeds: 2", "seeds: 0", "seeds = 0: expected >= 1"),
+        ("range: [4, 12]", "range: [12, 4]", "expected two numbers, the lower one first"),
+        ("objective: drives", "objektive: drives", "did you mean 'objective'"),
+        (
+            "source: estimated",
+            "source: estimated\nknown: [{why: x, at: {speed: 5}}]",
+            "expected a parameter of vary",
+        ),
+        ("swath test case 1", "swath test case 9", "expected `swath test case 1`"),
+    ],
+)
+def test_a_bad_case_is_refused_with_its_place(case_file, old, new, expected):
+    case_file.write_text(CASE.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError) as found:
+        read_case(case_file)
+    assert expected in str(found.value)
+    assert "drives.yaml" in str(found.value)
+
+
+def test_a_run_is_named_by_all_that_it_depends_on(case_file, tmp_path):
+    plan = Plan(str(case_file))
+    names = [run.id for run in plan.runs()]
+    assert len(set(names)) == 4
+    assert names == [run.id for run in Plan(str(case_file)).runs()]
+    detector = tmp_path / "mine.py"
+    detector.write_text("x = 1\n", encoding="utf-8")
+    sets = {"mine": [f'combine.edge.level="{detector}:Mine"']}
+    before = [run.id for run in Plan(str(case_file), candidates=sets).runs()]
+    detector.write_text("x = 2\n", encoding="utf-8")
+    assert not set(before) & {run.id for run in Plan(str(case_file), candidates=sets).runs()}
+    drawn = [run.point for run in Plan(str(case_file), drawn=5).runs()]
+    assert drawn[::1][:3] == [run.point for run in Plan(str(case_file), drawn=3).runs()][:3]
+
+
+def test_a_run_that_kills_its_worker_is_named_and_costs_no_other(case_file, tmp_path, monkeypatch):
+    runs = list(Plan(str(case_file), seeds=6).runs())
+    monkeypatch.setenv("FAKE_WORK_KILLS", runs[3].id)
+    done = []
+    run_all(runs, tmp_path / "journal", 2, done.append, work=fake_work)
+    assert sorted(r["id"] for r in done) == sorted(r.id for r in runs)
+    (error,) = [r for r in done if r["verdict"] == "error"]
+    assert error["id"] == runs[3].id
+    assert "ended its process 2 times" in error["reason"]
+    assert finished(tmp_path / "journal") == {r.id for r in runs}
+
+
+def test_the_table_has_the_same_bytes_however_the_work_was_split(tmp_path):
+    rows = results([(0.5, 5), (2.0, 8), (0.7, 5)])
+    written = []
+    for number, order in enumerate(([0, 1, 2], [2, 0, 1])):
+        folder = tmp_path / str(number)
+        for place, index in enumerate(order):
+            journal = Journal(folder / "journal", f"w{place % (number + 1)}")
+            journal.add({**rows[index], "cpu_s": float(place)})
+            journal.close()
+        with (folder / "journal" / "w0.jsonl").open("ab") as file:
+            file.write(b'{"id": "torn')  # by a kill
+        found = results_of(folder / "journal", [row["id"] for row in rows])
+        written.append(write_table(folder, found).read_bytes())
+        journal = Journal(folder / "journal", "w0")
+        journal.add({**rows[0], "id": "f" * 16})
+        journal.close()
+        assert "f" * 16 in finished(folder / "journal")  # not glued to the torn line
+    assert written[0] == written[1]
+    table = pq.read_table(tmp_path / "0" / "results.parquet")
+    assert table.column("metric.distance_m").to_pylist() == [0.5, 2.0, 0.7]
+
+
+def test_known_failures_do_not_count_and_are_told_when_they_pass(case_file):
+    case_file.write_text(CASE + "known: [{why: too fast, at: {speed_kmh: 8}}]\n", encoding="utf-8")
+    case = read_case(case_file)
+    cells = cells_of(
+        [case], ["base"], {("drives", "base"): 4}, results([(0.5, 5), (2.0, 8), (0.3, 8), (2.0, 5)])
+    )
+    (cell,) = cells
+    assert [r["metrics"]["distance_m"] for r in cell.surprises] == [0.3]
+    assert [r["point"]["speed_kmh"] for r in cell.failed] == [5]
+    assert cell.text.startswith("1 of 2 passed")
+
+
+def test_stored_results_are_judged_against_new_limits(case_file):
+    result = results([(0.5, 5)], limit={"max": 1.0})[0]
+    case_file.write_text(CASE.replace("{distance_m: {min: 6}}", "{distance_m: {max: 0.4}}"), encoding="utf-8")
+    again = judged_again(result, read_case(case_file))
+    assert (again["verdict"], again["expect"][0]["limit"]) == ("fail", {"max": 0.4})
+    assert "0.5 is more than 0.4" in again["reason"]
+    assert margin(result) == pytest.approx(0.5)
+    assert margin(again) == pytest.approx(-0.25)
+
+
+def test_means_are_shown_broken_or_neither(case_file):
+    for bound, expected in ((1.0, SHOWN), (0.1, BROKEN), (0.505, NOT_SHOWN)):
+        case_file.write_text(CASE + f"mean: {{distance_m: {{max: {bound}}}}}\n", encoding="utf-8")
+        runs = results([(0.4 + 0.002 * i, 5) for i in range(100)])
+        (cell,) = cells_of([read_case(case_file)], ["base"], {("drives", "base"): 100}, runs)
+        assert cell.verdict == expected, bound
+        assert cell.means[0].startswith("distance_m: mean 0.499")
+
+
+def test_runs_are_done_gone_on_with_and_made_again(case_file, tmp_path, capsys):
+    out = tmp_path / "out"
+    argv = ["test", "run", str(case_file), "--out", str(out), "--seeds", "1", "--draw", "1", "--workers", "1"]
+    assert main(argv) == 3  # a run passes, which shows little
+    text = capsys.readouterr().out
+    assert "1 of 1 passed, shows >= 5 %; 59 without a failure are needed for 95 %" in text
+    table = (out / "results.parquet").read_bytes()
+    lines = sum(p.read_bytes().count(b"\n") for p in (out / "journal").iterdir())
+    assert main(argv) == 3  # nothing is left to do
+    assert (out / "results.parquet").read_bytes() == table
+    assert sum(p.read_bytes().count(b"\n") for p in (out / "journal").iterdir()) == lines == 1
+    assert len(ET.parse(out / "junit.xml").findall(".//testcase")) == 2
+    assert main([*argv[:5], "--seeds", "2"]) == 2
+    assert "results of another plan" in capsys.readouterr().err
+    name = pq.read_table(out / "results.parquet").column("id").to_pylist()[0]
+    assert main(["test", "again", str(out), name[:6]]) == 0
+    assert "the same digest as in the test" in capsys.readouterr().out
+    assert (out / "kept" / name / "report.html").is_file()
+
+
+def test_shares_of_a_plan_come_to_the_whole(case_file, tmp_path, monkeypatch):
+    session = begin(tmp_path / "out", Plan(str(case_file), seeds=3))
+    monkeypatch.setattr("swath.tools.function_test.session.do_run", fake_work)
+    for share in (1, 2, 3):
+        open_session(tmp_path / "out").do_share(share, 3, lambda result: None)
+    assert session.left() == []
+    assert [r["id"] for r in session.results()] == [r.id for r in session.plan.runs()]
+    data = json.loads((tmp_path / "out" / "plan.json").read_text(encoding="utf-8"))
+    with pytest.raises(InputError, match="this version of swath"):
+        plan_of({**data, "code": "other"})
+
+
+def test_the_page_and_the_junit_file_name_what_failed(case_file, tmp_path):
+    runs = results([(0.5, 5), (2.0, 8)])
+    runs[1]["reason"] = "combine.distance_m: 2 is more than <1>"
+    cells = cells_of([read_case(case_file)], ["base"], {("drives", "base"): 2}, runs)
+    page = write_matrix(tmp_path / "report.html", cells).read_text(encoding="utf-8")
+    assert page.count("<circle") == 2
+    assert "2 is more than &lt;1&gt;" in page
+    assert os.path.getsize(write_junit(tmp_path / "junit.xml", cells)) > 100
+    (failure,) = ET.parse(tmp_path / "junit.xml").findall(".//failure")
+    assert failure.get("message") == "combine.distance_m: 2 is more than <1>"
