@@ -6,6 +6,7 @@ A part's name is that of its material, else of its object. An OBJ file's materia
 
 import io
 import json
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -136,8 +137,8 @@ def _check_accessors(path: Path) -> None:
     if data[:4] == b"glTF":
         data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
     counts = [int(accessor["count"]) for accessor in json.loads(data).get("accessors", [])]
-    if sum(counts) > NUMBERS_MAX or min(counts, default=0) < 0:
-        raise _bad(f"expected at most {NUMBERS_MAX} corners and indices, it declares {sum(counts)}")
+    if (total := math.fsum(counts)) > NUMBERS_MAX or min(counts, default=0) < 0:
+        raise _bad(f"expected at most {NUMBERS_MAX} corners and indices, it declares {total:g}")
 
 
 def _own_materials(text: str) -> tuple[str, str]:

@@ -72,7 +72,7 @@ def check_room(scenario: Scenario, machine: Machine, field: Field) -> None:
     if isinstance(start, StartPose) or not machine.cuts:
         return
     begin, distance = start.along_edge_m, scenario.run.distance_m
-    room = edge.length - begin - LOOK_AHEAD_M
+    room = edge.length - (0.0 if edge.is_closed else begin) - LOOK_AHEAD_M
     if distance > room:
         expected = f"expected at most {max(room, 0.0):.0f} m, the edge ends there"
         raise InputError("run.distance_m", distance, expected)

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from swath.control.edge.height_step import Rays, Step
+from swath.control.edge.height_step import Rays
 from swath.core.component import KeepsState
 from swath.core.portable import exp, geomspace, log
 from swath.signals import F64
@@ -71,11 +71,10 @@ class CanopyOffset(KeepsState):
             self._heights *= keep
             self._since += distance
 
-    def add(self, step: Step, lateral: float, height: float) -> None:
-        """Count the rays of a scan that shows the edge `lateral` the line [m]; crop height [m]."""
+    def add(self, rays: Rays, lateral: float, height: float) -> None:
+        """Count rays that show the edge `lateral` the line [m]; crop height [m]."""
         if self._memory <= 0.0 or abs(lateral) > CLOSE:
             return
-        rays = step.rays
         place = rays.at(0.5 * (rays.limit + rays.top))
         within = rays.height[(place > INSIDE[0]) & (place < INSIDE[1])]
         layer = np.clip(within / LAYER, 0.0, len(self._heights) - 1).astype(np.int64)

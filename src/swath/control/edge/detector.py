@@ -123,7 +123,7 @@ class EdgeDetector(KeepsState):
         if found is not None:
             self._remember_heights(found)
             if line is not None:
-                self._canopy_offset.add(found, found.u - float(line.at(found.x)), self._crop)
+                self._canopy_offset.add(found.rays, found.u - float(line.at(found.x)), self._crop)
 
     def _look(self, profile: Profile) -> Step | None:
         """The step of a profile without what hangs above the crop: dust near the scanner.
