@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 
 from swath.control.edge.profile import Reach, make_profile
 from swath.core.component import Outputs
+from swath.field.present_edge import STEP_M, crop_across, edges_of
 from swath.runtime.loop import drive
 from swath.runtime.world import assemble
 from swath.scenario.scenario import load_scenario
@@ -36,8 +37,9 @@ def profile_figure() -> None:
     profile = make_profile(scan, machine.mountings["lidar"], 1.0, 1.94, 0.0, Reach())
     near = np.abs(profile.u - edge.offset) < 3.0
     x, y, z = profile.x[near], profile.u[near], profile.z[near]
-    ends = state.pose.apply([[edge.reference_x, edge.offset + 2, 0], [edge.reference_x, edge.offset - 2, 0]])
-    true_y = edge.offset + 2 - world.field.edge_offset(ends[0, :2], ends[1, :2])
+    begin = edge.offset + 2.0
+    line = crop_across(world.field, state.pose, np.array([edge.reference_x]), begin, begin - 4.0)
+    true_y = begin - STEP_M * edges_of(line)[0][0]
     rows = machine.parts["edge"]._track._rows
     used = rows[rows[:, 5] > 0]
 

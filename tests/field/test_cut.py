@@ -177,28 +177,6 @@ def test_tiny_polygons_cut_nothing_or_one_cell():
     assert field.cut(around + np.array([x, y]), 0.15).area == pytest.approx(cell**2)
 
 
-def test_the_edge_is_found_where_it_is():
-    field = made_field(edge=StraightEdge(x_m=1.234, heading_deg=90.0, crop_begins_m=None))
-    along = np.linspace(-30.0, 30.0, 40)
-    found = [field.edge_offset([-3.0, y], [6.0, y + 1.0]) for y in along]
-    slanted = np.hypot(9.0, 1.0) / 9.0 * 4.234
-    assert np.abs(np.array(found) - slanted).max() < 0.02
-    assert abs(np.mean(found) - slanted) < 0.004
-    assert np.isnan(field.edge_offset([-9.0, 0.0], [0.0, 0.0]))
-    assert np.isnan(field.edge_offset([3.0, 0.0], [9.0, 0.0]))
-    assert np.isnan(field.edge_offset([6.0, 0.0], [-3.0, 0.0]))  # crop first: no such edge
-    with pytest.raises(InputError):
-        field.edge_offset([np.nan, 0.0], [1.0, 0.0])
-
-
-def test_the_edge_moves_with_the_cut_and_ignores_small_islands():
-    field = made_field()
-    field.cut(rectangle(-1.0, -20.0, 7.5, 20.0), 0.15)
-    assert field.edge_offset([5.0, 0.0], [10.0, 0.0]) == pytest.approx(2.5, abs=0.016)
-    field.cut(rectangle(8.0, -1.0, 8.2, 1.0), 0.15)
-    assert field.edge_offset([5.0, 0.0], [10.0, 0.0]) == pytest.approx(2.5, abs=0.016)
-
-
 def drive(field, start, stop):
     """Steps of a header of 6 m along x = 0, with straw behind; what was cut."""
     cuts = []

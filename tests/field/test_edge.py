@@ -46,6 +46,34 @@ def brute_force(shape, x, y, step=0.01):
     return result if shape.crop_side == "left" else -result
 
 
+SQUARE = [[0.0, 0.0], [0.0, 60.0], [60.0, 60.0], [60.0, 0.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize(("points_m", "side"), [(SQUARE, "right"), (SQUARE[::-1], "left")])
+def test_a_closed_edge_has_its_crop_inside_alone(points_m, side):
+    """Nowhere beyond a corner does it go straight on."""
+    shape = EdgeShape(polyline(points_m), side)
+    x, y = points(3000, low=-400.0, high=400.0)
+    inside = (x > 0.0) & (x < 60.0) & (y > 0.0) & (y < 60.0)
+    distance = shape.signed_distance(x, y)
+    assert ((distance > 0.0) == inside).all()
+    nearest = Region(SQUARE).distance(x, y)
+    np.testing.assert_allclose(np.abs(distance), nearest, atol=1e-9)
+    few = shape.signed_distance(x[:5], y[:5])
+    np.testing.assert_allclose(few, distance[:5], atol=1e-12)
+
+
+def test_a_closed_edge_goes_round():
+    shape = EdgeShape(polyline(SQUARE), "right")
+    assert shape.is_closed
+    assert shape.length == 240.0
+    np.testing.assert_allclose(shape.point_at([-10.0, 250.0]), [[10.0, 0.0], [0.0, 10.0]], atol=1e-12)
+    s, _ = shape.project([-500.0, 30.0, 500.0], [30.0, -500.0, 700.0])
+    assert (s >= 0.0).all()
+    assert (s <= 240.0).all()
+    assert not EdgeShape(polyline(SQUARE[:-1]), "right").is_closed
+
+
 @pytest.mark.parametrize(
     "pieces",
     [

@@ -1,5 +1,7 @@
 """The evaluators against a run whose every error is prescribed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,21 @@ def test_prescribed_errors_are_measured_with_their_sign(side, radius):
     assert m["edge_rmse_m"] < 0.05
     assert m["detection_availability"] == 1.0
     assert set(m) <= set(load_evaluators().metrics)
+
+
+def test_errors_have_one_sign_everywhere():
+    """Towards the standing crop is positive: in the table of signs, the definitions, metrics and columns."""
+    docs = Path(__file__).parents[2] / "docs"
+    signs = (docs / "nomenclature.md").read_text(encoding="utf-8").partition("## Signs")[2]
+    (row,) = [line for line in signs.splitlines() if "lateral error" in line]
+    definition = (docs / "metrics.md").read_text(encoding="utf-8").partition("**Sign.**")[2]
+    said = [row, definition.replace("\n", " ").partition(" and negative")[0]]
+    metrics = load_evaluators().metrics
+    said += [metrics[name].meaning for name in ("lateral_bias_m", "edge_bias_m")]
+    said += [c.meaning for c in judged()[1].columns("combine") if c.name == "lateral_error_m"]
+    assert len(said) == 5
+    assert all("towards the standing crop" in text for text in said)
+    assert not any("cut side" in text for text in said)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -89,7 +89,11 @@ class CurveEdge(EdgeCommon):
 
 @dataclass(frozen=True, kw_only=True)
 class PolylineEdge(EdgeCommon):
-    """Lines between points_m, corners rounded to corner_radius_m as far as the lines are long enough."""
+    """Lines between points_m, corners rounded to corner_radius_m as far as the lines are long enough.
+
+    With the last point on the first one the edge is closed, around a block or an island; the corner there
+    stays sharp.
+    """
 
     shape: Literal["polyline"] = "polyline"
     points_m: Annotated[tuple[tuple[Metres, Metres], ...], MinLen(2)]

@@ -1,5 +1,6 @@
 """The field: the one truth that every sensor looks at and every header cuts."""
 
+from math import fsum
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,6 @@ from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
 FAR = 1e6  # places beyond this are refused [m]
-EDGE_REACH = 1e4  # longest line that is searched for an edge [m]
 
 
 class Field:
@@ -172,25 +172,6 @@ class Field:
             code[dense] = p.cut[row[dense], v[dense], u[dense]]
         return np.asarray((code == STANDING) & (p.tile_stand[slot, v // 64, u // 64, 3] > 0.0))
 
-    def edge_offset(self, start: Any, end: Any) -> float:
-        """Distance [m] from start towards end at which ground without crop turns into standing crop.
-
-        The split that agrees with most of the samples, less than 1 cm apart; nan when the segment has no
-        standing crop, no other ground, or when no split agrees with more of them than not.
-        """
-        a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-        length = float(np.hypot(*(b - a)))
-        if not length <= EDGE_REACH:
-            raise InputError("edge_offset", (start, end), f"expected two points within {EDGE_REACH:g} m")
-        count = int(np.ceil(length / 0.01)) + 1
-        at = (np.arange(count) + 0.5) / count
-        crop = self.standing(a[0] + (b[0] - a[0]) * at, a[1] + (b[1] - a[1]) * at)
-        if crop.all() or not crop.any():
-            return float("nan")
-        agree = np.concatenate([[0], np.cumsum(np.where(crop, -1, 1))]) + np.count_nonzero(crop)
-        best = int(np.argmax(agree))
-        return best / count * length if 0 < best < count else float("nan")
-
     def deposit_straw(self, polygon: Any, mass_kg: float, *, heading: float | None = None) -> None:
         """Lay straw on the ground within a convex polygon (n, 2) [m].
 
@@ -222,7 +203,7 @@ class Field:
     @property
     def straw_kg(self) -> float:
         """Mass of all straw laid on the field [kg]."""
-        return sum(float(m.sum()) for m in self.store.all_straw().values())
+        return fsum(float(m.sum()) for m in self.store.all_straw().values())
 
     def recount(self) -> Cut:
         """What is missing now against the start, stem by stem from the codes alone."""

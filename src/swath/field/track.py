@@ -1,17 +1,19 @@
 """Geometry of the crop edge: a track of straight lines and arcs with crop on one side.
 
-Beyond its two ends the track goes straight on for ever, so that it parts the world. s [m] runs along the
-track from its start; offsets are > 0 on the crop side in `signed_distance` and > 0 to the left in `project`.
+Beyond its two ends the track goes straight on for ever, so that it parts the world; one that ends where it
+starts is closed and has an inside and an outside. s [m] runs along the track from its start; offsets are > 0
+on the crop side in `signed_distance` and > 0 to the left in `project`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf, pi, tan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.errors import InputError
 from swath.core.frames import wrap_angle
 
@@ -67,13 +69,16 @@ class Piece:
         r = 1.0 / self.curvature
         cx, cy = dx + r * s, dy - r * c  # from the centre of the arc
         middle = 0.5 * self.length * self.curvature
-        turned = np.arctan2(cy, cx) - np.arctan2(-r * c, r * s)
+        turned = portable.arctan2(cy, cx) - portable.arctan2(-r * c, r * s)
         angle = middle + wrap_angle(turned - middle)
         return angle * r, np.sign(r) * (abs(r) - np.hypot(cx, cy))
 
 
 class EdgeShape:
-    """The nominal edge. crop_side: `left` or `right` of the track as it is driven."""
+    """The nominal edge. crop_side: `left` or `right` of the track as it is driven.
+
+    is_closed: it ends where it starts; s then runs from 0 to the length, and on round and round
+    """
 
     def __init__(self, pieces: Sequence[Piece], crop_side: str) -> None:
         if not pieces:
@@ -81,11 +86,12 @@ class EdgeShape:
         if crop_side not in ("left", "right"):
             raise InputError("field.edge.crop_side", crop_side, "expected left or right")
         self.crop_side = crop_side
-        self.pieces = _linked(pieces)
+        self.is_closed = _is_closed(pieces)
+        self.pieces = _linked(pieces, is_closed=self.is_closed)
         self.length: float = self.pieces[-1].s + self.pieces[-1].length
         self._starts = np.array([p.s for p in self.pieces])
-        self._sides = _extended(self.pieces, self.length)
-        self._ends = self._sides[0], self._sides[-1]
+        self._sides = self.pieces if self.is_closed else _extended(self.pieces, self.length)
+        self._ends = [] if self.is_closed else [self._sides[0], self._sides[-1]]
         self._middles = np.array([[float(v) for v in p.at(0.5 * p.length)[:2]] for p in self.pieces])
         self._halves = np.array([0.5 * p.length for p in self.pieces])
 
@@ -119,6 +125,7 @@ class EdgeShape:
 
     def _at(self, s: Any) -> tuple[Array, Array, Array]:
         s = np.asarray(s, dtype=float)
+        s = s % self.length if self.is_closed else s
         inside = np.clip(s, 0.0, self.length)
         index = self._index(inside)
         x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
@@ -138,8 +145,10 @@ class EdgeShape:
         reach = float(np.hypot(x.max() - cx, y.max() - cy))
         middle = np.hypot(self._middles[:, 0] - cx, self._middles[:, 1] - cy)
         ends = [abs(float(p.project(cx, cy)[1])) for p in self._ends]
-        limit = min(*ends, float(middle.min())) + 2.0 * reach + 1e-9
+        limit = min([*ends, float(middle.min())]) + 2.0 * reach + 1e-9
         near = [self.pieces[i] for i in np.flatnonzero(middle - self._halves <= limit)]
+        if self.is_closed:
+            return near
         lead, tail = (side if end <= limit else None for side, end in zip(self._ends, ends, strict=True))
         return [p for p in (lead, *near, tail) if p is not None]
 
@@ -167,12 +176,12 @@ def polyline(points: Any, corner_radius: float = 0.0, *, key: str = "field.edge.
     """Lines between points (n, 2) [m]; corners rounded to the radius, or less where the lines are short."""
     p = _checked(points, key)
     step = np.diff(p, axis=0)
-    length, heading = np.hypot(step[:, 0], step[:, 1]), np.arctan2(step[:, 1], step[:, 0])
+    length, heading = np.hypot(step[:, 0], step[:, 1]), portable.arctan2(step[:, 1], step[:, 0])
     turn = np.asarray(wrap_angle(np.diff(heading)))
     if np.any(np.abs(turn) > pi - 1e-3):
         raise InputError(key, None, "expected a track that does not turn back on itself")
     half = np.minimum(length[:-1], length[1:]) / 2.0
-    trim = np.minimum(corner_radius * np.tan(np.abs(turn) / 2.0), half)
+    trim = np.minimum(corner_radius * portable.tan(np.abs(turn) / 2.0), half)
     trim = np.concatenate([[0.0], trim, [0.0]])
     pieces: list[Piece] = []
     for i in range(len(length)):
@@ -182,7 +191,7 @@ def polyline(points: Any, corner_radius: float = 0.0, *, key: str = "field.edge.
         if run > 1e-9:
             pieces.append(Piece(float(start[0]), float(start[1]), float(heading[i]), run))
         if trim[i + 1] > 1e-9:
-            radius = trim[i + 1] / np.tan(abs(turn[i]) / 2.0)
+            radius = trim[i + 1] / tan(abs(turn[i]) / 2.0)
             at = p[i + 1] - trim[i + 1] * np.array([c, s])
             k = float(np.sign(turn[i]) / radius)
             pieces.append(
@@ -211,13 +220,19 @@ def _checked(points: Any, key: str) -> Array:
     return np.asarray(p)
 
 
-def _linked(pieces: Sequence[Piece]) -> list[Piece]:
+def _is_closed(pieces: Sequence[Piece]) -> bool:
+    """Whether a track ends where it starts."""
+    x, y, _ = pieces[-1].at(pieces[-1].length)
+    return len(pieces) > 1 and bool(np.hypot(x - pieces[0].x, y - pieces[0].y) < 1e-6)
+
+
+def _linked(pieces: Sequence[Piece], *, is_closed: bool) -> list[Piece]:
     """Pieces with their s and with the headings that decide sides at joints."""
     ends = [p.heading + p.curvature * p.length for p in pieces]
     linked, s = [], 0.0
     for i, p in enumerate(pieces):
-        before = ends[i - 1] if i > 0 else p.heading
-        after = pieces[i + 1].heading if i + 1 < len(pieces) else ends[i]
+        before = ends[i - 1] if i > 0 or is_closed else p.heading
+        after = pieces[(i + 1) % len(pieces)].heading if i + 1 < len(pieces) or is_closed else ends[i]
         turn_in = p.heading - 0.5 * float(wrap_angle(p.heading - before))
         turn_out = ends[i] + 0.5 * float(wrap_angle(after - ends[i]))
         linked.append(Piece(p.x, p.y, p.heading, p.length, p.curvature, s, turn_in, turn_out))

@@ -12,7 +12,7 @@ from swath.signals import F64, CropFlow, MachineState, Signal
 
 GROUP = "Harvest"
 BESIDE_M = 2.0  # the field without a boundary ends this far on the cut side of the edge
-STEP_M = 0.2  # driven between two looks
+STEP_M = 0.5  # driven between two looks
 
 
 class LeftField:
@@ -38,7 +38,8 @@ class LeftField:
         self._end = HeaderPath(setup.machine).end
         (x, left), (_, right) = (setup.machine.geometry.header_end(side) for side in ("left", "right"))
         self._knife = np.array([[x, left, 0.0], [x, 0.5 * (left + right), 0.0], [x, right, 0.0]])
-        self._looked_at = -STEP_M
+        self._looked_at, self._next = 0.0, 0.0
+        self._side, self._end_row = (1.0, 0) if setup.machine.edge_side == "left" else (-1.0, 2)
         self._has_header = self._was_inside = self._is_beyond = False
         self._open: int | None = None  # index of the event that lasts
         self._events: list[Event] = []
@@ -49,16 +50,15 @@ class LeftField:
         for signal in outputs.values():
             if isinstance(signal, CropFlow):
                 self._has_header = True
-            elif isinstance(signal, MachineState) and signal.distance - self._looked_at >= STEP_M:
-                if self._has_header:
-                    self._look(signal)
-                self._looked_at = signal.distance
+            elif isinstance(signal, MachineState) and signal.distance >= self._next and self._has_header:
+                self._look(signal)
+                self._looked_at, self._next = signal.distance, signal.distance + STEP_M
 
     def metrics(self) -> dict[str, float]:
         """Of the whole way; nothing of a machine without a header."""
         if not self._has_header:
             return {}
-        left = sum(e.kind == "left_the_field" for e in self._events)
+        left = len([e for e in self._events if e.kind == "left_the_field"])
         return {"left_the_field_count": float(left), "left_the_field_m": self._way}
 
     @property
@@ -74,7 +74,9 @@ class LeftField:
         if self._open is not None:
             self._way += state.distance - self._looked_at
         x, y, _ = state.pose.apply(self._knife).T
-        why = self._why_outside(x, y)
+        along, left = self.setup.edge.project(x, y)
+        inside = float((-self._side * left).max())
+        why = self._why_outside(x, y, inside)
         if not why:
             self._was_inside = True
             if self._open is not None:
@@ -82,18 +84,17 @@ class LeftField:
         elif self._was_inside and self._open is None:
             self._open = len(self._events)
             self._note(state, "left_the_field", f"left the field, {why}", end_t=None)
-        end_x, end_y, _ = state.pose.apply(self._end)
-        is_beyond = bool(self.setup.edge.project(end_x, end_y)[0] > self.setup.edge.length)
+        is_beyond = bool(along[self._end_row] > self.setup.edge.length)
         if is_beyond and not self._is_beyond and self._was_inside:
             self._note(state, "edge_end", "passed the end of its edge", end_t=state.t)
         self._is_beyond = is_beyond
 
-    def _why_outside(self, x: F64, y: F64) -> str:
-        """Why no part of the knife is in the field, "" where one is."""
+    def _why_outside(self, x: F64, y: F64, inside: float) -> str:
+        """Why no part of the knife is in the field, "" where one is. inside: of its innermost part [m]"""
         field = self.setup.field
         if why := field.why_outside(x, y):
             return why
-        if field.boundary is None and (self.setup.edge.signed_distance(x, y) < -BESIDE_M).all():
+        if field.boundary is None and inside < -BESIDE_M:
             return f"more than {BESIDE_M:g} m beside its edge"
         return ""
 
