@@ -82,7 +82,7 @@ class TruthEdge(KeepsState):
         return bend, slope, offset
 
     def _follow(self, state: MachineState) -> tuple[F64, F64]:
-        """x and y [m] of the edge on the lines from the first one that shows it, as far as it goes on, (n,)."""
+        """x and y (n,) [m] of the edge on the lines from the first that shows it, as far as it goes on."""
         begin = self._end_y + self._out * self._half
         crop = crop_across(
             self._setup.field, state.pose, self._x, begin, self._end_y - self._out * self._half
