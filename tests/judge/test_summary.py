@@ -48,15 +48,14 @@ def test_several_machines_have_their_own_metrics_and_limits():
     limits = {"combine.grain_cut_kg": {"min": 1}, "cart.grain_cut_kg": {"min": 1}}
     summary = make("combine", "cart", **limits)
     assert summary["machines"]["combine"]["grain_cut_kg"] > 1.0
-    assert summary["machines"]["cart"] == {"contact_count": 0.0, "distance_m": 0.0}
+    assert summary["machines"]["cart"] == {"contact_count": 0.0, "rollover_count": 0.0, "distance_m": 0.0}
     assert summary["field"] == {"mass_balance_error": summary["mass_balance_error"]}
     assert "lateral_rms_m" not in summary
-    grain, contact = summary["expect"][:2], summary["expect"][2:]
+    grain, implied = summary["expect"][:2], summary["expect"][2:]
     assert [(e["subject"], e["result"]) for e in grain] == [("combine", "pass"), ("cart", "fail")]
-    assert [(e["subject"], e["name"]) for e in contact] == [
-        ("combine", "contact_count"),
-        ("cart", "contact_count"),
-    ]
+    assert {(e["subject"], e["name"]) for e in implied} == {
+        (subject, name) for subject in ("combine", "cart") for name in ("contact_count", "rollover_count")
+    }
 
 
 def test_missing_numbers_are_null_and_fail(tmp_path):
@@ -70,4 +69,6 @@ def test_missing_numbers_are_null_and_fail(tmp_path):
 
 
 def test_versions_name_what_results_depend_on():
-    assert {"swath", "numpy", "python", "platform"} <= set(versions())
+    found = versions()
+    assert {"swath", "numpy", "python", "platform", "c_library", "processor"} <= set(found)
+    assert all(found.values())

@@ -14,12 +14,15 @@ from tests.machine.machine_fakes import STREAM, drive, site, slope
 pytest.importorskip("mujoco", reason="needs the extra `multibody`")
 SHEET = load_machine("lexion-700")
 G = 9.81
+SOFT = 0.08  # rolling resistance over load on soft stubble: the drag of the wheels turns the machine, too
 
 
 def motion_at(level, speed, grain=0.0, ground=None):
     """A level of motion, rolling straight on at a speed [m/s], with grain [kg] in the tank."""
     own = level == "multibody"  # it has a tank of its own
     params = {"start_speed_kmh": speed * 3.6} | ({"grain_kg": grain} if own else {})
+    if level != "kinematic":
+        params["rolling_resistance"] = SOFT
     motion = make("motion", level, site(ground, SHEET if own else with_grain(SHEET, grain)), **params)
     motion.reset(STREAM)
     return motion

@@ -269,3 +269,17 @@ def test_axle_loads_add_up_and_follow_the_grade(pitch_grade):
     normal = D.mass * G * math.cos(math.atan(pitch_grade))
     assert front + rear == pytest.approx(normal)
     assert rear == pytest.approx(normal * (A + D.cg_height * pitch_grade) / L)
+
+
+@pytest.mark.parametrize(
+    ("speed", "expected"), [(1.0, (35, 47, 57)), (2.0, (10, 22, 34)), (2.8, (1, 10, 21)), (5.0, (0, 0, 3))]
+)
+def test_the_yaw_overshoot_at_half_and_twice_the_estimated_relaxation(speed, expected):
+    """Percent over the settled yaw rate after a step of 3 deg: the table of docs/motion.md."""
+    for scale, percent in zip((0.5, 1.0, 2.0), expected, strict=True):
+        front, rear = (replace(axle, relaxation=scale * axle.relaxation) for axle in (D.front, D.rear))
+        machine = replace(SHEET, dynamics=replace(D, front=front, rear=rear))
+        motion = make(machine=machine, start_speed_kmh=3.6 * speed)
+        rates = [s.yaw_rate for s in run(motion, 24.0 / speed, steer=math.radians(3.0), speed=speed)]
+        settled = float(np.mean(rates[-len(rates) // 4 :]))
+        assert 100.0 * (max(rates) / settled - 1.0) == pytest.approx(percent, abs=1.0)

@@ -14,6 +14,7 @@ from swath.record.read.feed import exact_samples, exact_topic, own_outputs
 from swath.record.read.mcap_log import McapLog
 from swath.record.recorder import Recorder
 from swath.record.samples import is_recordable, signal_type, unpack
+from swath.record.templates import Draft
 from swath.signals import F64, Scan, ScanTruth, Signal
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
@@ -89,7 +90,7 @@ def run(tmp_path_factory):
     whole = McapFile.write
 
     def write(self, topic, t, message, **more):
-        written.append((topic, t, message))
+        written.append((topic, t, message.build() if isinstance(message, Draft) else message))
         whole(self, topic, t, message, **more)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -1,9 +1,7 @@
 """replay.html of a short run: what is in it, that it lies where the run was, that it loads nothing."""
 
-import base64
 import re
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +12,15 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.record.tracks import read_tracks
 from swath.replay.area import area_about
+from swath.replay.charts import events_of, worst_moments
 from swath.replay.pack import packed, unpacked
+from swath.replay.things import things_of
 from swath.replay.writer import ReplayWriter, view
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
 from tests.replay.browser import Browser, NoBrowser
+from tests.replay.page_data import data_of
 
 SCENARIO = """
 format: swath scenario 2
@@ -50,11 +51,6 @@ def finished(tmp_path_factory):
     out, kept = tmp_path_factory.mktemp("runs") / "short", KeepWorld()
     run_job(parse_scenario(SCENARIO), out, hooks=[kept, ReplayWriter()])
     return out, kept.world
-
-
-def data_of(page: Path):
-    text = page.read_text(encoding="utf-8")
-    return unpacked(base64.b64decode(re.search(r'<script id="data"[^>]*>([^<]*)<', text).group(1)))
 
 
 def cells(values, arrays):
@@ -112,6 +108,53 @@ def test_the_page_knows_scans_straw_obstacles_and_charts(finished):
     assert [t["name"] for t in values["things"]] == ["pole"]
     assert {c["title"] for c in values["machines"][0]["charts"]} >= {"Edge", "Speed", "Crop"}
     assert values["limits"][1] == 0
+
+
+def test_obstacles_that_came_and_went_have_their_times(finished):
+    world = finished[1]
+    put = {"t_s": 1.5, "set": "obstacles.hare", "value": "{kind: stone, x_m: 3, y_m: 4}"}
+    events = [
+        put,
+        {"t_s": 2.0, "set": "obstacles.0", "value": None},
+        {"t_s": 2.5, "set": "obstacles.hare", "value": None},
+    ]
+    things, _, left_out = things_of(world, events, np.zeros(3))
+    assert [(t["name"], t["kind"], t["from"], t["to"]) for t in things] == [
+        ("pole", "post", 0.0, 2.0),
+        ("hare", "ellipsoid", 1.5, 2.5),
+    ]
+    assert things[1]["centre"][:2] == [3.0, 4.0]
+    assert left_out == ""
+
+
+def test_marks_and_worst_moments():
+    n = 101
+    columns = {
+        "t_s": np.linspace(0, 10, n),
+        "distance_m": np.linspace(0, 30, n),
+        "engine_load": np.full(n, 0.4),
+    }
+    columns["lateral_error_m"] = np.where(columns["t_s"] == 7.0, -0.2, 0.05)
+    assert worst_moments("a", columns, cuts=True) == [
+        {"t_s": 7.0, "machine": "a", "text": "header end \u221220.0 cm off"}
+    ]
+    assert worst_moments("a", columns, cuts=False) == []
+    entry = {
+        "subject": "a",
+        "name": "lateral_error_m",
+        "result": "fail",
+        "limit": {"min": -0.1},
+        "reason": "why",
+    }
+    gap = {"t_s": 3.0, "end_t_s": None, "kind": "gap", "machine": "a", "text": "wide"}
+    change = {"t_s": 1.0, "set": "a.speed.speed_kmh", "value": 5}
+    found = events_of({"incidents": [gap], "expect": [entry], "events": [change]}, {"a": columns})
+    assert [(e["t_s"], e["end_s"], e["kind"]) for e in found] == [
+        (1.0, 1.0, "change"),
+        (3.0, None, "gap"),
+        (7.0, 7.0, "limit"),
+    ]
+    assert found[2]["text"] == "limit lateral_error_m fails: why"
 
 
 def test_the_page_loads_nothing_and_runs_no_text(finished):

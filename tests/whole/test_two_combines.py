@@ -7,11 +7,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from swath.record.digest import Digest
+from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
+from tests.replay.page_data import data_of
 
 CHEAP = [f"{name}.lidar.{key}" for name in ("west", "east") for key in ("sub_rays=1", "step_deg=2")]
 SHORT = ["run.distance_m=11", "east.speed.speed_kmh=7", *CHEAP]
@@ -24,7 +26,7 @@ def two_combines(*sets):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "two"
-    return run_job(two_combines(), out, hooks=[ReportWriter()])
+    return run_job(two_combines(), out, hooks=[ReportWriter(), ReplayWriter()])
 
 
 def test_what_left_the_field_is_in_both_machines(finished):
@@ -36,6 +38,22 @@ def test_what_left_the_field_is_in_both_machines(finished):
     assert east["area_cut_m2"] == pytest.approx(5.0 * 11, rel=0.1)
     assert "area_cut_m2" not in tractor
     assert tractor["distance_m"] > 8
+
+
+def test_the_replay_shows_all_machines_and_both_scanners(finished):
+    values, arrays = data_of(finished.folder / "replay.html")
+    assert [(m["name"], m["cuts"]) for m in values["machines"]] == [
+        ("west", True),
+        ("east", True),
+        ("tractor", False),
+    ]
+    assert [(s["machine"], s["slot"]) for s in values["scanners"]] == [(0, "lidar"), (1, "lidar")]
+    assert [s["machine"] for s in values["straw"]] == [0, 1]
+    assert "tractor: the trailer is not drawn, no part of the run moves it" in values["notes"]
+    taken = (arrays["cut_when"] > 0) & (arrays["cut_when"] < 65535)
+    area = float(taken.sum()) * (values["area"]["tile"] / values["area"]["cells"]) ** 2
+    west, east = (finished.summary["machines"][name]["area_cut_m2"] for name in ("west", "east"))
+    assert area == pytest.approx(west + east, rel=0.01)
 
 
 def test_limits_and_metrics_belong_to_a_machine_or_the_field(finished):

@@ -5,7 +5,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
@@ -19,6 +19,7 @@ from swath.link.can import command as can
 from swath.link.fmi import command as fmu
 from swath.link.osi import command as osi
 from swath.link.ros2 import command as ros2
+from swath.link.ros2.middleware import networked
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
 from swath.tools.function_test import command as function_test
@@ -149,7 +150,11 @@ def _dispatch(argv: list[str]) -> int:
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
         raise UsageError(f"{argv[0]}: no such command, {hint}")
     args = parser.parse_args(argv)
-    with only_code(()) if vars(args).get("no_code") else nullcontext():
+    with ExitStack() as held:
+        if vars(args).get("no_code"):
+            held.enter_context(only_code(()))
+        if vars(args).get("ros2_network"):
+            held.enter_context(networked())
         code: int = args.run(args)
     return code
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_scenario_options, load
+from swath.terminal.options import add_ros2_network, add_scenario_options, load
 
 
 def add(parsers: Any) -> None:
@@ -24,6 +24,7 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
     )
+    add_ros2_network(parser)
     parser.add_argument("--paused", action="store_true", help="with --ros2: wait at the start for ~/pause")
     parser.add_argument(
         "--events",

@@ -7,11 +7,13 @@ and r about y and z. What the pull has to undo again and again is the gyroscopes
 """
 
 from collections.abc import Sequence
+from math import hypot
 
 import numpy as np
 
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.signals import F64, Inertial
 
@@ -46,13 +48,13 @@ class Inclination(KeepsState):
         if not good:
             return
         rate, force = (
-            self._turn @ part for part in np.mean([_values(s) for s in good], axis=0).reshape(2, 3)
+            product(self._turn, part) for part in np.mean([_values(s) for s in good], axis=0).reshape(2, 3)
         )
         seconds = min(max((good[-1].t - self._t) / NS, 0.0), 1.0)
         forward = (speed - self._speed) / seconds if self.is_known and seconds > 0.0 else 0.0
         rate = rate - self._bias
         force = force - np.array([forward, speed * rate[2], -speed * rate[1]])
-        size = float(np.linalg.norm(force))
+        size = hypot(*force)
         self._t, self._speed = good[-1].t, speed
         if size < LEAST_FORCE:
             return
@@ -63,7 +65,7 @@ class Inclination(KeepsState):
         up = self.up - seconds * np.cross(rate, self.up)
         self._bias = self._bias + pull / BIAS_S * np.cross(up, force / size)
         up = up + pull * (force / size - up)
-        self.up = up / float(np.linalg.norm(up))
+        self.up = up / hypot(*up)
 
     @property
     def rise(self) -> tuple[float, float]:

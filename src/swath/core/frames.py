@@ -5,13 +5,14 @@ World: ENU (x east, y north, z up). Bodies: ISO 8855 (x forward, y left, z up). 
 of frame b to frame a. Its `position` is b's origin seen from a.
 """
 
-from math import cos, sin
+from math import asin, atan2, cos, sin
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.frozen import frozen
+from swath.core.portable import product
 
 Array = NDArray[np.float64]
 
@@ -34,37 +35,39 @@ class Pose:
         return Pose(np.asarray(position, dtype=float), rotation_matrix(roll, pitch, yaw))
 
     def __matmul__(self, other: "Pose") -> "Pose":
-        return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
+        return Pose(
+            self.position + product(self.rotation, other.position), product(self.rotation, other.rotation)
+        )
 
     def inverse(self) -> "Pose":
         """The transform the other way round."""
         back = self.rotation.T
-        return Pose(-(back @ self.position), back)
+        return Pose(-product(back, self.position), back)
 
     def apply(self, points: Any) -> Array:
         """Points [m], shape (..., 3), of the inner frame in the outer frame."""
-        return np.asarray(points, dtype=float) @ self.rotation.T + self.position
+        return self.turn(points) + self.position
 
     def turn(self, directions: Any) -> Array:
         """Directions, shape (..., 3), of the inner frame in the outer frame."""
-        return np.asarray(directions, dtype=float) @ self.rotation.T
+        return np.asarray(product(np.asarray(directions, dtype=float), self.rotation.T))
 
     def euler(self) -> tuple[float, float, float]:
         """(roll, pitch, yaw) [rad]."""
         r = self.rotation
-        pitch = float(-np.arcsin(np.clip(r[2, 0], -1.0, 1.0)))
-        return float(np.arctan2(r[2, 1], r[2, 2])), pitch, float(np.arctan2(r[1, 0], r[0, 0]))
+        pitch = -asin(min(max(r[2, 0], -1.0), 1.0))
+        return atan2(r[2, 1], r[2, 2]), pitch, atan2(r[1, 0], r[0, 0])
 
     def quaternion(self) -> tuple[float, float, float, float]:
         """(x, y, z, w), the order of ROS messages."""
         roll, pitch, yaw = (0.5 * a for a in self.euler())
-        cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-        cy, sy = np.cos(yaw), np.sin(yaw)
+        cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
+        cy, sy = cos(yaw), sin(yaw)
         return (
-            float(sr * cp * cy - cr * sp * sy),
-            float(cr * sp * cy + sr * cp * sy),
-            float(cr * cp * sy - sr * sp * cy),
-            float(cr * cp * cy + sr * sp * sy),
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
         )
 
 
@@ -79,6 +82,18 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:
             [-sp, cp * sr, cp * cr],
         ]
     )
+
+
+def rotation_matrices(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """Rotations, shape (n, 3, 3), from angles [rad], shape (n,) each."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def wrap_angle(angle: Any) -> Any:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.field.convex import Box, Convex, Ellipsoid, Triangle, Vector, distance
 from swath.field.memory_layout import SolidMesh, Solids
 
@@ -35,7 +36,7 @@ class Parts:
 
     def moved(self, pose: Pose) -> "Parts":
         """Parts of an inner frame in the outer frame of a pose."""
-        return replace(self, centre=pose.apply(self.centre), axes=pose.rotation @ self.axes)
+        return replace(self, centre=pose.apply(self.centre), axes=product(pose.rotation, self.axes))
 
 
 @dataclass(frozen=True)
@@ -160,16 +161,16 @@ def _distance_of_mesh(a: _Piece, mesh: SolidMesh, b: _Piece, limit: float) -> tu
     surface = _surface(mesh)
     best, point = max(limit, 1e-6), _vector(a.centre)
     chunks = _beyond_box(a, b, surface.chunk_centre) - surface.chunk_radius
-    for chunk in np.argsort(chunks).tolist():
+    for chunk in np.argsort(chunks, kind="stable").tolist():
         if chunks[chunk] >= best:
             break
         rows = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
         corners = surface.corners[rows]
         bound = _beyond_box(a, b, surface.centre[rows]) - surface.radius[rows]
-        for k in np.argsort(bound).tolist():
+        for k in np.argsort(bound, kind="stable").tolist():
             if bound[k] >= best:
                 break
-            gap, where = _distance(_triangle(corners[k] @ a.axes.T + a.centre), b, best)
+            gap, where = _distance(_triangle(product(corners[k], a.axes.T) + a.centre), b, best)
             if gap < best:
                 best, point = gap, where
             if best <= 0.0:
@@ -185,7 +186,7 @@ def _triangle(corners: Array) -> _Piece:
 
 def _beyond_box(a: _Piece, b: _Piece, points: Array) -> Array:
     """Distance of points of a's frame (n, 3) from the box around b [m]."""
-    seen = (points @ a.axes.T + a.centre - b.centre) @ b.axes
+    seen = product(product(points, a.axes.T) + a.centre - b.centre, b.axes)
     return np.asarray(np.linalg.norm(np.maximum(np.abs(seen) - b.half, 0.0), axis=1))
 
 
@@ -207,7 +208,8 @@ def _surface(mesh: SolidMesh) -> _Surface:
     low, high = middle.min(axis=0), middle.max(axis=0)
     cell = (1023 * (middle - low) / np.maximum(high - low, 1e-9)).astype(np.int64)
     bits = (cell[:, :, None] >> np.arange(10)) & 1  # along a curve that fills space (Morton order)
-    corners = corners[np.argsort((bits << (3 * np.arange(10) + np.arange(3)[:, None])).sum(axis=(1, 2)))]
+    place = (bits << (3 * np.arange(10) + np.arange(3)[:, None])).sum(axis=(1, 2))
+    corners = corners[np.argsort(place, kind="stable")]
     centre = corners.mean(axis=1)
     radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
     starts = range(0, len(corners), CHUNK)

@@ -6,7 +6,7 @@ pairs that are near each other this is quicker than arrays.
 """
 
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import fsum, hypot, sqrt
 from typing import Protocol
 
 Vector = tuple[float, float, float]
@@ -58,7 +58,7 @@ class Ellipsoid:
         """The point whose normal is d."""
         x, y, z = self.centre
         along = [_dot(side, d) for side in self.sides]
-        size = sqrt(sum(v * v for v in along)) or 1.0
+        size = sqrt(fsum(v * v for v in along)) or 1.0
         for (a, b, c), v in zip(self.sides, along, strict=True):
             x, y, z = x + a * v / size, y + b * v / size, z + c * v / size
         return x, y, z

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.errors import InputError
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex
 from swath.field.height_bounds import stem_reach
@@ -112,7 +113,7 @@ class Cutter:
     @staticmethod
     def _sums(masses: Array, power: float) -> tuple[float, float, float]:
         above, straw, grain, left = masses
-        return float(grain.sum()), float((straw * above**power).sum()), float(left.sum())
+        return float(grain.sum()), float((straw * portable.power(above, power)).sum()), float(left.sum())
 
     def _refresh(self) -> None:
         """The launch with the pools as they are now."""

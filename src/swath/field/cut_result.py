@@ -7,11 +7,13 @@ of overlapping cuts, and can be recounted from the codes.
 
 from dataclasses import dataclass
 from itertools import pairwise
+from math import fsum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.errors import InputError
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, Organ, PlantLibrary
 
@@ -79,7 +81,8 @@ class StemIndex:
         cut_height = 0.01 * code.astype(np.float64)
         scale = stand[:, 0]
         length = np.sqrt(scale**2 + stand[:, 1] ** 2 + stand[:, 2] ** 2)
-        above = np.clip(1.0 - cut_height / (self.height[stem] * scale), 0.0, 1.0) ** self.straw_exponent
+        above = np.clip(1.0 - cut_height / (self.height[stem] * scale), 0.0, 1.0)
+        above = portable.power(above, self.straw_exponent)
         straw = np.where(is_cut, self.library.straw_kg[stem] * length * above, 0.0)
         grain = np.where(is_cut, self.library.grain_kg[stem], 0.0)
         is_high = self.ear_height[stem] * scale > cut_height
@@ -119,7 +122,7 @@ def check_polygon(polygon: Any, key: str = "polygon") -> Array:
     tolerance = 1e-9 * max(1.0, *(x * x for e in edge for x in e))
     if min(cross) < -tolerance and max(cross) > tolerance:
         raise InputError(key, polygon, "expected a convex polygon, the corners in order")
-    return p[::-1] if sum(cross) < 0.0 else p
+    return p[::-1] if fsum(cross) < 0.0 else p
 
 
 def cells_inside(polygon: Array) -> tuple[Ints, Ints]:

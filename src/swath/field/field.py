@@ -1,5 +1,6 @@
 """The field: the one truth that every sensor looks at and every header cuts."""
 
+from math import fsum
 from typing import Any
 
 import numpy as np
@@ -202,7 +203,7 @@ class Field:
     @property
     def straw_kg(self) -> float:
         """Mass of all straw laid on the field [kg]."""
-        return sum(float(m.sum()) for m in self.store.all_straw().values())
+        return fsum(float(m.sum()) for m in self.store.all_straw().values())
 
     def recount(self) -> Cut:
         """What is missing now against the start, stem by stem from the codes alone."""

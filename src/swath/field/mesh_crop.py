@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from swath.core.portable import product
 from swath.core.units import CM
 from swath.documents.data_sheets import Sheet
 from swath.documents.hints import near_miss
@@ -139,7 +140,7 @@ def _placed(
             reflectance.append(np.full(len(part.corners), facts.reflectance))
     if not corners:
         raise sheet.document.error(("parts",), None, f"expected an organ for some part of {path.name}")
-    points = np.concatenate(corners) @ UP[section.up or file_up(path)].T
+    points = product(np.concatenate(corners), UP[section.up or file_up(path)].T)
     if section.foot == "base":
         points = points - base_middle(points)
     height = float(points[..., 2].max())

@@ -6,6 +6,7 @@ A part's name is that of its material, else of its object. An OBJ file's materia
 
 import io
 import json
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, MissingExtra
+from swath.core.portable import product
 from swath.core.units import CM, MM
 from swath.documents.packed import readable
 
@@ -95,7 +97,7 @@ def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
         total += len(faces)
         if total > TRIANGLES_MAX:
             raise _bad(f"expected at most {TRIANGLES_MAX} triangles, it has more")
-        points = np.asarray(geometry.vertices, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
+        points = product(np.asarray(geometry.vertices, dtype=float), matrix[:3, :3].T) + matrix[:3, 3]
         material = getattr(getattr(geometry.visual, "material", None), "name", None)
         names = tuple(dict.fromkeys(str(n) for n in (material, name, node) if n))
         found.setdefault(names, []).append(points[faces])
@@ -135,8 +137,8 @@ def _check_accessors(path: Path) -> None:
     if data[:4] == b"glTF":
         data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
     counts = [int(accessor["count"]) for accessor in json.loads(data).get("accessors", [])]
-    if sum(counts) > NUMBERS_MAX or min(counts, default=0) < 0:
-        raise _bad(f"expected at most {NUMBERS_MAX} corners and indices, it declares {sum(counts)}")
+    if (total := math.fsum(counts)) > NUMBERS_MAX or min(counts, default=0) < 0:
+        raise _bad(f"expected at most {NUMBERS_MAX} corners and indices, it declares {total:g}")
 
 
 def _own_materials(text: str) -> tuple[str, str]:

@@ -63,7 +63,7 @@ def make_library(
     count = per_tile * tile_count
     rng = seed.child("plants").at()
     xy = _places(crop, tile_count, per_tile, size, row_spacing, rng)
-    order = np.argsort(rng.random((tile_count, per_tile)), axis=1)
+    order = np.argsort(rng.random((tile_count, per_tile)), axis=1, kind="stable")
     rank = ((order + rng.random((tile_count, 1))) / per_tile).ravel()
     leaf_parts = leaf_parts_of(crop, detail)
     how = Drawing(leaves=leaves, ears=ears, upright=upright, leaf_parts=leaf_parts)
@@ -173,7 +173,7 @@ def _places(
         jitter = crop.stand.sowing_jitter * rng.random((tile_count, plants))
         slot = (np.arange(plants) + jitter) / plants * rows  # along all rows, even
         row, along = np.floor(slot), slot % 1.0
-        member = _plant_of(np.argsort(rng.random(shape), axis=1), per_tile, plants)
+        member = _plant_of(np.argsort(rng.random(shape), axis=1, kind="stable"), per_tile, plants)
         foot = np.stack([along * size, (row + 0.5) * row_spacing], axis=-1)
         xy = np.take_along_axis(foot, member[..., None], axis=1)
         xy = xy + crop.stand.tiller_spread * np.clip(rng.standard_normal((*shape, 2)), -3.0, 3.0)

@@ -12,6 +12,7 @@ from pydantic import Field as PydanticField
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose, rotation_matrix
+from swath.core.portable import product
 from swath.core.units import DEG
 from swath.field.memory_layout import SolidMesh, Solids
 from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
@@ -193,7 +194,7 @@ def mesh(corners: Any, pose: Pose, reflectance: float = PAINT) -> Solids:
 def _mesh_obstacle(o: MeshObstacle, ground: Array, key: str) -> Solids:
     path = Path(o.file)
     parts = read_mesh(path, key=key)
-    corners = np.concatenate([p.corners for p in parts]) @ UP[o.up or file_up(path)].T
+    corners = product(np.concatenate([p.corners for p in parts]), UP[o.up or file_up(path)].T)
     corners = corners * (UNITS[o.unit] * o.scale)
     if o.foot == "base":
         corners = corners - base_middle(corners)
@@ -250,4 +251,4 @@ def moved(solids: Solids, pose: Pose) -> Solids:
     places = ("box_centre", "capsule_a", "capsule_b", "ellipsoid_centre", "mesh_centre")
     axes = ("box_axes", "ellipsoid_axes", "mesh_axes")
     there: dict[str, Any] = {name: pose.apply(getattr(solids, name)) for name in places}
-    return replace(solids, **there | {name: pose.rotation @ getattr(solids, name) for name in axes})
+    return replace(solids, **there | {name: product(pose.rotation, getattr(solids, name)) for name in axes})

@@ -6,7 +6,7 @@ that rays see is float32 and written to every page that shows the node.
 
 from functools import lru_cache
 from itertools import pairwise
-from math import ceil, cos, sin, sqrt
+from math import ceil, cos, hypot, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ def _points(polygon: Array) -> tuple[Array, Array]:
     a = polygon[0]
     for b, d in pairwise(polygon[1:]):
         e, f = b - a, d - a
-        longest = max(sqrt(float(side @ side)) for side in (e, f, f - e))
+        longest = max(hypot(*side) for side in (e, f, f - e))
         n = max(ceil(longest / SPACING), 1)
         part = _parts(n)
         places.append(a + e * part[:, :1] + f * part[:, 1:])

@@ -7,12 +7,13 @@ on the crop side in `signed_distance` and > 0 to the left in `project`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf, pi, tan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.errors import InputError
 from swath.core.frames import wrap_angle
 
@@ -68,7 +69,7 @@ class Piece:
         r = 1.0 / self.curvature
         cx, cy = dx + r * s, dy - r * c  # from the centre of the arc
         middle = 0.5 * self.length * self.curvature
-        turned = np.arctan2(cy, cx) - np.arctan2(-r * c, r * s)
+        turned = portable.arctan2(cy, cx) - portable.arctan2(-r * c, r * s)
         angle = middle + wrap_angle(turned - middle)
         return angle * r, np.sign(r) * (abs(r) - np.hypot(cx, cy))
 
@@ -175,12 +176,12 @@ def polyline(points: Any, corner_radius: float = 0.0, *, key: str = "field.edge.
     """Lines between points (n, 2) [m]; corners rounded to the radius, or less where the lines are short."""
     p = _checked(points, key)
     step = np.diff(p, axis=0)
-    length, heading = np.hypot(step[:, 0], step[:, 1]), np.arctan2(step[:, 1], step[:, 0])
+    length, heading = np.hypot(step[:, 0], step[:, 1]), portable.arctan2(step[:, 1], step[:, 0])
     turn = np.asarray(wrap_angle(np.diff(heading)))
     if np.any(np.abs(turn) > pi - 1e-3):
         raise InputError(key, None, "expected a track that does not turn back on itself")
     half = np.minimum(length[:-1], length[1:]) / 2.0
-    trim = np.minimum(corner_radius * np.tan(np.abs(turn) / 2.0), half)
+    trim = np.minimum(corner_radius * portable.tan(np.abs(turn) / 2.0), half)
     trim = np.concatenate([[0.0], trim, [0.0]])
     pieces: list[Piece] = []
     for i in range(len(length)):
@@ -190,7 +191,7 @@ def polyline(points: Any, corner_radius: float = 0.0, *, key: str = "field.edge.
         if run > 1e-9:
             pieces.append(Piece(float(start[0]), float(start[1]), float(heading[i]), run))
         if trim[i + 1] > 1e-9:
-            radius = trim[i + 1] / np.tan(abs(turn[i]) / 2.0)
+            radius = trim[i + 1] / tan(abs(turn[i]) / 2.0)
             at = p[i + 1] - trim[i + 1] * np.array([c, s])
             k = float(np.sign(turn[i]) / radius)
             pieces.append(

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.random import Stream
 
 Array = NDArray[np.float64]
@@ -88,7 +89,7 @@ def make_roughness(gd_n0: float, waviness: float, stream: Stream) -> Waves:
     """Isotropic roughness whose profiles follow ISO 8608. gd_n0: Gd(0.1 cycles/m) [m3]; waviness w > 0."""
     correction = sqrt(pi) * gamma(0.5 * (waviness + 1.0)) / gamma(0.5 * waviness)
     low, high = ROUGHNESS_BAND
-    edges = np.geomspace(low, high, WAVE_COUNT + 1)
+    edges = portable.geomspace(low, high, WAVE_COUNT + 1)
     variance = _power_integral(edges, -waviness)
     top = edges[:-1] >= 3.0
     variance[top] *= 1.0 + _missing(waviness, high) / variance[top].sum()
@@ -102,7 +103,7 @@ def make_random_field(deviation: float, length: float, stream: Stream, count: in
     Its radial spectrum is 2 pi^2 length^2 k exp(-(pi k length)^2), cut at k = 1 / length.
     """
     edges = np.linspace(0.0, 1.0 / length, count + 1)
-    share = -np.diff(np.exp(-((pi * edges * length) ** 2)))
+    share = -np.diff(portable.exp(-((pi * edges * length) ** 2)))
     return _spread(edges, deviation * np.sqrt(2.0 * share / share.sum()), stream)
 
 
@@ -118,13 +119,13 @@ def _spread(edges: Array, amplitude: Array, stream: Stream) -> Waves:
 
 def _missing(waviness: float, high: float, n: float = 1.4, stand_in: float = 3.5) -> float:
     """Variance that waves at `stand_in` need to show at n what k^-waviness beyond `high` shows there."""
-    k = np.geomspace(high, 1e4 * high, 20_001)
-    share = k**-waviness * np.sqrt((stand_in**2 - n**2) / (k**2 - n**2))
+    k = portable.geomspace(high, 1e4 * high, 20_001)
+    share = portable.power(k, -waviness) * np.sqrt((stand_in**2 - n**2) / (k**2 - n**2))
     return float(np.trapezoid(share, k))
 
 
 def _power_integral(edges: Array, exponent: float) -> Array:
     """Integral of k^exponent over each band."""
     if abs(exponent + 1.0) < 1e-9:
-        return np.diff(np.log(edges))
-    return np.diff(edges ** (exponent + 1.0)) / (exponent + 1.0)
+        return np.diff(portable.log(edges))
+    return np.diff(portable.power(edges, exponent + 1.0)) / (exponent + 1.0)

@@ -95,8 +95,22 @@ def versions() -> dict[str, str]:
     return {
         **found,
         "python": platform.python_version(),
+        "c_library": " ".join(platform.libc_ver()).strip() or platform.system(),
         "platform": f"{platform.system()} {platform.machine()}",
+        "processor": processor(),
     }
+
+
+def processor() -> str:
+    """Name of the processor, and the widest vectors that it has."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    about = dict(reversed([line.replace("\t", "").split(": ", 1) for line in lines if ": " in line]))
+    flags = about.get("flags", "").split()
+    wide = [name for flag, name in (("avx2", "AVX2"), ("avx512f", "AVX-512")) if flag in flags][-1:]
+    return ", ".join([about.get("model name", platform.machine()).strip(), *wide])
 
 
 def write_summary(folder: Path, summary: Mapping[str, Any]) -> Path:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
+from math import fsum
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def signed_area(polygon: Array) -> float:
 def _area(polygon: Corners) -> float:
     (x0, y0), *rest = polygon
     around = [(x - x0, y - y0) for x, y in rest]
-    twice: float = sum(a[0] * b[1] - a[1] * b[0] for a, b in pairwise(around))
+    twice: float = fsum(a[0] * b[1] - a[1] * b[0] for a, b in pairwise(around))
     return 0.5 * twice
 
 
@@ -85,7 +86,7 @@ def _is_convex(quad: Corners) -> bool:
 def _halves(quad: Corners) -> list[Corners]:
     """A dented quad as two triangles, split along the diagonal that lies inside it."""
     a, b, c, d = quad
-    return min([[[a, b, c], [a, c, d]], [[b, c, d], [b, d, a]]], key=lambda h: sum(abs(_area(p)) for p in h))
+    return min([[[a, b, c], [a, c, d]], [[b, c, d], [b, d, a]]], key=lambda h: fsum(abs(_area(p)) for p in h))
 
 
 def _crossing(a0: Corner, a1: Corner, b0: Corner, b1: Corner) -> Corner | None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.kernels import filled
@@ -115,7 +116,7 @@ class BodyCaster:
             pitch=pitch,
             density_max=self.field.library.density_max,
             cosine=table.cosine,
-            tangents=tuple(np.exp(table.scaled_axes()[2][[0, -1]])),
+            tangents=tuple(portable.exp(table.scaled_axes()[2][[0, -1]])),
             correlation=tuple(table.correlation),
         )
 

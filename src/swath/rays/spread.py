@@ -9,10 +9,12 @@ n A cot(depression), a straight line in these (closed form of first returns).
 
 from dataclasses import dataclass, field
 from itertools import product
+from math import exp, log, tan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.errors import InputError
 
 F64 = NDArray[np.float64]
@@ -80,11 +82,12 @@ class SpreadTable:
 
     def scaled_axes(self) -> tuple[F64, F64, F64, F64]:
         """Axes in the coordinates in which the table is linear."""
-        return np.log(self.density), self.height, np.log(np.tan(self.depression)), np.log(self.spot)
+        depression = portable.log(portable.tan(self.depression))
+        return portable.log(self.density), self.height, depression, portable.log(self.spot)
 
     def cell(self, density: float, height: float, depression: float, spot: float) -> tuple[F64, float, float]:
         """Quantiles (node_count,), ground share and lift [m] at one place; clamped outside the range."""
-        value = (np.log(density), height, np.log(np.tan(depression)), np.log(spot))
+        value = (log(density), height, log(tan(depression)), log(spot))
         base, share = [], []
         for v, axis in zip(value, self.scaled_axes(), strict=True):
             k = int(np.clip(np.searchsorted(axis, v, side="right") - 1, 0, max(len(axis) - 2, 0)))
@@ -99,7 +102,7 @@ class SpreadTable:
                 loglog += weight * float(double_log(self.ground_share[at]))
                 lift += weight * float(self.ground_lift[at])
                 quantile += weight * self.quantile[at]
-        return quantile, float(np.exp(-np.exp(loglog))), lift
+        return quantile, exp(-exp(loglog)), lift
 
     def heights(self, share: F64, density: float, height: float, depression: float, spot: float) -> F64:
         """Measured heights [m] of beams with drawn shares in [0, 1): small ones high up, the rest ground.
@@ -115,4 +118,4 @@ class SpreadTable:
 
 def double_log(ground_share: F64 | float) -> F64:
     """log(-log(g)) of ground shares, which are kept off 0 and 1."""
-    return np.asarray(np.log(-np.log(np.clip(ground_share, SHARE_MIN, 1.0 - SHARE_MIN))))
+    return portable.log(-portable.log(np.clip(ground_share, SHARE_MIN, 1.0 - SHARE_MIN)))

@@ -3,11 +3,13 @@
 The container is written by the `mcap` package; `message_factory.py` makes the messages.
 """
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from swath.core.whole_file import open_to_write
 from swath.record.message_factory import MessageFactory
+from swath.record.templates import Draft, Template
 
 CHUNK_BYTES = 256 * 1024
 LATCHED = (
@@ -49,18 +51,21 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
+        self._templates: dict[tuple[str, Hashable], Template] = {}
         self._flushed = 0
         self._is_torn = False
         self.taps: list[Tap] = []  # called with every message that is written
 
     def write(self, topic: str, t: int, message: Any, *, is_latched: bool = False) -> None:
-        """Append a message, logged at simulated time t [ns]; nothing after an interruption within one."""
+        """Append a message or draft, logged at simulated time t [ns]; after a torn one nothing."""
         if self._is_torn:
             return
-        msgtype = message.__msgtype__
+        if isinstance(message, Draft):
+            message, data = self._from_draft(topic, message)
+        else:
+            data = bytes(self.store.serialize_cdr(message, message.__msgtype__))
         if topic not in self._channels:
-            self._declare(topic, msgtype, is_latched)
-        data = bytes(self.store.serialize_cdr(message, msgtype))
+            self._declare(topic, message.__msgtype__, is_latched)
         count = self._counts[topic] = self._counts.get(topic, 0) + 1
         self._is_torn = True  # until the message is whole: Ctrl-C may come in between
         self._writer.add_message(self._channels[topic], log_time=t, data=data, publish_time=t, sequence=count)
@@ -71,8 +76,21 @@ class McapFile:
             self._stream.flush()
             self._flushed = self._stream.tell()
 
+    def _from_draft(self, topic: str, draft: Draft) -> tuple[Any, bytes]:
+        """The message, None where no tap wants it, and its bytes."""
+        template = self._templates.get((topic, draft.variant))
+        if template is not None and not self.taps:
+            return None, template.fill(draft.t, draft.values)
+        message = draft.build()
+        data = bytes(self.store.serialize_cdr(message, message.__msgtype__))
+        if template is None:
+            self._templates[topic, draft.variant] = Template(self.store, message, data, draft.paths)
+        return message, data
+
     def announce(self, topic: str, message: Any) -> None:
         """Let the taps that publish know of a topic whose first message is still to come; writes nothing."""
+        if isinstance(message, Draft):
+            message = message.build()
         for tap in self.taps:
             if isinstance(tap, Declares):
                 tap.declare(topic, message, False)

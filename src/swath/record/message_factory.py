@@ -11,6 +11,7 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.core.signal import per_signal
 from swath.record.samples import DEFINITION, MSGTYPE
 from swath.signals import F32, F64, U8, Signal
 
@@ -140,6 +141,13 @@ def definition(signal: type[Signal]) -> str:
     lines = ["std_msgs/Header header"]
     lines += [f"{kind} {name}" for name, kind in _field_kinds(signal).items()]
     return "\n".join(lines) + "\n"
+
+
+@per_signal
+def plain_names(signal: type[Signal]) -> tuple[str, ...] | None:
+    """The fields of the message of a sample type; None where not all of them are single numbers."""
+    kinds = _field_kinds(signal)
+    return tuple(kinds) if all(kind in ("float64", "int64", "bool") for kind in kinds.values()) else None
 
 
 def _field_kinds(signal: type[Signal]) -> dict[str, str]:

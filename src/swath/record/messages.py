@@ -79,7 +79,10 @@ class Source:
 
 
 class Sent(NamedTuple):
-    """A message of a topic. delivery: `latched` stays for late readers, `announced` only says it will come"""
+    """A message of a topic, or its draft.
+
+    delivery: `latched` stays for late readers, `announced` only says it will come
+    """
 
     topic: str
     message: Any

@@ -12,6 +12,7 @@ from swath.record.image_messages import image_messages
 from swath.record.mcap_file import McapFile
 from swath.record.messages import Maker, RecordedMachine, Sent, Source
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
+from swath.record.own_messages import own_messages
 from swath.record.positioning_messages import fix_messages, imu_messages
 from swath.record.scan_messages import scan_messages, truth_messages
 from swath.signals import (
@@ -40,11 +41,6 @@ MAKERS: dict[type[Signal], Maker] = {
     Inertial: lambda source: partial(imu_messages, source),
     CropEdge: lambda source: partial(edge_messages, source),
 }
-
-
-def own_messages(source: Source, signal: Signal) -> Iterator[Sent]:
-    """`swath_msgs/msg/<Class>` of any signal."""
-    yield Sent(source.topic, source.make.of_signal(signal, source.frame_of(type(signal))))
 
 
 class Messenger:

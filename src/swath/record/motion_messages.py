@@ -9,10 +9,23 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
 from swath.field.projection import Origin
 from swath.record.messages import Sent, Source
+from swath.record.templates import Draft
 from swath.signals import Fix, MachineState, Odometry, SpeedCommand, SteerState
 
 FIX_PERIOD = 100_000_000  # between two NavSatFix [ns]
 GBAS_FIX, GPS = 2, 1  # sensor_msgs/NavSatStatus
+PLACE = ("x", "y", "z")
+ODOMETRY = (
+    *(f"pose.pose.position.{axis}" for axis in PLACE),
+    *(f"pose.pose.orientation.{axis}" for axis in (*PLACE, "w")),
+    *("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z"),
+)
+TRANSFORM = (
+    *(f"transforms.0.transform.translation.{axis}" for axis in PLACE),
+    *(f"transforms.0.transform.rotation.{axis}" for axis in (*PLACE, "w")),
+)
+STEERING = ("drive.steering_angle", "drive.steering_angle_velocity")
+SPEED = ("twist.linear.x",)
 
 
 class StateMessages:
@@ -35,14 +48,25 @@ class StateMessages:
             frames = [make.transform(0, source.base, f"{source.machine.name}/{s}", p) for s, p in mounting]
             frames.append(make.transform(0, "map", source.odom, state.pose))
             yield Sent("/tf_static", make("tf2_msgs/msg/TFMessage", transforms=frames), "latched")
-        twist = make.twist(state.speed, state.lateral_speed, state.yaw_rate)
-        header = make.header(state.t, "map")
-        yield Sent(source.topic, make.odometry(header, source.base, state.pose, twist))
-        moved = [make.transform(state.t, "map", source.base, state.pose)]
-        yield Sent("/tf", make("tf2_msgs/msg/TFMessage", transforms=moved))
+        place = (*state.pose.position.tolist(), *state.pose.quaternion())
+        motion = (state.speed, state.lateral_speed, state.yaw_rate)
+        yield Sent(source.topic, Draft(state.t, ODOMETRY, place + motion, lambda: self._odometry(state)))
+        yield Sent("/tf", Draft(state.t, TRANSFORM, place, lambda: self._moved(state), source.base))
         if self._origin is not None and state.t >= self._next_fix:
             self._next_fix = state.t + FIX_PERIOD
             yield Sent(f"{source.slot_topic}/fix", self._fix(state, self._origin))
+
+    def _odometry(self, state: MachineState) -> Any:
+        """nav_msgs/Odometry."""
+        make = self.source.make
+        twist = make.twist(state.speed, state.lateral_speed, state.yaw_rate)
+        return make.odometry(make.header(state.t, "map"), self.source.base, state.pose, twist)
+
+    def _moved(self, state: MachineState) -> Any:
+        """tf2_msgs/TFMessage."""
+        make = self.source.make
+        moved = [make.transform(state.t, "map", self.source.base, state.pose)]
+        return make("tf2_msgs/msg/TFMessage", transforms=moved)
 
     def _fix(self, state: MachineState, origin: Origin) -> Any:
         """sensor_msgs/NavSatFix of the true place, without covariance; height from the field's zero."""
@@ -78,22 +102,35 @@ class OdometryMessages:
             ahead = np.array([np.cos(middle), np.sin(middle), 0.0]) * advance
             self._pose = Pose.from_euler(self._pose.position + ahead, yaw=float(wrap_angle(yaw + turn)))
         self._t = sample.t
+        pose = self._pose
+        values = (*pose.position.tolist(), *pose.quaternion(), sample.speed, 0.0, sample.yaw_rate)
+        yield Sent(self.source.topic, Draft(sample.t, ODOMETRY, values, lambda: self._message(sample, pose)))
+
+    def _message(self, sample: Odometry, pose: Pose) -> Any:
+        """nav_msgs/Odometry."""
         source, make = self.source, self.source.make
         twist = make.twist(sample.speed, 0.0, sample.yaw_rate)
-        header = make.header(sample.t, source.odom)
-        yield Sent(source.topic, make.odometry(header, source.base, self._pose, twist))
+        return make.odometry(make.header(sample.t, source.odom), source.base, pose, twist)
 
 
 def steering_messages(source: Source, state: SteerState) -> Iterator[Sent]:
     """ackermann_msgs/AckermannDriveStamped of the angle and its rate."""
     make = source.make
     angle, rate = float(state.angle), float(state.rate)
-    drive = make("ackermann_msgs/msg/AckermannDrive", steering_angle=angle, steering_angle_velocity=rate)
-    header = make.header(state.t, source.base)
-    yield Sent(source.topic, make("ackermann_msgs/msg/AckermannDriveStamped", header=header, drive=drive))
+
+    def build() -> Any:
+        drive = make("ackermann_msgs/msg/AckermannDrive", steering_angle=angle, steering_angle_velocity=rate)
+        header = make.header(state.t, source.base)
+        return make("ackermann_msgs/msg/AckermannDriveStamped", header=header, drive=drive)
+
+    yield Sent(source.topic, Draft(state.t, STEERING, (angle, rate), build))
 
 
 def speed_messages(source: Source, command: SpeedCommand) -> Iterator[Sent]:
     """geometry_msgs/TwistStamped of the wanted speed."""
-    header, twist = source.make.header(command.t, source.base), source.make.twist(command.speed)
-    yield Sent(source.topic, source.make("geometry_msgs/msg/TwistStamped", header=header, twist=twist))
+
+    def build() -> Any:
+        header, twist = source.make.header(command.t, source.base), source.make.twist(command.speed)
+        return source.make("geometry_msgs/msg/TwistStamped", header=header, twist=twist)
+
+    yield Sent(source.topic, Draft(command.t, SPEED, (command.speed,), build))

@@ -7,12 +7,14 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.record.messages import Sent, Source
+from swath.record.templates import Draft
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial
 
 UNKNOWN = 1e6  # variance of what a receiver does not know
 STATUS = {"none": -1, "single": 0, "dgps": 1, "float": 2, "fix": 2}  # sensor_msgs/NavSatStatus
 GPS = 1  # NavSatStatus.SERVICE_GPS
 BESIDE = "_odometry"  # what the topic of the Odometry ends with
+INERTIAL = tuple(f"{name}.{axis}" for name in ("angular_velocity", "linear_acceleration") for axis in "xyz")
 
 
 def fix_messages(source: Source, fix: Fix) -> Iterator[Sent]:
@@ -28,8 +30,14 @@ def fix_messages(source: Source, fix: Fix) -> Iterator[Sent]:
 
 def imu_messages(source: Source, sample: Inertial) -> Iterator[Sent]:
     """sensor_msgs/Imu, gravity included (REP 145); it knows no orientation."""
+    values = (sample.rate_x, sample.rate_y, sample.rate_z, sample.force_x, sample.force_y, sample.force_z)
+    variant = (sample.rate_sd, sample.force_sd)
+    yield Sent(source.topic, Draft(sample.t, INERTIAL, values, lambda: _imu(source, sample), variant))
+
+
+def _imu(source: Source, sample: Inertial) -> Any:
     make = source.make
-    message = make(
+    return make(
         "sensor_msgs/msg/Imu",
         header=make.header(sample.t, source.frame),
         orientation=make.quaternion(Pose.identity()),
@@ -39,7 +47,6 @@ def imu_messages(source: Source, sample: Inertial) -> Iterator[Sent]:
         linear_acceleration=make.vector(sample.force_x, sample.force_y, sample.force_z),
         linear_acceleration_covariance=_diagonal(*[sample.force_sd**2] * 3),
     )
-    yield Sent(source.topic, message)
 
 
 def _nav_sat_fix(source: Source, fix: Fix) -> Any:

@@ -37,8 +37,9 @@ class Blocks:
         self._rows: list[list[Any]] = []
         self._times: list[tuple[int, int]] = []
         self._signal: type[Signal] | None = None
-        self._kinds: list[str] = []
-        self._size = 0
+        self._kinds: list[str] = []  # of the columns of the block
+        self._forms: list[Any] = []  # type, or type and shape of an array, of each column
+        self._size = self._row_size = 0  # [bytes]
 
     def add(self, t: int, signal: Signal) -> None:
         """Add a sample published at t [ns]; a full block is written.
@@ -51,15 +52,17 @@ class Blocks:
             self._names = leaf_names(signal)
             self._get = [attrgetter(name) for name in self._names]
         row = [get(signal) for get in self._get]
-        kinds = [_kind(value) for value in row]
+        forms = [(v.dtype, v.shape) if isinstance(v, np.ndarray | np.generic) else type(v) for v in row]
         if self._rows and (
-            kinds != self._kinds or t - self._times[0][0] >= BLOCK_NS or self._size >= BLOCK_BYTES
+            forms != self._forms or t - self._times[0][0] >= BLOCK_NS or self._size >= BLOCK_BYTES
         ):
             self.flush()
-        self._kinds = kinds
+        if not self._rows:
+            self._forms, self._kinds = forms, [_kind(value) for value in row]
+            self._row_size = sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
         self._rows.append(row)
         self._times.append((t, signal.t))
-        self._size += sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
+        self._size += self._row_size
 
     def flush(self) -> None:
         """Write what has been added."""

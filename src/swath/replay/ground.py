@@ -14,7 +14,8 @@ from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_T
 from swath.replay.area import Area
 from swath.signals import F64
 
-FAR_STEP, FAR_REACH = 3.0, 150.0  # grid of the country around the area, and how far it goes [m]
+FAR_STEP, FAR_REACH = 4.0, 150.0  # grid of the country around the area, and how far it goes [m]
+FAR_NODES = 150  # along its longer side, at most
 LEAN_UNIT = 1.0 / 100.0  # of the lean of a tile's stand
 FLAGS = 16  # 16: mirrored in x, 32: mirrored in y, beside the number of a prototype
 
@@ -90,16 +91,19 @@ def _times(part: slice, n: int) -> slice:
 
 
 def far_ground(field: Field, area: Area) -> tuple[dict[str, Any], F64, NDArray[np.uint8]]:
-    """The country around: where its grid lies (stand frame [m]), heights and codes at its nodes."""
+    """The country around: where its grid lies (stand frame [m]), heights, and how far inside the crop its
+    nodes lie: 128 at the edge, 255 three steps inside, 0 as far outside: a page finds the edge between them.
+    """
     (x0, y0), (ny, nx), tile = area.first, area.shape, area.tile
     begin = np.array([x0 * tile - FAR_REACH, y0 * tile - FAR_REACH])
     sides = np.array([nx, ny]) * tile + 2 * FAR_REACH
-    step = max(FAR_STEP, float(sides.max()) / 180.0)
+    step = max(FAR_STEP, float(sides.max()) / FAR_NODES)
     u, v = (begin[k] + step * np.arange(int(np.ceil(sides[k] / step)) + 1) for k in (0, 1))
     heights = np.asarray(field.terrain.lattice(u, v, field.stand_yaw), dtype=float)
     x, y = field.maker.to_world(*np.meshgrid(u, v))
-    codes = code_at(field.edges, x, y)
-    codes[(codes == STANDING) & field.stand.bare(x, y)] = 0
-    codes[~field.covers(x, y)] = 0
+    inside = np.min([edge.shape.signed_distance(x, y) for edge in field.edges.values()], axis=0) / step
+    is_crop = (code_at(field.edges, x, y) == STANDING) & ~field.stand.bare(x, y) & field.covers(x, y)
+    inside = np.where(is_crop, np.maximum(inside, 0.0), np.where(inside < 0.0, inside, -0.5))
+    code = np.clip(np.rint(128.0 + 127.0 / 3.0 * inside), 0, 255).astype(np.uint8)
     grid = {"x": float(begin[0]), "y": float(begin[1]), "step": step, "nx": len(u), "ny": len(v)}
-    return grid, heights, codes.astype(np.uint8)
+    return grid, heights, code

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
 from swath.record.tracks import read_tracks
 from swath.replay.collect import collect
 from swath.replay.machines import Columns
@@ -42,11 +43,7 @@ def write_replay(world: World, folder: Path, summary: Mapping[str, Any], *, out:
     out: where to write; default: `replay.html` in the folder. Returns the path.
     """
     values, arrays = collect(world, folder, summary, tracks_of(folder))
-    path = out or folder / FILE
-    part = path.with_name(path.name + ".part")
-    part.write_text(render(values["name"], packed(values, arrays)), encoding="utf-8")
-    part.replace(path)
-    return path
+    return write_whole(out or folder / FILE, render(values["name"], packed(values, arrays)))
 
 
 def view(folder: Path, *, out: Path | None = None) -> Path:

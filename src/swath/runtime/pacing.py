@@ -15,6 +15,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import fsum
 from typing import Any
 
 from swath.core.errors import SwathError
@@ -151,7 +152,7 @@ class Pacer:
     def _culprit(self, now: int) -> str:
         """Who used most of the wall time since the run was last on time."""
         used = {slot: s - self._used.get(slot, 0.0) for slot, s in self._costs().items()}
-        used[REST] = (now - self._on_time) / NS - sum(used.values())
+        used[REST] = (now - self._on_time) / NS - fsum(used.values())
         return max(used, key=lambda slot: used[slot])
 
     def _overrun(self, t: int, late: int, culprit: str) -> None:

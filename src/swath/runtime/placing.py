@@ -6,6 +6,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.field.field import Field
 from swath.field.site_setup import Bodies, why_outside
 from swath.field.track import EdgeShape
@@ -40,7 +41,7 @@ def start_pose(section: MachineSection, field: Field, edge: EdgeShape, machine: 
         left = np.array([-np.sin(along), np.cos(along)])
         end = edge.point_at(start.along_edge_m) + start.offset_m * left
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        x, y = end - turn @ np.array(machine.header_end(section.common.edge_side))
+        x, y = end - product(turn, np.array(machine.header_end(section.common.edge_side)))
     return Pose.from_euler((x, y, float(field.ground_height(x, y))), yaw=float(yaw))
 
 

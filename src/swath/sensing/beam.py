@@ -9,11 +9,13 @@ every spot is even, so one table of rings serves all profiles.
 """
 
 from dataclasses import dataclass
+from math import exp, fsum, log, sqrt
 from typing import Literal
 
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.portable import log1p
 from swath.rays.spots import Spots
 from swath.signals import F64
 
@@ -21,7 +23,7 @@ Profile = Literal["uniform", "gaussian"]
 Convention = Literal["full_angle", "half_angle"]
 Contour = Literal["1/e2", "FWHM", "edge"]
 
-FWHM_TO_E2 = float(np.sqrt(2.0 / np.log(2.0)))  # of a gaussian: exp(-2 (r/w)^2) = 1/2 at r = w sqrt(ln 2 / 2)
+FWHM_TO_E2 = float(sqrt(2.0 / log(2.0)))  # of a gaussian: exp(-2 (r/w)^2) = 1/2 at r = w sqrt(ln 2 / 2)
 
 # Nested rings, as (sub-rays, share of energy further in, angle of the first in steps of the ring). The six of
 # the 7-pattern are every second one of the twelve; 1/4 + 6/8 is the disc rule exact to degree 5 (Abramowitz &
@@ -114,7 +116,7 @@ def spot_pattern(count: int, profile: Profile = "uniform") -> Pattern:
         index = np.arange(count)
         energy, angle = (index + 0.5) / count, index * np.pi * (3 - np.sqrt(5))
         return Pattern(_places(energy, angle, profile), np.full(count, 1.0 / count))
-    e, a, w = [0.0], [0.0], [1.0 - sum(weight for _, weight in _RINGS[count])]
+    e, a, w = [0.0], [0.0], [1.0 - fsum(weight for _, weight in _RINGS[count])]
     for (n, share, first), weight in _RINGS[count]:
         e += [share] * n
         a += [2 * np.pi * (k + first) / n for k in range(n)]
@@ -145,7 +147,7 @@ def _radius_of_energy(share: F64, profile: Profile) -> F64:
     """Radius inside which a share of the spot's energy lies; gaussian I ~ exp(-2 r^2) cut at r = 1."""
     if profile == "uniform":
         return np.asarray(np.sqrt(share))
-    return np.asarray(np.sqrt(-0.5 * np.log1p(-share * (1.0 - np.exp(-2.0)))))
+    return np.asarray(np.sqrt(-0.5 * log1p(-share * (1.0 - exp(-2.0)))))
 
 
 def spots(origins: F64, axes: F64, beam: Beam, pattern: F64) -> Spots:

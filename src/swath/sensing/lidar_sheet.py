@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from swath.core import portable
 from swath.core.units import MM, MRAD
 from swath.documents.data_sheets import read_sheet
 from swath.documents.sheet_fields import Key, Quantity, Section
@@ -99,9 +100,9 @@ class LidarSheet:
         sigma = np.asarray(np.interp(distance, self.noise[:, 0], self.noise[:, 1]), dtype=np.float64)
         if signal is None or len(self.signal_noise) == 0:
             return sigma
-        ratio = np.log(np.maximum(signal, 1e-9) * self.signal_at_reach)
-        rows = np.log(self.signal_noise)
-        by_signal = np.exp(np.interp(ratio, rows[:, 0], rows[:, 1]))
+        ratio = portable.log(np.maximum(signal, 1e-9) * self.signal_at_reach)
+        rows = portable.log(self.signal_noise)
+        by_signal = portable.exp(np.interp(ratio, rows[:, 0], rows[:, 1]))
         return np.asarray(np.maximum(sigma, by_signal), dtype=np.float64)
 
     def azimuths(self, first: float, last: float, step: float) -> F64:

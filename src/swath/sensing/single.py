@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core import portable
 from swath.core.component import Outputs
 from swath.core.random import Stream
 from swath.kernels import filled
@@ -48,7 +49,7 @@ class SingleRays:
         sheet = scanner.sheet
         self._sigma = np.ascontiguousarray(sheet.noise, np.float32)
         rows = sheet.signal_noise if by_signal else sheet.signal_noise[:0]
-        self._by_signal = np.ascontiguousarray(np.log(rows), np.float32)
+        self._by_signal = np.ascontiguousarray(portable.log(rows), np.float32)
         room = len(self.beams.distance)
         self._words, self._rotations = np.zeros(3, np.uint64), np.zeros((room, 3, 3))
         self._forward = np.zeros((room, 3))

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from swath.core import portable
 from swath.signals import F64
 
 
@@ -57,11 +58,11 @@ def disturb(
     if weather.near_returns > 0.0:
         spent = rng.standard_exponential(n) / weather.near_returns  # of the rate's integral up to the puff
         with np.errstate(divide="ignore", invalid="ignore"):
-            puff = range_min - weather.near_reach_m * np.log1p(-np.where(spent < 1.0, spent, np.nan))
+            puff = range_min - weather.near_reach_m * portable.log1p(-np.where(spent < 1.0, spent, np.nan))
         meets = rng.uniform(size=(n, s)) < weather.near_share
         meets &= ~(distance <= puff[:, None]) & np.isfinite(puff)[:, None]
         distance = np.where(meets, puff[:, None], distance)
         albedo = np.where(meets, weather.near_reflectance, albedo)
     if weather.extinction > 0.0:
-        albedo = albedo * np.exp(-2.0 * weather.extinction * np.nan_to_num(distance))
+        albedo = albedo * portable.exp(-2.0 * weather.extinction * np.nan_to_num(distance))
     return distance, albedo

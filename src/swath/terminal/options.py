@@ -31,6 +31,15 @@ def add_no_code(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_ros2_network(parser: argparse.ArgumentParser) -> None:
+    """`--ros2-network`, without which ROS 2 stays on this machine."""
+    parser.add_argument(
+        "--ros2-network",
+        action="store_true",
+        help="let ROS 2 nodes of other machines take part: everybody on the network (SECURITY.md)",
+    )
+
+
 def load(args: argparse.Namespace) -> Any:
     """The scenario that the arguments ask for."""
     from swath.scenario.scenario import load_scenario

@@ -11,12 +11,13 @@ Nothing is assumed of depth, height or habit of the crop but that it leans to bo
 kept over the last tens of metres; the steps of single scans carry the line.
 """
 
-from math import erf
+import math
 
 import numpy as np
 
-from swath.control.edge.height_step import Rays, Step
+from swath.control.edge.height_step import Rays
 from swath.core.component import KeepsState
+from swath.core.portable import exp, geomspace, log
 from swath.signals import F64
 
 REACHED = 0.9  # share of the rays within the stand that are stopped above the height that is watched
@@ -32,7 +33,7 @@ OFTEN = 0.5  # m of travel from fit to fit
 
 _Z = np.linspace(-6.0, 6.0, 1201)
 _MET = np.linspace(0.0, 60.0, 3001)
-_PHI = np.array([0.5 * (1.0 + erf(z / np.sqrt(2.0))) for z in _Z])
+_PHI = np.array([0.5 * (1.0 + math.erf(z / np.sqrt(2.0))) for z in _Z])
 
 
 class CanopyOffset(KeepsState):
@@ -48,7 +49,7 @@ class CanopyOffset(KeepsState):
     def __init__(self, memory_m: float, lean: float, spot: float = 0.0, *, parts: int = 1) -> None:
         self._memory, self._lean, self._spot = memory_m, lean, spot
         self._middle = np.arange(FROM + 0.5 * BIN, TO, BIN)
-        self._spreads = np.geomspace(0.02, 0.3, 8)
+        self._spreads = geomspace(0.02, 0.3, 8)
         self._shifts = np.arange(-0.1, 0.45, 0.01)
         lateral = (self._middle - self._shifts[:, None]) / self._spreads[:, None, None]
         self._there = np.interp(lateral, _Z, _PHI)  # share of the stand, [spread, shift, place]
@@ -65,16 +66,15 @@ class CanopyOffset(KeepsState):
     def move(self, distance: float) -> None:
         """The machine drove so far [m]."""
         if self._memory > 0.0 and distance > 0.0:
-            keep = np.exp(-distance / self._memory)
+            keep = math.exp(-distance / self._memory)
             self._seen *= keep
             self._heights *= keep
             self._since += distance
 
-    def add(self, step: Step, lateral: float, height: float) -> None:
-        """Count the rays of a scan that shows the edge `lateral` the line [m]; crop height [m]."""
+    def add(self, rays: Rays, lateral: float, height: float) -> None:
+        """Count rays that show the edge `lateral` the line [m]; crop height [m]."""
         if self._memory <= 0.0 or abs(lateral) > CLOSE:
             return
-        rays = step.rays
         place = rays.at(0.5 * (rays.limit + rays.top))
         within = rays.height[(place > INSIDE[0]) & (place < INSIDE[1])]
         layer = np.clip(within / LAYER, 0.0, len(self._heights) - 1).astype(np.int64)
@@ -106,15 +106,15 @@ class CanopyOffset(KeepsState):
         most = float(np.clip(inside[1] / max(float(inside.sum()), 1e-9), 0.3, 1.0 - STRAY))
         depth = float(np.interp(most, self._chance, _MET))
         high = STRAY + (1.0 - STRAY) * np.interp(depth * self._there, _MET, self._chance)
-        score = (self._seen[1] * np.log(high) + self._seen[0] * np.log(1.0 - high)).sum(axis=-1)
+        score = (self._seen[1] * log(high) + self._seen[0] * log(1.0 - high)).sum(axis=-1)
         score -= 0.5 * ((self._shifts - self._guess(height)) / GUESS) ** 2
-        chance = np.exp(score - score.max())
+        chance = exp(score - score.max())
         return float((chance * self._shifts).sum() / chance.sum())
 
 
 def stopped(met: F64, parts: int) -> F64:
     """Chance that a ray which meets `met` pieces of plants on average meets at least `parts` (Poisson)."""
-    fewer = term = np.exp(-met)
+    fewer = term = exp(-met)
     for k in range(1, parts):
         term = term * met / k
         fewer = fewer + term

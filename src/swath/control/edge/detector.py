@@ -1,6 +1,7 @@
 """The chain every built-in edge detector shares; a level adds the rule that splits a profile."""
 
 from dataclasses import dataclass
+from math import atan, tan
 from typing import Annotated
 
 import numpy as np
@@ -77,7 +78,7 @@ class EdgeDetector(KeepsState):
         self._mounting = setup.mounting
         self._sign = crop_sign(setup.edge_side)
         self._centre = self._sign * setup.machine.header_end(setup.edge_side)[1]
-        lean = p.lean_share * float(np.tan(p.lean_deg * DEG))
+        lean = p.lean_share * tan(p.lean_deg * DEG)
         self._canopy_offset = CanopyOffset(p.learn_m, lean, 0.5 * p.spot_mm * MM, parts=p.echo_parts)
         self._gates = Gates(
             min_step=p.min_step_m,
@@ -122,7 +123,7 @@ class EdgeDetector(KeepsState):
         if found is not None:
             self._remember_heights(found)
             if line is not None:
-                self._canopy_offset.add(found, found.u - float(line.at(found.x)), self._crop)
+                self._canopy_offset.add(found.rays, found.u - float(line.at(found.x)), self._crop)
 
     def _look(self, profile: Profile) -> Step | None:
         """The step of a profile without what hangs above the crop: dust near the scanner.
@@ -160,7 +161,7 @@ class EdgeDetector(KeepsState):
         return CropEdge(
             t=now,
             offset=sign * (line.offset + shift * float(np.sqrt(steep))),
-            heading=sign * float(np.arctan(line.slope)),
+            heading=sign * atan(line.slope),
             curvature=sign * float(line.bend / steep**1.5),
             reference_x=line.x0,
             confidence=self._track.confidence(),

@@ -6,11 +6,13 @@ them, levels the ground, applies the gates and turns the scores into an edge poi
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import fsum
 
 import numpy as np
 
 from swath.control.edge.line_fit import Line
 from swath.control.edge.profile import Profile
+from swath.core import portable
 from swath.signals import F64
 
 # of a ray's way through the upper half of the crop, from its end nearer to the crop: there it counts. 0.36
@@ -221,7 +223,7 @@ def _locate(lateral: F64, score: F64) -> tuple[float, float]:
     """Mean and variance of the edge under the likelihood of all splits, uniform within each gap of beams."""
     gap = np.diff(lateral)
     middle = 0.5 * (lateral[1:] + lateral[:-1])
-    chance = np.exp(score - score.max()) * np.clip(gap, 1e-3, 0.3)
+    chance = portable.exp(score - score.max()) * np.clip(gap, 1e-3, 0.3)
     chance /= chance.sum()
     mean = float((chance * middle).sum())
     return mean, float((chance * ((middle - mean) ** 2 + gap * gap / 12.0)).sum())
@@ -236,7 +238,7 @@ def _abreast(x: F64, beside: F64, first: int) -> float:
     close = np.abs(beside) < 1.0
     low, high = x[:first][close[:first]], x[first:][close[first:]]
     middle = [float(np.median(side)) for side in (low, high) if len(side)]
-    return sum(middle) / len(middle) if middle else float(np.median(x))
+    return fsum(middle) / len(middle) if middle else float(np.median(x))
 
 
 def _heights(z: F64, first: int) -> tuple[float, float, float]:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swath.core.portable import product, solve
 from swath.signals import F64
 
 TUKEY = 4.685  # 95 % efficiency on normal errors; Beaton & Tukey 1974, doi:10.1080/00401706.1974.10489171
@@ -70,7 +71,7 @@ def fit_line(x: F64, u: F64, variance: F64, x0: float, prior: Prior, start: Line
         if float(robust.sum()) < 0.5:
             robust = np.ones_like(u)
         weighted = basis * (base * robust)
-        normal = weighted @ basis.T + np.diag(ridge)
-        offset, slope, bend = np.linalg.solve(normal, weighted @ u)
+        normal = product(weighted, basis.T) + np.diag(ridge)
+        offset, slope, bend = solve(normal, product(weighted, u))
         line = Line(x0, float(offset), float(slope), float(bend))
     return line, robust

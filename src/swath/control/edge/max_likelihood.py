@@ -6,9 +6,12 @@ likelihood form of choosing the split of a series of distances by the standard d
 correction; between two beams the edge is uniform.
 """
 
+from math import log
+
 import numpy as np
 
 from swath.control.edge.detector import EdgeDetector, EdgeParams
+from swath.core import portable
 from swath.core.registry import Level
 from swath.signals import F64
 
@@ -52,18 +55,18 @@ def _two_normals(z: F64, min_points: int) -> tuple[F64, float]:
     high = (first[-1] - first[:-1]) / high_count
     low_var = np.maximum(second[:-1] / low_count - low * low, 0.0) + FLOOR**2
     high_var = np.maximum((second[-1] - second[:-1]) / high_count - high * high, 0.0) + FLOOR**2
-    score = -0.5 * (low_count * np.log(low_var) + high_count * np.log(high_var))
+    score = -0.5 * (low_count * portable.log(low_var) + high_count * portable.log(high_var))
     allowed = (low_count >= min_points) & (high_count >= min_points) & (high > low)
     score[~allowed] = -np.inf
-    return score, float(score.max() + 0.5 * n * np.log(second[-1] / n + FLOOR**2))
+    return score, float(score.max() + 0.5 * n * log(second[-1] / n + FLOOR**2))
 
 
 def _log_density(z: F64, population: F64, stray: float) -> F64:
     """Log density of heights [ln 1/m] in a normal population with a share of stray ones."""
     middle = float(population.mean())
     variance = float(population.var()) + FLOOR**2
-    normal = np.exp(-0.5 * (z - middle) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
-    return np.asarray(np.log((1.0 - stray) * normal + stray * STRAY_DENSITY))
+    normal = portable.exp(-0.5 * (z - middle) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
+    return np.asarray(portable.log((1.0 - stray) * normal + stray * STRAY_DENSITY))
 
 
 class MaxLikelihood(EdgeDetector):

@@ -4,6 +4,8 @@ Otsu 1979 (doi:10.1109/TSMC.1979.4310076) picks the threshold that maximises the
 Zhao et al. 2016 (IJABE 9(2):21) used it per profile with a line over several, for wheat.
 """
 
+from math import log
+
 import numpy as np
 
 from swath.control.edge.detector import EdgeDetector, EdgeParams
@@ -53,7 +55,7 @@ def split_by_otsu(z: F64, min_points: int) -> tuple[F64, float]:
 def _coin(count: int, n: int) -> float:
     """Entropy [nat] of n draws of which `count` fell on one side."""
     share = min(max(count / n, 1e-9), 1.0 - 1e-9)
-    return -n * (share * float(np.log(share)) + (1.0 - share) * float(np.log(1.0 - share)))
+    return -n * (share * log(share) + (1.0 - share) * log(1.0 - share))
 
 
 class Otsu(EdgeDetector):

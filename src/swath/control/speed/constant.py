@@ -1,47 +1,61 @@
-"""Drive at one speed."""
+"""Drive at one speed, as long as the crop edge is seen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from swath.control.speed.edge_guard import EdgeGuard, Guard
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import KMH
-from swath.signals import Odometry, SpeedCommand
+from swath.signals import CropEdge, Odometry, SpeedCommand
 from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)
 class Params:
-    """speed_kmh: wanted forward speed; a combine with a 12 m header in wheat works at 4 to 8 km/h."""
+    """speed_kmh: wanted forward speed; a combine with a 12 m header in wheat works at 4 to 8 km/h
+
+    guard: where the edge is not confidently seen
+    """
 
     speed_kmh: Annotated[float, Ge(0), Le(40)] = 7.0
+    guard: Guard = field(default_factory=Guard)
 
 
 class ConstantSpeed(KeepsState):
-    """The same forward speed at all times."""
+    """The same forward speed wherever the edge is sure."""
 
-    inputs = (Port("odometry", Odometry, optional=True),)
+    kept = ("_guard",)
+
+    inputs = (Port("odometry", Odometry, optional=True), Port("edge", CropEdge, optional=True))
     outputs = (Port("command", SpeedCommand),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._speed = params.speed_kmh * KMH
+        self._guard = EdgeGuard(params.guard)
 
     def reset(self, stream: Stream) -> Outputs:
         """The command at t = 0."""
+        self._guard.reset()
         return {"command": SpeedCommand(0, self._speed)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """The same command, valid at t + dt."""
-        return {"command": SpeedCommand(t + dt, self._speed)}
+        """The command that is valid at t + dt."""
+        speed = self._guard.limit(self._speed, inputs["edge"], inputs["odometry"], dt)
+        return {"command": SpeedCommand(t + dt, speed)}
+
+    def end_reason(self, t: int) -> str:
+        """Why the run ends: the machine stopped because it no longer saw the edge."""
+        return self._guard.reason
 
 
 LEVEL = Level(
     ConstantSpeed,
     Params,
-    summary="one speed at all times",
+    summary="one speed, less where the edge is not sure, none where it is lost",
     cost="none",
     tolerance="exact",
 )

@@ -9,13 +9,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
+from swath.control.speed.edge_guard import EdgeGuard
 from swath.control.speed.throughput_target import Common, has_crop, ramped, room
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import KMH
-from swath.signals import EngineState, FeedReading, SpeedCommand
+from swath.signals import CropEdge, EngineState, FeedReading, Odometry, SpeedCommand
 from swath.signals.setup import ControlSetup
 
 APART = 0.05  # command and wish may differ by this share before the integration waits
@@ -35,16 +36,23 @@ class Params(Common):
 class FeedRate(KeepsState):
     """PI on the share of the throughput that is free; the integral waits while a ramp or bound holds."""
 
-    kept = ("_speed", "_base", "_free")
+    kept = ("_speed", "_base", "_free", "_guard")
 
-    inputs = (Port("feed", FeedReading, optional=True), Port("engine", EngineState, optional=True))
+    inputs = (
+        Port("feed", FeedReading, optional=True),
+        Port("engine", EngineState, optional=True),
+        Port("edge", CropEdge, optional=True),
+        Port("odometry", Odometry, optional=True),
+    )
     outputs = (Port("command", SpeedCommand),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._p = params
+        self._guard = EdgeGuard(params.guard)
 
     def reset(self, stream: Stream) -> Outputs:
         """Entry speed."""
+        self._guard.reset()
         self._speed = self._base = self._p.entry_speed_kmh * KMH
         self._free = 0.0
         return {"command": SpeedCommand(0, self._speed)}
@@ -63,7 +71,12 @@ class FeedRate(KeepsState):
         apart = wanted - self._speed
         if abs(apart) <= APART * self._speed or apart * self._free < 0.0:
             self._base *= 1.0 + h / p.reset_s * self._free
-        return {"command": SpeedCommand(t + dt, self._speed)}
+        speed = self._guard.limit(self._speed, inputs.get("edge"), inputs.get("odometry"), dt)
+        return {"command": SpeedCommand(t + dt, speed)}
+
+    def end_reason(self, t: int) -> str:
+        """Why the run ends: the machine stopped because it no longer saw the edge."""
+        return self._guard.reason
 
 
 LEVEL = Level(

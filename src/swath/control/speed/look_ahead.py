@@ -6,11 +6,12 @@ throughput that is measured after the crop has gone in. The speed falls in time 
 
 from collections import deque
 from dataclasses import dataclass
-from math import exp, isfinite, sqrt
+from math import exp, fsum, isfinite, sqrt
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
+from swath.control.speed.edge_guard import EdgeGuard
 from swath.control.speed.throughput_target import Common, has_crop, ramped, room
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
@@ -41,7 +42,7 @@ class Params(Common):
 class LookAhead(KeepsState):
     """Feed-forward on the crop ahead, with a factor that is learned."""
 
-    kept = ("_speed", "_distance", "_seen_t", "_raw", "_places", "_past", "_sums")
+    kept = ("_speed", "_distance", "_seen_t", "_raw", "_places", "_past", "_sums", "_guard")
 
     inputs = (
         Port("odometry", Odometry),
@@ -54,10 +55,12 @@ class LookAhead(KeepsState):
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._p = params
+        self._guard = EdgeGuard(params.guard)
         self._knife = setup.machine.knife_x
 
     def reset(self, stream: Stream) -> Outputs:
         """Entry speed, nothing seen, nothing learned."""
+        self._guard.reset()
         self._speed = self._p.entry_speed_kmh * KMH
         self._distance, self._seen_t = 0.0, -1
         self._raw: deque[tuple[float, float]] = deque(maxlen=KEPT)  # distance of the knife, amount there
@@ -75,7 +78,12 @@ class LookAhead(KeepsState):
         self._learn(t + dt, odometry.speed, inputs["feed"], h)
         wanted = self._wanted(inputs["feed"], inputs["engine"])
         self._speed = ramped(p, self._speed, wanted, h)
-        return {"command": SpeedCommand(t + dt, self._speed)}
+        speed = self._guard.limit(self._speed, inputs["edge"], odometry, dt)
+        return {"command": SpeedCommand(t + dt, speed)}
+
+    def end_reason(self, t: int) -> str:
+        """Why the run ends: the machine stopped because it no longer saw the edge."""
+        return self._guard.reason
 
     @property
     def factor(self) -> float:
@@ -97,7 +105,7 @@ class LookAhead(KeepsState):
             return
         self._raw.append((place, max(amount, 0.0) ** self._p.power))
         near = [a for s, a in self._raw if s >= place - self._p.smooth_m]
-        self._places.append((place - 0.5 * self._p.smooth_m, sum(near) / len(near)))
+        self._places.append((place - 0.5 * self._p.smooth_m, fsum(near) / len(near)))
 
     def _learn(self, t: int, speed: float, feed: FeedReading | None, h: float) -> None:
         """Compare what is measured now with what was cut when that crop came in."""

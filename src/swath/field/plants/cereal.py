@@ -6,6 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
+from swath.core import portable
 from swath.core.errors import InputError
 from swath.documents.sheet_fields import Quantity
 from swath.field.crop import CV, Crop, GrainYield, Habit, Organs
@@ -136,7 +137,7 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
     if how.ears and facts is not None:
         heads = _Ears(ear_length, _radius(facts, ear_length), tilt, nod, neck)
     length = np.maximum(height - (heads.rise() if heads is not None else 0.0), 0.1 * height)
-    stalks = Stalks(length, np.tan(lean) * length, heading, scale)
+    stalks = Stalks(length, portable.tan(lean) * length, heading, scale)
     parts = [stalk_capsules(crop.stem, stalks, how.stalk_parts)]
     if heads is not None:
         parts += _heads(crop, stalks, heads, rng, awns=not how.upright)

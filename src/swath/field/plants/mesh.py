@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.documents.data_sheets import Sheet
 from swath.documents.sheet_fields import Quantity
 from swath.field.crop import Crop, Habit, Organs, StandFacts, YieldSection
@@ -131,7 +132,7 @@ def _fruit_or_not(organ: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[
 def _weight(area: NDArray[Any], which: NDArray[np.int64], size: Array) -> Array:
     """What a mass is shared out by; evenly among variants when none of them has such an organ."""
     share = area if area.sum() > 0.0 else np.ones_like(area)
-    return np.asarray(share[which] * size**GROWTH)
+    return np.asarray(share[which] * portable.power(size, GROWTH))
 
 
 HABIT = Habit(

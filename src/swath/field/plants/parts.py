@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.documents.sheet_fields import Quantity
 from swath.field.crop import CV, Crop, StemFacts
 from swath.field.memory_layout import Organ, Shape
@@ -242,7 +243,7 @@ def stalks_of(crop: Crop, rng: np.random.Generator, length: Array, *, upright: b
     count, stem = len(length), crop.stem
     scale = normal(rng, 1.0, stem.diameter_cv, count)
     lean = np.maximum(normal(rng, stem.lean_mean, stem.lean_sd, count), 0.0)
-    reach = np.zeros(count) if upright else np.tan(lean) * length
+    reach = np.zeros(count) if upright else portable.tan(lean) * length
     return Stalks(length, reach, rng.uniform(-np.pi, np.pi, count), scale)
 
 

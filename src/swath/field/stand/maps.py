@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -219,7 +220,7 @@ class _Patches:
                 diameter = lodging.diameter_min_m + size * (lodging.diameter_max_m - lodging.diameter_min_m)
                 far = np.hypot((i + di + px) * self._cell - x, (j + dj + py) * self._cell - y)
                 inside = far <= 0.5 * diameter
-                normal = np.sqrt(-2.0 * np.log1p(-turn_a)) * np.cos(2.0 * np.pi * turn_b)  # Box-Muller
+                normal = np.sqrt(-2.0 * portable.log1p(-turn_a)) * np.cos(2.0 * np.pi * turn_b)  # Box-Muller
                 heading = from_azimuth(lodging.azimuth_deg) + lodging.azimuth_sd_deg * DEG * normal
                 angle[inside], azimuth[inside] = lodging.lean_deg * DEG, heading[inside]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import fsum
 
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -62,7 +63,7 @@ class EdgeLost:
             times.append(((end_t or event.t) - event.t) / NS)
             ways.append(end - event.distance)
         count = float(len(self._events))
-        return {"edge_lost_count": count, "edge_lost_s": sum(times), "edge_lost_m": sum(ways)}
+        return {"edge_lost_count": count, "edge_lost_s": fsum(times), "edge_lost_m": fsum(ways)}
 
     @property
     def notes(self) -> Sequence[str]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from swath.core import portable
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.judge.header_path import HeaderPath
@@ -79,7 +80,7 @@ class Harvest:
         px, py = np.interp(at, distance, x), np.interp(at, distance, y)
         inside = np.asarray(self.setup.edge.signed_distance(px, py), dtype=float)
         depth = np.maximum(inside, 0.0) + OUTSIDE_M
-        heading = np.arctan2(np.gradient(py), np.gradient(px))
+        heading = portable.arctan2(np.gradient(py), np.gradient(px))
         outer_x = px - self.side * np.sin(heading) * depth
         outer_y = py + self.side * np.cos(heading) * depth
         inner, outer = np.stack([px, py], axis=1), np.stack([outer_x, outer_y], axis=1)

@@ -58,7 +58,7 @@ class LeftField:
         """Of the whole way; nothing of a machine without a header."""
         if not self._has_header:
             return {}
-        left = sum(e.kind == "left_the_field" for e in self._events)
+        left = len([e for e in self._events if e.kind == "left_the_field"])
         return {"left_the_field_count": float(left), "left_the_field_m": self._way}
 
     @property

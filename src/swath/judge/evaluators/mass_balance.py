@@ -1,6 +1,7 @@
 """Whether everything that left the field is somewhere: in a machine, lost, or on the ground."""
 
 from collections.abc import Mapping
+from math import fsum
 
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric
@@ -43,8 +44,8 @@ class MassBalance:
         missing = self.setup.field.recount()
         held = [self.accounted(name) for name in self._in_transit]
         on_ground = self.setup.field.ground_grain_kg
-        grain = balance_error(float(missing.grain), sum(h[0] for h in held) + on_ground)
-        straw = balance_error(float(missing.straw), sum(h[1] for h in held))
+        grain = balance_error(float(missing.grain), fsum(h[0] for h in held) + on_ground)
+        straw = balance_error(float(missing.straw), fsum(h[1] for h in held))
         return {"mass_balance_error": max(grain, straw)}
 
     def accounted(self, name: str) -> tuple[float, float]:

@@ -131,11 +131,12 @@ def open_bus(where: Where) -> Any:
     check_bus(where)
     import can
 
-    options = dict(where.options)
-    if where.interface == "udp_multicast":
-        options.setdefault("fd", False)
+    options: dict[str, Any] = dict(where.options)
     try:
-        keys: dict[str, Any] = {"interface": where.interface, "channel": where.channel, **options}
-        return can.Bus(**keys)
+        if where.interface == "udp_multicast":
+            from swath.link.can.udp import CheckedUdpBus
+
+            return CheckedUdpBus(where.channel, **options)
+        return can.Bus(interface=where.interface, channel=where.channel, **options)
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise SwathError(f"CAN bus {where}: could not be opened: {error}") from error

@@ -42,7 +42,8 @@ class Params:
 
     interface: of python-can, such as socketcan, udp_multicast or virtual; channel: of that interface, such
     as can0, or a multicast group
-    options: further keys of that interface, such as bitrate or port
+    options: further keys of that interface, such as bitrate or port; of udp_multicast also `peers`: addresses
+    of other machines on the bus, without which it stays on this one
     box: outside = another process or a real controller; inside = a stand-in within the run
     lock_step: simulated time waits for every answer of the box; without it the run has to be paced
     law: steering level, or file.py:Class, that a stand-in runs, inside or by `swath can box`; law_keys: its

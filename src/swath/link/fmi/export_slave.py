@@ -5,7 +5,6 @@ nothing else of these packages is needed where the FMU is loaded, but swath is.
 """
 
 import json
-import pickle
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -21,6 +20,7 @@ from swath import __version__
 from swath.core.errors import InputError, SwathError
 from swath.link.fmi.export_part import Held, Part, Source
 from swath.link.fmi.export_variables import Variable
+from swath.link.fmi.state_bytes import state_from_bytes, state_to_bytes
 
 FILE = "swath.json"
 OK, WARNING, ERROR = 0, 1, 3  # as FMI numbers them
@@ -215,12 +215,15 @@ class _Slave:
 
     @staticmethod
     def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:
-        return pickle.dumps(state, protocol=5)
+        return state_to_bytes(state)
 
     @staticmethod
     def _fmu_state_from_bytes(data: bytes) -> dict[str, Any]:
-        state: dict[str, Any] = pickle.loads(data)
-        return state
+        try:
+            state = state_from_bytes(data)
+        except InputError:  # would crash an importer of FMI 2; loading {} is refused
+            return {}
+        return state if isinstance(state, dict) else {}
 
     def _get_log_queue(self) -> list[Any]:
         return self._messages

@@ -117,7 +117,7 @@ class _Reader:
     def element(self, path: str, node: Any) -> None:
         """A system: its connectors, elements and connections."""
         self.connectors(path, node)
-        for child in node.find(SSD + "Elements") or ():
+        for child in node.iterfind(f"{SSD}Elements/*"):
             inner = f"{path}.{child.get('name')}".lstrip(".")
             if child.tag == SSD + "System":
                 self.element(inner, child)

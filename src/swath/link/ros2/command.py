@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_ros2_network
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verb."""
@@ -14,6 +16,7 @@ def add(parsers: Any) -> None:
     play.add_argument(
         "--factor", type=float, default=1.0, metavar="X", help="simulated seconds per second (default 1)"
     )
+    add_ros2_network(play)
     play.set_defaults(run=run_play)
 
 

@@ -1,9 +1,15 @@
 """rclpy: found, started and stopped.
 
-One context for the process, without rclpy's signal handlers: Ctrl-C stays swath's.
+One context for the process, without rclpy's signal handlers: Ctrl-C stays swath's. ROS 2 does not ask who
+somebody is, so nodes are on this machine only, unless they are opened inside `networked`.
 """
 
 import importlib.util
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from importlib.resources import files
 from typing import Any
 
 from swath.core.errors import MissingExtra, SwathError
@@ -11,8 +17,50 @@ from swath.core.errors import MissingExtra, SwathError
 DEPTH = 100  # messages that a slow reader may lag behind before it loses some
 CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]
 
+WITHOUT_RANGE = ("foxy", "galactic", "humble")  # distributions that know ROS_LOCALHOST_ONLY instead
+
 _context: Any = None
 _users = 0
+_is_networked: ContextVar[bool] = ContextVar("is_networked", default=False)
+
+
+@contextmanager
+def networked() -> Iterator[None]:
+    """Inside the block nodes are on the network, as ROS 2 is set up; the first of a process decides."""
+    token = _is_networked.set(True)
+    try:
+        yield
+    finally:
+        _is_networked.reset(token)
+
+
+@contextmanager
+def _within_reach() -> Iterator[None]:
+    """The environment in which ROS 2 starts: nodes of this machine alone, unless inside `networked`.
+
+    With Fast DDS, the default, its sockets are those of the loopback interface too, unless the user has a
+    profile of his own; others are only told to look for nobody elsewhere.
+    """
+    if _is_networked.get():
+        yield
+        return
+    wanted = {"ROS_STATIC_PEERS": ""}
+    if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") != "OFF":
+        wanted["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    if os.environ.get("ROS_DISTRO") in WITHOUT_RANGE:
+        wanted["ROS_LOCALHOST_ONLY"] = "1"
+    profile = str(files("swath.data") / "ros2" / "this_machine.xml")
+    wanted["FASTRTPS_DEFAULT_PROFILES_FILE"] = os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE", profile)
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def need_rclpy(what: str) -> None:
@@ -58,11 +106,12 @@ def open_node(name: str, what: str, **options: Any) -> Any:
     from rclpy.signals import SignalHandlerOptions
 
     global _context, _users
-    if _context is None:
-        _context = Context()
-        rclpy.init(args=[], context=_context, signal_handler_options=SignalHandlerOptions.NO)
-    _users += 1
-    return Node(name, context=_context, enable_rosout=False, **options)
+    with _within_reach():
+        if _context is None:
+            _context = Context()
+            rclpy.init(args=[], context=_context, signal_handler_options=SignalHandlerOptions.NO)
+        _users += 1
+        return Node(name, context=_context, enable_rosout=False, **options)
 
 
 def close_node(node: Any) -> None:

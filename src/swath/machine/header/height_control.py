@@ -162,7 +162,7 @@ class HeightControlHeader(KeepsState):
         height = float(reading.mean()) + up
         self._lift.command(t, self._raising.rate(self._p.cutting_height_m - height))
         if self._p.lateral:
-            rise = float(self._feeler_y @ reading) / float(self._feeler_y @ self._feeler_y)
+            rise = float((self._feeler_y * reading).sum() / (self._feeler_y * self._feeler_y).sum())
             self._tilt.command(t, self._leaning.rate(-rise - lean))
 
     def _cut(

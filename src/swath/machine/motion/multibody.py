@@ -5,7 +5,7 @@ feeder and header as masses, grain that shifts the centre of gravity. Equations:
 """
 
 from dataclasses import dataclass
-from math import atan2, ceil, hypot, tan
+from math import atan2, ceil, fsum, hypot, tan
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from annotated_types import Ge, Gt, Le
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import MissingExtra
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -230,7 +231,7 @@ class Multibody(KeepsState):
         left, right = self.data.qpos[self._spin_q].tolist()
         if wanted != 0.0 or abs(self._aim) > 1e-3:
             if self._parked:
-                self._parked, self._angles = False, [0.5 * sum(self._angles)] * 2
+                self._parked, self._angles = False, [0.5 * fsum(self._angles)] * 2
             middle, spin = 0.5 * (left + right), 0.5 * (spins[0] + spins[1])
             slide = self._aim / self._radius - spin
             off, torque = self._spring(self._angles[0] - middle, slide, self._thrust)
@@ -266,8 +267,8 @@ class Multibody(KeepsState):
     def _output(self, t: int, steer: float) -> Outputs:
         d, rotation = self.data, self._rotation()
         pose = Pose(d.qpos[:3].copy(), rotation)
-        forward, left, _ = (d.qvel[:3] @ rotation).tolist()
-        turn = rotation @ d.qvel[3:6]
+        forward, left, _ = product(d.qvel[:3], rotation).tolist()
+        turn = product(rotation, d.qvel[3:6])
         yaw_rate = _yaw_rate(rotation, turn)
         return {"state": MachineState(t, pose, forward, left, yaw_rate, steer, self._distance)}
 

@@ -7,7 +7,7 @@ angle is set, what presses on them does not move them and goes into the next bod
 """
 
 from dataclasses import dataclass
-from math import pi
+from math import fsum, pi
 
 from swath.core.errors import InputError
 from swath.machine.machine_sheet import MachineSheet, masses_of
@@ -84,15 +84,15 @@ def _rest(machine: MachineSheet, m: Masses, parts: dict[str, Part]) -> Part:
     """The chassis: whole machine less its parts."""
     d = machine.dynamics
     whole = (-d.cg_behind, 0.0, d.cg_height)
-    mass = d.mass - sum(p.mass for p in parts.values())
+    mass = d.mass - fsum(p.mass for p in parts.values())
     if mass <= 0.1 * d.mass:
         raise InputError("bodies", f"{d.mass - mass:g} kg", f"expected less than the whole, {d.mass:g} kg")
     x, y, z = (
-        (d.mass * c - sum(p.mass * p.place[i] for p in parts.values())) / mass for i, c in enumerate(whole)
+        (d.mass * c - fsum(p.mass * p.place[i] for p in parts.values())) / mass for i, c in enumerate(whole)
     )
     taken = [p.about(whole) for p in parts.values()] + [Part(mass, (x, y, z), (0.0, 0.0, 0.0)).about(whole)]
     total = (m.roll_inertia, m.pitch_inertia, d.yaw_inertia)
-    a, b, c = (t - sum(p[i] for p in taken) for i, t in enumerate(total))
+    a, b, c = (t - fsum(p[i] for p in taken) for i, t in enumerate(total))
     if min(a, b, c, a + b - c, b + c - a, c + a - b) <= 0.0:
         shown = f"{a:.0f}, {b:.0f}, {c:.0f} kg m2 (roll, pitch, yaw) left for the chassis"
         raise InputError("mass.*_inertia_kg_m2", shown, "expected the inertias of a body")

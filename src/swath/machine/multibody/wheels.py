@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.component import KeepsState
+from swath.core.portable import product
 from swath.field.field import Field
 from swath.machine.soil import Brixius, Firm
 from swath.machine.tyre import creep_damping
@@ -131,7 +132,7 @@ class Wheels(KeepsState):
         what carries the wheel, at the wheel's middle; spins: wheel about its axis against it [rad/s]
         """
         sunk = self._sunk(middles, axes)
-        sums = np.matmul(sunk[:, None, :], self._basis)[:, 0, :] * self._rates[:, None]
+        sums = product(sunk[:, None, :], self._basis)[:, 0, :] * self._rates[:, None]
         rows = zip(
             sums.tolist(),
             sunk.max(axis=1).tolist(),
@@ -216,7 +217,7 @@ class Wheels(KeepsState):
     def energy(self, middles: Array, axes: Array) -> float:
         """Energy in the vertical springs [J]."""
         sunk = self._sunk(middles, axes)
-        return float(0.5 * (self._rates @ (sunk * sunk).sum(axis=1)))
+        return float(0.5 * (self._rates * (sunk * sunk).sum(axis=1)).sum())
 
 
 def _lagged(slip: float, slide: float, pace: float, h: float, lag: float) -> float:

@@ -4,6 +4,7 @@ Pure delay and first order reproduce what a yield sensor shows (Sensors 2008, 8(
 """
 
 from dataclasses import dataclass
+from math import fsum
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -78,7 +79,7 @@ class DelayLineProcess(KeepsState):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Move everything on by dt."""
         p, h = self._p, dt / NS
-        cut = [sum(f.grain for f in inputs["flow"]), sum(f.straw for f in inputs["flow"])]
+        cut = [fsum(f.grain for f in inputs["flow"]), fsum(f.straw for f in inputs["flow"])]
         grain, straw = fed = self._feeder.advance(cut, h)
         lost = grain * self._loss
         (tank,) = self._grain_mixer.advance(self._grain.advance([grain - lost], h), h, p.grain_lag_s)
@@ -104,9 +105,9 @@ class DelayLineProcess(KeepsState):
             feeder_straw + line_straw + mixed_straw,
             tank / h,
             straw / h,
-            header_flow=sum(cut) / h,
-            feeder_flow=sum(fed) / h,
-            drum_flow=sum(fed) / h,
+            header_flow=fsum(cut) / h,
+            feeder_flow=fsum(fed) / h,
+            drum_flow=fsum(fed) / h,
             rotor_flow=fed[1] / h,
             shoe_flow=fed[0] / h,
             separation_loss=lost / h,

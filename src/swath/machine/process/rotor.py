@@ -13,6 +13,7 @@ from math import exp, expm1
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.component import KeepsState
 
 Array = NDArray[np.float64]
@@ -78,7 +79,9 @@ class Rotor(KeepsState):
         front = p[FRONT] + path
         done = (np.minimum(front, 1.0) - p[FRONT]) * p[SCALE]
         threshing, separation = self._rates
-        still, kept = np.exp(done * np.array([[-threshability * threshing], [-threshability * separation]]))
+        still, kept = portable.exp(
+            done * np.array([[-threshability * threshing], [-threshability * separation]])
+        )
         ear = p[EAR] * still
         free = p[FREE] * kept + p[EAR] * (still - kept) * (threshing / (separation - threshing))
         separated = float((p[EAR] + p[FREE] - ear - free).sum())

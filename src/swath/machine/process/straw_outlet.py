@@ -1,6 +1,6 @@
 """Straw behind the machine: a swath, or chopped and spread, laid where the outlet passes."""
 
-from math import atan2, hypot
+from math import atan2, fsum, hypot
 
 import numpy as np
 
@@ -44,7 +44,7 @@ class StrawOutlet(KeepsState):
         if float(np.hypot(*(ends - before).T).max()) < self._step:
             return
         polygons = swept(before, ends)
-        area = sum(signed_area(p) for p in polygons)
+        area = fsum(signed_area(p) for p in polygons)
         if area <= 0.0:
             return
         if self._loose > 0.0:

@@ -5,7 +5,7 @@ back to the drum. Equations, sources and validation: docs/process.md.
 """
 
 from dataclasses import dataclass
-from math import hypot
+from math import fsum, hypot
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
@@ -132,12 +132,12 @@ class ThreshingProcess(KeepsState):
     def _feed(self, cut: tuple[CropFlow, ...], h: float, ratio: float, flows: Flows) -> Masses:
         """Header and feeder house: grain and straw [kg] that reach the drum."""
         t = self._drivetrain.transport
-        masses = [sum(f.grain for f in cut), sum(f.straw for f in cut)]
-        flows.header = sum(masses)
+        masses = [fsum(f.grain for f in cut), fsum(f.straw for f in cut)]
+        flows.header = fsum(masses)
         spread = self._spread.advance(masses, h, t.header_spread)
-        delay = flow_delay(sum(self._header.held()) + sum(spread), t.header, t.feed, t.exponent)
+        delay = flow_delay(fsum(self._header.held()) + fsum(spread), t.header, t.feed, t.exponent)
         gathered = self._header.advance(spread, h * ratio / delay)
-        flows.feeder = sum(gathered)
+        flows.feeder = fsum(gathered)
         return self._feeder.advance(gathered, h * ratio)
 
     def _thresh(self, fed: Masses, h: float, ratio: float, flows: Flows) -> Masses:
@@ -145,7 +145,7 @@ class ThreshingProcess(KeepsState):
         d, threshability = self._drivetrain.threshing, self._p.threshability * ratio
         back = self._returns.advance(self._back, h * ratio)
         grain, straw = fed[0] + back[0], fed[1] + back[1]
-        flows.drum, flows.returns = grain + straw, sum(back)
+        flows.drum, flows.returns = grain + straw, fsum(back)
         layer = straw / h / d.straw / max(ratio, 0.05)
         scale = threshability * max(layer, 1e-3) ** -d.drum_exponent
         ear, free = coupled(grain, 0.0, d.drum_threshing * scale, d.drum_separation * scale)
@@ -197,8 +197,8 @@ class ThreshingProcess(KeepsState):
         """Grain and straw inside [kg]."""
         both = (self._spread, self._header, self._feeder, self._shoe, self._returns)
         held = [part.held() for part in both] + [list(self._rotor.held()), self._back]
-        grain = sum(h[0] for h in held) + self._elevator.held()[0] + self._lift.held()[0]
-        return grain, sum(h[1] for h in held)
+        grain = fsum(h[0] for h in held) + self._elevator.held()[0] + self._lift.held()[0]
+        return grain, fsum(h[1] for h in held)
 
     def _load(self, t: int, h: float, f: Flows) -> MachineLoad:
         grain, straw = self._held()

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import warp as wp
 
+from swath.kernels import BUILT_FOR
 from swath.rays.kernel.cast import hit_solids
 from swath.rays.kernel.scene import Scene, SolidArrays, no_hit
 
 # Warp asks LLVM to inline nine times as much, which takes longer to compile and is no faster here.
 # Multiply-adds are fused only where the source says so: else a result could depend on what was inlined.
-wp.set_module_options({"cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=1000", "fuse_fp": False})
+wp.set_module_options({"cpu_compiler_flags": f"{BUILT_FOR} -mllvm=-inline-threshold=1000", "fuse_fp": False})
 _PARTS = ("vectors", "rays", "tiles", "crop", "traversal")  # each built on those before it
 _TRAVERSAL = "\n".join(
     (Path(__file__).parent / "native" / f"{part}.cpp").read_text(encoding="utf-8") for part in _PARTS

@@ -8,9 +8,12 @@ costs.
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import log, log2
 
 import numpy as np
 from numpy.typing import NDArray
+
+from swath.core.portable import arctan2, product
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -76,7 +79,7 @@ def _pack_in_order(count: int, order: tuple[int, ...]) -> Packing:
 def pack_image(rows: int, columns: int, pitch: tuple[float, float]) -> Packing:
     """Packets of an image (rows, columns): patches, about square by the pitch [rad] of the pixels."""
     ratio = pitch[0] / pitch[1] if min(pitch) > 0.0 else 1.0
-    high = int(2 ** np.clip(np.round(2.0 - 0.5 * np.log2(ratio)), 0, 4))
+    high = int(2 ** np.clip(np.round(2.0 - 0.5 * log2(ratio)), 0, 4))
     patch, group = (high, N // high), _near_square(high, N // high, ratio)
     y, x = np.arange(-(-rows // patch[0])), np.arange(-(-columns // patch[1]))
     py, px = (v.ravel() for v in np.meshgrid(y, x, indexing="ij"))
@@ -95,7 +98,7 @@ def _near_square(high: int, wide: int, ratio: float) -> tuple[int, int]:
     """Packs along rows and columns of a group, about square in angle."""
     best, found = np.inf, (1, GROUP_PACKETS)
     for n in (1, 2, 4, 8, 16, 32):
-        aspect = abs(np.log(max(ratio, 1e-9) * high * n / (wide * GROUP_PACKETS / n)))
+        aspect = abs(log(max(ratio, 1e-9) * high * n / (wide * GROUP_PACKETS / n)))
         if aspect < best:
             best, found = float(aspect), (n, GROUP_PACKETS // n)
     return found
@@ -105,9 +108,9 @@ def _turn(directions: F64) -> F64:
     """Angle of each direction around the middle of the spot [rad]."""
     mx, my, mz = directions.mean(axis=0).tolist()
     ax, ay, az = (my, -mx, 0.0) if abs(mz) < 0.9 else (0.0, mz, -my)  # across the middle
-    x = directions @ np.array([ax, ay, az])
-    y = directions @ np.array([ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx])
-    return np.asarray(np.arctan2(y - y.mean(), x - x.mean()))
+    x = product(directions, np.array([ax, ay, az]))
+    y = product(directions, np.array([ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx]))
+    return np.asarray(arctan2(y - y.mean(), x - x.mean()))
 
 
 def _grouped(table: I32) -> Packing:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def pose_of_transform(transform: Any) -> Pose:
 
 def _pose(position: Any, turn: Any) -> Pose:
     q = np.array([turn.x, turn.y, turn.z, turn.w], float)
-    x, y, z, w = q / max(float(np.linalg.norm(q)), 1e-12)
+    x, y, z, w = q / max(hypot(*q), 1e-12)
     rotation = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

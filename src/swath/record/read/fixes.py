@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core import portable
 from swath.core.errors import InputError
 from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
@@ -68,7 +69,7 @@ def poses_of_fixes(
         for s in (-reach, reach)
     ]
     ahead = ends[1] - ends[0]
-    yaw = np.unwrap(np.arctan2(ahead[1], ahead[0]))
+    yaw = np.unwrap(portable.arctan2(ahead[1], ahead[0]))
     x, y, z = antenna
     turned = np.stack([np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y], axis=1)
     position = local - np.column_stack([turned, np.full(len(yaw), z)])

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.record.read.fields import Context, Maker, Makers, pose_of, stamp_of
 from swath.signals import MachineState, Odometry, SpeedCommand, SteerCommand, SteerState
@@ -32,11 +33,11 @@ class _States:
         ahead = side = turn = 0.0
         if self.last is not None and at > self.last[0]:
             before, dt = self.last[1], (at - self.last[0]) / NS
-            moved = before.rotation.T @ (pose.position - before.position)
+            moved = product(before.rotation.T, pose.position - before.position)
             self.distance += float(np.hypot(moved[0], moved[1]))
             ahead, side = float(moved[0]) / dt, float(moved[1]) / dt
-            turned = before.rotation.T @ pose.rotation
-            turn = float(np.arctan2(turned[1, 0], turned[0, 0])) / dt
+            turned = product(before.rotation.T, pose.rotation)
+            turn = atan2(turned[1, 0], turned[0, 0]) / dt
         self.last = (at, pose)
         if (twist := getattr(message, "twist", None)) is not None:
             ahead, side, turn = _motion(twist.twist)

@@ -1,7 +1,7 @@
 """Samples of a satellite receiver and of an inertial unit from their messages, for a time [ns] each."""
 
 from collections.abc import Callable
-from math import hypot, nan, radians, sqrt
+from math import atan2, hypot, nan, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,7 @@ def fix_of_odometry(message: Any, t: int) -> Fix:
     at, motion = message.pose.pose.position, message.twist.twist.linear
     wide, high = _sd(message.pose.covariance[:15:7])
     q = message.pose.pose.orientation
-    course = float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z)))
+    course = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
     called = next((name for name, limit in CALLED if wide <= limit), "single")
     return Fix(
         t,

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.schedule import NS
 from swath.record.read.fields import Makers, stamp_of
 from swath.signals import F64, Scan, ScanTruth
@@ -82,8 +83,8 @@ def _scan_of_cloud(message: Any, t: int) -> Scan:
     ranges, light = np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)
     ranges[beam, echo], light[beam, echo] = far, intensity
     azimuth, elevation, after = (np.zeros(len(beams)) for _ in range(3))
-    azimuth[beam] = np.arctan2(points[:, 1], points[:, 0])
-    elevation[beam] = np.arcsin(np.clip(points[:, 2] / far, -1.0, 1.0))
+    azimuth[beam] = portable.arctan2(points[:, 1], points[:, 0])
+    elevation[beam] = portable.arcsin(np.clip(points[:, 2] / far, -1.0, 1.0))
     after[beam] = late
     last = float(after.max(initial=-np.inf)) if len(beams) else 0.0
     end = stamp_of(message, t) + round(last * NS)

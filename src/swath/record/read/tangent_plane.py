@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swath.core.portable import product
 from swath.signals import F64
 
 AXIS = 6_378_137.0  # semi-major axis of WGS 84 [m]
@@ -31,7 +32,7 @@ class TangentPlane:
     def __call__(self, points: F64) -> F64:
         """Longitude, latitude [deg] and height [m], (n, 3), as east, north, up [m], (n, 3)."""
         away = _earth_centred(points) - _earth_centred(self._origin)
-        return np.array(away @ self._axes.T, dtype=np.float64)
+        return np.asarray(product(away, self._axes.T))
 
     @property
     def _origin(self) -> F64:

@@ -92,6 +92,7 @@ class Cameras {
     let target;
     if (base.name === "free") target = this.target || (this.target = forward(4, 0, 1));
     else if (base.name === "edge" && width > 0) target = forward(knife + base.aim[0], middle + side * width / 2, base.aim[2]);
+    else if (base.name === "edge") target = forward(machine.body[1] + 3, side * (machine.body[2] + 1.5), 0.8);
     else target = forward(base.aim[0], side * base.aim[1], base.aim[2]);
     const turn = base.name === "free" ? own.yaw : yaw + side * own.yaw, p = own.pitch;
     const eye = [

@@ -79,7 +79,7 @@ void main() {
 }`;
 
 const FAR_FRAGMENT = `${FOG}
-uniform highp usampler2D shown; uniform ivec2 size; uniform float tile, lift; in vec2 q; in float away, standing; out vec4 colour;
+uniform highp usampler2D shown; uniform ivec2 size; uniform float tile, lift, share; in vec2 q; in float away, standing; out vec4 colour;
 float hash(vec2 p) { vec3 a = fract(vec3(p.xyx) * .1031); a += dot(a, a.yzx + 33.33); return fract((a.x + a.y) * a.z); }
 bool inside(ivec2 t) {
   return t.x >= 0 && t.y >= 0 && t.x < size.x && t.y < size.y && texelFetch(shown, t, 0).r > 0u;
@@ -89,7 +89,7 @@ void main() {
   if (inside(t) && inside(t + ivec2(1, 0)) && inside(t - ivec2(1, 0)) && inside(t + ivec2(0, 1)) && inside(t - ivec2(0, 1))) discard;
   if (lift > 0. && standing < .5) discard;
   float speck = mix(hash(floor(q * 16.)), .5, clamp(away / 90., 0., 1.));
-  vec3 rgb = lift > 0. ? vec3(.75, .595, .26) : standing < .5 ? vec3(.665, .595, .44) : vec3(.58, .46, .20);
+  vec3 rgb = lift > 0. ? mix(vec3(.46, .37, .16), vec3(.75, .595, .26), share / .85) : standing < .5 ? vec3(.665, .595, .44) : vec3(.58, .46, .20);
   rgb *= .92 + .16 * speck;
   colour = vec4(hazed(rgb, away), 1.);
 }`;
@@ -138,7 +138,7 @@ class Ground {
     const { gl, data } = this, { x, y, step, nx, ny, low, unit_m: unit } = data.far;
     const rows = [];
     const vertex = (i, j) => {
-      const code = data.far_codes[j * nx + i] === 255 ? 1 : 0;
+      const code = data.far_codes[j * nx + i] / 255;
       rows.push(x + i * step, y + j * step, low + unit * data.far_heights[j * nx + i], code);
     };
     for (let j = 0; j + 1 < ny; j++) {
@@ -168,8 +168,8 @@ class Ground {
   draw(view) {
     const { gl, data } = this, canopy = 0.93 * data.plants.height;
     gl.bindVertexArray(this.farObject);
-    for (const lift of [0, 0.85 * data.plants.height]) {  // the soil, and the crop's top
-      this.bind(this.farProgram, { ...view, corner: this.corner, lift });
+    for (const share of [0, 0.28, 0.57, 0.85]) {  // the soil, and layers of crop
+      this.bind(this.farProgram, { ...view, corner: this.corner, lift: share * data.plants.height, share });
       gl.drawArrays(gl.TRIANGLES, 0, this.farCount);
     }
     gl.bindVertexArray(this.empty);

@@ -97,6 +97,7 @@ class Stand {
       const [c, s] = ground.turn, x = ground.shift[0] + c * u - s * v, y = ground.shift[1] + s * u + c * v;
       return [x, y, ground.heightAt(x, y)];
     });
+    this.thrift = Math.min(1, Math.max(0.35, Math.sqrt(1500 / this.main)));  // plants of many pieces end sooner
     this.drawn = 0;
   }
 
@@ -111,7 +112,7 @@ class Stand {
       if (w < -slack) continue;
       const x = m[0] * p[0] + m[4] * p[1] + m[8] * p[2] + m[12], y = m[1] * p[0] + m[5] * p[1] + m[9] * p[2] + m[13];
       if (Math.abs(x) > w + slack * m[16] || Math.abs(y) > w + slack * m[17]) continue;
-      const k = DETAIL.findIndex(([reach]) => away / view.zoom < reach * scale);
+      const k = DETAIL.findIndex(([reach]) => away / view.zoom < reach * scale * this.thrift);
       if (k >= 0) this.lists[k].list[this.lists[k].count++] = this.ground.shown[i];
     }
     const { gl } = this;

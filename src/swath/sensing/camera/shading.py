@@ -4,10 +4,12 @@ A surface of colour c sends c (SKY_LIGHT + SUN_LIGHT cos a), a between its norma
 """
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.portable import power
 from swath.field.memory_layout import Organ
 from swath.signals import F64
 
@@ -52,15 +54,14 @@ def sky_light(up: F64) -> F64:
 
 def encode(light: F64) -> NDArray[np.uint8]:
     """Linear light as sRGB bytes (IEC 61966-2-1)."""
-    x = np.clip(light, 0.0, 1.0)
-    curve = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1.0 / 2.4) - 0.055)
-    return np.round(255.0 * curve).astype(np.uint8)
+    return np.searchsorted(_STEPS, np.clip(light, 0.0, 1.0), side="right").astype(np.uint8)
 
 
-def _linear(colour: tuple[int, int, int]) -> F64:
-    """sRGB bytes as linear light (3,)."""
+def _linear(colour: Any) -> F64:
+    """sRGB values 0 to 255 as linear light of the same shape."""
     x = np.array(colour) / 255.0
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return np.where(x <= 0.04045, x / 12.92, power((x + 0.055) / 1.055, 2.4))
 
 
 _TABLE = np.array([_linear(COLOURS[organ]) for organ in Organ])
+_STEPS = _linear(np.arange(255) + 0.5)  # light at which the byte goes up by one

@@ -13,6 +13,7 @@ import numpy as np
 from annotated_types import Gt, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.portable import arctan, solve
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
@@ -76,13 +77,16 @@ class TruthEdge(KeepsState):
         """Bend, slope and offset of a parabola about a line: over five lines, over three where it bends."""
         for reach in (2, 1):
             near = slice(max(at - reach, 0), at + reach + 1)
-            bend, slope, offset = (float(v) for v in np.polyfit(x[near] - x[at], y[near], 2))
+            ahead = x[near] - x[at]
+            powers = np.stack([ahead * ahead, ahead, np.ones(len(ahead))])
+            normal = np.einsum("ik,jk->ij", powers, powers, optimize=False)
+            bend, slope, offset = solve(normal, np.einsum("ik,k->i", powers, y[near])).tolist()
             if abs(offset - y[at]) <= FIT_M:
                 break
         return bend, slope, offset
 
     def _follow(self, state: MachineState) -> tuple[F64, F64]:
-        """x and y (n,) [m] of the edge on the lines from the first that shows it, as far as it goes on."""
+        """x and y [m] of the edge on the lines, from the first that shows it as far as it goes on, (n,)."""
         begin = self._end_y + self._out * self._half
         crop = crop_across(
             self._setup.field, state.pose, self._x, begin, self._end_y - self._out * self._half
@@ -115,7 +119,7 @@ class TruthEdge(KeepsState):
     def _reference(self, x: F64, y: F64) -> int:
         """The farthest line to report at, up to the reference, with a line on either side."""
         slope = np.gradient(y, ROW_M)
-        turned = np.abs(np.arctan(slope) - np.arctan(slope[0])) > BEND_RAD
+        turned = np.abs(arctan(slope) - arctan(slope[0])) > BEND_RAD
         last = min(len(y) - 2, int(np.searchsorted(x, self._p.reference_x_m)))
         bent = int(np.argmax(turned)) - 1 if turned.any() else last
         return max(min(last, bent), 1)

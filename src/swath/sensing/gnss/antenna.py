@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import atan2
 from typing import Annotated
 
 import numpy as np
@@ -9,6 +10,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.sensing.mount import poses_at
@@ -60,7 +62,7 @@ class Antenna(KeepsState):
         end = max(t, self._states[0].t + WINDOW)
         times = np.array([t, end - WINDOW, end], dtype=float)
         position, rotation = poses_at(self._states, times)
-        place = position + rotation @ self.mounting.position
+        place = position + product(rotation, self.mounting.position)
         return place[0], (place[2] - place[1]) * (NS / WINDOW)
 
 
@@ -70,7 +72,7 @@ def fix_of(
     """A sample from a position [m] and velocity [m/s], (3,) each. sd: as in Fix, in its order."""
     x, y, z = (float(v) for v in position)
     speed = float(np.hypot(velocity[0], velocity[1]))
-    course = float(np.arctan2(velocity[1], velocity[0])) if speed >= COURSE_ABOVE else NAN
+    course = atan2(velocity[1], velocity[0]) if speed >= COURSE_ABOVE else NAN
     if setup.origin is None:
         return Fix(t, x, y, z, speed, course, *sd, quality)
     longitude, latitude = np.radians(setup.origin.to_lon_lat([[x, y]])[0])

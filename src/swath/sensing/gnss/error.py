@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from swath.core import portable
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -110,7 +111,7 @@ class ErrorGnss(KeepsState):
         """One sample at t + dt, of what was `latency_ms` before."""
         self._antenna.take(inputs["state"])
         draw = self._stream.at(t + dt).standard_normal((len(self._figures) + 2, 3))
-        kept = np.exp(-dt / NS / self._times)
+        kept = portable.exp(-dt / NS / self._times)
         self._wander = self._wander * kept + np.sqrt(1.0 - kept**2) * draw[:-2]
         at = t + dt - self._latency
         quality = self.quality_at(at)

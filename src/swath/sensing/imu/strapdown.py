@@ -12,6 +12,7 @@ turn and accelerations to the speed; as a mean over T, a frequency f comes throu
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import atan2, hypot
 from typing import Annotated
 
 import numpy as np
@@ -19,6 +20,7 @@ from annotated_types import Ge, Le
 
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.signals import F64, Inertial, MachineState
@@ -82,12 +84,12 @@ class Strapdown(KeepsState):
     def _between(self, path: Sequence[MachineState]) -> tuple[F64, F64]:
         first, last = path[0].pose.rotation, path[-1].pose.rotation
         begin, span = path[0].t / NS, (path[-1].t - path[0].t) / NS
-        turn = rotation_vector(first.T @ last)
+        turn = rotation_vector(product(first.T, last))
         s0, v0 = self._velocity or self._velocity_of(path[0], path[1])
         s1, v1 = self._velocity = self._velocity_of(path[-2], path[-1])
         gained = (v1 - v0) / (s1 - s0) if s1 > s0 else np.zeros(3)
-        half_way = first @ rotation_of(turn * ((0.5 * (s0 + s1) - begin) / span))
-        return self.mounting.rotation.T @ turn / span, self._force(half_way, gained)
+        half_way = product(first, rotation_of(turn * ((0.5 * (s0 + s1) - begin) / span)))
+        return product(self.mounting.rotation.T, turn) / span, self._force(half_way, gained)
 
     def _velocity_of(self, a: MachineState, b: MachineState) -> tuple[float, F64]:
         at = self.mounting.position
@@ -95,26 +97,26 @@ class Strapdown(KeepsState):
 
     def _force(self, rotation: F64, acceleration: F64) -> F64:
         up = np.array([0.0, 0.0, GRAVITY])
-        return np.asarray((rotation @ self.mounting.rotation).T @ (acceleration + up), dtype=np.float64)
+        return np.asarray(product(product(rotation, self.mounting.rotation).T, acceleration + up))
 
 
 def rotation_vector(rotation: F64) -> F64:
     """Axis times angle [rad], (3,), of a rotation (3, 3) by less than half a turn."""
     skew = 0.5 * (rotation - rotation.T)
     vector = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])  # axis times sine
-    sine = float(np.linalg.norm(vector))
-    angle = float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1.0)))
+    sine = hypot(*vector)
+    angle = atan2(sine, 0.5 * (np.trace(rotation) - 1.0))
     return vector * (angle / sine if sine > 1e-12 else 1.0)
 
 
 def rotation_of(vector: F64) -> F64:
     """Rotation (3, 3) about an axis by its length [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
+    angle = hypot(*vector)
     x, y, z = vector
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     a = np.sinc(angle / np.pi)
     b = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
-    return np.asarray(np.eye(3) + a * cross + b * (cross @ cross), dtype=np.float64)
+    return np.asarray(np.eye(3) + a * cross + b * (product(cross, cross)), dtype=np.float64)
 
 
 def sample_of(t: int, rate: F64, force: F64, rate_sd: float = 0.0, force_sd: float = 0.0) -> Inertial:

@@ -12,6 +12,7 @@ from annotated_types import Ge, Le
 
 from swath.core.component import Outputs
 from swath.core.errors import InputError
+from swath.core.portable import product
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
 from swath.rays.engine import RayCaster
@@ -76,7 +77,7 @@ class PlantsLidar(ScanningLidar):
         middle = origins[beams // 2]
         self.setup.field.ensure(middle[0], middle[1], self.params.reach_m)
         pattern = self._pattern(rng, beams)
-        axes = rotations @ self.scanner.axes_at(t)
+        axes = product(rotations, self.scanner.axes_at(t))
         rays = spots(origins, axes, self.sheet.beam, pattern.position)
         hits = self.caster.cast_bundles(rays, range_max=self.scanner.reach, solids=self.setup.solids(), t=t)
         self.ray_count += beams * subs

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
+from swath.documents.number_table import read_numbers
 from swath.field.crop import Crop
 from swath.rays.spread import SpreadTable
 from swath.tools.calibrate.fit import RELATIVE_MAX, HeldOut, compare_place, make_table
@@ -36,14 +37,7 @@ class Samples:
 
 def read_samples(path: Path) -> Samples:
     """A CSV with a header row and the columns COLUMNS. InputError says what is missing."""
-    try:
-        table: Any = np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64, encoding="utf-8")
-        columns = {k: np.atleast_1d(table[k]) for k in table.dtype.names or () if k in COLUMNS}
-    except (OSError, ValueError, IndexError) as error:
-        raise InputError("source", str(path), f"expected a readable table: {error}", file=path) from error
-    missing = [k for k in COLUMNS if k not in columns]
-    if missing or len({len(c) for c in columns.values()}) != 1:
-        raise InputError("source", missing or None, f"expected columns {', '.join(COLUMNS)}", file=path)
+    columns = read_numbers(path, COLUMNS)
     units = np.array([1.0, 1.0, DEG, 1e-3])
     return _usable(np.stack([columns[k] for k in COLUMNS[:4]], axis=1) * units, columns["height_m"], path)
 

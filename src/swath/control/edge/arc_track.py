@@ -1,0 +1,121 @@
+"""The edge as an arc that grows with the travel: where it will be a little further ahead.
+
+All in a frame at rest on the ground, (x, u), which dead reckoning keeps. The state is a point of the arc, its
+angle and its bend; a Kalman filter over the way along the arc takes one block after another. What it was some
+blocks ago is kept: where an edge breaks off, the blocks just before the break were already wrong, and the
+track goes back behind them.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from swath.control.edge.canopy_rays import EdgeFrame
+from swath.core.component import KeepsState
+from swath.signals import F64
+
+BEND_STEP = 0.02  # 1/m per sqrt(m): how fast the bend of an edge changes
+ANGLE_STEP = 0.01  # rad per sqrt(m), of a ragged one
+CLIP = 2.0  # standard deviations that an innovation may count
+BACK = 6  # blocks that a break takes back
+KEPT = 12  # earlier states
+_ONE = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A point [m] of the edge, its angle [rad] and bend [1/m], their covariance (beside, angle, bend)
+
+    way: along the edge from where it was first seen [m]; unseen: of it since the last block that fitted [m]
+    """
+
+    x: float
+    u: float
+    angle: float
+    bend: float
+    covariance: F64 = field(default_factory=lambda: np.diag([0.1**2, 0.15**2, 0.02**2]))
+    way: float = 0.0
+    unseen: float = 0.0
+
+    def ahead(self, way: float, *, is_seen: bool = True) -> "Arc":
+        """The arc a way [m] further on. Unseen, its bend is taken to stay as it is."""
+        f = np.array([[1.0, way, 0.5 * way * way], [0.0, 1.0, way], [0.0, 0.0, 1.0]])
+        covariance = f @ self.covariance @ f.T
+        step = abs(way)
+        covariance[0, 0] += 1e-5 * step
+        if is_seen:
+            covariance[1, 1] += ANGLE_STEP**2 * step
+            covariance[2, 2] += BEND_STEP**2 * step
+        middle = self.angle + 0.5 * self.bend * way
+        x, u = self.x + way * np.cos(middle), self.u + way * np.sin(middle)
+        angle = self.angle + self.bend * way
+        unseen = self.unseen + max(way, 0.0)
+        return Arc(float(x), float(u), float(angle), self.bend, covariance, self.way + way, unseen)
+
+    def corrected(self, beside: float, variance: float) -> "Arc":
+        """After an edge was found `beside` it [m], with a variance [m2]."""
+        p = self.covariance
+        total = float(p[0, 0]) + variance
+        limit = CLIP * float(np.sqrt(total))
+        gain = p[:, 0] / total
+        move = gain * min(max(beside, -limit), limit)
+        left = _ONE.copy()
+        left[:, 0] -= gain
+        covariance = left @ p @ left.T + variance * np.outer(gain, gain)
+        x = self.x - float(move[0]) * np.sin(self.angle)
+        u = self.u + float(move[0]) * np.cos(self.angle)
+        bend = float(np.clip(self.bend + move[2], -0.2, 0.2))
+        return Arc(float(x), float(u), float(self.angle + move[1]), bend, covariance, self.way, 0.0)
+
+    def frame(self, x: float, u: float, angle: float) -> EdgeFrame:
+        """The arc in the frame of a machine that stands at x, u [m] with a heading [rad]."""
+        c, s = np.cos(angle), np.sin(angle)
+        dx, du = self.x - x, self.u - u
+        return EdgeFrame(float(c * dx + s * du), float(c * du - s * dx), self.angle - angle, self.bend)
+
+
+class ArcTrack(KeepsState):
+    """An arc and what it was before. arc: None = no edge."""
+
+    kept = ("arc", "_past")
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """No edge."""
+        self.arc: Arc | None = None
+        self._past: deque[Arc] = deque(maxlen=KEPT)
+
+    def begin(self, arc: Arc) -> None:
+        """An edge was found."""
+        self.clear()
+        self.arc = arc
+
+    def accept(self, beside: float, variance: float) -> None:
+        """A block shows the edge `beside` the arc [m]."""
+        assert self.arc is not None
+        self.arc = self.arc.corrected(beside, variance)
+        self._past.append(self.arc)
+
+    def advance(self, way: float) -> None:
+        """The next block lies a way [m] further on."""
+        assert self.arc is not None
+        self.arc = self.arc.ahead(way, is_seen=self.arc.unseen < 2.0)
+
+    def rewind(self, straighten: float) -> float:
+        """Back behind the last blocks, and on from there; the way along [m] from which blocks are doubted.
+
+        straighten: part of the bend that is kept
+        """
+        assert self.arc is not None
+        way = self.arc.way
+        for _ in range(min(BACK, len(self._past) - 1)):
+            self._past.pop()
+        if not self._past:
+            return way
+        old = self._past[-1]
+        old = replace(old, bend=straighten * old.bend)
+        self.arc = replace(old.ahead(way - old.way, is_seen=False), unseen=way - old.way)
+        return old.way + 1e-6

@@ -1,0 +1,194 @@
+"""From blocks of rays to a track of the edge: where it begins, goes on, breaks off, or cannot be seen."""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swath.control.edge.arc_track import Arc, ArcTrack
+from swath.control.edge.blocks import Block, Found, find_edge, split
+from swath.control.edge.canopy_feet import OBLIQUE, CanopyFeet
+from swath.control.edge.canopy_rays import LIMIT, EdgeFrame, RayAnswers
+from swath.control.edge.near_line import EdgePoints
+from swath.control.edge.populations import Populations, crop_excess, overlap_of
+from swath.core.component import KeepsState
+
+BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
+LEAST_GAIN, BEGIN_GAIN = (
+    6.0,
+    20.0,
+)  # nat of an edge over none, in a block; of two populations over one, at first
+LEAD = 5.0  # nat by which a place outside the gate shows that the edge broke off
+GATE, WIDENING, WIDEST = 0.28, 0.025, 0.8  # m, 1/m, m: + WIDENING times the square of the way unseen
+MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of rays that only crop stops
+HEIGHT = 0.85  # m, of a crop that was not seen yet
+LEARNED = 0.15  # m beside the track: blocks further off teach nothing
+STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
+UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
+TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this share less this step is lodged
+DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
+
+
+@dataclass(frozen=True)
+class Search:
+    """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m]."""
+
+    spread: float
+    forget: float
+
+
+class BlockTrack(KeepsState):
+    """The edge in the frame at rest, from rays in its own frame.
+
+    track, points: of the edge; populations: of the answers on both sides; feet: behind the canopy's edge
+    height: of the crop, that rays were cut with [m]; agreed: share 0..1 of late blocks that fitted
+    """
+
+    kept = (
+        "track", "points", "populations", "feet", "height", "agreed", "_block", "_scans", "_is_lodged",
+        "_usual", "_levels",
+    )  # fmt: skip
+
+    def __init__(self, search: Search) -> None:
+        self._search = search
+        self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
+        self.populations, self.feet = Populations(), CanopyFeet()
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing seen."""
+        for part in (self.track, self.points, self._block, self.populations, self.feet):
+            part.clear()
+        self._scans: list[RayAnswers] = []
+        self.height, self.agreed, self._is_lodged = HEIGHT, 0.0, False
+        self._usual = float("nan")  # height of the first metre of crop
+        self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
+
+    def add(
+        self,
+        rays: RayAnswers,
+        travel: float,
+        frame: EdgeFrame,
+        at: tuple[float, float, float],
+        level: float,
+    ) -> None:
+        """The rays of a scan in the edge's frame, as the machine sees it from `at` x, u [m], heading [rad].
+
+        level: of the stubble's plane at the edge [m]
+        """
+        self._block.add(rays, travel)
+        self._scans.append(rays)
+        if self._block.travel < BLOCK:
+            return
+        self._levels.append(level)
+        if self.track.arc is None:
+            is_done = self._begin(frame, at) or self._block.travel >= LONGEST
+        else:
+            is_done = self._go_on(self.track.arc, at[2])
+        if is_done:
+            self._block.clear()
+            self._scans = []
+
+    def _begin(self, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
+        """Look for two populations anywhere near the header end."""
+        place, gain, crop, stubble = split(self._block, 0.0, self._search.spread)
+        is_edge = gain > BEGIN_GAIN and overlap_of(crop, stubble) < MOST_ALIKE
+        if not (is_edge and crop_excess(crop, stubble) > MORE_CROP):
+            return False
+        self.populations.begin(*self._block.sides(place))
+        self.height = self._crop_height()
+        c, s = float(np.cos(at[2])), float(np.sin(at[2]))
+        x, u = frame.x + self._block.along, frame.u + place
+        self.points.clear()
+        self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2], 0.0))
+        return True
+
+    def _go_on(self, arc: Arc, heading: float) -> bool:
+        """A block is full: where is its edge? False when it needs more rays."""
+        block = self._block
+        gate = min(WIDEST, GATE + WIDENING * arc.unseen**2)
+        found = find_edge(block, self.populations.ratios(), gate)
+        is_near = found.lead < LEAD
+        if found.gain < LEAST_GAIN and is_near and block.travel < LONGEST:
+            return False
+        self.populations.move(block.travel)
+        along = block.along if np.isfinite(block.along) else block.travel
+        swing = self._lodged_swing(found, arc.angle - heading)
+        if swing > 0.0 and abs(found.beside) < swing + 0.1:
+            self._pass_lodged(along, swing)
+        elif found.gain >= LEAST_GAIN and is_near:
+            self._accept(found, along, heading)
+        else:
+            self._miss(along, broke=not is_near)
+        self.height = self._crop_height()
+        return True
+
+    def _accept(self, found: Found, along: float, heading: float) -> None:
+        self._is_lodged = False
+        self._remember_height(found)
+        if abs(found.beside) < LEARNED:
+            self.populations.add(*self._block.sides(found.beside))
+        self.track.advance(along)
+        edge = self.track.arc
+        assert edge is not None
+        x = edge.x - found.beside * float(np.sin(edge.angle))
+        u = edge.u + found.beside * float(np.cos(edge.angle))
+        self.points.add(x, u, found.variance, edge.way)
+        self.track.accept(found.beside, found.variance)
+        self.agreed += 0.2 * (1.0 - self.agreed)
+        angle = edge.angle - heading
+        self.feet.learn(self._scans, self._block.counts, found.beside, self._block.travel, self.height, angle)
+
+    def _miss(self, along: float, *, broke: bool) -> None:
+        """The block shows no edge here; where it shows one elsewhere, the last blocks are doubted too."""
+        arc = self.track.arc
+        assert arc is not None
+        if broke and arc.unseen < 1.0:
+            self.points.doubt(self.track.rewind(STRAIGHTEN))
+        self.track.advance(along)
+        self.agreed *= 0.8
+        if self.track.arc is not None and self.track.arc.unseen > self._search.forget:
+            self.track.clear()
+
+    def _lodged_swing(self, found: Found, angle: float) -> float:
+        """How far the tops of a stand that has become low may have moved aside [m], 0 where it stands.
+
+        Stems of length h whose tops are at z lean by acos(z / h), their tops lie h sin(lean) beside the feet.
+        Compared is the first metre of the crop with itself before. Where the ground ahead rises or falls the
+        canopy, seen nearer than the stubble, only seems to: there nothing is said.
+        """
+        usual, stopped = self._usual, self.populations.heights()[2]
+        is_uneven = max(self._levels) - min(self._levels) > UNEVEN
+        if not usual > TALL or stopped < 0.8 or abs(angle) > 3.0 * OBLIQUE or is_uneven:
+            return 0.0
+        now = self._first_metre(found)
+        if np.isnan(now) and self._is_lodged:
+            now = LIMIT * usual
+        if not now < LOW_SHARE * usual - LOW_STEP:
+            return 0.0
+        return float(np.sqrt(usual**2 - now**2))
+
+    def _first_metre(self, found: Found) -> float:
+        return self.populations.height_of(self._block.just_inside(found.beside))
+
+    def _remember_height(self, found: Found) -> None:
+        now = self._first_metre(found)
+        if np.isfinite(now):
+            self._usual = now if np.isnan(self._usual) else self._usual + 0.1 * (now - self._usual)
+
+    def _pass_lodged(self, along: float, swing: float) -> None:
+        """Lodged crop shows no edge: the line goes on through it, less and less sure."""
+        if not self._is_lodged:
+            self.points.doubt(self.track.rewind(STRAIGHTEN))
+        self._is_lodged = True
+        self.track.advance(along)
+        arc = self.track.arc
+        assert arc is not None
+        self.points.add(arc.x, arc.u, (DOUBT * swing) ** 2, arc.way)
+        crop, stubble = self._block.sides(0.0)
+        self.populations.add(0.2 * crop, stubble)
+        self.track.arc = replace(arc, unseen=min(arc.unseen, 0.5 * self._search.forget))
+
+    def _crop_height(self) -> float:
+        height = self.populations.heights()[0]
+        return float(np.clip(height, 0.15, 2.5)) if np.isfinite(height) else HEIGHT

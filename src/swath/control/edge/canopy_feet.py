@@ -1,0 +1,84 @@
+"""How far the feet of the crop stand behind the edge of its canopy: overhang of an upright stand, ramp of one
+that leans away from the edge.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from swath.control.edge.canopy_offset import CanopyOffset
+from swath.control.edge.canopy_rays import LIMIT, RayAnswers
+from swath.control.edge.height_step import Rays
+from swath.control.edge.lean_ramp import LeanRamp
+from swath.core.component import KeepsState
+from swath.signals import F64
+
+OBLIQUE = 0.09  # rad to the edge from which on its wall looks like a ramp
+MEMORY, GUESS, PARTS = 30.0, 0.06, 3  # m; of the crop's height; parts of plants that make an echo together
+CLEAR, DUSTY, USUAL = 0.05, 0.12, 0.09  # shares of rays; in dust the overhang of cereals, of their height
+MOST = 0.19  # of the crop's height
+DENSE, THIN = (
+    0.85,
+    0.6,
+)  # shares of rays stopped within the crop: from here on, and below, no overhang is seen
+EVEN, RAGGED, LEAST = (
+    0.05,
+    0.09,
+    0.25,
+)  # m of spread of the blocks; what is left of the shift on a ragged edge
+
+
+class CanopyFeet(KeepsState):
+    """Learns from the rays of accepted blocks. ramp: (share 0..1, feet [m], tangent of the lean)."""
+
+    kept = ("_offset", "_ramp", "ramp")
+
+    def __init__(self) -> None:
+        self._offset, self._ramp = CanopyOffset(MEMORY, GUESS, parts=PARTS), LeanRamp()
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing learned."""
+        self._offset.clear()
+        self._ramp.clear()
+        self.ramp = (0.0, 0.0, 0.0)
+
+    def learn(
+        self,
+        scans: Sequence[RayAnswers],
+        counts: F64,
+        edge: float,
+        travel: float,
+        height: float,
+        angle: float,
+    ) -> None:
+        """A block: its scans, their counts, its edge [m] and travel [m]; crop height [m], angle to the edge."""
+        self._offset.move(travel)
+        if not height > 0.0:
+            return
+        tall = np.concatenate([rays.height for rays in scans])
+        seen = np.isfinite(tall)
+        upper = np.concatenate([rays.upper for rays in scans])[seen] - edge
+        lower = np.concatenate([rays.lower for rays in scans])[seen] - edge
+        self._offset.add(Rays(upper, lower, tall[seen], height, LIMIT * height), 0.0, height)
+        self._ramp.move(travel)
+        if abs(angle) < OBLIQUE:
+            self._ramp.add(counts, edge)
+        self.ramp = self._ramp.foot(height)
+
+    def shift(self, height: float, stopped: float, spread: float, dust: float) -> float:
+        """The feet behind the edge of the canopy [m].
+
+        height [m] of the crop; share of rays that it stopped; spread of the blocks about the line [m]; share
+        of rays that dust took
+        """
+        if not height > 0.0:
+            return 0.0
+        dense = float(np.clip((stopped - THIN) / (DENSE - THIN), 0.0, 1.0))
+        seen = float(np.clip((DUSTY - dust) / (DUSTY - CLEAR), 0.0, 1.0))
+        most = MOST if self._ramp.is_known else USUAL
+        learned = min(self._offset.shift(height), most * height)
+        upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)
+        share, foot, _ = self.ramp
+        even = float(np.clip((RAGGED - spread) / (RAGGED - EVEN), LEAST, 1.0))
+        return even * ((1.0 - share) * upright + share * seen * foot)

@@ -1,0 +1,205 @@
+"""Learned likelihood ratios: every ray of some decimetres of travel says how likely it stands in the crop.
+
+Scans become rays with a class and a place (`canopy_rays`); rays of 0.4 m of travel are a block (`blocks`);
+what the classes are worth is learned on both sides of the edge while driving (`populations`); the edge of each
+block goes into a track that knows where the next one must be (`block_track`, `arc_track`); and what is
+reported is the edge just ahead of the knife, between blocks seen before and behind it (`near_line`), moved
+from the canopy to the feet of the crop (`canopy_feet`).
+"""
+
+from dataclasses import dataclass
+from math import cos, erf, sin, sqrt, tan
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.control.edge.block_track import BlockTrack, Search
+from swath.control.edge.canopy_rays import Beams, EdgeFrame, Ground, answers, make_beams
+from swath.control.edge.near_line import WAY, NearLine, U, X, near_line
+from swath.control.edge.profile import crop_sign
+from swath.control.inclination import Inclination
+from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.units import PERCENT
+from swath.signals import F64, CropEdge, Inertial, Odometry, Scan
+from swath.signals.setup import ControlSetup
+
+TOLERANCE = 0.10  # m, of the confidence
+FLOOR, RAGGED = 0.03, 0.8  # m, standard deviation of the offset that no fit shows (overhang, mounting, odometry); part of
+# the blocks' spread about the line that is taken to be its own
+UNSEEN_MOST = 0.45  # confidence of an edge that is held, not seen
+LATE = 0.4  # s: an older scan shows no edge
+AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
+
+
+@dataclass(frozen=True)
+class Params:
+    """search_m: standard deviation of where the edge is expected beside the header end, at the start
+    hold_m: how far beyond the last place seen the edge is held
+    reference_m: where ahead of the knife it is reported
+    crab: side slip per side slope [1], about 1 / the tyres' cornering stiffness over load
+    slip_percent: by which the wheels turn faster than the ground passes, 2 to 6 % on stubble (uncited)
+    """
+
+    search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5
+    hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
+    reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
+    crab: Annotated[float, Ge(0), Le(1)] = 0.27
+    slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
+
+
+class LikelihoodRatio(KeepsState):
+    """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
+
+    kept = ("_time", "_at", "_blocks", "_ground", "_inclination")
+    inputs = (
+        Port("scan", Scan, unit="m", shape=(None,)),
+        Port("odometry", Odometry),
+        Port("inertial", Inertial, history=True, optional=True),
+    )
+    outputs = (Port("edge", CropEdge),)
+
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        self._p, self._mounting = params, setup.mounting
+        self._sign = crop_sign(setup.edge_side)
+        knife_x, end_y = setup.machine.header_end(setup.edge_side)
+        self._centre = self._sign * end_y
+        self._reference = knife_x + params.reference_m
+        self._blocks = BlockTrack(Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE))
+        self._ground = Ground()
+        self._inclination = Inclination(setup.mountings.get("inertial"))
+        self._forget()
+
+    def _forget(self) -> None:
+        self._time = 0
+        self._at = (0.0, 0.0, 0.0)  # x, u [m] and heading [rad] in the frame at rest
+        self._blocks.clear()
+        self._ground.clear()
+        self._inclination.clear()
+
+    def reset(self, stream: Stream) -> Outputs:
+        """No edge at t = 0: nothing was seen yet."""
+        self._forget()
+        return {"edge": self._no_edge(0)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Take a new scan, if there is one, and report the edge in the machine frame of t + dt."""
+        scan, odometry = inputs["scan"], inputs["odometry"]
+        speed = _finite(odometry.speed) / (1.0 + PERCENT * self._p.slip_percent)
+        yaw_rate = self._sign * _finite(odometry.yaw_rate)
+        self._inclination.take(inputs.get("inertial"), speed)
+        if scan is not None and scan.t > self._time:
+            self._take(scan, speed, yaw_rate)
+        return {"edge": self._report(t + dt, speed, yaw_rate)}
+
+    def _moved(self, speed: float, yaw_rate: float, seconds: float) -> tuple[float, float, float]:
+        """Where the machine stands some seconds after `_at`: along its heading, and down the slope."""
+        x, u, heading = self._at
+        course = heading + 0.5 * yaw_rate * seconds - self._p.crab * self._rise()[1]
+        way = speed * seconds
+        return x + way * cos(course), u + way * sin(course), heading + yaw_rate * seconds
+
+    def _rise(self) -> tuple[float, float]:
+        """How far the top of an upright plant seems to stand ahead and toward the crop of its foot [1]."""
+        ahead, left = self._inclination.rise
+        return ahead, self._sign * left
+
+    def _take(self, scan: Scan, speed: float, yaw_rate: float) -> None:
+        seconds = min((scan.t - self._time) / NS, 1.0)
+        self._time = scan.t
+        self._at = self._moved(speed, yaw_rate, seconds)
+        beams = make_beams(scan, self._mounting, self._sign, speed, yaw_rate)
+        arc = self._blocks.track.arc
+        frame = EdgeFrame(self._reference, self._centre, 0.0, 0.0) if arc is None else arc.frame(*self._at)
+        self._see_ground(beams, frame, is_known=arc is not None)
+        rays = answers(beams, frame, self._ground, self._blocks.height, self._rise())
+        self._blocks.add(rays, abs(speed) * seconds, frame, self._at, self._ground.level)
+
+    def _see_ground(self, beams: Beams, frame: EdgeFrame, *, is_known: bool) -> None:
+        points = beams.at(beams.ranges)
+        _, beside = frame.place(points[0], points[1])
+        low, high = Ground.OUTSIDE if is_known else (Ground.OUTSIDE[0] - 0.5, -self._p.search_m)
+        with np.errstate(invalid="ignore"):
+            good = (beside > low) & (beside < high) & (beams.ranges > Ground.NEAR)
+        self._ground.take(points[1, good] - frame.u, points[2, good])
+
+    def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
+        age = (now - self._time) / NS
+        if self._blocks.track.arc is None or age > LATE:
+            return self._no_edge(now)
+        line = self._near(self._moved(speed, yaw_rate, age))
+        if line is None or line.gap > self._p.hold_m:
+            return self._no_edge(now)
+        return self._as_edge(now, line)
+
+    def _near(self, at: tuple[float, float, float]) -> NearLine | None:
+        """The edge abreast of the reference, seen from a machine at x, u [m] with a heading [rad]."""
+        rows, arc = self._blocks.points.rows, self._blocks.track.arc
+        if len(rows) < 2 or arc is None:
+            return None
+        seen, front = _seen_from(rows, at), arc.frame(*at)
+        x, u = np.append(seen[:, X], front.x), np.append(seen[:, U], front.u)
+        way = np.append(seen[:, WAY], arc.way)
+        order = np.argsort(way, kind="stable")
+        x, u, way = np.maximum.accumulate(x[order]), u[order], way[order]
+        reference = self._reference
+        if reference < x[0]:
+            angle, along = front.angle, float(way[0] - (x[0] - reference))
+        else:
+            back, ahead = np.interp([reference - 1.5, reference + 1.5], x, u).tolist()
+            angle, along = float(np.arctan2(ahead - back, 3.0)), float(np.interp(reference, x, way))
+        place = EdgeFrame(reference, float(np.interp(reference, x, u)), angle, 0.0)
+        return near_line(seen, place, along)
+
+    def _as_edge(self, now: int, line: NearLine) -> CropEdge:
+        sign, edge = self._sign, line.frame
+        steep = max(cos(edge.angle), 0.2)
+        beyond = self._reference - edge.x
+        crop, stubble, stopped = self._blocks.populations.heights()
+        dust = self._blocks.populations.dust()
+        canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
+        sd = sqrt(line.offset_sd**2 + (RAGGED * line.spread) ** 2 + FLOOR**2) / steep
+        sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
+        return CropEdge(
+            t=now,
+            offset=sign * (canopy + self._blocks.feet.shift(crop, stopped, line.spread, dust) / steep),
+            heading=sign * edge.angle,
+            curvature=sign * edge.bend,
+            reference_x=self._reference,
+            confidence=float(np.clip(min(sure, UNSEEN_MOST) if line.seen_to < 0.0 else sure, 0.01, 1.0)),
+            crop_height=crop,
+            stubble_height=stubble,
+            offset_sd=sd,
+            heading_sd=line.angle_sd,
+            seen_to=self._reference + line.seen_to * steep,
+            is_held=line.gap > 1.0,
+        )
+
+    def _no_edge(self, now: int) -> CropEdge:
+        nan = float("nan")
+        return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
+
+
+def _seen_from(rows: F64, at: tuple[float, float, float]) -> F64:
+    """Points in the frame at rest, moved to that of a machine."""
+    c, s = cos(at[2]), sin(at[2])
+    dx, du = rows[:, X] - at[0], rows[:, U] - at[1]
+    seen = rows.copy()
+    seen[:, X], seen[:, U] = c * dx + s * du, c * du - s * dx
+    return seen
+
+
+def _finite(value: float) -> float:
+    return float(value) if np.isfinite(value) else 0.0
+
+
+LEVEL = Level(
+    LikelihoodRatio,
+    Params,
+    summary="likelihood ratios learned on both sides, summed over travel, tracked along an arc",
+    cost="under 1 ms per scan",
+    tolerance="offset within 0.05 m RMS of the true edge at 50 to 700 stems/m2",
+)

@@ -1,0 +1,145 @@
+"""What rays answer in the crop and beside it, learned while driving, and what one more answer is worth.
+
+The class of an answer is a layer of height above the stubble side, dust, or no echo (`canopy_rays`). Counts of
+the classes on either side of the edges accepted so far give the log-likelihood ratio of every class. Nothing
+is assumed about crop, stubble, density or dust: where puffs swallow the beams on one side only, "no echo"
+itself is evidence.
+"""
+
+import numpy as np
+
+from swath.control.edge.canopy_rays import CLASSES, DUST, LAYER, LAYERS, LOWEST
+from swath.core.component import KeepsState
+from swath.signals import F64
+
+MEMORY, SHORT = 15.0, 2.0  # m of travel after which counts are worth 1/e; the same of what has just changed
+FRESH, STRANGE = 0.25, 0.15  # share of the short memory, and of anything above the stubble, in the crop
+STRAY = 0.03  # share of answers beside the crop that are something else: weeds, straw
+MOST = 3.0  # nat that one ray is worth at most
+CROP_FROM, CROP_TO = 0.18, (1.15, 2.5)  # m above the stubble: heights of crop that was not seen yet
+STUBBLE_TO, LITTLE = 0.8, 0.12  # m; part of the fullest layer's echoes below which a population ends
+SAMPLE = 0.5  # counts added to each class
+_HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
+
+
+class Populations(KeepsState):
+    """Counts of classes in the crop, lately in the crop, and beside it: rows of (3, CLASSES)."""
+
+    kept = ("counts",)
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing learned."""
+        self.counts: F64 = np.zeros((3, CLASSES))
+
+    def begin(self, crop: F64, stubble: F64) -> None:
+        """Start with the counts of both sides, (CLASSES,) each."""
+        self.counts = np.stack([crop, crop, stubble]).astype(np.float64)
+
+    def move(self, travel: float) -> None:
+        """Old counts fade over a travel [m]."""
+        self.counts *= np.exp(-travel / np.array([MEMORY, SHORT, MEMORY]))[:, None]
+
+    def add(self, crop: F64, stubble: F64) -> None:
+        """Counts of both sides of an edge that was accepted."""
+        self.counts += np.stack([crop, crop, stubble])
+
+    def ratios(self) -> F64:
+        """Log-likelihood ratio [nat] of each class: crop over stubble, (CLASSES,)."""
+        crop, lately, stubble = _shares(self.counts)
+        above = np.zeros(CLASSES)
+        first, tall = self._first_layer(), self.counts[0, :LAYERS].copy()
+        tall[:first] = 0.0
+        above[first : max(_end_of_peak(tall) + 2, first + 1)] = 1.0
+        above /= max(float(above.sum()), 1.0)
+        crop = (1.0 - FRESH - STRANGE) * crop + FRESH * lately + STRANGE * above
+        stubble = (1.0 - STRAY) * stubble + STRAY / CLASSES
+        return np.asarray(np.clip(np.log(crop / stubble), -MOST, MOST))
+
+    def overlap(self) -> float:
+        """Bhattacharyya coefficient of both sides: 0 = nothing in common, 1 = alike."""
+        crop, _, stubble = _shares(self.counts)
+        return float(np.sqrt(crop * stubble).sum())
+
+    def heights(self) -> tuple[float, float, float]:
+        """(crop height, stubble height, share stopped): of echoes above the stubble's own 97th percentile
+        the height of the canopy, the 90th percentile of the stubble [m] above its plane, and the share of the
+        rays within the crop that the crop stopped.
+        """
+        crop, stubble = self.counts[0, :LAYERS], self.counts[2, :LAYERS]
+        first = self._first_layer()
+        answered = float(self.counts[0].sum() - self.counts[0, DUST])
+        return (
+            canopy_height(crop, first),
+            _percentile(stubble, 0.9),
+            float(crop[first:].sum()) / max(answered, 1e-9),
+        )
+
+    def dust(self) -> float:
+        """The greater share of both sides' rays that met dust, or came back with no echo."""
+        return float((self.counts[:, LAYERS:].sum(axis=1) / np.maximum(self.counts.sum(axis=1), 1e-9)).max())
+
+    def height_of(self, counts: F64) -> float:
+        """Height of the canopy [m] in other counts (CLASSES,), nan where they hold little of it."""
+        return canopy_height(counts[:LAYERS], self._first_layer())
+
+    def _first_layer(self) -> int:
+        """The lowest layer that is no stubble."""
+        return _end_of_peak(np.where(_HEIGHT < STUBBLE_TO, self.counts[2, :LAYERS], 0.0)) + 1
+
+
+def canopy_height(layers: F64, first: int) -> float:
+    """90th percentile [m] of the echoes that belong to the canopy, nan when there are too few.
+
+    layers: counts from the lowest layer on. The canopy reaches from layer `first` over its fullest layer to
+    where a tenth of that is left: puffs of dust above it do not count.
+    """
+    canopy = np.where(np.arange(LAYERS) >= first, layers, 0.0)
+    if float(canopy.sum()) < 10.0:
+        return float("nan")
+    canopy[_end_of_peak(canopy) :] = 0.0
+    return _percentile(canopy, 0.9)
+
+
+def _end_of_peak(layers: F64) -> int:
+    """The first layer above the fullest one that holds little of what that holds."""
+    smooth = np.convolve(layers, (0.25, 0.5, 0.25), "same")
+    peak = int(np.argmax(smooth))
+    sparse = np.flatnonzero(smooth[peak:] < LITTLE * smooth[peak])
+    return peak + int(sparse[0]) if len(sparse) else len(layers)
+
+
+def overlap_of(first: F64, second: F64) -> float:
+    """Bhattacharyya coefficient of two rows of counts."""
+    a, b = _shares(np.stack([first, second]))
+    return float(np.sqrt(a * b).sum())
+
+
+def crop_excess(crop: F64, stubble: F64) -> float:
+    """By how much the share of rays that crop may have stopped is higher in the crop than beside it.
+
+    Low echoes alone, or all: above the first limit there may be puffs of dust, on the stubble side alone.
+    """
+    excess = []
+    for top in CROP_TO:
+        is_crop = (_HEIGHT > CROP_FROM) & (top > _HEIGHT)
+        shares = [
+            float(side[:LAYERS][is_crop].sum()) / max(float(side.sum()), 1e-9) for side in (crop, stubble)
+        ]
+        excess.append(shares[0] - shares[1])
+    return max(excess)
+
+
+def _shares(counts: F64) -> F64:
+    raised = counts + SAMPLE / CLASSES * 4.0
+    return np.asarray(raised / raised.sum(axis=1, keepdims=True))
+
+
+def _percentile(counts: F64, share: float) -> float:
+    total = float(counts.sum())
+    if total <= 0.0:
+        return float("nan")
+    reached = np.cumsum(counts) / total
+    return float(np.interp(share, reached, LOWEST + LAYER * (np.arange(len(counts)) + 1)))
