@@ -66,3 +66,11 @@ def test_the_command_line_ends_with_bad_input(tmp_path, monkeypatch, capsys):
     Path("s.yaml").write_text(PLACES["evaluator"])
     assert main(["run", "s.yaml"]) == 2
     assert len(capsys.readouterr().err) <= 320
+
+
+@pytest.mark.parametrize("time", ["1e999", '"soon"', "true", "null", "-1", "1" + "0" * 400])
+def test_an_event_without_a_time_is_refused(tmp_path, time):
+    file = tmp_path / "events.json"
+    file.write_text(f'[{{"t_s": {time}, "set": "a.b", "value": 1}}]')
+    with pytest.raises(InputError, match="expected events with t_s"):
+        read_events(file)

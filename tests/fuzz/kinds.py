@@ -461,6 +461,20 @@ def _read_system(folder: Path) -> Any:
     return read_system(folder / "model.ssp")
 
 
+def _read_beams(folder: Path) -> Any:
+    from swath.tools.calibrate.measured import read_samples
+
+    return read_samples(folder / "beams.csv")
+
+
+def _read_case(folder: Path) -> Any:
+    from swath.tools.function_test.case import read_case
+
+    case = read_case(folder / "mine.yaml")
+    return case.grid(), case.drawn(5, 1), case.sets(case.grid()[0])
+
+
+BEAMS = "stems_per_m2,crop_height_m,depression_deg,spot_mm,height_m\n" + "300,0.8,20,15,0.6\n" * 60
 HEIGHTS = "height_m,stems_per_m2,sensor,depression_deg\n" + "0.5,300,sick-lms111,20\n" * 20
 COLUMN_MAP = "lat: {column: lat, unit: deg}\nlon: lon\nyield: {column: flow, unit: t/ha}\ncrs: EPSG:32612\n"
 
@@ -507,6 +521,8 @@ KINDS: dict[str, Kind] = {
     "spread-table": Kind(_spread_table, _read_spread_table),
     "height-grid": Kind(_height_grid, _read_height_grid),
     "heights-csv": Kind(_text("real.csv", HEIGHTS), _read_heights),
+    "beams-csv": Kind(_text("beams.csv", BEAMS), _read_beams),
+    "test-case": Kind(_bundled("tests", "gap"), _read_case),
     "fmu": Kind(_fmu, _read_fmu),
     "ssp": Kind(_system, _read_system),
 }

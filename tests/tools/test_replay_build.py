@@ -267,7 +267,7 @@ def test_csv_errors_are_named(tmp_path):
     with pytest.raises(InputError, match=r"columns = t_s, x: expected columns t_s, x_m, y_m.*poses.csv"):
         open_source(path, Wanted(), poses)
     poses.write_text("t_s,x_m,y_m\n1,2,north\n")
-    with pytest.raises(InputError, match=r"expected numbers only .*north.*poses.csv"):
+    with pytest.raises(InputError, match=r"expected numbers only.*north.*poses.csv"):
         open_source(path, Wanted(), poses)
     poses.write_text("t_s,x_m,y_m\n1,2,3\n1,2,3\n")
     with pytest.raises(InputError, match="at least two finite poses"):

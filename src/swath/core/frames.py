@@ -84,6 +84,18 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:
     )
 
 
+def rotation_matrices(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """Rotations, shape (n, 3, 3), from angles [rad], shape (n,) each."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
 def wrap_angle(angle: Any) -> Any:
     """Angle [rad] brought into (-pi, pi]."""
     return -((np.pi - angle) % (2 * np.pi) - np.pi)

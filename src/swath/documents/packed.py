@@ -14,19 +14,12 @@ from swath.core.errors import InputError, SwathError
 MIB = 1 << 20
 FLOOR_BYTES = 16 * MIB  # what a file of any size may unpack to
 RATIO = 60  # unpacked bytes to packed ones above; logs and grids reach 5 to 15, padded tables 30
-LARGEST_BYTES = 1 << 30  # of any unpacked file; a season of one combine is about 1e8
+LARGEST_BYTES = 1 << 30  # of an unpacked log; a season of one combine is about 1e8
 
 
-def most_unpacked(size: int) -> int:
+def most_unpacked(size: int, ratio: int = RATIO) -> int:
     """Bytes that a packed file of some size may unpack to."""
-    return min(FLOOR_BYTES + RATIO * size, LARGEST_BYTES)
-
-
-def check_unpacked(found: int, path: Path, key: str) -> None:
-    """Raise InputError for more unpacked bytes than a file of its size may hold."""
-    most = most_unpacked(path.stat().st_size)
-    if found > most:
-        raise InputError(key, None, f"expected at most {most} bytes unpacked, it holds {found}", file=path)
+    return FLOOR_BYTES + ratio * size
 
 
 @contextmanager
@@ -43,19 +36,25 @@ def readable(key: str, what: str, path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def open_archive(path: Path, key: str) -> Iterator[zipfile.ZipFile]:
+def open_archive(path: Path, key: str, ratio: int = RATIO) -> Iterator[zipfile.ZipFile]:
     """A zip archive. InputError where its members say that they unpack to more than it may hold.
 
     `ZipFile.read` gives no more of a member than the directory says, so this bounds all of them together.
     """
+    most = most_unpacked(path.stat().st_size, ratio)
     with zipfile.ZipFile(path) as archive:
-        check_unpacked(sum(info.file_size for info in archive.infolist()), path, key)
+        held = sum(info.file_size for info in archive.infolist())
+        if held > most:
+            raise InputError(key, None, f"expected at most {most} bytes unpacked, it holds {held}", file=path)
         yield archive
 
 
-def read_arrays(path: Path, key: str, what: str) -> dict[str, NDArray[Any]]:
-    """The arrays of a .npz. InputError with this key, `expected what: why`, for a file that is none."""
-    with readable(key, what, path), open_archive(path, key):
+def read_arrays(path: Path, key: str, what: str, ratio: int = RATIO) -> dict[str, NDArray[Any]]:
+    """The arrays of a .npz. ratio: unpacked to packed bytes at most.
+
+    InputError with this key, `expected what: why`, for a file that is none.
+    """
+    with readable(key, what, path), open_archive(path, key, ratio):
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             found = {name: data[name] for name in data.files}
         strange = [name for name, array in found.items() if not isinstance(array, np.ndarray)]

@@ -21,7 +21,7 @@ from swath.field.raster import Raster
 from swath.field_io.folder_files import (
     FORMAT,
     VERSION,
-    Boundaries,
+    Boundary,
     Head,
     Info,
     Obstacles,
@@ -197,7 +197,10 @@ def _origin(head: Head) -> Origin:
 
 
 def _local_rings(path: Path, origin: Origin) -> list[Array]:
-    rings = read_features(path, Boundaries).features[0].geometry.coordinates
+    features = read_features(path, Boundary).features
+    if not features:
+        raise InputError("boundary.features", [], "expected one feature with a Polygon", file=path)
+    rings = features[0].geometry.coordinates
     loops = [origin.to_local([place[:2] for place in ring[:-1]]) for ring in rings]
     if not all(np.isfinite(loop).all() for loop in loops):
         raise InputError("boundary", None, "expected longitude and latitude in degrees", file=path)

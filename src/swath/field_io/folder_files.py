@@ -1,7 +1,7 @@
 """What the text files of a field folder have to hold: `field.yaml` and GeoJSON in lon/lat (RFC 7946)."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -51,15 +51,11 @@ class _Histogram(_Open):
     removed: list[int]
 
 
-class _Source(_Open):
-    file: str | None = None
-
-
 class Info(Head):
     """All of field.yaml that is read back; what the overview draws may be left out."""
 
     row_azimuth_deg: float
-    source: _Source | None = None
+    source: dict[str, Any] | None = None
     crop: _CropFacts | None = None
     rows: _Rows | None = None
     removed: dict[str, int] | None = None
@@ -68,45 +64,26 @@ class Info(Head):
 
 Position = Annotated[list[float], Field(min_length=2)]
 Line = Annotated[list[Position], Field(min_length=2)]
-Ring = Annotated[list[Position], Field(min_length=4)]
+Rings = Annotated[list[Annotated[list[Position], Field(min_length=4)]], Field(min_length=1)]
+Kind = TypeVar("Kind")
+Coordinates = TypeVar("Coordinates")
 
 
-class _Point(_Open):
-    type: Literal["Point"]
-    coordinates: Position
+class Geometry(_Open, Generic[Kind, Coordinates]):
+    """A geometry of GeoJSON; rings are closed, the outer one first."""
+
+    type: Kind
+    coordinates: Coordinates
 
 
-class _Points(_Open):
-    type: Literal["MultiPoint"]
-    coordinates: list[Position]
-
-
-class LineString(_Open):
-    """A line of at least two points."""
-
-    type: Literal["LineString"]
-    coordinates: Line
-
-
-class _Lines(_Open):
-    type: Literal["MultiLineString"]
-    coordinates: list[Line]
-
-
-class Polygon(_Open):
-    """An outer ring and those of the holes, each closed."""
-
-    type: Literal["Polygon"]
-    coordinates: Annotated[list[Ring], Field(min_length=1)]
-
-
-class _Polygons(_Open):
-    type: Literal["MultiPolygon"]
-    coordinates: list[list[Ring]]
-
-
-Geometry = Annotated[
-    _Point | _Points | LineString | _Lines | Polygon | _Polygons, Field(discriminator="type")
+AnyGeometry = Annotated[
+    Geometry[Literal["Point"], Position]
+    | Geometry[Literal["MultiPoint"], list[Position]]
+    | Geometry[Literal["LineString"], Line]
+    | Geometry[Literal["MultiLineString"], list[Line]]
+    | Geometry[Literal["Polygon"], Rings]
+    | Geometry[Literal["MultiPolygon"], list[Rings]],
+    Field(discriminator="type"),
 ]
 
 
@@ -132,42 +109,23 @@ class PassProperties(_Open):
     straights: list[StraightProperties] = []
 
 
-class Boundary(_Open):
-    """The one feature of boundary.geojson."""
+class Feature(_Open, Generic[Kind, T]):
+    """A feature: where it is, and what it says of itself."""
 
-    geometry: Polygon
-
-
-class Pass(_Open):
-    """A feature of tracks.geojson."""
-
-    geometry: LineString
-    properties: PassProperties
+    geometry: Kind
+    properties: T
 
 
-class Obstacle(_Open):
-    """A feature of obstacles.geojson."""
+class Features(_Open, Generic[T]):
+    """A file of features."""
 
-    geometry: Geometry
-    properties: dict[str, Any] | None = None
-
-
-class Boundaries(_Open):
-    """boundary.geojson"""
-
-    features: Annotated[list[Boundary], Field(min_length=1)]
+    features: list[T]
 
 
-class Passes(_Open):
-    """tracks.geojson"""
-
-    features: list[Pass]
-
-
-class Obstacles(_Open):
-    """obstacles.geojson"""
-
-    features: list[Obstacle]
+Boundary = Features[Feature[Geometry[Literal["Polygon"], Rings], Any]]
+Pass = Feature[Geometry[Literal["LineString"], Line], PassProperties]
+Passes = Features[Pass]
+Obstacles = Features[Feature[AnyGeometry, dict[str, Any] | None]]
 
 
 def read_info(folder: Path, kind: type[T]) -> tuple[T, dict[str, Any]]:

@@ -236,7 +236,9 @@ def _digest(path: Path) -> str:
     """SHA-256 of the log, of a folder of all its files in the order of their names."""
     made = hashlib.sha256()
     for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
-        made.update(part.read_bytes())
+        with part.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                made.update(block)
     return made.hexdigest()
 
 

@@ -27,7 +27,7 @@ def draw(field: "FieldFolder", file: Path) -> None:
     west, south, east, north = field.terrain.bounds
     width = float(np.clip(9.0 * (east - west) / (north - south), 3.6, 8.0))
     height = float(np.clip(width * (north - south) / (east - west), 5.5, 9.0))
-    name = field.info.get("source", {}).get("file", field.path.name)
+    name = (field.info.get("source") or {}).get("file", field.path.name)
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # in names of files and machines
         figure = Figure(figsize=(2 * width + 7.6, height + 1.2), dpi=110, layout="constrained")
@@ -78,7 +78,7 @@ def _draw_crop(axes: Any, field: "FieldFolder") -> None:
         origin="lower", interpolation="nearest",
     )  # fmt: skip
     axes.figure.colorbar(image, ax=axes, extend="both", shrink=0.4, label="stems per m2")
-    grams = float(field.info.get("crop", {}).get("grain_g_per_stem") or 0.0)
+    grams = float((field.info.get("crop") or {}).get("grain_g_per_stem") or 0.0)
     _finish(axes, field, "standing crop" + (f": yield / {grams:g} g of grain per stem" if grams else ""))
 
 
@@ -97,7 +97,8 @@ def _draw_histogram(axes: Any, field: "FieldFolder") -> None:
 
 
 def _draw_removed(axes: Any, field: "FieldFolder") -> None:
-    reasons = {**(field.info.get("rows", {}).get("broken") or {}), **(field.info.get("removed") or {})}
+    rows = field.info.get("rows") or {}
+    reasons = {**(rows.get("broken") or {}), **(field.info.get("removed") or {})}
     shown = sorted(((n, k.replace("_", " ")) for k, n in reasons.items() if n), reverse=True)[:10][::-1]
     axes.set_title("records not used, by reason")
     if shown:

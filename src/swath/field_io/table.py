@@ -93,9 +93,9 @@ def read_table(path: Path) -> Table:
         with gzip.open(path) if is_packed else path.open("rb") as stream:
             start = stream.read(65536)
             stream.seek(0)
-            most = most_unpacked(path.stat().st_size) if is_packed else LARGEST_BYTES
+            packed = most_unpacked(path.stat().st_size) if is_packed else LARGEST_BYTES
             with io.TextIOWrapper(stream, "utf-8-sig", "replace", newline="") as text:
-                return _read_csv(start, _Lines(text, path, most), path)
+                return _read_csv(start, _Lines(text, path, min(packed, LARGEST_BYTES)), path)
 
 
 def _read_isoxml(path: Path) -> Table:

@@ -14,7 +14,7 @@ from swath.documents.packed import LARGEST_BYTES, open_archive, readable
 
 DEEPEST = 32  # elements within each other; task data go to 8
 MOST_ELEMENTS = 100_000  # of the kinds that are asked for
-_BROKEN = (expat.ExpatError, ValueError)
+_BROKEN = (expat.ExpatError, LookupError, ValueError)  # LookupError: an unknown encoding
 
 
 def is_log_file(path: Path) -> bool:

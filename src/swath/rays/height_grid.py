@@ -32,6 +32,7 @@ THICKEST = 650.0
 TILE = 32  # cells along a tile
 NODE_CELLS = 8  # cells between two nodes of the ground lattice
 NODES = TILE // NODE_CELLS
+RATIO = 300  # unpacked to packed bytes of a file at most: of tiles with few measured cells about 140
 NONE = -32768  # first quantile of a cell that was never measured
 STORED: dict[str, tuple[str, type]] = {  # key in the file -> field of `HeightGrid`, its type
     "origin_m": ("origin", np.float64),
@@ -132,7 +133,7 @@ def load_height_grid(path: Path) -> HeightGrid:
     if not path.is_file():
         raise wrong("a file made by `swath height-map build`")
     what = f"a file made by `swath height-map build` ({FORMAT}), this one cannot be read"
-    arrays = read_arrays(path, "replay file", what)
+    arrays = read_arrays(path, "replay file", what, RATIO)
     with readable("replay file", what, path):
         grid = _grid_of(arrays)
     if (fault := _fault(grid)) is not None:

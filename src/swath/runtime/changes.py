@@ -32,6 +32,7 @@ from swath.scenario.resolved import SlotChoice
 from swath.scenario.scenario import Scenario, parse_scenario
 
 OBSTACLES = "obstacles"
+MOST_SECONDS = 1e9  # of a run
 
 
 class Restart(Exception):  # not an error: whoever drives the run begins again
@@ -156,9 +157,14 @@ def read_events(source: Path) -> list[dict[str, Any]]:
     data = read_json(file, "--events", "a run folder, or a JSON file of events")
     found = data.get("events", []) if isinstance(data, dict) else data
     is_list = isinstance(found, list) and all(isinstance(e, dict) for e in found)
-    if not is_list or any({"t_s", "set", "value"} - set(e) for e in found):
+    if not is_list or any({"t_s", "set", "value"} - set(e) or not _is_time(e["t_s"]) for e in found):
         raise InputError("--events", str(source), "expected events with t_s, set and value")
     return list(found)
+
+
+def _is_time(value: Any) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and 0.0 <= value <= MOST_SECONDS
 
 
 def _freshly_read(scenario: Scenario, sets: list[str]) -> Scenario:

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core import portable
-from swath.core.frames import Pose, wrap_angle
+from swath.core.frames import Pose, rotation_matrices, wrap_angle
 from swath.core.units import DEG
 from swath.signals import F64, MachineState
 from swath.signals.setup import MachineGeometry
@@ -58,7 +58,7 @@ def poses_at(states: Sequence[MachineState], times: F64) -> tuple[F64, F64]:
     angle = angle[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(angle, axis=0))]), axis=0)
     at = np.stack([np.interp(times, t, position[:, k]) for k in range(3)], axis=1)
     roll, pitch, yaw = (np.interp(times, t, angle[:, k]) for k in range(3))
-    return at, _rotations(roll, pitch, yaw)
+    return at, rotation_matrices(roll, pitch, yaw)
 
 
 def _euler(rotation: F64) -> F64:
@@ -67,14 +67,3 @@ def _euler(rotation: F64) -> F64:
     roll = portable.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
     yaw = portable.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
     return np.stack([roll, pitch, yaw], axis=1)
-
-
-def _rotations(roll: F64, pitch: F64, yaw: F64) -> F64:
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)

@@ -1,11 +1,12 @@
 """Whether a machine rolls over; the run then ends."""
 
 from collections.abc import Mapping, Sequence
-from math import acos, cos, degrees, radians
+from math import acos, cos, degrees, radians, sqrt
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from swath.core.portable import product
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
@@ -74,7 +75,7 @@ class Rollover:
             x, y = (state.pose.position[:2] + NEAR).T
             east, west, north, south = np.asarray(self._field.ground_height(x, y)).tolist()
             normal = np.array([(west - east) / 3.0, (south - north) / 3.0, 1.0])
-        return acos(min(max(float(up @ normal) / float(np.sqrt(normal @ normal)), -1.0), 1.0))
+        return acos(min(max(float(product(up, normal)) / sqrt(float(product(normal, normal))), -1.0), 1.0))
 
     def _note(self, state: MachineState, tilt: float) -> None:
         x, y, _ = (float(v) for v in state.pose.position)

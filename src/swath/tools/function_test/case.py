@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,6 +24,7 @@ from swath.documents.yaml_document import Document, read_document
 from swath.scenario.sections import Bounds
 
 FORMAT = "swath test case 1"
+MOST_RUNS = 1_000_000
 CATALOGUE = Path(str(files("swath.data") / "tests"))
 Scalar = str | float | int | bool
 Point = Mapping[str, Scalar]
@@ -153,6 +155,9 @@ def read_case(path: Path) -> Case:
     if errors:
         raise errors[0]
     case = Case(path.stem, made, document)
+    runs = prod(len(varied.at) for varied in made.vary.values()) * len(case.seeds)
+    if runs > MOST_RUNS:
+        raise document.error(("vary",), runs, f"expected at most {MOST_RUNS} runs, values by seeds")
     for index, known in enumerate(case.file.known):
         for name in known.at:
             if name not in case.file.vary:

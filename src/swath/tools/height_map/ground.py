@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.frames import rotation_matrices
 from swath.tools.height_map.gather import Samples
-from swath.tools.height_map.poses import PoseTrack, rotations
+from swath.tools.height_map.poses import PoseTrack
 
 Array = NDArray[np.float64]
 STEP_M = 0.25  # between poses that count
@@ -43,7 +44,7 @@ def _planes(track: PoseTrack) -> tuple[Array, Array]:
     """Points (n, 3) and slopes (n, 2) of the ground every STEP_M of way."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track.position[:, :2], axis=0).T))])
     index = np.unique(np.searchsorted(way, np.arange(0.0, way[-1] + STEP_M, STEP_M)).clip(max=len(way) - 1))
-    up = rotations(*track.angle[index].T)[:, :, 2]
+    up = rotation_matrices(*track.angle[index].T)[:, :, 2]
     steep = np.abs(up[:, 2]) < 0.5
     slope = np.where(steep[:, None], 0.0, -up[:, :2] / np.where(steep, 1.0, up[:, 2])[:, None])
     return track.position[index], slope

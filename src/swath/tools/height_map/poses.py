@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.frames import wrap_angle
+from swath.core.frames import rotation_matrices, wrap_angle
 
 Array = NDArray[np.float64]
 SLACK_S = 0.1  # a beam may be this much before the first or after the last pose [s]
@@ -29,7 +29,7 @@ class PoseTrack:
         known = (time >= self.time[0] - SLACK_S) & (time <= self.time[-1] + SLACK_S)
         place = np.stack([np.interp(time, self.time, self.position[:, k]) for k in range(3)], axis=1)
         roll, pitch, yaw = (np.interp(time, self.time, self.angle[:, k]) for k in range(3))
-        return place, rotations(roll, pitch, yaw), known
+        return place, rotation_matrices(roll, pitch, yaw), known
 
     @property
     def heading(self) -> float:
@@ -73,15 +73,3 @@ def euler_of(quaternion: Any) -> Array:
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return np.stack([roll, pitch, yaw], axis=1)
-
-
-def rotations(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """Rotations (n, 3, 3) from angles [rad]."""
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.units import DEG
+from swath.documents.number_table import column_names, number_blocks, read_numbers
 from swath.documents.packed import read_arrays
 from swath.tools.height_map.poses import PoseTrack, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
@@ -67,7 +68,7 @@ def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     """A row per beam or point, read in blocks. InputError for missing columns or without a table of poses."""
     if poses is None:
         raise InputError("--poses", None, "expected a table of poses beside a .csv of echoes", file=path)
-    names = _csv_names(path)
+    names = column_names(path)
     polar = ("range_m", "azimuth_deg")
     form = polar if all(n in names for n in polar) else ("x_m", "y_m", "z_m")
     for name in ("t_s", *form):
@@ -77,7 +78,7 @@ def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     source = Source(path.name, read_poses(poses), wanted.mount or Pose.identity(), lambda: iter(()))
 
     def sweeps() -> Iterator[Echoes]:
-        for block in _csv_blocks(path, names):
+        for block in number_blocks(path, names, KNOWN):
             time = block["t_s"]
             if form == polar:
                 elevation = block["elevation_deg"] * DEG if "elevation_deg" in block else 0.0
@@ -97,13 +98,7 @@ def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
 
 def read_poses(path: Path) -> PoseTrack:
     """A table of poses."""
-    names = _csv_names(path)
-    for name in ("t_s", "x_m", "y_m"):
-        if name not in names:
-            expected = "expected columns t_s, x_m, y_m and optional " + ", ".join(OPTIONAL_POSE)
-            raise InputError("columns", ", ".join(names), expected, file=path)
-    blocks = list(_csv_blocks(path, names)) or [{n: np.zeros(0) for n in names if n in KNOWN}]
-    table = {n: np.concatenate([b[n] for b in blocks]) for n in blocks[0]}
+    table = read_numbers(path, ("t_s", "x_m", "y_m"), OPTIONAL_POSE)
     return _track(table, table["t_s"], path)
 
 
@@ -147,33 +142,3 @@ def _array(
     if key == "angle_deg" and not (np.abs(numbers) <= 720.0).all():
         raise InputError(key, None, "expected angles within 720 degrees", file=path)
     return numbers
-
-
-def _csv_names(path: Path) -> dict[str, str]:
-    """Names of the columns without and with the blanks around them."""
-    import pyarrow as pa
-    from pyarrow import csv
-
-    try:
-        with csv.open_csv(path) as reader:
-            return {str(n).strip(): str(n) for n in reader.schema.names}
-    except (OSError, pa.ArrowInvalid, UnicodeDecodeError) as error:
-        expected = f"expected a table with a line of column names ({str(error).splitlines()[0]})"
-        raise InputError("table", path.name, expected, file=path) from error
-
-
-def _csv_blocks(path: Path, names: Mapping[str, str]) -> Iterator[dict[str, Array]]:
-    """Columns of KNOWN among the names, some rows at a time; empty cells are nan."""
-    import pyarrow as pa
-    from pyarrow import csv
-
-    kept = {n: column for n, column in names.items() if n in KNOWN}
-    types = dict.fromkeys(kept.values(), pa.float64())
-    convert = csv.ConvertOptions(column_types=types, include_columns=list(types))
-    try:
-        with csv.open_csv(path, csv.ReadOptions(block_size=1 << 22), convert_options=convert) as reader:
-            for batch in reader:
-                columns = (batch.column(k).to_numpy(zero_copy_only=False) for k in range(len(kept)))
-                yield dict(zip(kept, columns, strict=True))
-    except pa.ArrowInvalid as error:
-        raise InputError("table", path.name, f"expected numbers only ({error})", file=path) from error

@@ -1,0 +1,52 @@
+"""CSV tables of numbers, read in blocks."""
+
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.documents.packed import readable
+
+Array = NDArray[np.float64]
+BLOCK_BYTES = 1 << 22
+
+
+def column_names(path: Path) -> dict[str, str]:
+    """Names of the columns without and with the blanks around them. InputError where there are none."""
+    from pyarrow import csv
+
+    with readable("table", "a table with a line of column names", path), csv.open_csv(path) as reader:
+        return {str(n).strip(): str(n) for n in reader.schema.names}
+
+
+def number_blocks(
+    path: Path, names: Mapping[str, str], wanted: Collection[str]
+) -> Iterator[dict[str, Array]]:
+    """The wanted columns among the names, some rows at a time; empty cells are nan."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    kept = {n: column for n, column in names.items() if n in wanted}
+    types = dict.fromkeys(kept.values(), pa.float64())
+    convert = csv.ConvertOptions(column_types=types, include_columns=list(types))
+    with (
+        readable("table", "numbers only", path),
+        csv.open_csv(path, csv.ReadOptions(block_size=BLOCK_BYTES), convert_options=convert) as reader,
+    ):
+        for batch in reader:
+            columns = (batch.column(k).to_numpy(zero_copy_only=False) for k in range(len(kept)))
+            yield dict(zip(kept, columns, strict=True))
+
+
+def read_numbers(path: Path, needed: Collection[str], optional: Collection[str] = ()) -> dict[str, Array]:
+    """The needed columns, and those of the optional ones that are there. InputError where one is missing."""
+    names = column_names(path)
+    if not set(needed) <= set(names):
+        also = f" and optional {', '.join(optional)}" if optional else ""
+        expected = f"expected columns {', '.join(needed)}{also}"
+        raise InputError("columns", ", ".join(names), expected, file=path)
+    wanted = (*needed, *optional)
+    blocks = list(number_blocks(path, names, wanted)) or [{n: np.zeros(0) for n in names if n in wanted}]
+    return {n: np.concatenate([b[n] for b in blocks]) for n in blocks[0]}
