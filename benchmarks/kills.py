@@ -81,6 +81,7 @@ def serve(said: Path) -> None:
     import swath.runtime.job
     from swath.commands.main import main
 
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     assert matplotlib.pyplot
     assert pyarrow.parquet
     assert swath.report.report
