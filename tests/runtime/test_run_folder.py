@@ -60,6 +60,24 @@ def test_both_signals_leave_a_summary_that_says_incomplete(tmp_path, number, kin
     assert not (tmp_path / "run" / LOCK).exists()
 
 
+class Finalized:
+    """Is sent a signal where Python drops the exception."""
+
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_stop_in_a_finalizer_is_not_lost(tmp_path):
+    class Drop(RunHook):
+        def begin(self, run):
+            run.observers.append(lambda slot, t, outputs: Finalized() if t == 100_000_000 else None)
+
+    with pytest.raises(Terminated):
+        run_job(scenario("run.max_duration_s=0.6"), tmp_path / "run", hooks=[Drop()])
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["incomplete"] is True
+
+
 def test_the_exit_code_of_sigterm_is_143(monkeypatch, tmp_path, capsys):
     def stop(args):
         signal.raise_signal(signal.SIGTERM)

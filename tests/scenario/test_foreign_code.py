@@ -159,3 +159,14 @@ class TestChangesOnTheWay:
         assert not (folder / "other.py.mark").exists()
         assert main([*command, "--out", str(folder / "b"), "--allow", f"{folder}/other.py:Same"]) == 0
         assert (folder / "other.py.mark").exists()
+
+
+@pytest.mark.parametrize("part", ['law: "a\\0.py:Law"', 'law: "/x\\0y/a.py:Law"'])
+def test_nul_in_a_path_is_bad_input(part, tmp_path, capsys):
+    file = tmp_path / "s.yaml"
+    steer = f"    steer: {{level: can, interface: virtual, channel: a, box: inside, {part}}}\n"
+    file.write_text(HEAD + MACHINE + steer)
+    assert main(["run", str(file), "--out", str(tmp_path / "run")]) == 2
+    assert "expected a file or file.py:Class" in capsys.readouterr().err
+    assert main(["run", "straight", "--out", "a\0b"]) == 2
+    assert "without the character NUL" in capsys.readouterr().err

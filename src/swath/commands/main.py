@@ -137,6 +137,8 @@ def _dispatch(argv: list[str]) -> int:
     if not argv:
         print(EXAMPLES)
         return 0
+    if bad := next((text for text in argv if "\0" in text), None):
+        raise UsageError(f"{bad!r}: expected an argument without the character NUL")
     if argv == ["help"]:
         argv = ["--help"]
     for old, new in RENAMED.items():

@@ -53,7 +53,10 @@ def refusal() -> str:
 
 
 def file_of(reference: str | Path, base: Path | None = None) -> Path:
-    """The file that a reference names, absolute."""
+    """The file that a reference names, absolute. InputError where it can name none."""
     text = str(reference)
     file = text.rpartition(":")[0] if ".py:" in text else text
-    return ((base or Path.cwd()) / file).resolve()
+    try:
+        return ((base or Path.cwd()) / file).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError("code", text, f"expected a file or file.py:Class ({error})") from error

@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 _depth = 0
-_waiting: "type[KeyboardInterrupt] | None" = None
+_waiting: "type[KeyboardInterrupt] | None" = None  # comes at the end of the block
+_asked: "type[KeyboardInterrupt] | None" = None  # the newest since the outermost `stoppable` began
 
 
 class Terminated(KeyboardInterrupt):
@@ -27,9 +28,12 @@ def stoppable() -> Iterator[None]:
     if not _is_main_thread():
         yield
         return
+    global _asked
     defaults = (signal.SIG_DFL, signal.default_int_handler)
     before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     taken = {n: handler for n, handler in before.items() if handler in defaults}
+    if taken:
+        _asked = None
     for number in taken:
         signal.signal(number, _stop)
     try:
@@ -55,10 +59,16 @@ def unstopped() -> Iterator[None]:
             _raise_waiting()
 
 
+def raise_if_lost() -> None:
+    """Raise a stop once more: Python drops what is raised in a finalizer or in a callback from C."""
+    if _asked is not None and not _depth and _is_main_thread():
+        raise _asked
+
+
 def _stop(number: int, frame: object) -> None:
     """The handler of both signals."""
-    global _waiting
-    kind = Terminated if number == signal.SIGTERM else KeyboardInterrupt
+    global _waiting, _asked
+    kind = _asked = Terminated if number == signal.SIGTERM else KeyboardInterrupt
     if _depth and _waiting is None:
         _waiting = kind
         return

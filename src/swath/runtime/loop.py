@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from swath.core.abilities import EndsRun
 from swath.core.graph import EndOfRun, Observer
 from swath.core.schedule import NS
+from swath.core.stopping import raise_if_lost
 from swath.runtime.world import World
 from swath.signals import MachineState
 
@@ -49,6 +50,7 @@ def drive(
     end = round(limit_s * NS)
     while graph.t < end and not has_arrived(world) and not graph.ended:
         graph.run(min(graph.t + REPORT_EVERY, end), stop=lambda: has_arrived(world))
+        raise_if_lost()
         if progress is not None:
             progress(driven_m(world), graph.t / NS)
     if ending:
