@@ -21,11 +21,7 @@ DENSE, THIN = (
     0.85,
     0.6,
 )  # shares of rays stopped within the crop: from here on, and below, no overhang is seen
-EVEN, RAGGED, LEAST = (
-    0.05,
-    0.09,
-    0.25,
-)  # m of spread of the blocks; what is left of the shift on a ragged edge
+EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usual overhang counts
 
 
 class CanopyFeet(KeepsState):
@@ -83,5 +79,6 @@ class CanopyFeet(KeepsState):
         learned = min(self._offset.shift(height), most * height)
         upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)
         share, foot, _ = self.lean
-        even = float(np.clip((RAGGED - spread) / (RAGGED - EVEN), LEAST, 1.0))
-        return even * ((1.0 - share) * upright + share * seen * foot)
+        even = float(np.clip((RAGGED - spread) / (RAGGED - EVEN), 0.0, 1.0))
+        upright = even * upright + (1.0 - even) * dense * USUAL * height
+        return (1.0 - share) * upright + share * seen * foot
