@@ -17,10 +17,7 @@ OBLIQUE = 0.09  # rad to the edge from which on its wall looks like a ramp
 MEMORY, GUESS, PARTS = 30.0, 0.06, 3  # m; of the crop's height; parts of plants that make an echo together
 CLEAR, DUSTY, USUAL = 0.05, 0.12, 0.09  # shares of rays; in dust the overhang of cereals, of their height
 MOST = 0.19  # of the crop's height
-DENSE, THIN = (
-    0.85,
-    0.6,
-)  # shares of rays stopped within the crop: from here on, and below, no overhang is seen
+DENSE, THIN = 0.85, 0.6  # shares of rays stopped within the crop: overhang is seen, is not seen
 EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usual overhang counts
 
 
