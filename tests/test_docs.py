@@ -16,6 +16,9 @@ from swath.documents.yaml_document import dump, parse
 from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import load_scenario, parse_scenario, scenario_names
 from swath.scenario.versions import FORMAT, SECTIONS
+from swath.tools.function_test.candidates import read_candidates
+from swath.tools.function_test.case import FORMAT as CASE_FORMAT
+from swath.tools.function_test.plan import Plan
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
@@ -118,8 +121,16 @@ def filled(part):
 
 
 @pytest.mark.parametrize("text", list(listings("yaml")))
-def test_yaml_is_a_scenario_or_a_part_of_one(text):
+def test_yaml_is_a_scenario_or_a_part_of_one(text, tmp_path):
     part = parse(text).data
+    if part.get("format") == CASE_FORMAT:
+        (tmp_path / "case.yaml").write_text(text, encoding="utf-8")
+        Plan(str(tmp_path / "case.yaml")).check()
+        return
+    if all(isinstance(sets, dict) and all("." in key for key in sets) for sets in part.values()):
+        (tmp_path / "candidates.yaml").write_text(text, encoding="utf-8")
+        assert list(read_candidates(tmp_path / "candidates.yaml")) == list(part)
+        return
     if "name" in part:
         assert part.get("format") == FORMAT
     try:

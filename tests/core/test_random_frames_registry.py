@@ -5,8 +5,17 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose, wrap_angle
-from swath.core.random import Stream
+from swath.core.random import Normals, Stream
 from swath.core.registry import Level, Registry, user_line
+
+
+def test_normals_are_those_of_the_stream_in_any_order():
+    stream = Stream(7, "combine.imu")
+    normals = Normals(stream)
+    for counter in (0, 5_000_000, 3, 2**63, 3):
+        for shape in (3, (2, 2, 3), 1):  # an odd number leaves half a block in the generator
+            expected = stream.at(counter).standard_normal(shape)
+            assert normals.at(counter, shape).tobytes() == expected.tobytes()
 
 
 def test_stream_depends_on_seed_name_and_counter_only():

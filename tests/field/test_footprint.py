@@ -37,6 +37,19 @@ def test_reads_what_ground_height_reads(page_limit):
     assert spread > 0.5  # there was something to get wrong
 
 
+@pytest.mark.parametrize("page_limit", [1024, 2])
+def test_the_compiled_means_are_those_of_the_heights_to_the_bit(page_limit):
+    field, points = (
+        rough(page_limit=page_limit),
+        np.concatenate([POINTS, POINTS + 0.17, -POINTS, POINTS[::-1]]),
+    )
+    quick, plain = field.footprint(points, groups=4), field.footprint(points)
+    for pose in poses():
+        parts = plain.heights(*pose).reshape(4, -1)
+        expected = [sum(part.tolist()[1:], part[0]) / len(part) for part in parts]
+        assert quick.means(*pose) == expected
+
+
 def test_does_not_depend_on_the_way_it_came():
     field = rough()
     moved = field.footprint(POINTS)

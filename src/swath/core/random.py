@@ -49,6 +49,26 @@ class Stream:
         return _key_of(self.seed, self.name)
 
 
+class Normals:
+    """Standard normal numbers of a stream, quicker, for sensors that draw at every sample.
+
+    They are those of `stream.at(counter).standard_normal(shape)`, bit for bit; one generator is wound to each
+    counter.
+    """
+
+    def __init__(self, stream: Stream) -> None:
+        self._philox = np.random.Philox(counter=0, key=stream.key)
+        self._generator = np.random.Generator(self._philox)
+        self._state = self._philox.state  # a copy, of nothing drawn yet
+        self._counter = self._state["state"]["counter"]
+
+    def at(self, counter: int, shape: int | tuple[int, ...]) -> np.ndarray:
+        """Draw number `counter` (a step index or a time in ns; >= 0)."""
+        self._counter[:3], self._counter[3] = 0, counter
+        self._philox.state = self._state
+        return self._generator.standard_normal(shape)
+
+
 @lru_cache(maxsize=1024)
 def _key_of(seed: int, name: str) -> np.ndarray:
     digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()

@@ -5,9 +5,7 @@ array needs no renewal; where its borders are does not enter the result.
 """
 
 from collections.abc import Callable
-from functools import reduce
 from math import cos, isfinite, sin
-from operator import add
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.memory_layout import PAGE_NODES
+from swath.kernels import Row, repeatable, start_warp
 
 Array = NDArray[np.float64]
 Block = tuple[int, int, Array]  # first page column and row, heights of the nodes [m], (rows, columns)
@@ -39,17 +38,35 @@ class Footprint:
         groups: int = 1,
     ) -> None:
         at = np.asarray(points, dtype=float) / node
-        self._x, self._y = np.ascontiguousarray(at.T)
+        self._points = np.ascontiguousarray(at.T)
         self._turn, self._per_m, self._pages_of, self._groups = turn, 1.0 / node, pages_of, groups
         self._extent = float(np.hypot(*at.T).max())
         self._held: Block = (0, 0, np.zeros((0, 0)))
         self._inside = (0.0, -1.0, 0.0, -1.0)
+        self._first, self._means = np.zeros(2, np.int32), np.zeros(groups)
+        self._launch: Any = None
 
     def heights(self, x: float, y: float, yaw: float) -> Array:
         """Height of the ground [m] under the points, (n,), the body being at x, y [m] with heading yaw [rad]
         in the world. Equal to `Field.ground_height` but for rounding. InputError on a place or heading that
         is not finite, or far out of the field.
         """
+        u, v, c, s = self._place(x, y, yaw)
+        px, py = self._points
+        return self._bilinear(u + (px * c - py * s), v + (px * s + py * c))
+
+    def means(self, x: float, y: float, yaw: float) -> list[float]:
+        """Mean height of the ground [m] under each group of points, compiled."""
+        place = self._place(x, y, yaw)
+        if self._launch is None:
+            self._compile()
+        self._asked.write(*place)
+        self._launch.launch()
+        found: list[float] = self._means.tolist()
+        return found
+
+    def _place(self, x: float, y: float, yaw: float) -> tuple[float, float, float, float]:
+        """Place in nodes of the stand frame, cosine and sine of the heading in it; takes the pages there."""
         if not isfinite(yaw):
             raise InputError("heading", yaw, "expected a finite heading")
         (c, s), n, cy, sy = self._turn, self._per_m, cos(yaw), sin(yaw)
@@ -57,14 +74,17 @@ class Footprint:
         low_u, high_u, low_v, high_v = self._inside
         if not (low_u <= u <= high_u and low_v <= v <= high_v):
             self._take(u, v)
-        c, s = c * cy + s * sy, c * sy - s * cy
-        return self._bilinear(u + (self._x * c - self._y * s), v + (self._x * s + self._y * c))
+        return u, v, c * cy + s * sy, c * sy - s * cy
 
-    def means(self, x: float, y: float, yaw: float) -> list[float]:
-        """Mean height of the ground [m] under each group of points."""
-        parts = self.heights(x, y, yaw).reshape(self._groups, -1)
-        found: list[float] = (reduce(add, parts.T) / parts.shape[1]).tolist()
-        return found
+    def _compile(self) -> None:
+        """The launch, over memory that is shared with it."""
+        from swath.field import footprint_kernel as kernel
+
+        array = start_warp().array
+        self._asked = Row(kernel.Place)
+        shared = [array(a, device="cpu", copy=False) for a in (self._held[2], self._first, self._points)]
+        means = array(self._means, device="cpu", copy=False)
+        self._launch = repeatable(kernel.mean_heights, [*shared, self._asked.array, means])
 
     def _bilinear(self, u: Array, v: Array) -> Array:
         """Heights [m] at places in nodes of the stand frame."""
@@ -84,5 +104,8 @@ class Footprint:
         i, j, nodes = self._pages_of((u - room) // n, (u + room) // n, (v - room) // n, (v + room) // n)
         rows, columns = nodes.shape
         self._held = n * i, n * j, np.ascontiguousarray(nodes)
+        self._first[:] = self._held[:2]
+        if self._launch is not None:
+            self._launch.set_param_at_index(0, start_warp().array(self._held[2], device="cpu", copy=False))
         e = self._extent + 1e-6
         self._inside = (n * i + e, n * i + columns - 1 - e, n * j + e, n * j + rows - 1 - e)

@@ -59,9 +59,12 @@ def drive(
 
 def driven_m(world: World) -> float:
     """The longest distance that a machine that cuts has driven; without one, that any has [m]."""
-    names = [m.name for m in world.machines.values() if m.cuts] or list(world.machines)
-    states = (world.graph.latest(f"{name}.motion", "state") for name in names)
-    return max((s.distance for s in states if isinstance(s, MachineState)), default=0.0)
+    driven = 0.0
+    for slot in world.driving:
+        state = world.graph.latest(slot, "state")
+        if isinstance(state, MachineState) and state.distance > driven:
+            driven = state.distance
+    return driven
 
 
 def has_arrived(world: World) -> bool:

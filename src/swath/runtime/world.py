@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes
@@ -104,6 +105,12 @@ class World:
     def leader(self) -> Machine:
         """The first machine."""
         return next(iter(self.machines.values()))
+
+    @cached_property
+    def driving(self) -> tuple[str, ...]:
+        """Slots of the motion of the machines that cut; without any, of all machines."""
+        names = [m.name for m in self.machines.values() if m.cuts] or list(self.machines)
+        return tuple(f"{name}.motion" for name in names)
 
     def reset(self) -> None:
         """Everything as at the start: the field uncut, the machines where they begin."""

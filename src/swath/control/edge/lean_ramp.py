@@ -51,7 +51,10 @@ class LeanRamp(KeepsState):
             self._counts += counts[first : first + _CELLS, :LAYERS]
 
     def foot(self, height: float) -> tuple[float, float, float]:
-        """(share 0..1 of it being a ramp, the feet beside the edge [m], tangent of the lean), crop height [m]."""
+        """(share 0..1 of it being a ramp, the feet beside the edge [m], tangent of the lean).
+
+        height: of the crop [m]
+        """
         if not height > 0.25 or not self.is_known:
             return 0.0, 0.0, 0.0
         above = np.cumsum(self._counts[:, ::-1], axis=1)[:, ::-1]

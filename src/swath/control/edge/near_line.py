@@ -94,7 +94,7 @@ def near_line(points: F64, place: EdgeFrame, way: float) -> NearLine | None:
 
 
 def _straight(fitted: F64, covariance: F64) -> float:
-    """Prior of the bend [1/m] where the points do not prove one: the less they could show it, the straighter."""
+    """Prior of the bend [1/m] where the points prove none: the less they could, the straighter."""
     return float(max(STRAIGHT, min(abs(fitted[2]), 0.5 * np.sqrt(covariance[2, 2]))))
 
 

@@ -1,9 +1,9 @@
 """What rays answer in the crop and beside it, learned while driving, and what one more answer is worth.
 
-The class of an answer is a layer of height above the stubble side, dust, or no echo (`canopy_rays`). Counts of
-the classes on either side of the edges accepted so far give the log-likelihood ratio of every class. Nothing
-is assumed about crop, stubble, density or dust: where puffs swallow the beams on one side only, "no echo"
-itself is evidence.
+The class of an answer is a layer of height above the stubble side, dust, or no echo (`canopy_rays`). Counts
+of the classes on either side of the edges accepted so far give the log-likelihood ratio of every class.
+Nothing is assumed about crop, stubble, density or dust: where puffs swallow the beams on one side only,
+"no echo" itself is evidence.
 """
 
 import numpy as np

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs
-from swath.core.random import Stream
+from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
@@ -74,7 +74,7 @@ class DelayedCropFlow(IdealCropFlow):
 
     def reset(self, stream: Stream) -> Outputs:
         """Draw the scale errors; nothing flows."""
-        self._stream = stream
+        self._normals = Normals(stream)
         self._scale = 1.0 + self._scale_sd * stream.at(0).standard_normal(len(SENSORS))
         start = self.truth(MachineLoad(0, *[0.0] * 7))
         self._lines = [deque([v] * n) for v, n in zip(start, self._counts, strict=True)]
@@ -91,7 +91,7 @@ class DelayedCropFlow(IdealCropFlow):
         h = dt / NS
         kept = np.array([exp(-h / lag) if lag > 0.0 else 0.0 for lag in self._lag.tolist()])
         self._smooth = np.array(arrived) + (self._smooth - arrived) * kept
-        noise = self._noise_sd * self._stream.at(t + dt).standard_normal(len(SENSORS))
+        noise = self._noise_sd * self._normals.at(t + dt, len(SENSORS))
         read = self._smooth * self._scale * (1.0 + noise)
         read[3] = self._smooth[3] + noise[3]
         return self.readings(t + dt, np.maximum(read, 0.0).tolist())

@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le
 from swath.core import portable
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
-from swath.core.random import Stream
+from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import CM
@@ -102,7 +102,7 @@ class ErrorGnss(KeepsState):
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing received yet; draws where the wandering errors begin."""
-        self._stream = stream
+        self._normals = Normals(stream)
         self._antenna.reset()
         self._wander: F64 = stream.at(0).standard_normal((len(self._figures), 3))
         return {"fix": no_fix(0)}
@@ -110,7 +110,7 @@ class ErrorGnss(KeepsState):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One sample at t + dt, of what was `latency_ms` before."""
         self._antenna.take(inputs["state"])
-        draw = self._stream.at(t + dt).standard_normal((len(self._figures) + 2, 3))
+        draw = self._normals.at(t + dt, (len(self._figures) + 2, 3))
         kept = portable.exp(-dt / NS / self._times)
         self._wander = self._wander * kept + np.sqrt(1.0 - kept**2) * draw[:-2]
         at = t + dt - self._latency

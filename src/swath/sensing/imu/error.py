@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
-from swath.core.random import Stream
+from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
@@ -65,7 +65,7 @@ class ErrorImu(KeepsState):
 
     def reset(self, stream: Stream) -> Outputs:
         """At rest, level; draws bias and scale of this unit."""
-        self._stream = stream
+        self._normals = Normals(stream)
         draw = stream.at(0).standard_normal((2, 2, 3))
         self._bias: F64 = self._bias_sd * draw[0]
         self._scale: F64 = 1.0 + self._scale_sd * draw[1]
@@ -73,7 +73,7 @@ class ErrorImu(KeepsState):
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One sample at t + dt."""
-        white, walk = self._stream.at(t + dt).standard_normal((2, 2, 3))
+        white, walk = self._normals.at(t + dt, (2, 2, 3))
         seconds = dt / NS
         self._bias = self._bias + self._walk * sqrt(seconds) * walk
         return self._read(t + dt, self._motion.take(inputs["state"]), self._density / sqrt(seconds) * white)

@@ -6,7 +6,7 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
-from swath.core.random import Stream
+from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
@@ -49,7 +49,7 @@ class ErrorOdometry(KeepsState):
         """Draw the constant errors."""
         p = self._p
         draw = stream.at(0).standard_normal(3)
-        self._stream = stream
+        self._normals = Normals(stream)
         self._scale = (1 + p.speed_scale_percent * PERCENT * draw[0]) * (1 + p.slip_percent * PERCENT)
         self._gyro_bias = p.gyro_bias_deg_s * DEG * draw[1]
         self._steer_bias = p.steer_bias_deg * DEG * draw[2]
@@ -60,7 +60,7 @@ class ErrorOdometry(KeepsState):
         p = self._p
         state: MachineState = inputs["state"]
         steering: SteerState = inputs["steering"]
-        noise = self._stream.at(t + dt).standard_normal(3)
+        noise = self._normals.at(t + dt, 3)
         return {
             "odometry": Odometry(
                 t + dt,
