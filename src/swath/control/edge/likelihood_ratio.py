@@ -28,7 +28,10 @@ from swath.signals import F64, CropEdge, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
 TOLERANCE = 0.10  # m, of the confidence
-FLOOR, RAGGED = 0.03, 0.8  # m, standard deviation of the offset that no fit shows (overhang, mounting, odometry); part of
+FLOOR, RAGGED = (
+    0.03,
+    0.8,
+)  # m, standard deviation of the offset that no fit shows (overhang, mounting, odometry); part of
 # the blocks' spread about the line that is taken to be its own
 UNSEEN_MOST = 0.45  # confidence of an edge that is held, not seen
 LATE = 0.4  # s: an older scan shows no edge
