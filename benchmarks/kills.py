@@ -8,6 +8,7 @@ the moments are spread over the whole life of the process, half over the time in
 
 import argparse
 import json
+import os
 import random
 import signal
 import subprocess
@@ -15,6 +16,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +31,7 @@ SCENARIO = """
 format: swath scenario 2
 name: killed
 seed: 3
-run: {distance_m: 3, max_duration_s: 6}
+run: {distance_m: 1, max_duration_s: 6}
 field:
   terrain: {level: plane}
   stand: {level: uniform, stems_per_m2: 400}
@@ -42,47 +45,93 @@ machines:
 """
 
 
+class Starter:
+    """Starts runs as forks of a process that has imported everything, so that many can be stopped."""
+
+    def __init__(self, said: Path) -> None:
+        command = [sys.executable, "-m", "benchmarks.kills", "--serve", str(said)]
+        self._said, self._process = said, subprocess.Popen(command, stdin=-1, stdout=-1, text=True)
+        self._tell()
+
+    def start(self, *argv: str) -> int:
+        """Start `swath ARGV`; its process id."""
+        assert self._process.stdin is not None
+        print(json.dumps(argv), file=self._process.stdin, flush=True)
+        return int(self._tell())
+
+    def wait(self) -> tuple[int, str]:
+        """Wait for its end: exit code, < 0 for a signal, and what it said."""
+        return int(self._tell()), self._said.read_text()
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.communicate()
+
+    def _tell(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline()
+
+
+def serve(said: Path) -> None:
+    """The process that forks: a command line in, its process id and its exit code out."""
+    import matplotlib.pyplot
+    import pyarrow.parquet
+
+    import swath.report.report
+    import swath.runtime.job
+    from swath.commands.main import main
+
+    assert matplotlib.pyplot
+    assert pyarrow.parquet
+    assert swath.report.report
+    print("ready", flush=True)
+    for line in sys.stdin:
+        pid = os.fork()
+        if pid == 0:
+            file, code = os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 70
+            os.dup2(file, 1)
+            os.dup2(file, 2)
+            try:
+                code = main(json.loads(line))
+            except KeyboardInterrupt:  # before or after swath had the signals
+                code = STOPPED[signal.SIGINT]
+            finally:
+                os._exit(code)
+        print(pid, flush=True)
+        print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), flush=True)
+
+
 @dataclass
 class Victim:
     """A scenario to be run into a folder. length_s, held_s: of an undisturbed run, all and with the folder"""
 
     file: Path
     folder: Path
+    starter: Starter
     length_s: float = 0.0
     held_s: float = 0.0
     digest: str = ""
 
-    def start(self) -> "subprocess.Popen[str]":
+    def start(self) -> int:
         """Start a run."""
-        command = [
-            sys.executable,
-            "-m",
-            "swath.commands.main",
-            "run",
-            str(self.file),
-            "--out",
-            str(self.folder),
-        ]
-        return subprocess.Popen(
-            [*command, "--quiet"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-        )
+        return self.starter.start("run", str(self.file), "--out", str(self.folder), "--quiet")
 
     def run(self) -> None:
         """An undisturbed run; the first one is what the others have to equal."""
         began = time.monotonic()
-        process = self.start()
-        held = self.wait_until_held(process)
-        said = process.communicate()[1]
+        pid = self.start()
+        held = self.wait_until_held(pid)
+        code, said = self.starter.wait()
         ended = time.monotonic()
-        assert process.returncode == 0, said
+        assert code == 0, said
         summary = json.loads((self.folder / "summary.json").read_text())
         assert self.digest in ("", summary["digest"])
         self.digest, self.length_s, self.held_s = summary["digest"], ended - began, ended - held
 
-    def wait_until_held(self, process: "subprocess.Popen[str]") -> float:
+    def wait_until_held(self, pid: int) -> float:
         """Wait until the run has its folder, or is over; the time."""
         before = self.mark()
-        while process.poll() is None and self.mark() == before:
+        while self.mark() == before and Path(f"/proc/{pid}").exists():
             time.sleep(0.002)
         return time.monotonic()
 
@@ -95,13 +144,13 @@ class Victim:
 
     def kill(self, number: signal.Signals, rng: random.Random, *, is_held: bool) -> str:
         """Start a run, stop it at a random moment, check what it left; returns how that is called."""
-        process = self.start()
+        pid = self.start()
         if is_held:
-            self.wait_until_held(process)
+            self.wait_until_held(pid)
         time.sleep(rng.uniform(0.0, self.held_s if is_held else self.length_s))
-        process.send_signal(number)
-        said = process.communicate(timeout=60)[1]
-        return check(self, number, process.returncode, said)
+        with suppress(ProcessLookupError):
+            os.kill(pid, number)
+        return check(self, number, *self.starter.wait())
 
 
 def check(victim: Victim, number: signal.Signals, code: int, said: str) -> str:
@@ -152,19 +201,22 @@ def make_victim(folder: Path, *, has_fmu: bool) -> Victim:
         export_fmu(made, ["process"], folder / "part.fmu")
         process = "{level: fmu, file: part.fmu}"
     file.write_text(SCENARIO.replace("PROCESS", process))
-    victim = Victim(file, folder / file.stem)
+    victim = Victim(file, folder / file.stem, Starter(folder / "said.txt"))
     victim.run()
     return victim
 
 
-def study(folder: Path, count: int, seed: int, *, has_fmu: bool) -> dict[str, Counter[str]]:
+def study(
+    folder: Path, count: int, seed: int, signals: Sequence[signal.Signals] = SIGNALS, *, has_fmu: bool
+) -> Iterator[tuple[str, Counter[str]]]:
     """Stop `count` runs with each signal; how often they left what."""
     victim, rng = make_victim(folder, has_fmu=has_fmu), random.Random(seed)
-    found: dict[str, Counter[str]] = {}
-    for number in SIGNALS:
-        found[number.name] = Counter(victim.kill(number, rng, is_held=bool(k % 2)) for k in range(count))
-        victim.run()
-    return found
+    try:
+        for number in signals:
+            yield number.name, Counter(victim.kill(number, rng, is_held=bool(k % 2)) for k in range(count))
+            victim.run()
+    finally:
+        victim.starter.close()
 
 
 def main() -> None:
@@ -173,15 +225,21 @@ def main() -> None:
     )
     parser.add_argument("--count", type=int, default=40, help="runs to stop, for each signal (default 40)")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", choices=("plain", "fmu"), help="only runs without, or with, an FMU")
+    parser.add_argument("--signal", choices=[s.name for s in SIGNALS], help="only this one")
+    parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()
+    if args.serve is not None:
+        serve(args.serve)
+        return
+    signals = [s for s in SIGNALS if args.signal in (None, s.name)]
     kinds = ("complete", "complete, no report", "incomplete", "no summary")
     print(f"| run | signal | {' | '.join(kinds)} |\n|---|---|{'---|' * len(kinds)}", flush=True)
-    for has_fmu in (False, True):
+    for name in ("plain", "fmu") if args.only is None else (args.only,):
         with tempfile.TemporaryDirectory() as folder:
-            found = study(Path(folder), args.count, args.seed, has_fmu=has_fmu)
-        for name, counts in found.items():
-            row = " | ".join(str(counts[kind]) for kind in kinds)
-            print(f"| {'with an FMU' if has_fmu else 'plain'} | {name} | {row} |", flush=True)
+            for sent, counts in study(Path(folder), args.count, args.seed, signals, has_fmu=name == "fmu"):
+                row = " | ".join(str(counts[kind]) for kind in kinds)
+                print(f"| {name} | {sent} | {row} |", flush=True)
 
 
 if __name__ == "__main__":

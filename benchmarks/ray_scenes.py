@@ -127,11 +127,8 @@ def _planes(height: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
     return plane, bump
 
 
-def make_embree(scene: Scene) -> tuple[Any, int, int]:
-    """(Embree scene, triangles, plants) of the same plants, cut ones as stubble, and of the same ground."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
+def make_triangles(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
+    """(vertices, triangles, number of plants) of the same plants, cut ones as stubble, and of the ground."""
     library, pages, size = scene.library, scene.pages, scene.library.tile_size
     shapes = {
         (k, is_cut): _weld(_tile(library, k, is_cut))
@@ -160,10 +157,7 @@ def make_embree(scene: Scene) -> tuple[Any, int, int]:
         vertices.append(points)
         faces.append(index + total)
         total += len(points)
-    result = EmbreeScene()
-    triangles = np.concatenate(faces).astype(np.int32)
-    TriangleMesh(result, np.concatenate(vertices).astype(np.float32), triangles)
-    return result, len(triangles), plants
+    return np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32), plants
 
 
 def _tile(library: PlantLibrary, tile: int, is_cut: bool) -> np.ndarray:

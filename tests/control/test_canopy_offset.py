@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.control.edge.canopy_offset import LAYER, TALLEST, CanopyOffset, height_at, stopped
-from swath.control.edge.height_step import Rays, Step
+from swath.control.edge.height_step import Rays
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive as run
@@ -27,7 +27,7 @@ def look(rng, parts, pieces, spread, edge, count=80):
     share = np.maximum(np.interp((u - edge) / spread, *NORMAL), 1e-9)
     way = rng.standard_gamma(parts, count) / (pieces * share)  # until so many pieces are met, 1 = to LIMIT
     z = np.where(way < 1.0, TOP - way * (TOP - LIMIT), 0.05)
-    return Step(9.0, 0.0, 1e-3, 1.0, 0.95, 0.1, Rays(u, u, z, TOP, LIMIT), 0.0, 5.0)
+    return Rays(u, u, z, TOP, LIMIT)
 
 
 def learned(parts, pieces, spread, edge, *, guess=0.057, scans=500, memory=30.0, seed=0):

@@ -130,17 +130,31 @@ def _grid(path: Path) -> Any:
     return load_height_grid(path)
 
 
-def _geotiff(folder: Path) -> Any:
+def _made_geotiff(folder: Path) -> Path:
     import rasterio
-
-    from swath.field.raster import Raster
 
     place = rasterio.Affine(1.0, 0.0, 500_000.0, 0.0, -1.0, 5_000_000.0)
     about = {"driver": "GTiff", "dtype": "float32", "count": 1, "crs": "EPSG:32612", "transform": place}
     sparse = {"SPARSE_OK": "TRUE", "tiled": True, "blockxsize": 4096, "blockysize": 4096}
     with rasterio.open(folder / "a.tif", "w", width=40_000, height=40_000, **about, **sparse):
         pass
-    return Raster.from_geotiff(folder / "a.tif", may_be_empty=True)
+    return folder / "a.tif"
+
+
+def _geotiff(folder: Path) -> Any:
+    from swath.field.raster import Raster
+
+    return Raster.from_geotiff(_made_geotiff(folder), may_be_empty=True)
+
+
+def _dem(folder: Path) -> Any:
+    import numpy as np
+
+    from swath.field.raster import Raster
+    from swath.field_io.dem import read_dem
+
+    field = Raster(np.zeros((60, 80), np.float32), 510_000.0, 4_990_000.0, 4.0, 32612)
+    return read_dem(_made_geotiff(folder), field)
 
 
 def _far_gap(folder: Path) -> Any:
@@ -248,6 +262,7 @@ BOMBS: dict[str, Callable[[Path], Any]] = {
     "npz of a spread table": lambda folder: _arrays(folder, _table),
     "npz of a height grid": lambda folder: _arrays(folder, _grid),
     "GeoTIFF of 40,000 x 40,000": _geotiff,
+    "DEM of 40,000 x 40,000": _dem,
     "GeoTIFF with one known cell": _far_gap,
     "aliases in a data sheet": _yaml(_sheet),
     "aliases in a column map": _yaml(_columns),

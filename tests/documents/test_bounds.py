@@ -9,7 +9,7 @@ import pytest
 
 from tests.documents.bombs import BOMBS, SECONDS, SLOW
 
-READ = ("OBJ of blanks", "OBJ of tabs", "GeoTIFF with one known cell")
+READ = ("OBJ of blanks", "OBJ of tabs", "DEM of 40,000 x 40,000", "GeoTIFF with one known cell")
 MEMORY_MIB = 1000
 
 

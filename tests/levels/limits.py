@@ -78,6 +78,7 @@ LIMITS = {
         "error": Limit("equal to ideal with every error at 0", 1e-5),
     },
     "edge": {
+        "likelihood_ratio": Limit("within 0.05 m RMS of the true edge at 50 to 700 stems/m2", 0.05),
         "max_likelihood": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "otsu": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "truth": Limit("15.6 mm cells", 0.0157),

@@ -193,7 +193,15 @@ def test_what_cannot_be_done_is_refused_with_a_reason_and_changes_nothing(domain
     )
     reasons = [text for done, text in replies[:-2]]
     assert [done for done, *_ in replies[:-2]] == [False] * 7
-    expected = "speed_kmh'", "one of max_likelihood", "to exchange", "rhythm", "x_m", "there: 0", "slot.level"
+    expected = (
+        "speed_kmh'",
+        "one of likelihood_ratio",
+        "to exchange",
+        "rhythm",
+        "x_m",
+        "there: 0",
+        "slot.level",
+    )
     for reason, words in zip(reasons, expected, strict=True):
         assert words in reason, reason
     assert replies[-1] == [False, "expected a paused run: call ~/pause first"]

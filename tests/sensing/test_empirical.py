@@ -120,7 +120,7 @@ def test_an_even_stand_gives_the_table_back(echo):
         far = (2.4 - 0.9 * height) / np.sin(np.radians(pitch))
         spot = float(np.mean(beam.exit_diameter) + np.mean(beam.divergence) * far)
         even = (np.arange(20_000) + 0.5) / 20_000
-        told = cheap.table.heights(even, 600.0, height, np.radians(pitch), spot)
+        told = cheap.table.standing.heights(even, 600.0, height, np.radians(pitch), spot)
         drawn = heights(cheap, setup, pitch, 3000, 1)
         assert np.quantile(drawn, share) == pytest.approx(np.quantile(told, share), abs=5e-3)
 

@@ -11,7 +11,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop_sheet import load_crop
-from swath.rays.spread import SpreadTable, quantile_nodes
+from swath.rays.spread import Spread, quantile_nodes
 from swath.sensing.tables import load_table, save_table
 from swath.tools.calibrate.fit import (
     SMALL,
@@ -32,21 +32,23 @@ def small():
 
 def test_a_coarse_table_already_tells_other_stands_of_other_plants():
     _, held_out = small()
-    assert len(held_out) == SMALL.held_out
-    worst = max(h.agreement.wasserstein_m for h in held_out)
-    assert worst < 0.07
+    assert [h.is_cut for h in held_out].count(False) == SMALL.standing.held_out
+    assert [h.is_cut for h in held_out].count(True) == SMALL.stubble.held_out
+    assert max(h.agreement.wasserstein_m for h in held_out if not h.is_cut) < 0.07
+    assert max(h.agreement.wasserstein_m for h in held_out if h.is_cut) < 0.03
     assert np.mean([abs(h.agreement.ground_bias) for h in held_out]) < 0.03
 
 
 def test_trends_of_the_fit():
     """Denser, flatter: higher and narrower. Steeper, thinner: more ground."""
     table, _ = small()
-    middle = table.quantile[..., quantile_nodes().searchsorted(0.5)]
+    middle = table.standing.quantile[..., quantile_nodes().searchsorted(0.5)]
     assert (np.diff(middle, axis=0) > 0).all()
     assert (np.diff(middle, axis=2) < 0).all()
-    assert (np.diff(table.ground_share, axis=0) <= 0).all()
-    assert (np.diff(table.ground_share, axis=2) >= 0).all()
-    assert (np.diff(table.quantile, axis=-1) <= 0).all()
+    for grid in (table.standing, table.stubble):
+        assert (np.diff(grid.ground_share, axis=0) <= 0).all()
+        assert (np.diff(grid.ground_share, axis=2) >= 0).all()
+        assert (np.diff(grid.quantile, axis=-1) <= 0).all()
     assert (np.diff(table.silhouette) < 0).all()
 
 
@@ -54,15 +56,14 @@ def test_ground_share_between_nodes_follows_the_thin_ray():
     """exp(-n A cot(depression)) between nodes exactly, as double logarithms go linearly."""
     density, depression = np.array([100.0, 400.0]), np.array([15.0, 60.0]) * DEG
     thin = np.exp(-0.003 * density[:, None] / np.tan(depression))
-    table = SpreadTable(
+    grid = Spread(
         density, np.array([0.85]), depression, np.array([0.05]),
         quantile=np.tile(np.linspace(1.1, 0.0, 41), (2, 1, 2, 1, 1)), ground_share=thin[:, None, :, None],
-        ground_lift=np.zeros((2, 1, 2, 1)), silhouette=np.linspace(3e-3, 0.0, 81), fine=0.02,
-        lean=np.zeros((1, 2)), cosine=0.6, correlation=(0.01, 0.3),
+        ground_lift=np.zeros((2, 1, 2, 1)),
     )  # fmt: skip
-    _, share, _ = table.cell(217.0, 0.85, 33.0 * DEG, 0.05)
+    _, share, _ = grid.cell(217.0, 0.85, 33.0 * DEG, 0.05)
     assert share == pytest.approx(np.exp(-0.003 * 217.0 / np.tan(33.0 * DEG)), abs=1e-9)
-    drawn = table.heights((np.arange(10_000) + 0.5) / 10_000, 217.0, 0.85, 33.0 * DEG, 0.05)
+    drawn = grid.heights((np.arange(10_000) + 0.5) / 10_000, 217.0, 0.85, 33.0 * DEG, 0.05)
     assert np.mean(drawn == 0.0) == pytest.approx(share, abs=1e-3)
 
 
@@ -72,7 +73,8 @@ def test_same_seed_same_bytes_and_back_from_disk(tmp_path):
     one, two = save_table(table, tmp_path / "a" / "t.npz"), save_table(again, tmp_path / "b" / "t.npz")
     assert [f.read_bytes() for f in one] == [f.read_bytes() for f in two]
     back = load_table(str(one[0]))
-    assert np.allclose(back.quantile, table.quantile, atol=5e-4)
+    assert np.allclose(back.standing.quantile, table.standing.quantile, atol=5e-4)
+    assert np.allclose(back.stubble.quantile, table.stubble.quantile, atol=5e-4)
     assert back.correlation == table.correlation
     assert back.about["range"]["depression_deg"] == [9.0, 45.0]
 
@@ -145,11 +147,12 @@ def test_measured_beams_over_known_stands(tmp_path):
     path = tmp_path / "beams.csv"
     rows = np.stack(list(columns.values()), axis=1)
     np.savetxt(path, rows, delimiter=",", header=",".join(COLUMNS), comments="")
-    table, held_out = fit_samples(load_crop("wheat"), read_samples(path), 1)
+    wheat, echo = load_crop("wheat"), EchoSettings(sub_rays=7)
+    table, held_out = fit_samples(wheat, read_samples(path), SMALL.stubble, echo, 1)
     assert len(held_out) == 2
     assert all(h.agreement.wasserstein_m < 0.03 for h in held_out)
     share = Stream(1, "x").at().uniform(size=4000)
-    found = compare(table.heights(share, 600.0, 0.85, 25.0 * DEG, 0.06), height[density == 600.0])
+    found = compare(table.standing.heights(share, 600.0, 0.85, 25.0 * DEG, 0.06), height[density == 600.0])
     assert found.wasserstein_m < 0.02
     assert abs(found.ground_bias) < 0.03
 

@@ -11,3 +11,4 @@ def test_stopped_runs_leave_nothing_whole_that_is_not(tmp_path):
     for number in (signal.SIGKILL, signal.SIGTERM):
         victim.kill(number, rng, is_held=True)
     victim.run()
+    victim.starter.close()

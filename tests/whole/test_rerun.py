@@ -39,7 +39,7 @@ def identical(summary):
 
 def test_sensors_and_motion_from_the_log_leave_the_rest_as_it_was(recorded, tmp_path):
     plan, summary = again(recorded, tmp_path / "out")
-    assert plan.played == ("combine.motion", "combine.lidar", "combine.odometry")
+    assert plan.played == ("combine.motion", "combine.lidar", "combine.odometry", "combine.imu")
     told = identical(summary)
     assert set(told) == {f"combine.{s}" for s in ("header", "process", "edge", "steer", "speed", "steering")}
     assert all(told.values())
@@ -55,6 +55,7 @@ TOGETHER = (
     ("header", "process"),
     ("lidar",),
     ("odometry", "edge"),
+    ("imu",),
     ("steer", "speed"),
     ("steering",),
 )
@@ -68,7 +69,7 @@ def test_any_slot_may_be_the_log(recorded, tmp_path, slots):
     plan, summary = again(alone, tmp_path / "out", slots)
     assert plan.played == tuple(f"combine.{slot}" for slot in slots)
     assert all(identical(summary).values())
-    assert len(identical(summary)) == 9 - len(slots)
+    assert len(identical(summary)) == 10 - len(slots)
     assert summary["digest"] == json.loads((recorded / "summary.json").read_text())["digest"]
 
 

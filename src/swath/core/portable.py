@@ -95,6 +95,11 @@ def solve(matrix: Any, right: Any) -> Array:
     return np.array(x)
 
 
+def inverse(matrix: Any) -> Array:
+    """Inverse of a small matrix (n, n), a column at a time by `solve`."""
+    return np.column_stack([solve(matrix, unit) for unit in np.eye(len(matrix))])
+
+
 def _each(function: Callable[..., float], limits: Callable[..., Any], *values: Any) -> Array:
     """function of each element; limits: numpy's, asked where `math` raises: its inf and nan."""
     arrays = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in values))

@@ -75,7 +75,7 @@ class PageMaker:
     def codes(self, i: int, j: int) -> Codes:
         """Codes of the cut cells at the start: decided at the centre of each cell."""
         middle = self.to_world((i + 0.5) * self.side, (j + 0.5) * self.side)
-        page = self._codes_within(*middle, self.side * np.sqrt(0.5) + 1e-6)
+        page = self.codes_within(*middle, self.side * np.sqrt(0.5) + 1e-6)
         if page >= 0:
             return int(page)
         tiles = self._tile_codes(i, j)
@@ -88,21 +88,25 @@ class PageMaker:
         u = (PAGE_CUT_CELLS * i + column + 0.5) * self.cell
         v = (PAGE_CUT_CELLS * j + row + 0.5) * self.cell
         x, y = self.to_world(u[:, None, :], v[:, :, None])
+        cells[row[:, :, None], column[:, None, :]] = self.codes_at(x, y)
+        codes = cells.astype(np.uint8)
+        return int(codes[0, 0]) if (codes == codes[0, 0]).all() else codes
+
+    def codes_at(self, x: Array, y: Array) -> NDArray[np.int16]:
+        """Codes at the start of world points [m]."""
         found = code_at(self.edges, x, y)
         found[(found == STANDING) & self.stand.bare(x, y)] = 0
         if self.boundary is not None:
             found[~self.boundary.contains(x, y)] = 0
-        cells[row[:, :, None], column[:, None, :]] = found
-        codes = cells.astype(np.uint8)
-        return int(codes[0, 0]) if (codes == codes[0, 0]).all() else codes
+        return found
 
     def _tile_codes(self, i: int, j: int) -> NDArray[np.int16]:
         """(8, 8) codes of tiles that have a single one, -1 elsewhere."""
         centre = (np.arange(PAGE_TILES) + 0.5) * self.tile
         u, v = np.meshgrid(i * self.side + centre, j * self.side + centre)
-        return self._codes_within(*self.to_world(u, v), self.tile * np.sqrt(0.5) + 1e-6)
+        return self.codes_within(*self.to_world(u, v), self.tile * np.sqrt(0.5) + 1e-6)
 
-    def _codes_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
+    def codes_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
         """The one code of all points within the radius of points, -1 where there may be several."""
         codes = code_within(self.edges, x, y, radius)
         codes[(codes == STANDING) & self.stand.may_be_bare(x, y, radius)] = -1

@@ -32,7 +32,7 @@ machines:
     start: {{along_edge_m: {start:.1f}}}
     motion: {{level: single_track, start_speed_kmh: {speed:.1f}}}
     lidar: {{level: plants, sensor: sick-lms511-hr, sub_rays: 19, sector_deg: [-60, 60]}}
-    edge: max_likelihood
+    edge: likelihood_ratio
     steer: preview
     speed: {{speed_kmh: {speed:.1f}}}
 expect:

@@ -14,7 +14,7 @@ from swath.rays.device import start_warp
 from swath.rays.field_arrays import LiveScene
 from swath.rays.refusals import check_origins, check_range
 from swath.rays.single.buffers import CLAMPED, MISPLACED, PACKET, BeamBuffer, share
-from swath.rays.spread import SpreadTable, double_log
+from swath.rays.spread import Spread, SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
@@ -57,8 +57,8 @@ class BodyCaster:
     def cast_beams(self, *, range_max: float, solids: Solids | None = None) -> int:
         """Nearest body of each beam within range_max [m]: fills distance, kind (organ), cosine, reflectance.
 
-        Returns a number whose bit k is set when some beam left axis k of the table. Raises as
-        `RayCaster.cast`.
+        Returns a number whose bit k is set when some beam left axis k of the standing crop's grid, bit 4 + k
+        of the stubble's, bit 8 when one met crop that leans by more than 20 deg. Raises as `RayCaster.cast`.
         """
         check_range(range_max)
         if self.beams.count == 0:
@@ -95,20 +95,15 @@ class BodyCaster:
         table = self.table
         depth, top_bound = below_top_bound(table)
         height, exit_diameter, divergence, pitch = self._numbers
-        arrays = {
-            "axes": np.concatenate(table.scaled_axes()),
-            "quantile": table.quantile,
-            "ground": double_log(table.ground_share),
-            "lift": table.ground_lift,
-            "depth": depth,
-            "lean": lean_of_packets(table.lean),
-        }
         return filled(
             Canopy,
-            **{name: np.ascontiguousarray(array.ravel(), np.float32) for name, array in arrays.items()},
-            size=tuple(len(a) for a in table.axes),
-            node_count=table.quantile.shape[-1],
+            standing=_pack_grid(table.standing),
+            stubble=_pack_grid(table.stubble),
+            depth=np.ascontiguousarray(depth, np.float32),
+            lean=np.ascontiguousarray(lean_of_packets(both_ways(table.lean)).ravel(), np.float32),
+            node_count=table.standing.quantile.shape[-1],
             top_bound=height * top_bound,
+            stubble_bound=min(max(float(table.stubble.quantile.max()), 1.0), 1.0 + TOP_ROOM),
             fine=table.fine,
             height=height,
             exit=exit_diameter,
@@ -116,9 +111,28 @@ class BodyCaster:
             pitch=pitch,
             density_max=self.field.library.density_max,
             cosine=table.cosine,
-            tangents=tuple(portable.exp(table.scaled_axes()[2][[0, -1]])),
             correlation=tuple(table.correlation),
         )
+
+
+def _pack_grid(grid: Spread) -> Any:
+    """One grid of the table as native code reads it."""
+    from swath.rays.single.kernel import Grid
+
+    axes = grid.scaled_axes()
+    arrays = {
+        "axes": np.concatenate(axes),
+        "quantile": grid.quantile,
+        "ground": double_log(grid.ground_share),
+        "lift": grid.ground_lift,
+    }
+    return filled(
+        Grid,
+        **{name: np.ascontiguousarray(array.ravel(), np.float32) for name, array in arrays.items()},
+        size=tuple(len(a) for a in axes),
+        densities=tuple(grid.density[[0, -1]]),
+        tangents=tuple(portable.exp(axes[2][[0, -1]])),
+    )
 
 
 def below_top_bound(table: SpreadTable) -> tuple[NDArray[np.float64], float]:
@@ -129,9 +143,17 @@ def below_top_bound(table: SpreadTable) -> tuple[NDArray[np.float64], float]:
     """
     last = len(table.silhouette) - 1
     reached = 1 + int(np.flatnonzero(table.silhouette > EMPTY).max())
-    highest = math.ceil(float(table.quantile.max()) / table.fine - 1e-6)
+    highest = math.ceil(float(table.standing.quantile.max()) / table.fine - 1e-6)
     top_bound = min(max(reached, highest), last)
     return np.maximum(table.silhouette - table.silhouette[top_bound], 0.0), table.fine * top_bound
+
+
+def both_ways(lean: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places of tips (n, 2) with what lies opposite, (2 n, 2).
+
+    Stems lean alike to all sides; the mean of a few drawn ones would shift every edge.
+    """
+    return np.concatenate([lean, -lean])
 
 
 def lean_of_packets(lean: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -21,14 +21,16 @@ from swath.rays.spots import Spots
 F64 = NDArray[np.float64]
 Rays = tuple[ArrayLike, ArrayLike]
 CHUNK_MIN = 1024  # fewer rays than this are not worth another thread
+NOT_COMPILED = "ray packets cannot be compiled on this machine: cast one by one, which is slower"
 
 
 class RayCaster:
     """Casts rays into a field.
 
     threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu` or a Warp device as `cuda:0`,
-    default SWATH_DEVICE or `cpu`. On the CPU the kernels read the field's own memory. On another device the
-    plain kernel runs, on a copy of that memory that is renewed after each change.
+    default SWATH_DEVICE or `cpu`; notes: what its user should know, each once. On the CPU the kernels read
+    the field's own memory. On another device the plain kernel runs, on a copy of that memory that is renewed
+    after each change.
     """
 
     def __init__(self, field: Field, *, threads: int | None = None, device: str | None = None) -> None:
@@ -38,6 +40,7 @@ class RayCaster:
         self.scene = LiveScene(field, self.device)
         self._pool = ThreadPool(self.threads)
         self._packets: PacketTraversal | None = None
+        self.notes: list[str] = []
 
     @property
     def index_bytes(self) -> int:
@@ -97,7 +100,8 @@ class RayCaster:
         if self.device != "cpu":
             return False
         if not can_compile():
-            _warn("ray packets cannot be compiled on this machine: cast one by one, which is slower")
+            _warn(NOT_COMPILED)
+            self.notes = [NOT_COMPILED]
             return False
         if sub_rays > SUB_RAYS_MAX:
             _warn(f"{sub_rays} sub-rays: more than {SUB_RAYS_MAX} are cast one by one, which is slower")
@@ -176,7 +180,12 @@ def _of_shape(origins: ArrayLike, directions: ArrayLike) -> tuple[F64, F64]:
 
 
 def _pitch(d: F64) -> tuple[float, float]:
-    """Angles between neighbours along rows and columns of an image [rad], medians along its middle."""
+    """Angles between neighbours along rows and columns of an image [rad], medians along its middle.
+
+    0, 0 of one row.
+    """
+    if len(d) == 1:
+        return 0.0, 0.0
     row, column = d[len(d) // 2], d[:, d.shape[1] // 2]
     steps = [np.linalg.norm(np.diff(line, axis=0), axis=-1) for line in (column, row)]
     high, wide = (float(np.median(s)) if len(s) else 0.0 for s in steps)

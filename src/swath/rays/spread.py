@@ -1,9 +1,11 @@
 """How a beam's measured height spreads over a canopy: the fitted table of the LiDAR level `empirical`.
 
-Cells of a grid over stem density, crop height, depression of the beam and spot diameter. Each holds the
-distribution of the measured height: quantiles of the returns from crop, relative to the crop's height, and
-the share of beams that see the ground. Between the nodes of the grid, quantiles and log(-log(ground share))
-go linearly in log density, height, log tan depression and log spot: for a thin ray -log(ground share) is
+Two grids, one of standing crop and one of its stubble: a spot that stubble fills by half measures the soil
+between the stems, so its heights do not follow from those of the standing crop. Cells of a grid over stem
+density, height, depression of the beam and spot diameter. Each holds the distribution of the measured height:
+quantiles of the returns from crop, relative to the height, and the share of beams that see the ground.
+Between the nodes of the grid, quantiles and log(-log(ground share)) go linearly in log density, height (over
+stubble log height), log tan depression and log spot: for a thin ray -log(ground share) is
 n A cot(depression), a straight line in these (closed form of first returns).
 """
 
@@ -29,16 +31,15 @@ def quantile_nodes(count: int = NODES) -> F64:
 
 
 @dataclass(frozen=True)
-class SpreadTable:
-    """Nodes of the grid, rising: density [1/m2] (i,), height [m] (j,), depression [rad] (k,), spot [m] (l,).
+class Spread:
+    """Nodes of a grid, rising: density [1/m2] (i,), height of crop or stubble [m] (j,), depression [rad]
+    (k,), spot [m] (l,).
 
-    quantile: (i, j, k, l, node_count) height over crop height at `quantile_nodes`, falling; nan nowhere
+    quantile: (i, j, k, l, node_count) measured height over that height at `quantile_nodes`, falling; nan
+    nowhere
     ground_share: (i, j, k, l); ground_lift: (i, j, k, l) mean measured height of ground returns [m]: crop in
-    the spot hides its far part; silhouette: (m,) projected area per stem above equal steps `fine` of the
-    relative height [m2]: how crop adds up along a beam; lean: (n, 2) sideways place of tips per height
-    cosine: mean |cos| of incidence on crop, sets the intensity
-    correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
-    about: source, range of validity, fit quality, as in the YAML beside the npz
+    the spot hides its far part
+    is_stubble: heights, too, go in logarithms: what a stem of stubble shades is proportional to them
     """
 
     density: F64
@@ -48,12 +49,7 @@ class SpreadTable:
     quantile: F64
     ground_share: F64
     ground_lift: F64
-    silhouette: F64
-    fine: float
-    lean: F64
-    cosine: float
-    correlation: tuple[float, float]
-    about: dict[str, object] = field(default_factory=dict)
+    is_stubble: bool = False
 
     def __post_init__(self) -> None:
         shape = tuple(len(a) for a in self.axes)
@@ -66,14 +62,9 @@ class SpreadTable:
             or self.ground_lift.shape != shape
         ):
             raise InputError("quantile", self.quantile.shape, f"expected cells of shape {shape}")
-        if self.silhouette.ndim != 1 or self.lean.ndim != 2 or self.lean.shape[1] != 2:
-            shapes = self.silhouette.shape, self.lean.shape
-            raise InputError("silhouette, lean", shapes, "expected shapes (m,) and (n, 2)")
-        numbers = (*self.axes, self.quantile, self.ground_share, self.ground_lift, self.silhouette, self.lean)
+        numbers = (*self.axes, self.quantile, self.ground_share, self.ground_lift)
         if not all(np.isfinite(a).all() and a.size for a in numbers):
             raise InputError("table", None, "expected finite cells in every array")
-        if not (self.fine > 0.0 and np.isfinite([self.fine, self.cosine, *self.correlation]).all()):
-            raise InputError("table", None, "expected a finite fine > 0, cosine and correlation")
 
     @property
     def axes(self) -> tuple[F64, F64, F64, F64]:
@@ -82,12 +73,13 @@ class SpreadTable:
 
     def scaled_axes(self) -> tuple[F64, F64, F64, F64]:
         """Axes in the coordinates in which the table is linear."""
+        height = portable.log(self.height) if self.is_stubble else self.height
         depression = portable.log(portable.tan(self.depression))
-        return portable.log(self.density), self.height, depression, portable.log(self.spot)
+        return portable.log(self.density), height, depression, portable.log(self.spot)
 
     def cell(self, density: float, height: float, depression: float, spot: float) -> tuple[F64, float, float]:
         """Quantiles (node_count,), ground share and lift [m] at one place; clamped outside the range."""
-        value = (log(density), height, log(tan(depression)), log(spot))
+        value = (log(density), log(height) if self.is_stubble else height, log(tan(depression)), log(spot))
         base, share = [], []
         for v, axis in zip(value, self.scaled_axes(), strict=True):
             k = int(np.clip(np.searchsorted(axis, v, side="right") - 1, 0, max(len(axis) - 2, 0)))
@@ -114,6 +106,38 @@ class SpreadTable:
         inside = np.clip(share / (1.0 - ground), 0.0, 1.0)
         found = np.interp(inside, quantile_nodes(len(quantile)), quantile) * height
         return np.where(share < 1.0 - ground, found, 2.0 * lift * (1.0 - share) / ground)
+
+
+@dataclass(frozen=True)
+class SpreadTable:
+    """standing, stubble: the two grids
+
+    silhouette: (m,) projected area per stem above equal steps `fine` of the crop's relative height [m2]: how
+    crop adds up along a beam; lean: (n, 2) sideways place of tips per height
+    cosine: mean |cos| of incidence on crop, sets the intensity
+    correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
+    about: source, range of validity, fit quality, as in the YAML beside the npz
+    """
+
+    standing: Spread
+    stubble: Spread
+    silhouette: F64
+    fine: float
+    lean: F64
+    cosine: float
+    correlation: tuple[float, float]
+    about: dict[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.stubble.quantile.shape[-1] != self.standing.quantile.shape[-1]:
+            raise InputError("stubble", self.stubble.quantile.shape, "expected as many quantiles as standing")
+        if self.silhouette.ndim != 1 or self.lean.ndim != 2 or self.lean.shape[1] != 2:
+            shapes = self.silhouette.shape, self.lean.shape
+            raise InputError("silhouette, lean", shapes, "expected shapes (m,) and (n, 2)")
+        if not all(np.isfinite(a).all() and a.size for a in (self.silhouette, self.lean)):
+            raise InputError("table", None, "expected finite cells in every array")
+        if not (self.fine > 0.0 and np.isfinite([self.fine, self.cosine, *self.correlation]).all()):
+            raise InputError("table", None, "expected a finite fine > 0, cosine and correlation")
 
 
 def double_log(ground_share: F64 | float) -> F64:

@@ -16,6 +16,7 @@ from swath.record.tracks import Column, Tracks, write_tracks
 from swath.signals import Signal
 
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
+LARGE_PERIOD = NS  # between two messages of a large truth, unless everything is wanted
 
 
 class Recorder:
@@ -24,7 +25,8 @@ class Recorder:
     folder: exists already. machines: whose slots (`name.slot`) are recorded; slots of other names are not
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
-    detail: `standard` messages only, `exact` samples beside them, `full`: of the large truth too
+    detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
+    them, `full`: of the large truth too, which else is seen once a second
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -46,7 +48,7 @@ class Recorder:
         self._period = round(NS / rate_hz)
         more = extra or {}
         self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
-        self.file = McapFile(folder / "run.mcap") if mcap else None
+        self.file = McapFile(folder / "run.mcap") if mcap and detail != "none" else None
         self._messengers = {m.name: Messenger(m, self.file) for m in machines} if self.file else {}
         self._due: dict[tuple[str, str], int] = {}
         self._detail = detail
@@ -77,7 +79,8 @@ class Recorder:
             return
         self._is_closed = True
         try:
-            write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
+            if self._detail != "none":
+                write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
         finally:
             if self.file is not None:
                 try:
@@ -106,11 +109,13 @@ class Recorder:
             blocks.add(t, signal)
 
     def _is_due(self, slot: str, output: str, t: int, signal: Signal) -> bool:
-        if not signal.about.is_thinned:
+        is_large = signal.about.samples == "full" and self._detail != "full"
+        if not (signal.about.is_thinned or is_large):
             return True
         if t < self._due.get((slot, output), 0):
             return False
-        self._due[(slot, output)] = (t // self._period + 1) * self._period
+        period = LARGE_PERIOD if is_large else self._period
+        self._due[(slot, output)] = (t // period + 1) * period
         return True
 
 

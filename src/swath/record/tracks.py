@@ -6,10 +6,15 @@ columns of that name, those of the others begin with the name of their slot: `gn
 """
 
 import json
+from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import groupby
+from os import SEEK_END
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
@@ -24,6 +29,7 @@ from swath.signals import MachineState, Signal
 
 Latest = Mapping[type[Signal], Any]  # newest sample of each type
 NAN = float("nan")
+STORED = 1 << 16  # numbers that are kept in memory; those before lie in a file that has no name
 MOST_VALUES, VALUES_PER_BYTE = 20_000_000, 25  # that a file may hold: columns that do not change pack well
 
 
@@ -33,6 +39,7 @@ class Column:
 
     value: called for every row with the newest sample of every type
     later: called with the columns of `value` when the table is read, gives the whole column, (row_count,)
+    source: what its value depends on alone, a key of the newest samples; None where it depends on more
     """
 
     name: str
@@ -40,13 +47,14 @@ class Column:
     meaning: str
     value: Callable[[Latest], float] = lambda _: NAN
     later: Callable[[Mapping[str, Any]], Any] | None = None
+    source: Any = None
 
 
 def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
     def value(latest: Mapping[Any, Any]) -> float:
         return column.value(getattr(latest[key], field)) if key in latest else NAN
 
-    return Column(name, column.unit, column.meaning, value)
+    return Column(name, column.unit, column.meaning, value, source=key)
 
 
 def signal_columns(signal: type[Signal], key: Any, prefix: str = "") -> list[Column]:
@@ -103,7 +111,10 @@ class Tracks:
     def __init__(self, machine: RecordedMachine, period: int, extra: tuple[Column, ...] = ()) -> None:
         self.machine = machine
         self.columns = (*machine_columns(machine), *extra)
-        self._rows: list[list[float]] = []
+        self._groups = [(source, [*columns]) for source, columns in groupby(self.columns, lambda c: c.source)]
+        self._values: list[tuple[Any, list[float]]] = [(None, []) for _ in self._groups]  # of the last row
+        self._rows, self._stored = array("d"), TemporaryFile()  # noqa: SIM115
+        finalize(self, self._stored.close)
         self._latest: dict[Any, Signal] = {}  # by type; of a further output of a type by its name
         self._further = {o for o, kind in machine.outputs.items() if o != _first(machine, kind)}
         self._period, self._due, self._is_open = period, 0, False
@@ -123,14 +134,30 @@ class Tracks:
     def arrays(self) -> dict[str, np.ndarray]:
         """Columns so far, shape (row_count,) each."""
         self._finish_row()
-        table = np.array(self._rows, dtype=float).reshape(-1, len(self.columns))
+        self._store()
+        self._stored.seek(0)
+        table = np.frombuffer(self._stored.read(), dtype=float).reshape(-1, len(self.columns))
         found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
         return found | {c.name: c.later(found) for c in self.columns if c.later is not None}
 
     def _finish_row(self) -> None:
         if self._is_open and MachineState in self._latest:
-            self._rows.append([c.value(self._latest) for c in self.columns])
+            for i, (source, columns) in enumerate(self._groups):
+                sample = self._latest.get(source)
+                before, values = self._values[i]
+                if sample is None or sample is not before:
+                    values = [c.value(self._latest) for c in columns]
+                    self._values[i] = sample, values
+                self._rows.extend(values)
             self._is_open = False
+            if len(self._rows) >= STORED:
+                self._store()
+
+    def _store(self) -> None:
+        """Put the newest rows to those before."""
+        self._stored.seek(0, SEEK_END)
+        self._stored.write(self._rows)
+        del self._rows[:]
 
 
 def write_tracks(path: Path, tracks: list[Tracks]) -> None:

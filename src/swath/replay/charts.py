@@ -87,7 +87,7 @@ WORST = (
     ),
     Worst("engine_load", "engine load {:.0f} %", 100.0, at_least=0.5),
     Worst("loss_share", "{:.1f} % of the grain lost", 100.0, at_least=0.02),
-    Worst("clearance_m", "{:.2f} m from something", 1.0, is_least=True),
+    Worst("clearance_m", "{:.2f} m clear of what is nearest", 1.0, is_least=True),
 )
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.field import Field
-from swath.field.initial_edges import code_at
-from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING
 from swath.replay.area import Area
 from swath.signals import F64
 
@@ -54,40 +53,21 @@ def ground_of(field: Field, area: Area, prototypes: int) -> Ground:
         (number & (MIRROR_X - 1)) % prototypes + flags,
     ]
     bytes_ = np.clip(np.rint(np.stack(values, axis=-1)), 0, 255).astype(np.uint8)
-    return Ground(np.asarray(heights, dtype=float), bytes_, _codes(field, area), scale_max)
+    return Ground(np.asarray(heights, dtype=float), bytes_, _codes(field, area, x, y), scale_max)
 
 
-def _codes(field: Field, area: Area) -> NDArray[np.uint8]:
-    """Codes of the cells at the start, page by page; 0 where nothing is shown."""
-    (x0, y0), (ny, nx), n = area.first, area.shape, area.cells
-    fine = PAGE_CUT_CELLS // PAGE_TILES // n
-    codes = np.zeros((ny * n, nx * n), np.uint8)
-    for j in range(y0 // PAGE_TILES, (y0 + ny - 1) // PAGE_TILES + 1):
-        for i in range(x0 // PAGE_TILES, (x0 + nx - 1) // PAGE_TILES + 1):
-            rows, own_rows = _overlap(j, y0, ny)
-            columns, own_columns = _overlap(i, x0, nx)
-            if not area.shown[rows, columns].any():
-                continue
-            page = field.maker.codes(i, j)
-            place = _times(rows, n), _times(columns, n)
-            if isinstance(page, int):
-                codes[place] = page
-            else:
-                sampled = page[fine // 2 :: fine, fine // 2 :: fine]
-                codes[place] = sampled[_times(own_rows, n), _times(own_columns, n)]
-    bare = np.repeat(np.repeat(~area.shown, n, axis=0), n, axis=1)
-    codes[bare] = 0
-    return codes
-
-
-def _overlap(page: int, first: int, count: int) -> tuple[slice, slice]:
-    """Tiles that a page shares with the area, as the area and as the page count them."""
-    low, high = max(page * PAGE_TILES, first), min((page + 1) * PAGE_TILES, first + count)
-    return slice(low - first, high - first), slice(low - page * PAGE_TILES, high - page * PAGE_TILES)
-
-
-def _times(part: slice, n: int) -> slice:
-    return slice(part.start * n, part.stop * n)
+def _codes(field: Field, area: Area, x: F64, y: F64) -> NDArray[np.uint8]:
+    """Codes of the cells at the start; 0 where nothing is shown. x, y: world middles of the tiles [m]"""
+    n, maker = area.cells, field.maker
+    tiles = np.where(area.shown, maker.codes_within(x, y, area.tile * np.sqrt(0.5) + 1e-6), 0)
+    cells = np.repeat(np.repeat(tiles, n, axis=0), n, axis=1)
+    row, column = np.nonzero(tiles < 0)
+    row, column = (a[:, None] * n + np.arange(n) for a in (row, column))
+    u = area.first[0] * area.tile + (column + 0.5) * area.cell
+    v = area.first[1] * area.tile + (row + 0.5) * area.cell
+    at = maker.to_world(u[:, None, :], v[:, :, None])
+    cells[row[:, :, None], column[:, None, :]] = maker.codes_at(*at)
+    return cells.astype(np.uint8)
 
 
 def far_ground(field: Field, area: Area) -> tuple[dict[str, Any], F64, NDArray[np.uint8]]:
@@ -102,7 +82,7 @@ def far_ground(field: Field, area: Area) -> tuple[dict[str, Any], F64, NDArray[n
     heights = np.asarray(field.terrain.lattice(u, v, field.stand_yaw), dtype=float)
     x, y = field.maker.to_world(*np.meshgrid(u, v))
     inside = np.min([edge.shape.signed_distance(x, y) for edge in field.edges.values()], axis=0) / step
-    is_crop = (code_at(field.edges, x, y) == STANDING) & ~field.stand.bare(x, y) & field.covers(x, y)
+    is_crop = (field.maker.codes_at(x, y) == STANDING) & field.covers(x, y)
     inside = np.where(is_crop, np.maximum(inside, 0.0), np.where(inside < 0.0, inside, -0.5))
     code = np.clip(np.rint(128.0 + 127.0 / 3.0 * inside), 0, 255).astype(np.uint8)
     grid = {"x": float(begin[0]), "y": float(begin[1]), "step": step, "nx": len(u), "ny": len(v)}

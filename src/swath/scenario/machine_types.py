@@ -13,7 +13,7 @@ _HARVESTER = {
     "lidar": "plants",
     "odometry": "error",
     "imu": "error",
-    "edge": "max_likelihood",
+    "edge": "likelihood_ratio",
     "steer": "preview",
     "speed": "constant",
     "steering": "actuator",

@@ -28,8 +28,11 @@ class Run(BaseModel):
     ] = 120.0
     max_duration_s: Annotated[float, Field(gt=0, le=1e6, description="simulated time [s]")] = 120.0
     record: Annotated[
-        Literal["standard", "exact", "full"],
-        Field(description="run.mcap: standard messages; and every sample exactly; and the scans' truth too"),
+        Literal["none", "standard", "exact", "full"],
+        Field(
+            description="none: summary.json alone; else run.mcap with standard messages; and every sample "
+            "exactly; and the scans' truth too"
+        ),
     ] = "exact"
     on_contact: Annotated[
         Literal["end", "note"], Field(description="a machine touched something: the run ends, or goes on")

@@ -166,7 +166,7 @@ SLOTS: tuple[SlotKind, ...] = (
     SlotKind(
         "edge",
         ("swath.control.edge", "swath.sensing.edge"),
-        "max_likelihood",
+        "likelihood_ratio",
         25.0,
         (Port("edge", CropEdge),),
         {

@@ -11,12 +11,11 @@ from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.documents.packed import read_arrays, readable
 from swath.documents.yaml_document import dump, read_document
-from swath.rays.spread import SpreadTable
+from swath.rays.spread import Spread, SpreadTable
 
-ARRAYS = (
-    *("density", "height", "depression", "spot"),
-    *("quantile", "ground_share", "ground_lift", "silhouette", "lean"),
-)
+GRID = ("density", "height", "depression", "spot", "quantile", "ground_share", "ground_lift")
+ARRAYS = ("silhouette", "lean")
+STUBBLE = "stubble_"  # before the names of its grid's arrays
 
 
 def table_names() -> list[str]:
@@ -40,6 +39,7 @@ def load_table(name: str, base: Path | None = None) -> SpreadTable:
 def _made(arrays: Mapping[str, Any], path: Path) -> SpreadTable:
     with readable("table", "a spread table", path):
         values: dict[str, Any] = {k: np.asarray(arrays[k], dtype=np.float64) for k in ARRAYS}
+        values |= {"standing": _grid(arrays, ""), "stubble": _grid(arrays, STUBBLE)}
         values |= {k: float(arrays[k]) for k in ("fine", "cosine")}
         values["correlation"] = float(arrays["correlation"][0]), float(arrays["correlation"][1])
         return SpreadTable(**values, about=_about(path))
@@ -49,24 +49,39 @@ def save_table(table: SpreadTable, path: Path) -> list[Path]:
     """Write `path` (.npz) and its YAML. The same table gives the same bytes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {k: np.asarray(getattr(table, k), dtype=np.float32) for k in ARRAYS}
-    arrays["quantile"] = arrays["quantile"].astype(np.float16)  # to 0.3 mm of a crop of 1 m
+    arrays |= _grid_arrays(table.standing, "") | _grid_arrays(table.stubble, STUBBLE)
     extra = {"fine": np.float64(table.fine), "cosine": np.float64(table.cosine)}
     everything: dict[str, Any] = {**arrays, **extra, "correlation": np.array(table.correlation)}
     with path.open("wb") as file:  # numpy gives every member the same time stamp
         np.savez_compressed(file, **everything)
-    about = {**table.about, "range": valid_range(table)}
+    about = {
+        **table.about,
+        "range": valid_range(table.standing),
+        "stubble_range": valid_range(table.stubble),
+    }
     sheet = path.with_suffix(".yaml")
     sheet.write_text(dump(about), encoding="utf-8")
     return [path, sheet]
 
 
-def valid_range(table: SpreadTable) -> dict[str, list[float]]:
+def valid_range(grid: Spread) -> dict[str, list[float]]:
     """First and last node of each axis in the units of files."""
     units = {"density_per_m2": 1.0, "height_m": 1.0, "depression_deg": DEG, "spot_mm": 1e-3}
     return {
         key: [round(float(axis[0] / unit), 3), round(float(axis[-1] / unit), 3)]
-        for (key, unit), axis in zip(units.items(), table.axes, strict=True)
+        for (key, unit), axis in zip(units.items(), grid.axes, strict=True)
     }
+
+
+def _grid(data: Mapping[str, Any], prefix: str) -> Spread:
+    arrays = {k: np.asarray(data[prefix + k], dtype=np.float64) for k in GRID}
+    return Spread(**arrays, is_stubble=prefix == STUBBLE)
+
+
+def _grid_arrays(grid: Spread, prefix: str) -> dict[str, Any]:
+    """Quantiles in half precision: to 0.3 mm of a crop of 1 m."""
+    kinds = {k: np.float16 if k == "quantile" else np.float32 for k in GRID}
+    return {prefix + k: np.asarray(getattr(grid, k), dtype=kind) for k, kind in kinds.items()}
 
 
 def _about(path: Path) -> dict[str, object]:

@@ -18,11 +18,13 @@ def level_stand(
     height: float | None = None,
     sheet: str = "",
     library: PlantLibrary | None = None,
+    cut_at: float | None = None,
 ) -> Field:
-    """Crop all around the origin, drilled as its sheet says.
+    """Crop, or its stubble, all around the origin, drilled as its sheet says.
 
     density: stems/m2, of few plants the library holds a little more; height: of the crop [m], None = the
     sheet's; sheet: name or file of the crop's data sheet, "" = that of its name; library: plants to use
+    cut_at: height of stubble [m], to the centimetre; None = the crop stands
     """
     setup = FieldSetup()
     params = uniform.Params(
@@ -31,6 +33,10 @@ def level_stand(
         row_spacing_m=crop.stand.row_spacing if library is None else library.row_spacing,
         height_factor=1.0 if height is None else height / crop.stand.height,
     )
-    edge = make_edge(StraightEdge(x_m=-200.0, y_m=-200.0, length_m=400.0, crop_begins_m=None), setup)
+    begins, stubble = (None, 0.0) if cut_at is None else (400.0, cut_at)
+    line = StraightEdge(
+        x_m=-200.0, y_m=-200.0, length_m=400.0, crop_begins_m=begins, stubble_height_m=stubble
+    )
+    edge = make_edge(line, setup)
     ground, stand = plane.Plane(plane.Params(), setup), uniform.Uniform(params, setup)
     return make_field(ground, stand, edge, crop=crop, library=library, stream=stream)

@@ -13,6 +13,7 @@ import numpy as np
 
 from swath.control.edge.canopy_rays import EdgeFrame
 from swath.core.component import KeepsState
+from swath.core.portable import product
 from swath.signals import F64
 
 BEND_STEP = 0.02  # 1/m per sqrt(m): how fast the bend of an edge changes
@@ -41,7 +42,7 @@ class Arc:
     def ahead(self, way: float, *, is_seen: bool = True) -> "Arc":
         """The arc a way [m] further on. Unseen, its bend is taken to stay as it is."""
         f = np.array([[1.0, way, 0.5 * way * way], [0.0, 1.0, way], [0.0, 0.0, 1.0]])
-        covariance = f @ self.covariance @ f.T
+        covariance = product(product(f, self.covariance), f.T)
         step = abs(way)
         covariance[0, 0] += 1e-5 * step
         if is_seen:
@@ -62,7 +63,7 @@ class Arc:
         move = gain * min(max(beside, -limit), limit)
         left = _ONE.copy()
         left[:, 0] -= gain
-        covariance = left @ p @ left.T + variance * np.outer(gain, gain)
+        covariance = product(product(left, p), left.T) + variance * np.outer(gain, gain)
         x = self.x - float(move[0]) * np.sin(self.angle)
         u = self.u + float(move[0]) * np.cos(self.angle)
         bend = float(np.clip(self.bend + move[2], -0.2, 0.2))

@@ -9,6 +9,7 @@ import numpy as np
 
 from swath.control.edge.canopy_rays import CLASSES, DUST, LAYERS, NOTHING, RayAnswers
 from swath.core.component import KeepsState
+from swath.core.portable import exp, log, product
 from swath.signals import F64
 
 CELL, HALF = 0.025, 4.0  # m: width of a place, and how far to either side places are counted
@@ -85,16 +86,16 @@ class Found:
 
 def find_edge(block: Block, ratios: F64, gate: float) -> Found:
     """The edge within +-`gate` [m] of the frame: its mean and variance under the likelihood of all places."""
-    worth = block.counts[_WITHIN.start : _WITHIN.stop - 1] @ ratios / block.alike
+    worth = product(block.counts[_WITHIN.start : _WITHIN.stop - 1], ratios) / block.alike
     score = np.concatenate([np.cumsum(worth[::-1])[::-1], [0.0]])
     place = EDGES[_WITHIN]
     gain = score - max(float(score[0]), 0.0)
     near = np.abs(place) <= gate
     best = float(gain[near].max())
-    chance = np.exp(gain[near] - best)
+    chance = exp(gain[near] - best)
     chance /= chance.sum()
-    mean = float(chance @ place[near])
-    variance = float(chance @ (place[near] - mean) ** 2)
+    mean = float((chance * place[near]).sum())
+    variance = float((chance * (place[near] - mean) ** 2).sum())
     return Found(mean, variance + FINEST**2, best, float(gain.max()) - best)
 
 
@@ -122,7 +123,7 @@ def split(block: Block, expected: float, spread: float) -> tuple[float, float, F
 def _entropy(counts: F64) -> F64:
     """Log-likelihood [nat] of rows of counts under their own shares."""
     total = counts.sum(axis=1, keepdims=True)
-    return np.asarray((counts * np.log(np.maximum(counts, 1e-12) / np.maximum(total, 1e-12))).sum(axis=1))
+    return np.asarray((counts * log(np.maximum(counts, 1e-12) / np.maximum(total, 1e-12))).sum(axis=1))
 
 
 def _between(counts: F64, low: float, high: float) -> F64:

@@ -29,9 +29,9 @@ EVEN, RAGGED, LEAST = (
 
 
 class CanopyFeet(KeepsState):
-    """Learns from the rays of accepted blocks. ramp: (share 0..1, feet [m], tangent of the lean)."""
+    """Learns from the rays of accepted blocks. lean: (share 0..1, feet [m], tangent of the lean)."""
 
-    kept = ("_offset", "_ramp", "ramp")
+    kept = ("_offset", "_ramp", "lean")
 
     def __init__(self) -> None:
         self._offset, self._ramp = CanopyOffset(MEMORY, GUESS, parts=PARTS), LeanRamp()
@@ -41,7 +41,7 @@ class CanopyFeet(KeepsState):
         """Nothing learned."""
         self._offset.clear()
         self._ramp.clear()
-        self.ramp = (0.0, 0.0, 0.0)
+        self.lean = (0.0, 0.0, 0.0)
 
     def learn(
         self,
@@ -52,7 +52,10 @@ class CanopyFeet(KeepsState):
         height: float,
         angle: float,
     ) -> None:
-        """A block: its scans, their counts, its edge [m] and travel [m]; crop height [m], angle to the edge."""
+        """A block: its scans, their counts, its edge [m] and travel [m].
+
+        height [m] of the crop; angle [rad] of the edge to the machine
+        """
         self._offset.move(travel)
         if not height > 0.0:
             return
@@ -64,7 +67,7 @@ class CanopyFeet(KeepsState):
         self._ramp.move(travel)
         if abs(angle) < OBLIQUE:
             self._ramp.add(counts, edge)
-        self.ramp = self._ramp.foot(height)
+        self.lean = self._ramp.foot(height)
 
     def shift(self, height: float, stopped: float, spread: float, dust: float) -> float:
         """The feet behind the edge of the canopy [m].
@@ -79,6 +82,6 @@ class CanopyFeet(KeepsState):
         most = MOST if self._ramp.is_known else USUAL
         learned = min(self._offset.shift(height), most * height)
         upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)
-        share, foot, _ = self.ramp
+        share, foot, _ = self.lean
         even = float(np.clip((RAGGED - spread) / (RAGGED - EVEN), LEAST, 1.0))
         return even * ((1.0 - share) * upright + share * seen * foot)

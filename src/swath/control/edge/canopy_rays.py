@@ -106,9 +106,12 @@ class Ground(KeepsState):
             level = float(np.percentile(z - slope * u, 25.0))
         for _ in range(2):
             weight = 1.0 / (1.0 + ((z - level - slope * u) / self.SPREAD) ** 2) ** 2
-            s0, s1, s2 = float(weight.sum()), float(weight @ u), float(weight @ (u * u))
+            s0, s1, s2 = float(weight.sum()), float((weight * u).sum()), float((weight * u * u).sum())
             a = np.array([[s0 + prior, s1], [s1, s2 + steep]])
-            b = (float(weight @ z) + prior * level, float(weight @ (u * z)) + steep * self.slope)
+            b = (
+                float((weight * z).sum()) + prior * level,
+                float((weight * u * z).sum()) + steep * self.slope,
+            )
             det = a[0, 0] * a[1, 1] - a[0, 1] ** 2
             level, slope = (
                 float((a[1, 1] * b[0] - a[0, 1] * b[1]) / det),

@@ -5,6 +5,8 @@ Where each layer begins is fitted by a line over its height; the line's zero is 
 leans out shows nothing of the kind: its wall is as sharp as that of an upright one, only further out.
 """
 
+from math import exp
+
 import numpy as np
 
 from swath.control.edge.blocks import CELL, PLACES
@@ -40,7 +42,7 @@ class LeanRamp(KeepsState):
 
     def move(self, travel: float) -> None:
         """Old counts fade over a travel [m]."""
-        self._counts *= np.exp(-travel / MEMORY)
+        self._counts *= exp(-travel / MEMORY)
 
     def add(self, counts: F64, edge: float) -> None:
         """A block's counts (PLACES, CLASSES) with its edge [m]."""
@@ -49,7 +51,10 @@ class LeanRamp(KeepsState):
             self._counts += counts[first : first + _CELLS, :LAYERS]
 
     def foot(self, height: float) -> tuple[float, float, float]:
-        """(share 0..1 of it being a ramp, the feet beside the edge [m], tangent of the lean), crop height [m]."""
+        """(share 0..1 of it being a ramp, the feet beside the edge [m], tangent of the lean).
+
+        height: of the crop [m]
+        """
         if not height > 0.25 or not self.is_known:
             return 0.0, 0.0, 0.0
         above = np.cumsum(self._counts[:, ::-1], axis=1)[:, ::-1]
@@ -63,6 +68,8 @@ class LeanRamp(KeepsState):
         excess = np.cumsum((stopped - 0.5 * most * rays)[::-1], axis=0)[::-1]
         begins = _PLACE[np.argmax(excess, axis=0)]
         level = LOWEST + LAYER * layer
-        slope, foot = np.polyfit(level, begins, 1)
+        apart = level - level.mean()
+        slope = float((apart * begins).sum() / (apart * apart).sum())
+        foot = float(begins.mean()) - slope * float(level.mean())
         is_ramp = float(np.clip((slope - LEAST) / (SURE - LEAST), 0.0, 1.0))
-        return is_ramp, float(np.clip(foot, -0.5, 0.2)), float(slope)
+        return is_ramp, float(np.clip(foot, -0.5, 0.2)), slope

@@ -1,14 +1,14 @@
 """Learned likelihood ratios: every ray of some decimetres of travel says how likely it stands in the crop.
 
 Scans become rays with a class and a place (`canopy_rays`); rays of 0.4 m of travel are a block (`blocks`);
-what the classes are worth is learned on both sides of the edge while driving (`populations`); the edge of each
-block goes into a track that knows where the next one must be (`block_track`, `arc_track`); and what is
-reported is the edge just ahead of the knife, between blocks seen before and behind it (`near_line`), moved
-from the canopy to the feet of the crop (`canopy_feet`).
+what the classes are worth is learned on both sides of the edge (`populations`); the edge of each block goes
+into a track that knows where the next one must be (`block_track`, `arc_track`); and what is reported is the
+edge just ahead of the knife, between blocks seen before and behind it (`near_line`), moved from the canopy to
+the feet of the crop (`canopy_feet`).
 """
 
 from dataclasses import dataclass
-from math import cos, erf, sin, sqrt, tan
+from math import atan2, cos, erf, sin, sqrt, tan
 from typing import Annotated
 
 import numpy as np
@@ -28,12 +28,10 @@ from swath.signals import F64, CropEdge, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
 TOLERANCE = 0.10  # m, of the confidence
-FLOOR, RAGGED = (
-    0.03,
-    0.8,
-)  # m, standard deviation of the offset that no fit shows (overhang, mounting, odometry); part of
-# the blocks' spread about the line that is taken to be its own
-UNSEEN_MOST = 0.45  # confidence of an edge that is held, not seen
+FLOOR = 0.03  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
+RAGGED = 0.8  # of the blocks' spread about the line: the line's own
+UNSURE = 0.45  # greatest confidence of an edge that is held, not seen, or of a stand that leans
+LEANS = 0.9  # of the upright crop's height
 LATE = 0.4  # s: an older scan shows no edge
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
 
@@ -44,6 +42,8 @@ class Params:
     hold_m: how far beyond the last place seen the edge is held
     reference_m: where ahead of the knife it is reported
     crab: side slip per side slope [1], about 1 / the tyres' cornering stiffness over load
+    upright_m: height of the crop where it stands upright, as the driver sees it; where it is lower the stand
+    leans, perhaps out over the edge, which one scanner cannot tell: the edge is not sure there; 0 = not known
     slip_percent: by which the wheels turn faster than the ground passes, 2 to 6 % on stubble (uncited)
     """
 
@@ -51,6 +51,7 @@ class Params:
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     crab: Annotated[float, Ge(0), Le(1)] = 0.27
+    upright_m: Annotated[float, Ge(0), Le(5)] = 0.0
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
 
 
@@ -153,7 +154,7 @@ class LikelihoodRatio(KeepsState):
             angle, along = front.angle, float(way[0] - (x[0] - reference))
         else:
             back, ahead = np.interp([reference - 1.5, reference + 1.5], x, u).tolist()
-            angle, along = float(np.arctan2(ahead - back, 3.0)), float(np.interp(reference, x, way))
+            angle, along = atan2(ahead - back, 3.0), float(np.interp(reference, x, way))
         place = EdgeFrame(reference, float(np.interp(reference, x, u)), angle, 0.0)
         return near_line(seen, place, along)
 
@@ -166,13 +167,15 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         sd = sqrt(line.offset_sd**2 + (RAGGED * line.spread) ** 2 + FLOOR**2) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
+        if line.seen_to < 0.0 or crop < LEANS * self._p.upright_m:
+            sure = min(sure, UNSURE)
         return CropEdge(
             t=now,
             offset=sign * (canopy + self._blocks.feet.shift(crop, stopped, line.spread, dust) / steep),
             heading=sign * edge.angle,
             curvature=sign * edge.bend,
             reference_x=self._reference,
-            confidence=float(np.clip(min(sure, UNSEEN_MOST) if line.seen_to < 0.0 else sure, 0.01, 1.0)),
+            confidence=float(np.clip(sure, 0.01, 1.0)),
             crop_height=crop,
             stubble_height=stubble,
             offset_sd=sd,

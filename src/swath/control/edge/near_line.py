@@ -4,11 +4,13 @@ Interpolation, not extrapolation: the place lies just ahead of the knife, so tha
 """
 
 from dataclasses import dataclass
+from math import atan
 
 import numpy as np
 
 from swath.control.edge.canopy_rays import EdgeFrame
 from swath.core.component import KeepsState
+from swath.core.portable import exp, inverse, product, solve
 from swath.signals import F64
 
 X, U, VARIANCE, WAY, COLUMNS = range(5)
@@ -72,13 +74,13 @@ def near_line(points: F64, place: EdgeFrame, way: float) -> NearLine | None:
     ahead = float(s.max())
     reach = max(REACH, 1.5 * nearest, 0.0)
     along, beside = EdgeFrame(place.x, place.u, place.angle, 0.0).place(points[:, X], points[:, U])
-    weight = np.exp(-0.5 * (s / reach) ** 2) / (points[:, VARIANCE] + 1e-4)
+    weight = exp(-0.5 * (s / reach) ** 2) / (points[:, VARIANCE] + 1e-4)
     basis = np.stack([np.ones_like(along), along, 0.5 * along * along])
     fitted, covariance, spread = _fit(basis, beside, weight, place.bend, BENT)
     if abs(fitted[2]) < PROVEN * float(np.sqrt(covariance[2, 2])):
         fitted, covariance, spread = _fit(basis, beside, weight, 0.0, _straight(fitted, covariance))
     offset, slope, bend = (float(v) for v in fitted)
-    angle = float(np.arctan(slope))
+    angle = atan(slope)
     c, s0 = np.cos(place.angle), np.sin(place.angle)
     frame = EdgeFrame(
         place.x - offset * float(s0),
@@ -92,7 +94,7 @@ def near_line(points: F64, place: EdgeFrame, way: float) -> NearLine | None:
 
 
 def _straight(fitted: F64, covariance: F64) -> float:
-    """Prior of the bend [1/m] where the points do not prove one: the less they could show it, the straighter."""
+    """Prior of the bend [1/m] where the points prove none: the less they could, the straighter."""
     return float(max(STRAIGHT, min(abs(fitted[2]), 0.5 * np.sqrt(covariance[2, 2]))))
 
 
@@ -103,15 +105,17 @@ def _fit(basis: F64, beside: F64, weight: F64, bend: float, bend_sd: float) -> t
     fitted, normal, spread = np.zeros(3), ridge, 0.0
     for _ in range(3):
         weighted = basis * (weight * robust)
-        normal = weighted @ basis.T + ridge
-        fitted = np.linalg.solve(normal, weighted @ beside + toward)
-        residual = beside - fitted @ basis
+        normal = product(weighted, basis.T) + ridge
+        fitted = solve(normal, product(weighted, beside) + toward)
+        residual = beside - product(fitted, basis)
         near = weight > 0.05 * weight.max()
         spread = MAD * float(np.median(np.abs(residual[near])))
         robust = np.clip(1.0 - (residual / (TUKEY * max(spread, 0.02))) ** 2, 0.0, None) ** 2
         if float((weight * robust)[near].sum()) < 0.2 * float(weight[near].sum()):
             robust = np.ones_like(weight)
-    residual = beside - fitted @ basis
+    residual = beside - product(fitted, basis)
     kept = weight * robust
-    worse = float(kept @ (weight * residual**2)) / max(float(kept.sum()), 1e-9)  # about chi squared per point
-    return fitted, np.linalg.inv(normal) * max(1.0, worse), spread
+    worse = float((kept * weight * residual**2).sum()) / max(
+        float(kept.sum()), 1e-9
+    )  # about chi squared per point
+    return fitted, inverse(normal) * max(1.0, worse), spread

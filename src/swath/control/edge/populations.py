@@ -1,15 +1,16 @@
 """What rays answer in the crop and beside it, learned while driving, and what one more answer is worth.
 
-The class of an answer is a layer of height above the stubble side, dust, or no echo (`canopy_rays`). Counts of
-the classes on either side of the edges accepted so far give the log-likelihood ratio of every class. Nothing
-is assumed about crop, stubble, density or dust: where puffs swallow the beams on one side only, "no echo"
-itself is evidence.
+The class of an answer is a layer of height above the stubble side, dust, or no echo (`canopy_rays`). Counts
+of the classes on either side of the edges accepted so far give the log-likelihood ratio of every class.
+Nothing is assumed about crop, stubble, density or dust: where puffs swallow the beams on one side only,
+"no echo" itself is evidence.
 """
 
 import numpy as np
 
 from swath.control.edge.canopy_rays import CLASSES, DUST, LAYER, LAYERS, LOWEST
 from swath.core.component import KeepsState
+from swath.core.portable import exp, log
 from swath.signals import F64
 
 MEMORY, SHORT = 15.0, 2.0  # m of travel after which counts are worth 1/e; the same of what has just changed
@@ -40,7 +41,7 @@ class Populations(KeepsState):
 
     def move(self, travel: float) -> None:
         """Old counts fade over a travel [m]."""
-        self.counts *= np.exp(-travel / np.array([MEMORY, SHORT, MEMORY]))[:, None]
+        self.counts *= exp(-travel / np.array([MEMORY, SHORT, MEMORY]))[:, None]
 
     def add(self, crop: F64, stubble: F64) -> None:
         """Counts of both sides of an edge that was accepted."""
@@ -56,7 +57,7 @@ class Populations(KeepsState):
         above /= max(float(above.sum()), 1.0)
         crop = (1.0 - FRESH - STRANGE) * crop + FRESH * lately + STRANGE * above
         stubble = (1.0 - STRAY) * stubble + STRAY / CLASSES
-        return np.asarray(np.clip(np.log(crop / stubble), -MOST, MOST))
+        return np.asarray(np.clip(log(crop / stubble), -MOST, MOST))
 
     def overlap(self) -> float:
         """Bhattacharyya coefficient of both sides: 0 = nothing in common, 1 = alike."""
@@ -105,7 +106,8 @@ def canopy_height(layers: F64, first: int) -> float:
 
 def _end_of_peak(layers: F64) -> int:
     """The first layer above the fullest one that holds little of what that holds."""
-    smooth = np.convolve(layers, (0.25, 0.5, 0.25), "same")
+    padded = np.pad(layers, 1)
+    smooth = 0.25 * padded[:-2] + 0.5 * layers + 0.25 * padded[2:]
     peak = int(np.argmax(smooth))
     sparse = np.flatnonzero(smooth[peak:] < LITTLE * smooth[peak])
     return peak + int(sparse[0]) if len(sparse) else len(layers)

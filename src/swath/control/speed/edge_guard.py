@@ -37,7 +37,7 @@ class Guard:
 
 
 class EdgeGuard(KeepsState):
-    """Bounds a wanted speed by the edge. blind: driven without seeing it [m]; reason: why the run is to end."""
+    """Bounds a wanted speed by the edge. blind: driven without seeing it [m]; reason: to end the run."""
 
     kept = ("blind", "reason", "_bend")
 

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from swath.core.errors import SwathError
+from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
 from swath.link.ros2.middleware import Clock, close_node, open_node
 from swath.link.ros2.parameters import RunParameters
@@ -52,7 +52,8 @@ class Bridge(RunHook):
     def begin(self, run: ActiveRun) -> None:
         """Connect to a world at its start."""
         world, recorder = run.world, run.recorder
-        assert recorder.file is not None
+        if recorder.file is None:
+            raise InputError("run.record", "none", "expected messages: --ros2 publishes what is recorded")
         self._rest = run.rest
         if self._publisher is not None:
             self._publisher.close()

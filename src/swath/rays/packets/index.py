@@ -16,8 +16,8 @@ from swath.field.memory_layout import PlantLibrary, Shape
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 COLUMNS_PER_M = 8.0
-BIN_HEIGHT = 0.066  # aimed at [m]
-PIECE = 0.13  # pieces extend no further than this around their middle, along the primitive [m]
+BIN_HEIGHT = 0.033  # aimed at [m]
+PIECE = 0.06  # pieces extend no further than this around their middle, along the primitive [m]
 PAD = 2e-5  # as in field/prototypes.py: float32 rays never miss what they hit [m]
 LANES = 16  # the traversal reads this many entries at once, so the arrays are longer by as much
 RANKS = 32767  # steps of the packed rank

@@ -77,7 +77,12 @@ def _pack_in_order(count: int, order: tuple[int, ...]) -> Packing:
 
 
 def pack_image(rows: int, columns: int, pitch: tuple[float, float]) -> Packing:
-    """Packets of an image (rows, columns): patches, about square by the pitch [rad] of the pixels."""
+    """Packets of an image (rows, columns): patches, about square by the pitch [rad] of the pixels.
+
+    A lone row is a line of single rays.
+    """
+    if rows == 1:
+        return _pack_in_order(columns, (0,))
     ratio = pitch[0] / pitch[1] if min(pitch) > 0.0 else 1.0
     high = int(2 ** np.clip(np.round(2.0 - 0.5 * log2(ratio)), 0, 4))
     patch, group = (high, N // high), _near_square(high, N // high, ratio)

@@ -2,7 +2,8 @@
 //
 // In: p, the packet; scene, canopy, range_max [m]; of the beams origins, directions, score (standard normal numbers, low = high up).
 // In and out, per beam: distance, kind (organ), cosine, reflectance: with has_solids the nearest solid's, else only out. Out: flags,
-// 2 where a beam starts over no known page or under the ground, 256 << k where one left axis k of the table.
+// 2 where a beam starts over no known page or under the ground, 256 << k where one left axis k of the grid of standing crop,
+// 4096 << k of that of stubble, 65536 where one met lodged crop.
 //
 // Frames as in kernel/scene.py: each beam in the stand frame, from the corner of the tile it starts over.
 
@@ -10,7 +11,8 @@ const int count = beams.count;
 
 constexpr int STANDING = 255, GROUND = 1, STRAW = 2, STEM = 3, EAR = 4, STUBBLE = 6;
 constexpr float EAR_ZONE = 0.85f;      // crop above this share of its height counts as ears
-constexpr float SPOT_AT = 0.9f;        // share of the crop's height where the spot is taken, or lower at a wall
+constexpr float SPOT_AT = 0.9f;        // share of the height of crop or stubble where the spot is taken, or lower at a wall
+constexpr float LODGED = 0.364f;       // crop leans by more than 20 deg: aside per height
 constexpr float FLAT = 1.0e-3f;        // steps that change the relative height by less use the projected area itself
 constexpr float TOP_ROOM = 0.12f;      // as in rays/bodies.py
 constexpr float FALL = 0.025f;         // steps lose no more height than this [m]
@@ -25,7 +27,7 @@ const float size = (float)scene.tile_size, per_size = 1.0f / size, per_gap = 8.0
 const float per_fine = 1.0f / canopy.fine, per_height = 1.0f / canopy.height;
 const I number = count_up + start;
 
-struct Stepped { I first, stops; };  // met crop for the first time; have their echo
+struct Stepped { I first, stops; };  // met crop, or standing crop after stubble, for the first time; have their echo
 struct Visited { I enters, ends, through; };
 
 // ---- The beams in the stand frame
@@ -56,7 +58,9 @@ if (has_solids) {
   hit_organ = loadi(beams.kind.data + start);
 }
 const F share = normal_share(load(beams.score.data + start));
-F left = put(-1.0f), spent = {}, full = put(1.0f), lift = {};  // optical depth until the echo (-1 = no crop met yet), passed, of a full canopy
+F left = put(-1.0f), spent = {}, full = put(1.0f);  // optical depth until the echo (-1 = no crop met yet), passed, of a full canopy
+F seen = {}, lift = {};  // of what it was drawn for: share of beams that crop stops, mean measured height of the others [m]
+F cut = put(-1.0f);      // what it was drawn for: height of stubble [m], 0 = standing crop
 
 auto area_above = [&](F relative) -> F {  // per stem above a relative height [m2]
   const int last = canopy.depth.shape[0] - 1;
@@ -68,22 +72,23 @@ auto area_above = [&](F relative) -> F {  // per stem above a relative height [m
 
 // ---- The table: fill in the optical depth of beams that meet crop here
 struct Place { I node; F share; I outside; };
-auto place = [&](int first, int nodes, F value) -> Place {  // lower node on an axis, share of the way to the next
-  const float* axis = canopy.axes.data + first;
+auto place = [&](const auto& grid, int first, int nodes, F value) -> Place {  // lower node on an axis, share of the way to the next
+  const float* axis = grid.axes.data + first;
   if (nodes < 2) return {I{}, F{}, size_of(value - axis[0]) > 0.1f};
   I k = {};
   for (int n = 1; n < nodes - 1; ++n) k -= (I)(put(axis[n]) <= value);
   const F low = gather(axis, k, puti(-1)), s = (value - low) / (gather(axis + 1, k, puti(-1)) - low);
   return {k, pick(s < SNAP, F{}, pick(s > 1.0f - SNAP, put(1.0f), s)), (s < -1.0e-3f) | (s > 1.001f)};
 };
-auto draw = [&](I who, F density, F scale, F tangent, F spot) {
-  const int n0 = canopy.size[0], n1 = canopy.size[1], n2 = canopy.size[2], n3 = canopy.size[3], nodes = canopy.node_count;
-  const Place at[4] = {place(0, n0, log_of(pick(who, density, put(1.0f)))), place(n0, n1, canopy.height * scale),
-                       place(n0 + n1, n2, log_of(pick(who, tangent, put(1.0f)))),
-                       place(n0 + n1 + n2, n3, log_of(pick(who, spot, put(1.0f))))};
+// height: of the crop or its stubble [m]; top: relative height below which crop adds up; flag: of its first axis
+auto draw = [&](I who, const auto& grid, int flag, F density, F scale, F height, F top, F tangent, F spot) {
+  const int n0 = grid.size[0], n1 = grid.size[1], n2 = grid.size[2], n3 = grid.size[3], nodes = canopy.node_count;
+  const Place at[4] = {place(grid, 0, n0, log_of(pick(who, density, put(1.0f)))), place(grid, n0, n1, flag == 1 ? height : log_of(pick(who, height, put(1.0f)))),
+                       place(grid, n0 + n1, n2, log_of(pick(who, tangent, put(1.0f)))),
+                       place(grid, n0 + n1 + n2, n3, log_of(pick(who, spot, put(1.0f))))};
   const int stride[4] = {n1 * n2 * n3, n2 * n3, n3, 1};
   I base = {}, outside = {};
-  for (int i = 0; i < 4; ++i) base += at[i].node * stride[i], outside |= at[i].outside & (1 << i);
+  for (int i = 0; i < 4; ++i) base += at[i].node * stride[i], outside |= at[i].outside & (flag << i);
   auto at_corners = [&](auto add) {  // the 16 cells around, where any beam needs them, with their weights
     for (int corner = 0; corner < 16; ++corner) {
       F w = put(1.0f);
@@ -99,22 +104,26 @@ auto draw = [&](I who, F density, F scale, F tangent, F spot) {
   };
   F loglog = {}, mean_lift = {};
   at_corners([&](I cell, F w, I on) {
-    loglog += w * gather(canopy.ground.data, cell, on);
-    mean_lift += w * gather(canopy.lift.data, cell, on);
+    loglog += w * gather(grid.ground.data, cell, on);
+    mean_lift += w * gather(grid.lift.data, cell, on);
   });
-  const F seen = 1.0f - exp_of(-exp_of(loglog));  // share of beams that crop stops
-  const F x = arc_cos(within(1.0f - 2.0f * share / seen, -1.0f, 1.0f)) * (float)(0.318309886 * (nodes - 1));
-  const I k = mosti(leasti(whole(x), puti(nodes - 2)), I{}), is_crop = who & (I)(share < seen);
+  const F stopped = 1.0f - exp_of(-exp_of(loglog));
+  const F x = arc_cos(within(1.0f - 2.0f * share / stopped, -1.0f, 1.0f)) * (float)(0.318309886 * (nodes - 1));
+  const I k = mosti(leasti(whole(x), puti(nodes - 2)), I{}), is_crop = who & (I)(share < stopped);
   const F f = x - real(k);
   F relative = {};
   at_corners([&](I cell, F w, I on) {
     const I q = cell * nodes + k;
-    relative += w * (gather(canopy.quantile.data, q, on) * (1.0f - f) + gather(canopy.quantile.data + 1, q, on) * f);
+    relative += w * (gather(grid.quantile.data, q, on) * (1.0f - f) + gather(grid.quantile.data + 1, q, on) * f);
   });
-  const F cot = 1.0f / within(tangent, canopy.tangents[0], canopy.tangents[1]), depth = density * scale * cot;
-  left = pick(who, pick(is_crop, depth * area_above(relative), put(MISS)), left);
-  full = pick(who, depth * canopy.depth.data[0], full);
-  lift = pick(who, 2.0f * mean_lift * (1.0f - share) / most(1.0f - seen, put(1.0e-9f)), lift);
+  // beyond the grid its end is used, as an optical depth: a thinner stand is looked into deeper
+  const F cot = 1.0f / within(tangent, grid.tangents[0], grid.tangents[1]), known = within(density, grid.densities[0], grid.densities[1]);
+  const F depth = known * scale * cot, none = area_above(top);
+  const F drawn = relative * height / (canopy.height * scale), needed = depth * most(area_above(drawn) - none, F{}) - spent;
+  left = pick(who, pick(is_crop, most(needed, F{}), put(MISS)), left);
+  full = pick(who, density * scale * cot * (canopy.depth.data[0] - none), full);
+  seen = pick(who, stopped, seen);
+  lift = pick(who, mean_lift, lift);
   out_of |= who & outside;
 };
 
@@ -221,12 +230,20 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   turn = turn + 1 == stems ? 0 : turn + 1;
   const I looks = who & (I)(relative > 0.0f);
   const I code = code_at(looks, down(x0 + x1 * middle - load(stem) * bow), down(y0 + y1 * middle - load(stem + N) * bow));
-  const I meets = looks & ((code == STANDING) | (I)(0.01f * real(code) > h0 + h1 * middle)), first = meets & (I)(left < 0.0f), acts = meets & ~first;
+  const I stands = code == STANDING;
+  const F stubble = 0.01f * real(code);
+  const F reach = stubble * canopy.stubble_bound, lowest = h0 + h1 * pick(h1 < 0.0f, t + dt, t);
+  const I meets = looks & (stands | (I)(reach > lowest));
+  const I first = meets & ((I)(left < 0.0f) | (stands & (I)(cut > 0.0f))), acts = meets & ~first;
   if (any(first)) {
-    const F deeper = most(relative - SPOT_AT, F{}) / most(-r1, put(0.05f));
+    const F spot_at = SPOT_AT * pick(stands, put(1.0f), stubble * per_height / scale);
+    const F deeper = most(relative - spot_at, F{}) / most(-r1, put(0.05f));
+    cut = pick(first, pick(stands, F{}, stubble), cut);
     spot = pick(first, most(canopy.exit + canopy.divergence * (middle + deeper), put(1.0e-4f)), spot);
   }
-  F gain = unit * (below - above);
+  const F upmost = pick(stands, F{}, area_above(reach * per_height / scale));  // nothing of stubble adds up above its reach
+  const F from = most(above, upmost), to = most(below, upmost);
+  F gain = unit * (to - from);
   const I flat = acts & (I)(size_of(r1 * dt) <= FLAT);
   if (any(flat)) {
     const F half = put(0.5f * canopy.fine), width = area_above(relative - half) - area_above(relative + half);
@@ -237,7 +254,7 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   hit_t = pick(stops, t + dt * part, hit_t);
   stop_from = pick(stops, t, stop_from);
   stop_length = pick(stops & ~flat, dt, stop_length);
-  stop_above = pick(stops, above + (below - above) * part, stop_above);
+  stop_above = pick(stops, from + (to - from) * part, stop_above);
   hit_organ = picki(stops, picki(code == STANDING, picki(relative > EAR_ZONE, puti(upper_organ), puti(STEM)), puti(STUBBLE)), hit_organ);
   hit_cosine = pick(stops, put(canopy.cosine), hit_cosine);
   left = pick(goes_on, left - gain, pick(stops, F{}, left));
@@ -320,7 +337,11 @@ for (;;) {
     through = inside & (I)(t >= until);
     inside &= ~through;
   } else if (any(waits)) {
-    draw(waits, density, scale, most(-h1, put(1.0e-4f)) / speed, spot);
+    const I stands = waits & (I)(cut == 0.0f), over_stubble = waits & ~stands;
+    const F tangent = most(-h1, put(1.0e-4f)) / speed, reach = cut * canopy.stubble_bound / (canopy.height * scale);
+    out_of |= stands & (I)(lean_x * lean_x + lean_y * lean_y > LODGED * LODGED) & 256;
+    if (any(stands)) draw(stands, canopy.standing, 1, density, scale, canopy.height * scale, put(MISS), tangent, spot);
+    if (any(over_stubble)) draw(over_stubble, canopy.stubble, 16, density, scale, cut, reach, tangent, spot);
     inside = waits;
     waits = I{};
   } else {
@@ -347,9 +368,13 @@ if (any(stop_length > 0.0f)) {
   hit_t = pick(stop_length > 0.0f, near + (far - near) * part, hit_t);
 }
 
-// ---- Ground seen through crop is reported a little above itself: crop hides the far part of the spot
+// ---- Ground seen through crop is reported a little above itself: crop hides the far part of the spot. Those that get to the
+// ground are spread evenly from 0 to twice the mean, the later drawn the lower; where less crop was passed than was drawn
+// for, there are more of them, and they are lifted less
 const I is_ground = (hit_organ == GROUND) | (hit_organ == STRAW);
-const F raised = lift * least(put(1.0f), spent / most(full, put(1.0e-9f))) / most(-dz, put(0.05f));
+const F passed = least(put(1.0f), spent / most(full, put(1.0e-9f)));
+const F rank = least(put(1.0f), (1.0f - share) / most(1.0f - seen * passed, put(1.0e-9f)));
+const F raised = 2.0f * lift * rank * passed / most(-dz, put(0.05f));
 hit_t = pick(is_ground & (I)(spent > 0.0f), hit_t - raised, hit_t);
 const I is_field = (hit_organ > 0) & (hit_organ < 7);
 hit_albedo = pick(is_field, gather(scene.reflectance.data, hit_organ, is_field), hit_albedo);
@@ -357,5 +382,5 @@ store(beams.distance.data + start, hit_t);
 storei(beams.kind.data + start, hit_organ);
 store(beams.cosine.data + start, hit_cosine);
 store(beams.reflectance.data + start, hit_albedo);
-for (int axis = 0; axis < 4; ++axis) wrong |= any((out_of & (1 << axis)) != 0) ? 256 << axis : 0;
+for (int axis = 0; axis < 9; ++axis) wrong |= any((out_of & (1 << axis)) != 0) ? 256 << axis : 0;
 beams.flags.data[0] |= wrong;

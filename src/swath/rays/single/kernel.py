@@ -20,18 +20,13 @@ def _source(name: str) -> str:
 
 
 @wp.struct
-class Canopy:
-    """The table as native code reads it, see `rays/spread.py`.
+class Grid:
+    """One grid of the table, `spread.Spread`.
 
     axes: log density, height [m], log tan depression, log spot, one after the other; size: of each
     quantile: relative heights, node_count per cell; ground: log(-log(ground share)) per cell
     lift: mean measured height of ground returns per cell [m]
-    depth: projected area per stem above equal steps `fine` of the relative height [m2]
-    lean: sideways place of tips per plant height of k drawn stems, x then y for a packet of beams: (k, 2, 16)
-    pitch: step along the ray [m]; height: of the crop at scale 1; top_bound: it stops no beam above [m]
-    density_max [1/m2]
-    exit, divergence: of the beam [m, rad]; cosine: mean |cos| of incidence on crop
-    tangents: of the flattest and the steepest depression of the table; correlation: c0 [m], c1
+    densities: the lowest and the highest [1/m2]; tangents: of the flattest and the steepest depression
     """
 
     axes: wp.array(dtype=float)
@@ -39,18 +34,38 @@ class Canopy:
     quantile: wp.array(dtype=float)
     ground: wp.array(dtype=float)
     lift: wp.array(dtype=float)
+    densities: wp.vec2
+    tangents: wp.vec2
+
+
+@wp.struct
+class Canopy:
+    """The table as native code reads it, see `rays/spread.py`.
+
+    node_count: quantiles of a cell
+    depth: projected area per stem above equal steps `fine` of the relative height [m2]
+    lean: sideways place of tips per plant height of k drawn stems, x then y for a packet of beams: (k, 2, 16)
+    pitch: step along the ray [m]; height: of the crop at scale 1; top_bound: it stops no beam above [m]
+    stubble_bound: stubble stops no beam above this multiple of its height
+    density_max [1/m2]
+    exit, divergence: of the beam [m, rad]; cosine: mean |cos| of incidence on crop
+    correlation: c0 [m], c1
+    """
+
+    standing: Grid
+    stubble: Grid
     node_count: int
     depth: wp.array(dtype=float)
     fine: float
     lean: wp.array(dtype=float)
     top_bound: float
+    stubble_bound: float
     pitch: float
     height: float
     density_max: float
     exit: float
     divergence: float
     cosine: float
-    tangents: wp.vec2
     correlation: wp.vec2
 
 

@@ -37,7 +37,7 @@ void main() {
 }`;
 
 const GROUND_FRAGMENT = `${FIELD}${FOG}
-uniform float lift, rows, canopy, near; in vec2 q; in float away, light, above; out vec4 colour;
+uniform float lift, rows, canopy, near, filled; in vec2 q; in float away, light, above; out vec4 colour;
 float hash(vec2 p) { vec3 a = fract(vec3(p.xyx) * .1031); a += dot(a, a.yzx + 33.33); return fract((a.x + a.y) * a.z); }
 void main() {
   uvec2 c = cutAt(q);
@@ -48,7 +48,7 @@ void main() {
   if (lift > 0.) {
     if (!stands) discard;
     float share = float(texelFetch(tilesA, clamp(ivec2(q / tile), ivec2(0), size - 1), 0).a) / 255.;
-    float keep = (1.06 - lift / canopy) * mix(.2, 1., min(1., share * 1.1));
+    float keep = (1.06 - lift / canopy) * mix(.2, 1., min(1., share * 1.1)) * mix(filled, 1., clamp(away / 60., 0., 1.));
     float speck = hash(floor(q * mix(70., 14., clamp(away / 45., 0., 1.))));
     if (speck > mix(keep, min(1., keep + .5 * share), clamp(away / 70., 0., 1.))) discard;
     if (away < near * (.6 + .7 * hash(floor(q * 9.))) && lift > .45 * canopy) discard;
@@ -173,8 +173,9 @@ class Ground {
       gl.drawArrays(gl.TRIANGLES, 0, this.farCount);
     }
     gl.bindVertexArray(this.empty);
+    const filled = Math.min(1, Math.max(0.2, data.plants.most / this.area.tile ** 2 / 120));  // few plants hide little
     for (const share of [0, 0.3, 0.5, 0.68, 0.84, 1]) {
-      this.bind(this.program, { ...view, lift: share * canopy, canopy, rows: data.plants.rows, near: view.near });
+      this.bind(this.program, { ...view, lift: share * canopy, canopy, rows: data.plants.rows, near: view.near, filled });
       gl.drawArrays(gl.TRIANGLES, 0, 6 * this.shown.length);
     }
   }

@@ -18,6 +18,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.crop_sheet import load_crop
+from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
 from swath.rays.bodies import BodyCaster
 from swath.rays.spread import AXES, SpreadTable
@@ -27,6 +28,7 @@ from swath.sensing.tables import load_table, valid_range
 from swath.signals import F64
 
 ENSURE_EVERY = 2.0  # travel after which pages are asked for again [m]
+LODGED = 1 << 8  # flag of the caster: a beam met crop that leans by more than 20 deg
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,9 @@ class EmpiricalLidar(ScanningLidar):
 
     @property
     def notes(self) -> list[str]:
-        """What the user of a run should know of the scanner and of the table, each once."""
-        return [*self.scanner.notes, *self._notes]
+        """What the user of a run should know of the scanner, of what this level cannot see, and of the table,
+        each once."""
+        return [*self.scanner.notes, *_unseen(self.setup.field), *self._notes]
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
@@ -107,14 +110,30 @@ class EmpiricalLidar(ScanningLidar):
         if not new:
             return
         self._clamped |= new
-        ranges = valid_range(self.table)
-        for k, (name, key) in enumerate(zip(AXES, ranges, strict=True)):
-            if new >> k & 1:
-                low, high = ranges[key]
-                unit = key.rpartition("_")[2] if k else "per m2"
-                self._notes.append(
-                    f"lidar empirical: {name} outside the table's {low:g} to {high:g} {unit}, its end is used"
-                )
+        if new & LODGED:
+            self._notes.append(
+                "lidar empirical: lodged crop is measured as standing crop, its table knows no other"
+            )
+        for k, (what, grid) in enumerate((("", self.table.standing), ("stubble: ", self.table.stubble))):
+            for axis, (name, (key, (low, high))) in enumerate(
+                zip(AXES, valid_range(grid).items(), strict=True)
+            ):
+                if new >> (len(AXES) * k + axis) & 1:
+                    unit = key.rpartition("_")[2] if axis else "per m2"
+                    self._notes.append(
+                        f"lidar empirical: {what}{name} outside the table's {low:g} to {high:g} {unit}, "
+                        "its end is used"
+                    )
+
+
+def _unseen(field: Field) -> list[str]:
+    """What of a field this level leaves out."""
+    found = []
+    if field.wind is not None:
+        found.append("wind: the crop stands still")
+    if field.stand.weeds is not None:
+        found.append("weeds")
+    return [f"lidar empirical does not see {what}" for what in found]
 
 
 def table_name(crop: str, echo: str) -> str:

@@ -23,6 +23,8 @@ from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.weather import disturb
 from swath.signals import F64
 
+WIDE_ENOUGH = 0.9  # sub-rays that reach as far out, in radii of the spot, stand for the whole of it
+
 
 @dataclass(frozen=True)
 class Params(OutdoorParams):
@@ -91,6 +93,15 @@ class PlantsLidar(ScanningLidar):
         measured = self.scanner.noise.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user of a run should know of the scanner, of its rays and of their pattern."""
+        found, seen = [*self.scanner.notes, *self.caster.notes], self.pattern.outermost
+        if self.params.echo == "nearest" and self.params.spot != "random" and seen < WIDE_ENOUGH:
+            rays = f"lidar plants: with {self.params.sub_rays} sub-rays"
+            found.append(f"{rays} the spot of echo nearest is {seen:.2f} times as wide as the data sheet's")
+        return found
 
     def _pattern(self, rng: np.random.Generator, beams: int) -> Pattern:
         """Sub-rays of one sweep, position (beams or 1, count, 2)."""

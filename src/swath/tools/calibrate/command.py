@@ -54,7 +54,6 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
     from swath.field.crop_sheet import load_crop
     from swath.sensing.tables import save_table
-    from swath.tools.calibrate.fit import quality
     from swath.tools.calibrate.stand_scans import EchoSettings
 
     if args.out.suffix != ".npz":
@@ -66,16 +65,20 @@ def run(args: argparse.Namespace) -> int:
     if args.source == "plants":
         table, held_out, source = _from_plants(args, echo)
     else:
+        from swath.terminal.progress import progress_bar
         from swath.tools.calibrate.measured import fit_samples, read_samples
 
         path = Path(args.source)
         samples = read_samples(path)
-        table, held_out = fit_samples(load_crop(args.crop), samples, args.seed)
+        with progress_bar(f"{args.crop}, stubble") as progress:
+            table, held_out = fit_samples(
+                load_crop(args.crop), samples, _designs(args).stubble, echo, args.seed, progress=progress
+            )
         source = f"{len(samples.height)} measured beams of {path.name}"
-    fit: dict[str, object] = {"held_out_places": len(held_out), **(quality(held_out) if held_out else {})}
+    fit, stubble = _quality(held_out, False), _quality(held_out, True)
     reading = {"echo": echo.rule, "percentile": percentile, "sub_rays": echo.sub_rays}
     reading |= {"profile": echo.profile, "sensor": echo.sensor}
-    about = {"crop": args.crop, "source": source, "reading": reading, "fit": fit}
+    about = {"crop": args.crop, "source": source, "reading": reading, "fit": fit, "stubble_fit": stubble}
     files = save_table(replace(table, about=about), args.out)
     _report(table, held_out)
     for file in files:
@@ -83,20 +86,31 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _from_plants(args: argparse.Namespace, echo: Any) -> Any:
-    from dataclasses import replace
+def _designs(args: argparse.Namespace) -> Any:
+    from swath.tools.calibrate.fit import NARROW, SMALL, Designs
 
+    designs = SMALL if args.quick else NARROW if args.narrow else Designs()
+    return designs if args.lines is None else designs.with_lines(max(args.lines, 1))
+
+
+def _from_plants(args: argparse.Namespace, echo: Any) -> Any:
     from swath.field.crop_sheet import load_crop
     from swath.terminal.progress import progress_bar
-    from swath.tools.calibrate.fit import NARROW, SMALL, Design, fit_plants
+    from swath.tools.calibrate.fit import fit_plants
 
-    design = SMALL if args.quick else NARROW if args.narrow else Design()
-    if args.lines is not None:
-        design = replace(design, lines=max(args.lines, 1))
+    designs = _designs(args)
     with progress_bar(f"{args.crop}, {echo.rule}") as progress:
-        table, held_out = fit_plants(load_crop(args.crop), design, echo, args.seed, progress=progress)
-    source = f"level plants, {design.beam_count} beams of {echo.sub_rays} sub-rays, seed {args.seed}"
+        table, held_out = fit_plants(load_crop(args.crop), designs, echo, args.seed, progress=progress)
+    count = designs.standing.beam_count + designs.stubble.beam_count
+    source = f"level plants, {count} beams of {echo.sub_rays} sub-rays, seed {args.seed}"
     return table, held_out, source
+
+
+def _quality(held_out: Any, is_cut: bool) -> dict[str, object]:
+    from swath.tools.calibrate.fit import quality
+
+    mine = [h for h in held_out if h.is_cut == is_cut]
+    return {"held_out_places": len(mine), **(quality(mine) if mine else {})}
 
 
 def _report(table: Any, held_out: Any) -> None:
@@ -107,18 +121,20 @@ def _report(table: Any, held_out: Any) -> None:
     from swath.terminal.tables import table as show
     from swath.tools.calibrate.fit import quality
 
-    show("range of validity", ("axis", "from", "to"),
-         [(k, number(a), number(b)) for k, (a, b) in valid_range(table).items()])  # fmt: skip
-    if not held_out:
-        print("nothing was left to hold out")
-        return
-    rows = [
-        (k, ", ".join(f"{n} {number(v)}" for n, v in parts.items())) for k, parts in quality(held_out).items()
-    ]
-    show(f"table against {len(held_out)} places held out", ("number", "over the places"), rows)
-    worst = max(held_out, key=lambda h: h.agreement.wasserstein_m)
-    place = ", ".join(f"{k} {number(v)}" for k, v in asdict(worst.place).items())
-    print(f"worst place: {place}")
+    for name, grid in (("standing crop", table.standing), ("stubble", table.stubble)):
+        show(f"range of validity, {name}", ("axis", "from", "to"),
+             [(k, number(a), number(b)) for k, (a, b) in valid_range(grid).items()])  # fmt: skip
+        mine = [h for h in held_out if h.is_cut == (grid is table.stubble)]
+        if not mine:
+            print(f"nothing was left to hold out of {name}")
+            continue
+        rows = [
+            (k, ", ".join(f"{n} {number(v)}" for n, v in parts.items())) for k, parts in quality(mine).items()
+        ]
+        show(f"{name} against {len(mine)} places held out", ("number", "over the places"), rows)
+        worst = max(mine, key=lambda h: h.agreement.wasserstein_m)
+        place = ", ".join(f"{k} {number(v)}" for k, v in asdict(worst.place).items())
+        print(f"worst place: {place}")
 
 
 _DESCRIPTION = """Fit the spread table of the LiDAR level empirical: from the level plants over a design of

@@ -1,7 +1,7 @@
 """Fits the spread table of the LiDAR level `empirical`, and tests it on beams it was not fitted to."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from statistics import NormalDist
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import Crop
-from swath.rays.spread import SHARE_MIN, SpreadTable, quantile_nodes
+from swath.rays.spread import SHARE_MIN, Spread, SpreadTable, quantile_nodes
 from swath.tools.calibrate.stand_scans import LINE, EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import Agreement, compare
 
@@ -28,8 +28,9 @@ Progress = Callable[[int, int], None]
 class Design:
     """The places that are looked at: every combination.
 
-    density, height: of the crop, relative to the sheet's; depression_deg; spot_mm: diameter. Nodes lie close
-    enough that straight lines between them miss a distribution by 2 mm on average (Wasserstein-1, wheat)
+    density, height: relative to the sheet's, height of the crop or of its stubble; depression_deg; spot_mm:
+    diameter. Nodes lie close enough that straight lines between them miss a distribution by 2 mm on average
+    (Wasserstein-1, wheat)
     lines: scan lines of 24 beams per place; held_out: places drawn anywhere within the range
     tile_count: independent pieces of 1 m2 of every stand
     """
@@ -49,84 +50,159 @@ class Design:
         return cells * self.lines * LINE
 
 
-SMALL = Design((0.3, 1.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=12, held_out=6, tile_count=8)
+@dataclass(frozen=True)
+class Designs:
+    """Of both grids of a table. Heights over stubble depend little on the spot."""
+
+    standing: Design = Design()
+    stubble: Design = Design(
+        (0.12, 0.2, 0.33, 0.55, 0.9, 1.5),
+        (0.4, 1.0, 1.8),
+        spot_mm=(10.0, 30.0, 90.0, 200.0),
+        lines=24,
+        held_out=8,
+        tile_count=16,
+    )
+
+    def with_lines(self, lines: int) -> "Designs":
+        """Both with so many lines per place."""
+        return Designs(replace(self.standing, lines=lines), replace(self.stubble, lines=lines))
+
+
+_SMALL = Design((0.3, 1.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=12, held_out=6, tile_count=8)
+SMALL = Designs(_SMALL, replace(_SMALL, height=(0.5, 1.5), held_out=2))
 # for scanners with a narrow beam over a crop as it is usually sown: less than half the size of the full one
-NARROW = Design((0.3, 0.42, 0.6, 0.85, 1.2, 1.7), (0.7, 1.0, 1.3), spot_mm=(10.0, 22.0, 45.0, 90.0))
+NARROW = Designs(
+    Design((0.3, 0.42, 0.6, 0.85, 1.2, 1.7), (0.7, 1.0, 1.3), spot_mm=(10.0, 22.0, 45.0, 90.0)),
+    replace(Designs().stubble, spot_mm=(10.0, 30.0, 90.0)),
+)
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """A place that the table was not fitted to, and how the table agrees with what was seen there."""
+    """A place that the table was not fitted to, and how the table agrees with what was seen there.
+
+    is_cut: it was stubble
+    """
 
     place: Place
     agreement: Agreement
+    is_cut: bool = False
+
+
+@dataclass(frozen=True)
+class _Scans:
+    """What a grid of places showed."""
+
+    grid: Spread
+    places: list[Place]
+    seen: list[Returns]
 
 
 def fit_plants(
-    crop: Crop, design: Design, echo: EchoSettings, seed: int, *, progress: Progress | None = None
+    crop: Crop, designs: Designs, echo: EchoSettings, seed: int, *, progress: Progress | None = None
 ) -> tuple[SpreadTable, list[HeldOut]]:
     """A table from the level `plants`, and its agreement with other stands of other plants, off the grid."""
-    stream = Stream(seed, "calibrate")
+    stream, design = Stream(seed, "calibrate"), designs.standing
     stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count)
+    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
+    standing = _scan_grid(stands, design, echo, stream, silhouette, progress)
+    table = SpreadTable(
+        standing.grid,
+        fit_stubble(crop, designs.stubble, echo, stream.child("stubble"), silhouette, progress=progress),
+        silhouette=silhouette,
+        fine=FINE,
+        lean=stands.tips(stream.child("tips")),
+        cosine=_cosine(crop, standing.seen),
+        correlation=fit_correlation(standing.places, standing.seen),
+    )
+    held_out = hold_out(table.standing, crop, design, echo, stream, is_cut=False)
+    return table, held_out + hold_out(
+        table.stubble, crop, designs.stubble, echo, stream.child("stubble"), is_cut=True
+    )
+
+
+def fit_stubble(
+    crop: Crop,
+    design: Design,
+    echo: EchoSettings,
+    stream: Stream,
+    silhouette: F64,
+    *,
+    progress: Progress | None = None,
+) -> Spread:
+    """The grid of stubble, of crop as high as its sheet says; silhouette: of that crop, see `SpreadTable`."""
+    stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count, is_cut=True)
+    return _scan_grid(stands, design, echo, stream, silhouette, progress).grid
+
+
+def hold_out(
+    grid: Spread, crop: Crop, design: Design, echo: EchoSettings, stream: Stream, *, is_cut: bool
+) -> list[HeldOut]:
+    """Other stands of other plants at places off the grid."""
+    count = max(design.tile_count // 2, 2)
+    others, found = SampleStands(crop, stream.child("held_out"), tile_count=count, is_cut=is_cut), []
+    for k, place in enumerate(_elsewhere(grid.axes, design.held_out, stream.child("places"), is_cut)):
+        returns = others.scan(place, 2 * design.lines, echo, stream.child(f"other{k}"))
+        found.append(HeldOut(place, compare_place(grid, place, returns, stream.child(f"judge{k}")), is_cut))
+    return found
+
+
+def _scan_grid(
+    stands: SampleStands,
+    design: Design,
+    echo: EchoSettings,
+    stream: Stream,
+    silhouette: F64,
+    progress: Progress | None,
+) -> _Scans:
+    stand = stands.crop.stand
+    height = np.array(design.height) * (stand.stubble_height if stands.is_cut else stand.height)
     axes = (
-        np.array(design.density) * crop.stand.density,
-        np.array(design.height) * crop.stand.height,
+        np.array(design.density) * stand.density,
+        np.round(height, 2) if stands.is_cut else height,  # stubble is cut to the centimetre
         np.array(design.depression_deg) * DEG,
         np.array(design.spot_mm) * 1e-3,
     )
     places = [Place(*(float(v) for v in values)) for values in product(*axes)]
-    total = len(places) + design.held_out
     seen: list[Returns] = []
     for k, place in enumerate(places):
         seen.append(stands.scan(place, design.lines, echo, stream.child(f"place{k}")))
         if progress is not None:
-            progress(k + 1, total)
-    cosine, correlation = _cosine(crop, seen), fit_correlation(places, seen)
-    table = make_table(stands, axes, places, seen, stream, cosine=cosine, correlation=correlation)
-    others = SampleStands(crop, stream.child("held_out"), tile_count=max(design.tile_count // 2, 2))
-    held_out = []
-    for k, place in enumerate(_elsewhere(axes, design.held_out, stream.child("places"))):
-        returns = others.scan(place, 2 * design.lines, echo, stream.child(f"other{k}"))
-        held_out.append(HeldOut(place, compare_place(table, place, returns, stream.child(f"judge{k}"))))
-        if progress is not None:
-            progress(len(places) + k + 1, total)
-    return table, held_out
+            progress(k + 1, len(places))
+    return _Scans(make_grid(stands, axes, places, seen, silhouette), places, seen)
 
 
-def make_table(
+def make_grid(
     stands: SampleStands,
     axes: Sequence[F64],
     places: Sequence[Place],
     seen: Sequence[Returns],
-    stream: Stream,
-    *,
-    cosine: float,
-    correlation: tuple[float, float],
-) -> SpreadTable:
-    """A table of a full grid of places. How crop adds up along a beam and leans over an edge: of `stands`."""
-    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
+    silhouette: F64,
+) -> Spread:
+    """What was seen at a full grid of places; silhouette: of `stands`, [m2]."""
     shape = tuple(len(a) for a in axes)
-    cells = table_cells(places, seen, shape, silhouette[0] / stands.crop.stand.height)
-    density, height, depression, spot = axes
-    return SpreadTable(
-        density,
-        height,
-        depression,
-        spot,
-        **cells,
-        silhouette=silhouette,
-        fine=FINE,
-        lean=stands.tips(stream.child("tips")),
-        cosine=cosine,
-        correlation=correlation,
-    )
+    full = stands.crop.stand.height
+    area = [_area(silhouette, place.height / full if stands.is_cut else None) for place in places]
+    if not stands.is_cut:  # of crop of another height the same stems are longer or shorter
+        area = [a * place.height / full for a, place in zip(area, places, strict=True)]
+    density, tall, depression, spot = axes
+    cells = table_cells(places, seen, shape, area)
+    return Spread(density, tall, depression, spot, is_stubble=stands.is_cut, **cells)
 
 
-def compare_place(table: SpreadTable, place: Place, returns: Returns, stream: Stream) -> Agreement:
-    """Heights drawn from the table against those seen."""
+def _area(silhouette: F64, top: float | None) -> float:
+    """Projected area of a stem below a relative height, None = all of it [m2]."""
+    if top is None:
+        return float(silhouette[0])
+    return float(silhouette[0] - np.interp(top, FINE * np.arange(len(silhouette)), silhouette))
+
+
+def compare_place(grid: Spread, place: Place, returns: Returns, stream: Stream) -> Agreement:
+    """Heights drawn from a grid of the table against those seen."""
     real = returns.height[~np.isnan(returns.height)]
     share = stream.at().permutation((np.arange(4 * len(real)) + 0.5) / (4 * len(real)))
-    return compare(table.heights(share, place.density, place.height, place.depression, place.spot), real)
+    return compare(grid.heights(share, place.density, place.height, place.depression, place.spot), real)
 
 
 def quality(held_out: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
@@ -144,20 +220,20 @@ def quality(held_out: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
 
 
 def table_cells(
-    places: Sequence[Place], seen: Sequence[Returns], shape: tuple[int, ...], silhouette: float
+    places: Sequence[Place], seen: Sequence[Returns], shape: tuple[int, ...], area: Sequence[float]
 ) -> dict[str, Any]:
     """quantile, ground_share and ground_lift of a full grid.
 
-    silhouette: of a stem per metre of height [m]. Where no beam saw the ground, its share is that of a thin
+    area: projected, of a stem at each place [m2]. Where no beam saw the ground, its share is that of a thin
     ray, exp(-n A cot(depression)), or half a beam's if that is less: spots see less ground than thin rays.
     """
     nodes = quantile_nodes()
     quantile, ground, lift = [], [], []
-    for place, returns in zip(places, seen, strict=True):
+    for place, returns, shade in zip(places, seen, area, strict=True):
         crop = returns.height[~returns.is_ground & ~np.isnan(returns.height)] / place.height
         bare = returns.height[returns.is_ground]
         count = max(len(crop) + len(bare), 1)
-        thin = np.exp(-place.density * silhouette * place.height / np.tan(place.depression))
+        thin = np.exp(-place.density * shade / np.tan(place.depression))
         share = len(bare) / count if len(bare) else min(0.5 / count, thin)
         quantile.append(np.quantile(crop, 1.0 - nodes) if len(crop) else np.zeros(len(nodes)))
         ground.append(np.clip(share, SHARE_MIN, 1.0 - 0.5 / count))
@@ -215,13 +291,15 @@ def normal_scores(values: F64) -> F64:
     return scores.reshape(values.shape)
 
 
-def _elsewhere(axes: Sequence[F64], count: int, stream: Stream) -> list[Place]:
-    """Places within the range of the axes, even in the coordinates in which the table is linear."""
+def _elsewhere(axes: Sequence[F64], count: int, stream: Stream, is_cut: bool) -> list[Place]:
+    """Places within the range of the axes, even in the coordinates in which the table is linear; stubble is
+    cut to the centimetre."""
     rng = stream.at()
     places = []
     for _ in range(count):
         density, spot = (np.exp(rng.uniform(*np.log(axis[[0, -1]]))) for axis in (axes[0], axes[3]))
         tangent = np.exp(rng.uniform(*np.log(np.tan(axes[2][[0, -1]]))))
         height = rng.uniform(axes[1][0], axes[1][-1])
+        height = round(height, 2) if is_cut else height
         places.append(Place(float(density), float(height), float(np.arctan(tangent)), float(spot)))
     return places

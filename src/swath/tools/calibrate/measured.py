@@ -13,8 +13,17 @@ from swath.core.units import DEG
 from swath.documents.number_table import read_numbers
 from swath.field.crop import Crop
 from swath.rays.spread import SpreadTable
-from swath.tools.calibrate.fit import RELATIVE_MAX, HeldOut, compare_place, make_table
-from swath.tools.calibrate.stand_scans import Place, Returns, SampleStands
+from swath.tools.calibrate.fit import (
+    FINE,
+    RELATIVE_MAX,
+    Design,
+    HeldOut,
+    Progress,
+    compare_place,
+    fit_stubble,
+    make_grid,
+)
+from swath.tools.calibrate.stand_scans import EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 
 F64 = NDArray[np.float64]
@@ -43,15 +52,23 @@ def read_samples(path: Path) -> Samples:
 
 
 def fit_samples(
-    crop: Crop, samples: Samples, seed: int, *, ground_below: float = GROUND_BELOW
+    crop: Crop,
+    samples: Samples,
+    design: Design,
+    echo: EchoSettings,
+    seed: int,
+    *,
+    ground_below: float = GROUND_BELOW,
+    progress: Progress | None = None,
 ) -> tuple[SpreadTable, list[HeldOut]]:
     """A table from measured beams; every fifth beam is held out and compared, cell by cell.
 
     Cells without enough beams take over the nearest ones that have. How crop adds up along a beam (the
     silhouette) and how far it leans over an edge are the crop sheet's; correlation and intensity are typical.
+    The grid of stubble is that of the level `plants` under an echo rule, over the places of a design.
     """
     stream = Stream(seed, "measured")
-    axes = [_nodes(samples.place[:, k], most) for k, most in enumerate(NODES_MOST)]
+    axes = tuple(_nodes(samples.place[:, k], most) for k, most in enumerate(NODES_MOST))
     index = np.stack([_nearest(samples.place[:, k], axis) for k, axis in enumerate(axes)], axis=1)
     shape = tuple(len(a) for a in axes)
     cell = np.ravel_multi_index(tuple(index.T), shape)
@@ -65,13 +82,22 @@ def fit_samples(
         seen.append(_returns(relative[mine] * place.height, ground_below) if mine.sum() >= FEWEST else None)
     filled = _filled(places, seen)
     stands = SampleStands(crop, stream, tile_count=16)
-    table = make_table(stands, axes, places, filled, stream, **TYPICAL)
+    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
+    table = SpreadTable(
+        make_grid(stands, axes, places, filled, silhouette),
+        fit_stubble(crop, design, echo, stream.child("stubble"), silhouette, progress=progress),
+        silhouette=silhouette,
+        fine=FINE,
+        lean=stands.tips(stream.child("tips")),
+        **TYPICAL,
+    )
     held_out = []
     for c, place in enumerate(places):
         mine = (cell == c) & ~is_fit
         if seen[c] is not None and mine.sum() >= FEWEST // EVERY:
             returns = _returns(relative[mine] * place.height, ground_below)
-            held_out.append(HeldOut(place, compare_place(table, place, returns, stream.child(f"judge{c}"))))
+            found = compare_place(table.standing, place, returns, stream.child(f"judge{c}"))
+            held_out.append(HeldOut(place, found))
     return table, held_out
 
 

@@ -26,6 +26,7 @@ F64 = NDArray[np.float64]
 LINE = 24  # beams of a scan line
 GAPS = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])  # between neighbouring beams [m]
 HALF_AREA = 24.0  # beams enter the crop within this of the middle of the stand [m]
+HALF_AREA_CUT = 12.0  # beams enter stubble within this [m]
 NEAREST = 0.5  # the scanner is no nearer to the top of the crop than this [m]
 THIN = ((0.2, 45.0), (0.2, 60.0), (0.4, 60.0), (0.7, 70.0))  # of the usual density; depression [deg]
 SPOT_AT = 0.9  # share of the crop's height where the spot is taken, as in rays/kernel/bodies.py
@@ -33,7 +34,8 @@ SPOT_AT = 0.9  # share of the crop's height where the spot is taken, as in rays/
 
 @dataclass(frozen=True)
 class Place:
-    """Where a cell of the design lies: stems/m2, crop height [m], depression [rad], spot diameter [m]."""
+    """Where a cell of the design lies: stems/m2, height of crop or stubble [m], depression [rad], spot
+    diameter [m]."""
 
     density: float
     height: float
@@ -92,10 +94,12 @@ class SampleStands:
     A stand thinned from a denser one would not do: drilled plants stand at even distances along their rows,
     what is left of them after thinning at random ones, and more beams reach the ground.
     tile_count: independent pieces of 1 m2
+    is_cut: heights are those of stubble, of crop as high as its sheet says
     """
 
-    def __init__(self, crop: Crop, stream: Stream, *, tile_count: int = 48) -> None:
-        self.crop, self.stream, self.tile_count = crop, stream, tile_count
+    def __init__(self, crop: Crop, stream: Stream, *, tile_count: int = 48, is_cut: bool = False) -> None:
+        self.crop, self.stream, self.tile_count, self.is_cut = crop, stream, tile_count, is_cut
+        self._half_area = HALF_AREA_CUT if is_cut else HALF_AREA
         self._library: tuple[float, PlantLibrary] | None = None
         self._caster: tuple[tuple[float, float], RayCaster] | None = None
 
@@ -116,8 +120,9 @@ class SampleStands:
         """Rays into a stand of this density and height; the last one asked for is kept."""
         if self._caster is None or self._caster[0] != (density, height):
             library = self.library(density)
-            field = level_stand(self.crop, density, self.stream, height=height, library=library)
-            field.ensure(0.0, 0.0, 2.0 * HALF_AREA + 40.0)
+            standing, cut = (None, height) if self.is_cut else (height, None)
+            field = level_stand(self.crop, density, self.stream, library=library, height=standing, cut_at=cut)
+            field.ensure(0.0, 0.0, 2.0 * self._half_area + (10.0 if self.is_cut else 40.0))
             self._caster = (density, height), RayCaster(field)
         return self._caster[1]
 
@@ -125,11 +130,12 @@ class SampleStands:
         """Beams into the stand of a place."""
         rng = stream.at()
         caster = self.caster(place.density, place.height)
-        top = self.library(place.density).height_max * place.height / self.crop.stand.height + 0.05
+        tallest = 1.0 if self.is_cut else self.library(place.density).height_max / self.crop.stand.height
+        top = tallest * place.height + 0.05
         azimuth = np.repeat(rng.uniform(-np.pi, np.pi, lines), LINE)
         gap = rng.choice(GAPS, (lines, LINE))
         aside = np.cumsum(gap, axis=1).ravel()
-        start = np.repeat(rng.uniform(-HALF_AREA, HALF_AREA, (lines, 2)), LINE, axis=0)
+        start = np.repeat(rng.uniform(-self._half_area, self._half_area, (lines, 2)), LINE, axis=0)
         axes = _frames(azimuth, place.depression)
         width = 0.5 * place.spot * np.cos(place.depression)
         origin = np.c_[start, np.full(lines * LINE, top + width)] + aside[:, None] * axes[:, :, 1]

@@ -1,0 +1,156 @@
+"""The likelihood-ratio detector against a closed-form canopy with a known edge."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
+from swath.core.random import Stream
+from swath.signals import Odometry
+from tests.control.closed_loop import Course, setup_of
+from tests.control.synthetic_edge import Scanner, Stand, mounting
+from tests.control.test_edge_hostile import check, odometry, scans, stamped
+
+PERIOD, SPEED = 40_000_000, 2.0
+
+
+def detector(side="left", **params):
+    made = LikelihoodRatio(Params(slip_percent=0.0, **params), setup_of(side, 0.04, mounting(side)))
+    made.reset(Stream(1, "edge"))
+    return made
+
+
+def drive(course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None):
+    """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
+    sign = 1.0 if side == "left" else -1.0
+    course = course or Course(y=6.0 * sign)
+    inside = inside or (lambda x, y: -sign * course.left_of(x, y))
+    scanner = Scanner(Stand(inside, **(stand or {})), mounting(side))
+    level, rng = detector(side), np.random.default_rng(seed)
+    pose, edges, errors = [0.0, course.y - 6.0 * sign + y * sign, 0.0], [], []
+    for k in range(round(metres / (speed * 0.04))):
+        yaw_rate = speed / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
+        pose[2] += yaw_rate * 0.04
+        pose[0] += speed * 0.04 * np.cos(pose[2])
+        pose[1] += speed * 0.04 * np.sin(pose[2])
+        scan = scanner.scan((k + 1) * PERIOD, pose, rng)
+        inputs = {"scan": scan, "odometry": Odometry(0, speed, yaw_rate, 0.0)}
+        edge = level.step(k * PERIOD, PERIOD, inputs)["edge"]
+        edges.append(edge)
+        errors.append(edge.offset - course.seen_from(pose, edge.reference_x)[0])
+    return edges, np.array(errors)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_straight_edge(side):
+    edges, error = drive(side=side)
+    assert all(e.is_found for e in edges[75:])
+    assert np.sqrt(np.mean(error[75:] ** 2)) < 0.06  # upright stems: the learned overhang begins with a guess
+    assert edges[-1].confidence > 0.9
+    assert edges[-1].seen_to > edges[-1].reference_x + 2.0
+    assert not edges[-1].is_held
+
+
+@pytest.mark.parametrize("density", [60.0, 100.0])
+def test_thin_stands_are_found(density):
+    edges, error = drive(stand={"density": density})
+    assert all(e.is_found for e in edges[100:])
+    assert np.abs(error[100:]).max() < 0.12
+
+
+@pytest.mark.parametrize("radius", [15.0, -15.0])
+def test_tight_bends(radius):
+    edges, error = drive(Course(radius, 8.0, y=6.0), metres=26.0)
+    assert all(e.is_found for e in edges[100:])
+    assert np.abs(error[100:]).max() < 0.2
+
+
+@pytest.mark.parametrize(("tip", "where"), [(0.15, 6.0), (0.85, 100.0), (0.85, -100.0)])
+def test_no_edge_in_stubble_or_in_crop_alone(tip, where):
+    far = lambda x, y: np.full_like(x, where)  # noqa: E731
+    assert not any(e.is_found for e in drive(stand={"tip": tip}, inside=far, metres=8.0)[0])
+
+
+def test_a_notch_is_not_followed():
+    notch = lambda x, y: 6.0 - y - np.where((x > 18.0) & (x < 21.0), 1.0, 0.0)  # noqa: E731
+    edges, error = drive(inside=notch, metres=22.0)
+    assert all(e.is_found for e in edges[75:])
+    assert np.abs(error[75:]).max() < 0.15
+
+
+def test_a_gap_is_held_and_the_end_of_the_crop_is_told():
+    edges, _ = drive(stand={"gaps": ((16.0, 22.0),)}, metres=24.0)
+    assert all(e.is_found for e in edges[75:])
+    assert min(e.confidence for e in edges[75:]) < 0.5
+    edges, _ = drive(stand={"gaps": ((16.0, 99.0),)}, metres=24.0)
+    assert not edges[-1].is_found
+    last = max(k for k, e in enumerate(edges) if e.is_found)
+    assert 14.5 < last * SPEED * 0.04 + edges[last].reference_x < 23.0
+
+
+def test_told_deviations_hold():
+    covered = []
+    for seed in range(3):
+        edges, error = drive(stand={"density": 150.0}, seed=seed, metres=16.0)
+        sd = np.array([e.offset_sd for e in edges])
+        covered.append(np.abs(error[60:]) < 1.96 * sd[60:])
+    assert np.mean(covered) > 0.9
+
+
+def test_a_machine_that_stands_learns_nothing_and_a_slow_one_sees():
+    edges, _ = drive(speed=1e-9, metres=6e-9)
+    assert not edges[-1].is_found
+    edges, error = drive(speed=0.6, metres=9.0)
+    assert abs(error[-1]) < 0.08
+
+
+def test_left_and_right_are_mirror_images():
+    both = [drive(side=side, metres=6.0, seed=3)[0] for side in ("left", "right")]
+    assert both[0][-1].is_found
+    scanner, flip = Scanner(Stand(lambda x, y: 6.0 - y), mounting("left")), slice(None, None, -1)
+    a, b, rng = detector("left"), detector("right"), np.random.default_rng(5)
+    for k in range(80):
+        scan = scanner.scan((k + 1) * PERIOD, (0.08 * k, 0.1, 0.002 * k), rng)
+        ranges, times = scan.ranges[flip], scan.beam_t[flip]
+        other = replace(scan, beam_t=times, azimuth=-scan.azimuth[flip], ranges=ranges)
+        x = a.step(k * PERIOD, PERIOD, {"scan": scan, "odometry": Odometry(0, 2.0, 0.05, 0.0)})["edge"]
+        y = b.step(k * PERIOD, PERIOD, {"scan": other, "odometry": Odometry(0, 2.0, -0.05, 0.0)})["edge"]
+        pair = [np.array([e.offset, e.heading, e.curvature]) for e in (x, y)]
+        assert np.allclose(pair[0], -pair[1], atol=1e-9, equal_nan=True)
+
+
+def test_a_saved_detector_goes_on_as_if_nothing_had_happened():
+    scanner, rng = Scanner(Stand(lambda x, y: 6.0 - y), mounting("left")), np.random.default_rng(1)
+    seen = [scanner.scan((k + 1) * PERIOD, (0.08 * k, 0.1, 0.0), rng) for k in range(90)]
+    still = Odometry(0, 2.0, 0.0, 0.0)
+
+    def run(level, start, stop):
+        inputs = [{"scan": s, "odometry": still} for s in seen[start:stop]]
+        return [level.step((start + k) * PERIOD, PERIOD, i)["edge"] for k, i in enumerate(inputs)]
+
+    one, other = detector(), detector()
+    run(one, 0, 60)
+    state = one.save()
+    straight = run(one, 60, 90)
+    other.load(state)
+    again = run(other, 60, 90)
+    assert straight[-1].is_found
+    assert again == straight
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(scans(), odometry, st.integers(-3, 60)), min_size=1, max_size=8), st.booleans())
+def test_any_scans(sequence, is_warm):
+    level, rng, t = detector(), np.random.default_rng(0), 0
+    scanner = Scanner(Stand(lambda x, y: 6.0 - y), mounting("left"))
+    for k in range(40 if is_warm else 0):
+        t += PERIOD
+        scan = scanner.scan(t, (0.08 * k, 0.1, 0.0), rng)
+        check(level.step(t - PERIOD, PERIOD, {"scan": scan, "odometry": Odometry(t, 2.0, 0.0, 0.0)})["edge"])
+    for scan, driven, ticks in sequence:
+        t += PERIOD
+        inputs = {"scan": stamped(scan, max(0, t - ticks * PERIOD)), "odometry": driven}
+        check(level.step(t - PERIOD, PERIOD, inputs)["edge"])

@@ -1,0 +1,61 @@
+"""What `run.record` changes: the files, never the digest or a metric."""
+
+import pytest
+from mcap.reader import make_reader
+
+from swath.record.templates import Template
+from swath.runtime.job import run_job
+from tests.whole.small import small
+
+FILES = {"none": [], "exact": ["run.mcap", "tracks.parquet"]}
+RUN = ("real_time_factor", "wall_s", "cost")  # of the clock on the wall
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("detail")
+    return {d: run_job(small(f"run.record={d}", "run.max_duration_s=1.5"), folder / d) for d in FILES}
+
+
+def test_without_a_recording_digest_and_metrics_are_the_same(runs):
+    kept = {detail: {k: v for k, v in run.summary.items() if k not in RUN} for detail, run in runs.items()}
+    assert kept["none"] == kept["exact"]
+
+
+@pytest.mark.parametrize("detail", FILES)
+def test_files_of_a_run(runs, detail):
+    found = sorted(p.name for p in runs[detail].folder.iterdir() if p.suffix in (".mcap", ".parquet"))
+    assert found == FILES[detail]
+
+
+def test_a_large_truth_is_seen_once_a_second(runs):
+    with (runs["exact"].folder / "run.mcap").open("rb") as file:
+        times = [m.log_time for _, _, m in make_reader(file).iter_messages(topics=["/combine/lidar/truth"])]
+    assert len(times) == 2
+    assert times[1] >= 10**9
+
+
+def test_a_template_gives_the_bytes_of_the_message():
+    """Text of any length moves what follows it, and numbers keep their alignment."""
+    from swath.record.message_factory import MessageFactory
+
+    make = MessageFactory()
+    kind = "sensor_msgs/msg/Imu"
+    paths = ("angular_velocity.z", "linear_acceleration.x", "linear_acceleration.y", "orientation.w")
+    for frame in ("", "a", "combine/imu", "combine/imu_left"):
+
+        def build(t, values, frame=frame):
+            z, x, y, w = values
+            return make(
+                kind,
+                header=make.header(t, frame),
+                angular_velocity=make.vector(z=z),
+                linear_acceleration=make.vector(x, y),
+                orientation=make("geometry_msgs/msg/Quaternion", w=w),
+            )
+
+        first = build(0, [0.0] * 4)
+        template = Template(make.store, first, bytes(make.store.serialize_cdr(first, kind)), paths)
+        values = [1.5, -2.25, 3e300, float("inf")]
+        expected = bytes(make.store.serialize_cdr(build(12_345_678_901, values), kind))
+        assert template.fill(12_345_678_901, values) == expected
