@@ -79,8 +79,10 @@ def test_a_migrated_scenario_is_the_bundled_one(old, name):
 def test_it_runs_to_the_digest_of_the_bundled_one(old, tmp_path):
     file = old("scenarios/record-run.yaml")
     main(["migrate", str(file)])
-    runs = [swath.run(s, tmp_path / s.stem, sets={**SHORT, "combine.powertrain.rated_power_kw": None}, report=False)
-            for s in (file, find_scenario("record-run"))]  # fmt: skip
+    sets = {**SHORT, "combine.powertrain.rated_power_kw": None}
+    runs = [
+        swath.run(s, tmp_path / s.stem, sets=sets, report=False) for s in (file, find_scenario("record-run"))
+    ]
     assert runs[0].summary["digest"] == runs[1].summary["digest"] != ""
 
 
