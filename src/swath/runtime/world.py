@@ -152,7 +152,7 @@ _KINDS: dict[type, bool] = {}
 
 
 def _ends_run(part: Any) -> bool:
-    """Whether a part may end the run: once a class, for it is asked before every tick and slow to find out."""
+    """Whether a part may end the run: found out once a class, as it is asked before every tick."""
     kind = type(part)
     if kind not in _KINDS:
         _KINDS[kind] = isinstance(part, EndsRun)
