@@ -17,17 +17,15 @@ class EdgeSensor:
 
     def __init__(
         self, course, *, level=MaxLikelihood, side="left", hz=25, seed=0, roll_sd=0.0, tilt=0.0, outside=0.3,
-        stand=None, scanner=None, params=None, every=1, dust=0.0,
+        stand=None, scanner=None, params=None, every=1, dust=0.0, kind=EdgeParams,
     ):  # fmt: skip
         sign = 1.0 if side == "left" else -1.0
         self.mounting = mounting(side, outside=outside)
         world = Stand(lambda x, y: -sign * course.left_of(x, y), **(stand or {}))
         self.scanner = Scanner(world, self.mounting, **(scanner or {}))
         self.period = round(1e9 / hz)
-        self.level = level(
-            EdgeParams(**{"lean_deg": 0.0, "echo_parts": 1, **(params or {})}),
-            setup_of(side, 1 / hz, self.mounting),
-        )
+        upright = {"lean_deg": 0.0, "echo_parts": 1} if kind is EdgeParams else {}
+        self.level = level(kind(**{**upright, **(params or {})}), setup_of(side, 1 / hz, self.mounting))
         self.level.reset(Stream(1, "edge"))
         self.rng = np.random.default_rng(seed)
         self.dust = dust
@@ -42,7 +40,7 @@ class EdgeSensor:
             puff = 0.7 + self.rng.standard_exponential(scan.ranges.shape)
             meets = (self.rng.uniform(size=puff.shape) < self.dust) & (puff < scan.ranges)
             scan = replace(scan, ranges=np.where(meets, puff, scan.ranges).astype(np.float32))
-        inputs = {"scan": scan, "odometry": Odometry(t, speed, yaw_rate, 0.0)}
+        inputs = {"scan": scan, "odometry": Odometry(t, speed, yaw_rate, 0.0), "inertial": None}
         return self.level.step(t - self.period, self.period, inputs)["edge"]
 
 

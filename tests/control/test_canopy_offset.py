@@ -18,6 +18,7 @@ NORMAL[1] /= NORMAL[1, -1]
 
 
 TOP, LIMIT = 0.9, 0.45
+CHAIN = ("run.distance_m=25", "combine.lidar.sub_rays=7", "combine.edge=max_likelihood")
 
 
 def look(rng, parts, pieces, spread, edge, count=80):
@@ -109,7 +110,7 @@ def test_that_a_spot_touches_the_crop_early_is_learned_too(spot):
     ],
 )
 def test_thin_wheat_and_barley_on_real_stems(sets, most):
-    world = assemble(load_scenario("straight", sets=["run.distance_m=25", "combine.lidar.sub_rays=7", *sets]))
+    world = assemble(load_scenario("straight", sets=[*CHAIN, *sets]))
     evaluation = make_evaluation(world)
     run(world, [evaluation])
     metrics = metrics_of(evaluation)

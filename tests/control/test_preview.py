@@ -161,5 +161,5 @@ def test_detector_and_law_together(radius, limit, side):
 def test_constant_speed():
     law = constant.ConstantSpeed(constant.Params(speed_kmh=7.2), setup_of())
     assert law.reset(Stream(1, "speed"))["command"].speed == pytest.approx(2.0)
-    command = law.step(0, 40_000_000, {"odometry": None})["command"]
+    command = law.step(0, 40_000_000, {"odometry": None, "edge": None})["command"]
     assert (command.t, command.speed) == (40_000_000, pytest.approx(2.0))

@@ -27,7 +27,9 @@ def component(slot, level):
 def test_offset_of_a_straight_edge(level, limit):
     """Driven past wheat of 500 stems/m2; the one that sees the truth looks at the field itself."""
     if level != "truth":
-        share, rmse, *_ = errors(drive(level=component("edge", level), scans=150, roll_sd=np.radians(1.0)))
+        found = CATALOGUE.registry.get("edge", level)
+        rows = drive(level=found.component, kind=found.params, scans=150, roll_sd=np.radians(1.0))
+        share, rmse, *_ = errors(rows)
         assert share == 1.0
         assert rmse < limit
         return

@@ -49,12 +49,29 @@ def comments(text):
 # scenarios
 
 
+LIKELIHOOD = ["combine.edge.level=max_likelihood"]
+SINCE = {  # what the bundled scenarios of 0.1 had where those of today have something else
+    "bend": LIKELIHOOD,
+    "laser-pilot": LIKELIHOOD,
+    "straight": LIKELIHOOD,
+    "record-run": ["combine.powertrain.rated_power_kw=null"],
+}
+FITTED = {  # numbers of sheets that were fitted to measurements since
+    "lexion-700-class": (
+        "power.",
+        "engine.",
+        "hydrostat.",
+        "tyres.rolling_resistance",
+    )
+}
+
+
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_migrated_scenario_is_the_bundled_one(old, name):
     file = old(f"scenarios/{name}.yaml")
     before = file.read_text()
     assert main(["migrate", str(file)]) == 0
-    assert load_scenario(file) == load_scenario(name)
+    assert load_scenario(file) == load_scenario(name, sets=SINCE.get(name, ()))
     assert comments(file.read_text()) == comments(before)
     assert file.with_name(f"{name}.yaml.orig").read_text() == before
 
@@ -62,8 +79,10 @@ def test_a_migrated_scenario_is_the_bundled_one(old, name):
 def test_it_runs_to_the_digest_of_the_bundled_one(old, tmp_path):
     file = old("scenarios/record-run.yaml")
     main(["migrate", str(file)])
-    runs = [swath.run(s, tmp_path / s.stem, sets=SHORT, report=False)
-            for s in (file, find_scenario("record-run"))]  # fmt: skip
+    sets = {**SHORT, "combine.powertrain.rated_power_kw": None}
+    runs = [
+        swath.run(s, tmp_path / s.stem, sets=sets, report=False) for s in (file, find_scenario("record-run"))
+    ]
     assert runs[0].summary["digest"] == runs[1].summary["digest"] != ""
 
 
@@ -155,7 +174,8 @@ def test_a_migrated_sheet_is_read_to_the_values_of_the_bundled_one(old, kind, na
     mine, ours = (
         {k: e["value"] for k, e in read_sheet(kind, s).numbers().items()} for s in (str(file), name)
     )
-    assert {k: ours[k] for k in mine} == mine  # a bundled sheet may say more by now
+    same = [k for k in mine if not k.startswith(FITTED.get(name, ("-",)))]
+    assert {k: ours[k] for k in same} == {k: mine[k] for k in same}  # a bundled sheet may say more by now
     assert len(mine) == len(re.findall(r"\bvalue:", before)) - (STAND_IN if "grain-cart" in name else 0)
     LOAD[kind](str(file))
     assert comments(file.read_text()) == comments(before)
@@ -317,7 +337,7 @@ def test_an_old_form_is_refused_with_the_command(old):
         load_lidar(str(old("sensors/sick-lms111.yaml")))
     python = old("examples/my_steering_law.py")
     registry = Registry({"steer": ["swath.control.steer"]})
-    with pytest.raises(SwathError, match=rf"swath\.core\.setup.*`swath migrate {python}` rewrites"):
+    with pytest.raises(SwathError, match=r"swath\.core\.setup.*`swath migrate .* rewrites"):
         registry.get("steer", f"{python}:MySteeringLaw")
 
 

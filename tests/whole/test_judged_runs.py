@@ -25,6 +25,7 @@ expect:
   lateral_p95_m: {{max: 0.5, after: edge_lost, within_m: 3}}
 """
 GAP = "field.edge.gaps=[{start_m: 1, end_m: 2.5, depth_m: 1}]"
+ON = "combine.speed.guard.when_lost=ignore"  # drives on where it sees no edge
 STOPS = """
 class Stops:
     OF_FIELD = True
@@ -48,7 +49,7 @@ class Stops:
 @pytest.fixture(scope="module")
 def judged(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "judged"
-    scenario = parse_scenario(TEXT + JUDGED, sets=[GAP])
+    scenario = parse_scenario(TEXT + JUDGED, sets=[GAP, ON])
     assert parse_scenario(scenario.resolved()) == scenario
     return run_job(scenario, out, hooks=[ReportWriter()]), out
 

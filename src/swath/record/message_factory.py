@@ -151,5 +151,6 @@ def plain_names(signal: type[Signal]) -> tuple[str, ...] | None:
 
 
 def _field_kinds(signal: type[Signal]) -> dict[str, str]:
-    hints = {f.name: get_type_hints(signal)[f.name] for f in fields(signal) if f.name != "t"}
-    return {name: FIELD_TYPES[hint] for name, hint in hints.items() if hint in FIELD_TYPES}
+    hints = get_type_hints(signal)
+    names = [f.name for f in fields(signal) if f.name != "t" and hints[f.name] in FIELD_TYPES]
+    return {name: FIELD_TYPES[hints[name]] for name in names}

@@ -9,7 +9,6 @@ from typing import Any
 
 from swath.core.abilities import (
     Closes,
-    EndsRun,
     HasMounting,
     HasOpticalFrame,
     HasOverlap,
@@ -66,8 +65,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
         check_start(machines, ground.field, site.bodies)
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
-    if any(isinstance(part, EndsRun) for machine in machines.values() for part in machine.parts.values()):
-        graph.before_tick.append(world.end_with_parts)
+    graph.before_tick.append(world.end_with_parts)
     return world
 
 

@@ -139,10 +139,21 @@ class World:
         """Before the tick at t [ns]: a part that wants the run to end ends it."""
         for machine in self.machines.values():
             for slot, part in machine.parts.items():
-                if isinstance(part, EndsRun) and (reason := part.end_reason(t)):
+                if _ends_run(part) and (reason := part.end_reason(t)):
                     raise EndOfRun(f"{machine.name}.{slot}: {reason}")
 
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
         """Observer of the graph: the bodies of the machines stand where the machines do."""
         if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
             self.bodies.place(slot.partition(".")[0], state.pose)
+
+
+_KINDS: dict[type, bool] = {}
+
+
+def _ends_run(part: Any) -> bool:
+    """Whether a part may end the run: found out once a class, as it is asked before every tick."""
+    kind = type(part)
+    if kind not in _KINDS:
+        _KINDS[kind] = isinstance(part, EndsRun)
+    return _KINDS[kind]

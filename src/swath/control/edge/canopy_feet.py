@@ -17,15 +17,8 @@ OBLIQUE = 0.09  # rad to the edge from which on its wall looks like a ramp
 MEMORY, GUESS, PARTS = 30.0, 0.06, 3  # m; of the crop's height; parts of plants that make an echo together
 CLEAR, DUSTY, USUAL = 0.05, 0.12, 0.09  # shares of rays; in dust the overhang of cereals, of their height
 MOST = 0.19  # of the crop's height
-DENSE, THIN = (
-    0.85,
-    0.6,
-)  # shares of rays stopped within the crop: from here on, and below, no overhang is seen
-EVEN, RAGGED, LEAST = (
-    0.05,
-    0.09,
-    0.25,
-)  # m of spread of the blocks; what is left of the shift on a ragged edge
+DENSE, THIN = 0.85, 0.6  # shares of rays stopped within the crop: overhang is seen, is not seen
+EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usual overhang counts
 
 
 class CanopyFeet(KeepsState):
@@ -83,5 +76,6 @@ class CanopyFeet(KeepsState):
         learned = min(self._offset.shift(height), most * height)
         upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)
         share, foot, _ = self.lean
-        even = float(np.clip((RAGGED - spread) / (RAGGED - EVEN), LEAST, 1.0))
-        return even * ((1.0 - share) * upright + share * seen * foot)
+        even = float(np.clip((RAGGED - spread) / (RAGGED - EVEN), 0.0, 1.0))
+        upright = even * upright + (1.0 - even) * dense * USUAL * height
+        return (1.0 - share) * upright + share * seen * foot

@@ -31,7 +31,7 @@ TOLERANCE = 0.10  # m, of the confidence
 FLOOR = 0.03  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
 RAGGED = 0.8  # of the blocks' spread about the line: the line's own
 UNSURE = 0.45  # greatest confidence of an edge that is held, not seen, or of a stand that leans
-LEANS = 0.9  # of the upright crop's height
+LEANS, DENSE = 0.9, 0.8  # of the upright crop's height, in a stand that stops this share of the rays
 LATE = 0.4  # s: an older scan shows no edge
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
 
@@ -167,7 +167,8 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         sd = sqrt(line.offset_sd**2 + (RAGGED * line.spread) ** 2 + FLOOR**2) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
-        if line.seen_to < 0.0 or crop < LEANS * self._p.upright_m:
+        leans = stopped > DENSE and crop < LEANS * self._p.upright_m
+        if line.seen_to < 0.0 or leans:
             sure = min(sure, UNSURE)
         return CropEdge(
             t=now,

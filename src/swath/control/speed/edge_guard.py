@@ -70,4 +70,6 @@ class EdgeGuard(KeepsState):
         left = p.blind_m - self.blind
         if left <= 0.0 and speed < STANDING:
             self.reason = f"no crop edge seen for {self.blind:.1f} m"
+        if self.blind == 0.0:
+            return bound
         return min(bound, sqrt(2.0 * BRAKE * left)) if left > 0.0 else 0.0
