@@ -108,7 +108,7 @@ def test_the_page_is_whole_and_loads_nothing(run):
 def test_the_page_says_what_the_summary_says(run):
     text = run[0].read_text(encoding="utf-8")
     summary = run[1].summary
-    assert "1 of 4 limits fail" in text
+    assert "1 of 5 limits fail" in text
     assert "bend &lt;1&gt;" in text
     assert "A &amp; B" in text
     assert "text: &lt;b&gt;" in text
