@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
+from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.machine.machine_sheet import load_machine
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
@@ -99,7 +101,8 @@ def test_files_of_the_user_travel_with_it(tmp_path):
     host = Host(tmp_path / "mine.fmu")
     host["load.drum_flow"] = 20.0
     host.step(0.05)
-    assert host["engine.threshing_power"] == pytest.approx(20.0 * 4000.0)
+    work = drivetrain_of(load_machine("lexion-700-class")).consumers.drum_work
+    assert host["engine.threshing_power"] == pytest.approx(20.0 * work)
     host.close()
 
 
@@ -210,12 +213,15 @@ def test_it_fills_its_slot_in_swath_again(fmus):
     for name in ("inside", *VERSIONS):
         sets = [] if name == "inside" else ["combine.process.level=fmu", f"combine.process.file={fmus[name]}"]
         world, rows = assemble(parse_scenario(WHOLE, sets=sets)), []
+        period = next(n.slot.period for n in world.graph.nodes if n.slot.name == "combine.process")
 
-        def watch(slot, t, outputs, rows=rows):
+        def watch(slot, t, outputs, rows=rows, period=period):
             if slot == "combine.motion":
                 rows.append([*outputs["state"].pose.position, outputs["state"].speed])
             if slot == "combine.process":
                 load = outputs["load"]
+                if t % period:  # what the header cut last: no step of an FMU
+                    return
                 rows.append([load.tank_grain, load.held_grain, load.held_straw, load.drum_flow])
             if slot == "combine.powertrain":
                 rows.append(
