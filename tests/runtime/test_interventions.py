@@ -21,6 +21,7 @@ field: {edge: {shape: straight}, obstacles: [{kind: post, x_m: -5, y_m: 30}, {ki
 machines:
   combine:
     motion: {level: kinematic, start_speed_kmh: 7}
+    speed: {guard: {when_lost: ignore}}
     lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 4}
 """
 WALL = "{kind: box, x_m: 0, y_m: 4, length_m: 14, width_m: 1, height_m: 3}"

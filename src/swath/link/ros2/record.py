@@ -57,7 +57,8 @@ def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
 def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
     """What a node gets first: geometry [m, rad], period [s], mountings of the sensors wired to the slot.
 
-    The names of one mounting begin with `setup.mounting.`, of several with `setup.mounting.PORT.`.
+    The names of one mounting begin with `setup.mounting.`, of several with `setup.mounting.PORT.`. An inertial
+    unit does not count and always is `setup.mounting.inertial.`.
     """
     control = setup.control
     names = ("wheelbase", "front_track", "rear_track", "max_steer", "header_width", "knife_x", "header_y")
@@ -66,8 +67,9 @@ def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
         "setup.edge_is_left": float(control.edge_side == "left"),
         **{f"setup.{name}": float(getattr(control.machine, name)) for name in names},
     }
+    alone = len(control.mountings.keys() - {"inertial"}) == 1
     for port, pose in control.mountings.items():
-        lead = "setup.mounting" if len(control.mountings) == 1 else f"setup.mounting.{port}"
+        lead = "setup.mounting" if alone and port != "inertial" else f"setup.mounting.{port}"
         values = (*pose.position.tolist(), *pose.euler())
         found |= {f"{lead}.{axis}": float(v) for axis, v in zip(AXES, values, strict=True)}
     return found
