@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from swath.core.schedule import NS
+from swath.core.stopping import raise_if_lost
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.runtime.loop import drive
@@ -291,3 +292,4 @@ def test_ctrl_c_inside_an_fmu_stops_the_run_as_anywhere(folder, process_fmu, tmp
     with pytest.raises(KeyboardInterrupt):
         run_job(made, tmp_path / "run")
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["incomplete"] is True
+    raise_if_lost()  # what runs next in this process is not stopped

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 _depth = 0
 _waiting: "type[KeyboardInterrupt] | None" = None  # comes at the end of the block
-_asked: "type[KeyboardInterrupt] | None" = None  # the newest since the outermost `stoppable` began
+_asked: "type[KeyboardInterrupt] | None" = None  # the newest in the outermost `stoppable`
 
 
 class Terminated(KeyboardInterrupt):
@@ -41,6 +41,8 @@ def stoppable() -> Iterator[None]:
     finally:
         for number, handler in taken.items():
             signal.signal(number, handler)
+        if taken:
+            _asked = None  # told; what runs later in this process is not stopped by it
 
 
 @contextmanager
