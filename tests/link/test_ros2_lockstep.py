@@ -38,7 +38,7 @@ def test_a_node_in_lock_step_gives_the_bytes_of_the_law_in_process(tmp_path):
 SCANNED = """
 format: swath scenario 2
 name: scanned
-run: {{distance_m: 100, max_duration_s: 4}}
+run: {{distance_m: 100, max_duration_s: 8}}
 field: {{stand: {{level: uniform, stems_per_m2: 300}}, edge: {{shape: straight}}}}
 machines:
   combine:

@@ -57,8 +57,8 @@ def numbers_of_inputs(inputs: Mapping[str, Any]) -> dict[str, float]:
 def numbers_of_setup(setup: LinkSetup) -> dict[str, float]:
     """What a node gets first: geometry [m, rad], period [s], mountings of the sensors wired to the slot.
 
-    The names of one mounting begin with `setup.mounting.`, of several with `setup.mounting.PORT.`. An inertial
-    unit does not count and always is `setup.mounting.inertial.`.
+    The names of one mounting begin with `setup.mounting.`, of several with `setup.mounting.PORT.`; an
+    inertial unit does not count and always is `setup.mounting.inertial.`.
     """
     control = setup.control
     names = ("wheelbase", "front_track", "rear_track", "max_steer", "header_width", "knife_x", "header_y")
