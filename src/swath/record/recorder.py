@@ -16,7 +16,7 @@ from swath.record.tracks import Column, Tracks, write_tracks
 from swath.signals import Signal
 
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
-LARGE_PERIOD = NS  # between two messages of a large truth, unless everything is wanted
+LARGE_PERIOD = NS // 5  # between two messages of a large truth, unless everything is wanted
 
 
 class Recorder:
@@ -26,7 +26,7 @@ class Recorder:
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
     detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
-    them, `full`: of the large truth too, which else is seen once a second
+    them, `full`: of the large truth too, which else is seen five times a second
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
