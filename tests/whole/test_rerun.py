@@ -85,7 +85,7 @@ def test_another_detector_changes_what_hangs_on_it_and_nothing_else(recorded, tm
     assert told["combine.speed"]
     assert "offset" in summary["rerun"]["slots"]["combine.edge"]["differs_in"]
     first = summary["rerun"]["slots"]["combine.edge"]["differs_from_s"]
-    assert summary["rerun"]["slots"]["combine.steer"]["differs_from_s"] >= first >= 0.04
+    assert summary["rerun"]["slots"]["combine.steer"]["differs_from_s"] > first
 
 
 def test_a_cut_log_ends_the_run_where_it_ends(recorded, tmp_path):
@@ -136,7 +136,7 @@ def test_on_the_command_line(recorded, tmp_path, capsys):
     )
     text = capsys.readouterr().out
     assert "played from the log: combine.lidar" in text
-    assert text.count("identical") == 8
+    assert text.count("identical") == 9
     assert {p.name for p in (tmp_path / "a").iterdir()} >= {"summary.json", "run.mcap", "report.html"}
     written = read_document(tmp_path / "a" / "scenario.yaml").data
     assert written["machines"]["combine"]["lidar"]["level"] == "log"

@@ -199,9 +199,15 @@ class LogPlayer:
         """When nothing comes after this step, the run ends before the next one."""
         if self.ends_at is not None:
             return
-        done = [s for s, made in zip(self._sources, self._feeds, strict=True) if made.next is None]
+        exact = any(s.is_exact for s in self._sources)  # other messages beside exact samples may be thinned
+        done = [
+            s
+            for s, made in zip(self._sources, self._feeds, strict=True)
+            if made.next is None and s.is_exact == exact
+        ]
         if self.params.end == "log":
-            done = done if len(done) == len(self._sources) and self._t >= self._log_end else []
+            is_over = all(made.next is None for made in self._feeds) and self._t >= self._log_end
+            done = done if is_over else []
         if done:
             self.ends_at = self._t + self._period
             last = min(made.last[0] for made in self._feeds if made.next is None and made.last is not None)
