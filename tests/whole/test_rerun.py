@@ -83,7 +83,7 @@ def test_another_detector_changes_what_hangs_on_it_and_nothing_else(recorded, tm
     assert not told["combine.edge"]
     assert told["combine.header"]
     assert told["combine.process"]
-    assert "offset" in summary["rerun"]["slots"]["combine.edge"]["differs_in"]
+    assert "edge: " in summary["rerun"]["slots"]["combine.edge"]["differs_in"]
     first = summary["rerun"]["slots"]["combine.edge"]["differs_from_s"]
     assert summary["rerun"]["slots"]["combine.steer"]["differs_from_s"] > first
 
