@@ -33,7 +33,7 @@ NS = 1_000_000_000
 
 
 @frozen
-class Moisture(Signal, about=About("sensor")):
+class ProbedMoisture(Signal, about=About("sensor")):
     """Water in the grain."""
 
     share: Annotated[float, Quantity("", "of the wet mass", nan="no grain", column="moisture_share")]
@@ -42,14 +42,16 @@ class Moisture(Signal, about=About("sensor")):
     is_dry: bool = False
 
 
-SAMPLES = [Moisture(k * NS // 10, 0.1 + k / 7, 0.3 * k, np.arange(3.0) / 7 + k, k > 2) for k in range(5)]
-PORT = Port("moisture", Moisture)
+SAMPLES = [
+    ProbedMoisture(k * NS // 10, 0.1 + k / 7, 0.3 * k, np.arange(3.0) / 7 + k, k > 2) for k in range(5)
+]
+PORT = Port("moisture", ProbedMoisture)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("toy")
-    outputs = {"probe.moisture": Moisture, "probe_2.moisture": Moisture}
+    outputs = {"probe.moisture": ProbedMoisture, "probe_2.moisture": ProbedMoisture}
     with Recorder(folder, [replace(machine(), outputs=outputs)]) as recorder:
         for sample in SAMPLES:
             recorder("combine.probe", sample.t, {"moisture": sample})
@@ -67,7 +69,7 @@ def test_it_becomes_a_message_of_its_own(folder):
     with (folder / "run.mcap").open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         found = list(reader.iter_decoded_messages(topics=["/combine/probe/moisture"]))
-    assert {schema.name for schema, *_ in found} == {"swath_msgs/msg/Moisture"}
+    assert {schema.name for schema, *_ in found} == {"swath_msgs/msg/ProbedMoisture"}
     got = [m for *_, m in found]
     assert [m.share for m in got] == [s.share for s in SAMPLES]
     assert list(got[4].profile) == SAMPLES[4].profile.tolist()
@@ -121,8 +123,8 @@ def test_a_ros_2_node_takes_it_and_gives_it():
 
 
 def test_it_is_documented():
-    page, table = signals_page([Moisture]), messages_table([Moisture])
+    page, table = signals_page([ProbedMoisture]), messages_table([ProbedMoisture])
     assert "| `share` | float | - | of the wet mass | no grain | `moisture_share` |" in page
     assert "| `profile` | (layer_count) | m | over depth |  |  |" in page
     assert "| `is_dry` | bool | - | is dry |  |  |" in page
-    assert "| Moisture | `/machine/slot/output` | swath_msgs/Moisture | `machine/slot` |" in table
+    assert "| ProbedMoisture | `/machine/slot/output` | swath_msgs/ProbedMoisture | `machine/slot` |" in table
