@@ -121,8 +121,8 @@ def run_export(args: argparse.Namespace) -> int:
     table("", ("variable", "causality", "type", "unit", "description"), rows)
     print(
         f"{args.out}  FMI {args.fmi}, for Linux and Windows on x86-64: the importer needs a Python with "
-        f"swath {__version__}; one that is no Python program starts with PYTHONHOME and LD_PRELOAD=libpython3.so "
-        "(Windows: python3.dll in PATH), see docs/fmu-export.md"
+        f"swath {__version__}; one that is no Python program starts with PYTHONHOME and "
+        "LD_PRELOAD=libpython3.so (Windows: python3.dll in PATH), see docs/fmu-export.md"
     )
     return 0
 
