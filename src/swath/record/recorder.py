@@ -50,6 +50,7 @@ class Recorder:
         self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
         self.file = McapFile(folder / "run.mcap") if mcap and detail != "none" else None
         self._messengers = {m.name: Messenger(m, self.file) for m in machines} if self.file else {}
+        self._clock_due = 0
         self._due: dict[tuple[str, str], int] = {}
         self._detail = detail
         self._blocks: dict[tuple[str, str], Blocks | None] = {}
@@ -64,6 +65,8 @@ class Recorder:
         name, _, part = slot.partition(".")
         if name not in self.tracks:
             return
+        if self.file is not None and t >= self._clock_due:
+            self._tell_time(self.file, t)
         for output, signal in outputs.items():
             self.tracks[name].take(t, f"{part}.{output}", signal)
             if name not in self._messengers:
@@ -97,6 +100,12 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _tell_time(self, file: McapFile, t: int) -> None:
+        """`/clock`, as often as the thinned messages."""
+        self._clock_due = (t // self._period + 1) * self._period
+        stamp = file.make.header(t, "").stamp
+        file.write("/clock", t, file.make("rosgraph_msgs/msg/Clock", clock=stamp))
 
     def _add_exact(self, slot: str, output: str, t: int, signal: Signal) -> None:
         """Add the sample as it is to its block."""

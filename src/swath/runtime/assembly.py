@@ -274,6 +274,11 @@ def _node(
     """A component with its wires. parts: of the machine, as far as they are built."""
     common = choice.common
     ports = {p.name: p for p in component.inputs}
+    if choice.kind.is_control and not choice.found.sees_truth:
+        for port in ports.values():
+            if port.signal in TRUTH:
+                expected = f"expected a part without the input {port.name}: control never sees the truth"
+                raise InputError(f"{section.name}.{slot}.level", choice.level, expected)
     sent = {f"{section.name}.{name}": {p.name for p in part.outputs} for name, part in parts.items()}
     present = {f"{section.name}.{name}" for name in section.present}
 

@@ -141,7 +141,7 @@ class _Running:
         allow: Sequence[str],
     ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
-        recorded = {name: machine.recorded() for name, machine in world.machines.items()}
+        recorded = world.recorded()
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)

@@ -25,19 +25,23 @@ _POSE = (
     TrackColumn("yaw_rad", "rad", "from east, > 0 left", _angle(2)),
 )
 _STATE = (
-    Message("nav_msgs/Odometry", frame="`map` -> `machine/base`"),
+    Message("nav_msgs/Odometry", frame="`map` -> `machine/base_link`"),
     Message(
         "sensor_msgs/NavSatFix",
         "the truth at 10 Hz, of a field on Earth, where no slot publishes a Fix",
         "/machine/slot/fix",
-        "`machine/base`",
+        "`machine/base_link`",
     ),
-    Message("tf2_msgs/TFMessage", "", "/tf", "`map` -> `machine/base`"),
+    Message("tf2_msgs/TFMessage", "", "/tf", "`machine/odom` -> `machine/base_link`"),
     Message(
         "tf2_msgs/TFMessage",
-        "mountings, start pose",
+        "mountings",
         "/tf_static",
-        "`machine/base` -> `machine/sensor`, `map` -> `machine/odom`",
+        "`machine/base_link` -> `machine/sensor`, `map` -> `machine/odom`",
+    ),
+    Message("std_msgs/String", "URDF of the first machine, for viewers", "/robot_description"),
+    Message(
+        "visualization_msgs/MarkerArray", "edge and boundary of the field", "/machine/field_markers", "`map`"
     ),
 )
 
