@@ -29,6 +29,7 @@ from swath.field.track import EdgeShape
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.field_setup import build_field
+from swath.runtime.kept import KeptFields
 from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
 from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
@@ -37,21 +38,27 @@ from swath.scenario.slots import SLOTS, TRUTH, kind_of
 from swath.signals.setup import ControlSetup, LinkSetup
 
 
-def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> World:
+def assemble(
+    scenario: Scenario, *, only: Collection[str] | None = None, fields: KeptFields | None = None
+) -> World:
     """Build the world. InputError or WiringError, with file and line, where something cannot work.
 
     only: full names of slots, such as `combine.process`: nothing else runs in the graph, and what comes from
     elsewhere is put in from outside (`Graph.put`)
+    fields: of worlds before; whoever gives them drives one world at a time
     """
     try:
-        return _assemble(scenario, only)
+        return _assemble(scenario, only, fields)
     except InputError as error:
         raise scenario.locate(error) from error
 
 
-def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
+def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
     base = _base(scenario)
-    ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
+    if fields is None:
+        ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
+    else:
+        ground = fields.ground(scenario.field, scenario.seed, base)
     site = _Site(ground.field, ground.obstacles, Bodies(ground.named_obstacles), base, ground.origin)
     machines, nodes = {}, []
     for section in scenario.machines.values():

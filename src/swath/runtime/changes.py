@@ -14,6 +14,7 @@ scenario names, or who started the run: a change may be somebody else's, over RO
 import dataclasses
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -50,9 +51,13 @@ class Interventions:
         self.world = world
         self._code = (*code_of(world.scenario), *(file_of(text) for text in allow))
         self.events: list[dict[str, Any]] = []
-        self._now: Scenario = _freshly_read(world.scenario, [])
         self._fixed = {str(i): o for i, o in enumerate(world.scenario.field.obstacles)}
         self._added: dict[str, Any] = {}
+
+    @cached_property
+    def _now(self) -> Scenario:
+        """The scenario as it stands; read when the first change comes."""
+        return _freshly_read(self.world.scenario, [])
 
     def set(self, t: int, key: str, value: Any) -> None:
         """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
+from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of, judged_again
 from swath.tools.function_test.journal import Journal, Result, finished, results_of, write_table
 from swath.tools.function_test.one_run import do_run
@@ -40,10 +41,10 @@ class Session:
 
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process."""
-        journal = Journal(self.journals, f"share-{share}-of-{of}")
+        journal, fields = Journal(self.journals, f"share-{share}-of-{of}"), KeptFields()
         for run in self.left():
             if int(run.id, 16) % of == share - 1:
-                result = do_run(run)
+                result = do_run(run, fields)
                 journal.add(result)
                 done(result)
         journal.close()
