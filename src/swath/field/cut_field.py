@@ -6,17 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core import portable
 from swath.core.errors import InputError
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex
 from swath.field.height_bounds import stem_reach
 from swath.field.pages import Key, PageStore
 from swath.kernels import filled, member_array, repeatable, start_warp
 
-Array = NDArray[np.float64]
 CORNERS_MAX = 64
 PAGES_MAX = 256  # of one launch, as in the kernel
-STATUS, PAGE_COUNT, STEM_COUNT, AGAIN_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED, ROOM = range(8)
+STATUS, PAGE_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED = range(5)
 POOLS = ("table", "cut_slot", "cut", "tile_stand", "tile_prototype", "tile_top")
 
 
@@ -29,10 +27,10 @@ class Cutter:
     def __init__(self, store: PageStore, stems: StemIndex, *, sway: float = 0.0) -> None:
         self.store, self.stems, self.sway = store, stems, sway
         self._polygon = np.zeros((CORNERS_MAX, 2))
-        self._ask, self._report = np.zeros(4, np.int32), np.zeros(8, np.int32)
+        self._ask, self._report = np.zeros(4, np.int32), np.zeros(5, np.int32)
         self._pages = np.zeros((PAGES_MAX, 3), np.int32)
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
-        self._masses: tuple[Array, Array] = (np.zeros((4, 0)), np.zeros((4, 0)))
+        self._masses = np.zeros((2, 3))  # grain, straw, grain left; of them by earlier cuts [kg]
         self._pools: dict[str, Any] = {}
         self._land: Any = None
         self._launch: Any = None
@@ -64,11 +62,8 @@ class Cutter:
         return self._sum()
 
     def _run(self, code: int) -> list[Key] | None:
-        """Launch until all pages are there and the stems have room. The pages of the polygon, None when there
-        are too many.
-        """
+        """Launch until all pages are there. The pages of the polygon, None when there are too many."""
         report, store = self._report, self.store
-        report[ROOM] = self._masses[0].shape[1]
         while True:
             report[CHANGED] = 0
             self._refresh()
@@ -76,18 +71,15 @@ class Cutter:
             status, count = int(report[STATUS]), int(report[PAGE_COUNT])
             if status == 3:
                 return None
-            places = sorted((j, i) for i, j in self._pages[:count, :2].tolist())
-            keys = [(i, j) for j, i in places]
+            places: list[Key] = [(i, j) for i, j in self._pages[:count, :2].tolist()]
+            keys = sorted(places, key=lambda key: key[::-1])
             store.need(keys)
             if status == 0:
-                return [(i, j) for i, j in self._pages[:count, :2].tolist()]
-            if status == 1:
-                for key in keys:
-                    slot = store.keys[key]
-                    if -1 - int(store.pages.cut_slot[slot]) > code:
-                        store.open_cut(slot)
-            else:
-                self._make_room(int(report[ROOM]))
+                return places
+            for key in keys:
+                slot = store.keys[key]
+                if -1 - int(store.pages.cut_slot[slot]) > code:
+                    store.open_cut(slot)
 
     def _note(self, places: list[Key]) -> None:
         """Book-keeping after codes changed."""
@@ -102,18 +94,9 @@ class Cutter:
 
     def _sum(self) -> Cut:
         """The masses of the last launch."""
-        report, power = self._report, self.stems.straw_exponent
-        grain, straw, left = self._sums(self._masses[0][:, : report[STEM_COUNT]], power)
-        if report[AGAIN_COUNT]:
-            was = self._sums(self._masses[1][:, : report[AGAIN_COUNT]], power)
-            grain, straw, left = grain - was[0], straw - was[1], left - was[2]
-        area = int(report[NEWLY_CUT]) * (self.stems.library.tile_size / TILE_CELLS) ** 2
-        return Cut(grain, straw, int(report[CROP_STEMS]), area, left)
-
-    @staticmethod
-    def _sums(masses: Array, power: float) -> tuple[float, float, float]:
-        above, straw, grain, left = masses
-        return float(grain.sum()), float((straw * portable.power(above, power)).sum()), float(left.sum())
+        grain, straw, left = (self._masses[0] - self._masses[1]).tolist()
+        area = int(self._report[NEWLY_CUT]) * (self.stems.library.tile_size / TILE_CELLS) ** 2
+        return Cut(grain, straw, int(self._report[CROP_STEMS]), area, left)
 
     def _refresh(self) -> None:
         """The launch with the pools as they are now."""
@@ -144,7 +127,7 @@ class Cutter:
             self._launch.set_param_at_index(0, self._land)
 
     def _prepare(self) -> None:
-        """The launch, with room for some stems."""
+        """The launch."""
         from swath.field import cut_kernel as kernel
 
         stems, library = self.stems, self.stems.library
@@ -164,6 +147,7 @@ class Cutter:
         kinds |= dict.fromkeys(("column", "is_crop"), np.uint8)
         self._roots = filled(
             kernel.Roots,
+            straw_exponent=stems.straw_exponent,
             **{n: np.ascontiguousarray(a, kinds.get(n, np.float64)) for n, a in arrays.items()},
         )
         inputs = [
@@ -171,25 +155,12 @@ class Cutter:
             self._roots,
             self._share(self._polygon),
             self._share(self._ask),
-            kernel.Masses(),
-            kernel.Masses(),
+            start_warp().array(self._masses, dtype=start_warp().vec3d, device="cpu", copy=False),
             self._share(self._pages),
             self._share(self._tiles),
             self._share(self._report),
         ]
         self._launch = repeatable(kernel.cut_cells, inputs)
-        self._make_room(0)
-
-    def _make_room(self, count: int) -> None:
-        """Output for so many stems, or a little more."""
-        from swath.field.cut_kernel import Masses
-
-        room = max(4096, ceil(1.5 * count))
-        self._masses = (np.zeros((4, room)), np.zeros((4, room)))
-        for index, block in zip((4, 5), self._masses, strict=True):
-            rows = dict(zip(("above", "straw", "grain", "left"), block, strict=True))
-            self._launch.set_param_at_index(index, filled(Masses, **rows))
-        self._report[ROOM] = room
 
     def _share(self, array: NDArray[Any]) -> Any:
         """The same memory for Warp."""
