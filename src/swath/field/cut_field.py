@@ -12,6 +12,7 @@ from swath.field.height_bounds import stem_reach
 from swath.field.pages import Key, PageStore
 from swath.kernels import filled, member_array, repeatable, start_warp
 
+Array = NDArray[np.float64]
 CORNERS_MAX = 64
 PAGES_MAX = 256  # of one launch, as in the kernel
 STATUS, PAGE_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED = range(5)
@@ -32,6 +33,7 @@ class Cutter:
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
         self._masses = np.zeros((2, 3))  # grain, straw, grain left; of them by earlier cuts [kg]
         self._pools: dict[str, Any] = {}
+        self._lines: dict[tuple[int, int], _Lines] = {}
         self._land: Any = None
         self._launch: Any = None
 
@@ -46,6 +48,15 @@ class Cutter:
         y = [v for _, v in corners]
         self._ask[0], self._ask[3] = len(corners), code
         return self._cut_rows(ceil(min(y) - 0.5), floor(max(y) - 0.5))
+
+    def standing(self, u: Array, v: Array, du: float, dv: float, count: int) -> NDArray[np.bool_] | None:
+        """Whether crop stands at the middles of `count` steps from places (n,) on, in cell units of the stand
+        frame, (n, count); None where not all pages are in memory.
+        """
+        self._refresh()
+        if (shape := (len(u), count)) not in self._lines:
+            self._lines[shape] = _Lines(self._land, *shape)
+        return self._lines[shape].look(u, v, du, dv)
 
     def _cut_rows(self, first: int, last: int) -> Cut:
         """Cut these rows of cells of the polygon; in two halves when they lie on too many pages."""
@@ -125,6 +136,7 @@ class Cutter:
             self._prepare()
         else:
             self._launch.set_param_at_index(0, self._land)
+        self._lines = {}
 
     def _prepare(self) -> None:
         """The launch."""
@@ -165,3 +177,23 @@ class Cutter:
     def _share(self, array: NDArray[Any]) -> Any:
         """The same memory for Warp."""
         return start_warp().array(array, device="cpu", copy=False)
+
+
+class _Lines:
+    """Looks up crop at `count` places along each of `lines` lines."""
+
+    def __init__(self, land: Any, lines: int, count: int) -> None:
+        from swath.field.cut_kernel import crop_along
+
+        self._starts, self._step = np.zeros((lines, 2)), np.zeros(2)
+        self._crop, self._is_missing = np.zeros((lines, count), np.bool_), np.zeros(1, np.int32)
+        arrays = (self._starts, self._step, self._crop, self._is_missing)
+        shared = [start_warp().array(a, device="cpu", copy=False) for a in arrays]
+        self._launch = repeatable(crop_along, [land, *shared]).launch
+
+    def look(self, u: Array, v: Array, du: float, dv: float) -> NDArray[np.bool_] | None:
+        """As `Cutter.standing`."""
+        self._starts[:, 0], self._starts[:, 1] = u, v
+        self._step[:], self._is_missing[0] = (du, dv), 0
+        self._launch()
+        return None if self._is_missing[0] else self._crop.copy()

@@ -104,6 +104,46 @@ def row_span(polygon: wp.array2d(dtype=wp.float64), corners: int, row: int) -> w
     return wp.vec2i(first, after)
 
 
+@wp.kernel
+def crop_along(
+    land: Land,
+    starts: wp.array2d(dtype=wp.float64),
+    step: wp.array(dtype=wp.float64),
+    crop: wp.array2d(dtype=wp.bool),
+    is_missing: wp.array(dtype=int),
+):
+    """Whether crop stands at the middles of steps (2,) from starts (n, 2) on, cell units.
+
+    is_missing: becomes 1 where a page is not in memory
+    """
+    half = wp.float64(0.5)
+    for n in range(crop.shape[0]):
+        slot = int(-1)
+        page_x = int(0)
+        page_y = int(0)
+        for k in range(crop.shape[1]):
+            along = wp.float64(k) + half
+            x = int(wp.floor(starts[n, 0] + step[0] * along))
+            y = int(wp.floor(starts[n, 1] + step[1] * along))
+            i = floor_div(x, PAGE)
+            j = floor_div(y, PAGE)
+            if slot < 0 or i != page_x or j != page_y:
+                slot = slot_at(land, i, j)
+                page_x = i
+                page_y = j
+                if slot < 0:
+                    is_missing[0] = 1
+                    return
+            x = x - i * PAGE
+            y = y - j * PAGE
+            line = land.cut_slot[slot]
+            code = -1 - line
+            if line >= 0:
+                code = int(land.cut[line, y, x])
+            stands = code == STANDING and land.tile_stand[slot, y / CELLS, x / CELLS][3] > 0.0
+            crop[n, k] = stands
+
+
 @wp.func
 def taken_of(roots: Roots, stem: int, stand: wp.vec4, code: int) -> wp.vec3d:
     """Grain and straw that a cut at this code takes of a stem, and grain that it leaves [kg]."""
