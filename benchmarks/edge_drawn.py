@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from edge_hard import DENSITY, DUST, EDGE, SLOPE, STAND, Watch, bend, gap, lean, patch, teeth, wind
 
-from edge_hard import BEGIN, DENSITY, DUST, EDGE, SLOPE, STAND, Watch, bend, gap, lean, patch, teeth, wind
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
@@ -147,7 +147,9 @@ ROWS = {
         lambda rng: {**lean(rng.uniform(30, 45), -rng.uniform(70, 110)), **SECOND}, "95 % <= 15 cm",
         within(15.0),
     ),
-    "0.38 to 0.42 m over stubble 0.25 m": Row(low, "found and 95 % <= 10 cm, or stops", or_stops(found(10.0))),
+    "0.38 to 0.42 m over stubble 0.25 m": Row(
+        low, "found and 95 % <= 10 cm, or stops", or_stops(found(10.0))
+    ),
     "dense dust": Row(dust, "found and 95 % <= 10 cm, or stops", or_stops(found(10.0))),
     "side slope, 8 to 15 %": Row(
         lambda rng: {SLOPE: side(rng) * rng.uniform(8, 15)}, "95 % <= 10 cm", within(10.0)

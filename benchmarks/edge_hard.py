@@ -121,7 +121,7 @@ class Watch:
     def numbers(self, back_at: float = float("nan")) -> dict[str, Any]:
         """Lateral errors rms, p95, worst and from `back_at` [m] on, late [cm]; of the edge samples found
         [share], edge (RMS) [cm], wrong = longest way sure and wrong [m], sure = share of the confident ones;
-        speed (mean) [km/h]; samples = (error [m], its standard deviation, confidence), one per metre; driven [m].
+        speed (mean) [km/h]; samples = one (error [m], standard deviation, confidence) per metre; driven [m].
         """
         poses = [(pose.apply(self.end), at) for pose, at in self.poses.values()]
         late = np.array([at for _, at in poses]) > BEGIN
