@@ -196,7 +196,12 @@ SLOTS: tuple[SlotKind, ...] = (
         "preview",
         50.0,
         (Port("command", SteerCommand),),
-        {**_STATE, "edge": ("edge", "edge"), "odometry": ("odometry", "odometry")},
+        {
+            **_STATE,
+            "edge": ("edge", "edge"),
+            "odometry": ("odometry", "odometry"),
+            "inertial": ("imu", "inertial"),
+        },
         is_control=True,
         is_exchangeable=True,
     ),
