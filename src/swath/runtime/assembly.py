@@ -28,6 +28,7 @@ from swath.field.solids import machine_body
 from swath.field.track import EdgeShape
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
+from swath.runtime.faults import displaced, make_fault
 from swath.runtime.field_setup import build_field
 from swath.runtime.kept import KeptFields
 from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
@@ -55,10 +56,11 @@ def assemble(
 
 def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
     base = _base(scenario)
+    seed = scenario.seed if scenario.field.seed is None else scenario.field.seed
     if fields is None:
-        ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
+        ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base)
     else:
-        ground = fields.ground(scenario.field, scenario.seed, base)
+        ground = fields.ground(scenario.field, seed, base)
     site = _Site(ground.field, ground.obstacles, Bodies(ground.named_obstacles), base, ground.origin)
     machines, nodes = {}, []
     for section in scenario.machines.values():
@@ -145,14 +147,23 @@ def _build_machine(section: MachineSection, site: _Site) -> tuple[Machine, list[
     place = _Place(section, sheet, edge, start, mountings, site)
     for slot in _build_order(section.slots):
         part = parts[slot] = _make(place, slot, section.slots[slot])
-        if isinstance(part, HasMounting) and isinstance(part.mounting, Pose):
-            mountings[slot] = part.mounting
-        if isinstance(part, HasOpticalFrame):
-            mountings[slot + OPTICAL_FRAME] = part.optical
+        mountings |= _told_mountings(place, slot, part)
     nodes = [_node(section, slot, choice, parts[slot], parts) for slot, choice in section.slots.items()]
     steer = parts.get("steer")
     overlap = float(steer.overlap) if isinstance(steer, HasOverlap) else 0.0
     return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin), nodes
+
+
+def _told_mountings(place: _Place, slot: str, part: Any) -> dict[str, Pose]:
+    """Where a sensor sits and its optical frame, as control and recording are told: less a mounting error."""
+    choice, told = place.section.slots[slot], {}
+    if choice.common.mount_error:
+        part = choice.make(_setup(place, slot, choice))
+    if isinstance(part, HasMounting) and isinstance(part.mounting, Pose):
+        told[slot] = part.mounting
+    if isinstance(part, HasOpticalFrame):
+        told[slot + OPTICAL_FRAME] = part.optical
+    return told
 
 
 def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[str, tuple[str, str]]]:
@@ -253,7 +264,8 @@ def _build_order(slots: Mapping[str, SlotChoice]) -> list[str]:
 def _make(place: _Place, slot: str, choice: SlotChoice) -> Any:
     name = f"{place.section.name}.{slot}"
     try:
-        component = choice.make(_setup(place, slot, choice))
+        really = displaced(choice) if choice.common.mount_error else choice
+        component = really.make(_setup(place, slot, choice))
     except InputError as error:
         if error.file is not None:
             raise
@@ -300,7 +312,10 @@ def _node(
     timing = Slot(
         f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
     )
-    return Node(timing, component, wires)
+    try:
+        return Node(timing, component, wires, make_fault(choice, component))
+    except InputError as error:
+        raise InputError(f"{section.name}.{slot}.{error.key}", error.value, error.expected) from error
 
 
 def _check_pace(scenario: Scenario, machine: Machine) -> None:

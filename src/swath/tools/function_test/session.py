@@ -116,19 +116,10 @@ def open_session(folder: Path, *, same_code: bool = True) -> Session:
     file = folder / PLAN
     try:
         data: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        if same_code:
-            return Session(folder, plan_of(data))
-        return Session(folder, stored_plan(data))
+        return Session(folder, plan_of(data, same_code=same_code))
     except FileNotFoundError:
         raise InputError(
             "folder", str(folder), f"expected the folder of a function test, with {PLAN}"
         ) from None
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(PLAN, None, f"expected a plan: {error}", file=file) from error
-
-
-def stored_plan(data: dict[str, Any]) -> Plan:
-    """The plan of a folder, whatever code it was made with."""
-    from swath.tools.function_test.plan import code_hash
-
-    return plan_of({**data, "code": code_hash()})
