@@ -10,6 +10,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.field.contact import Parts, joined, nearest, overlaps, parts_of
 from swath.field.convex import Vector
 from swath.field.field import Field
@@ -215,7 +216,8 @@ class SiteSetup:
     base: folder that relative file names start from
     origin: where on Earth the world's origin lies, if that is known
     edge: line of the initial edge that the machine follows, such as `field.edges["west"].shape`
-    grain_receiver: takes what the machine's tank is emptied into; None = the ground
+    grain_receiver: takes what the machine's tank is emptied into; None = boxes below, or the ground
+    peer: geometry of the machine that it works with
     """
 
     field: Field
@@ -230,6 +232,7 @@ class SiteSetup:
     origin: Origin | None = None
     edge: EdgeShape | None = None
     grain_receiver: GrainReceiver | None = None
+    peer: MachineGeometry | None = None
 
     @property
     def receiver(self) -> GrainReceiver:

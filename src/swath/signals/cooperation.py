@@ -46,6 +46,13 @@ class HeapState(Signal, about=About()):
             nan=NO_PROFILE,
         ),
     ]  # fmt: skip
+    freeboard: Annotated[
+        F64,
+        Quantity(
+            "m", "rim above the grain at the walls beside each station, the least", shape=("station",),
+            nan=NO_PROFILE,
+        ),
+    ]  # fmt: skip
 
 
 @frozen

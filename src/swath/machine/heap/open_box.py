@@ -51,8 +51,8 @@ class Heap(KeepsState):
         self.slope, self.density = tan(repose * DEG), params.density_kg_m3
         self.largest = largest_heap(self.box, self.slope)
         self.start = params.start_percent * PERCENT * self.box.length * self.box.width * self.box.depth
-        half = 0.5 * self.box.length
-        self._stations = np.arange(-half + 0.5 * STATION, half, STATION)
+        self._count = max(1, round(self.box.length / STATION))
+        self._stations = ((np.arange(self._count) + 0.5) / self._count - 0.5) * self.box.length
         self._body, self._bodies = setup.carrier, setup.bodies
         self._clear()
         self._bodies.boxes[self._body] = self
@@ -103,8 +103,9 @@ class Heap(KeepsState):
         profile = self._surface.profile(self._stations)
         level = self.grain / self.density / self.largest
         return HeapState(
-            t, self.grain, level, self._spilled.value, float(self._surface.heights.max()), profile
-        )
+            t, self.grain, level, self._spilled.value, float(self._surface.heights.max()), profile,
+            self._surface.freeboard(self._count),
+        )  # fmt: skip
 
     def _show(self) -> None:
         """Walls and grain for rays, anew when it rose by 0.1 m3."""

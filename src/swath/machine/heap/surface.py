@@ -83,6 +83,17 @@ class Surface(KeepsState):
         return np.asarray(np.interp(x, self.x, middle))
 
 
+    def freeboard(self, count: int) -> F64:
+        """Rim above the grain at the nearest walls, the least in each of `count` equal parts of the length [m]."""
+        sides = np.maximum(self.heights[:, 0], self.heights[:, -1])
+        sides[0] = max(sides[0], float(self.heights[0].max()))
+        sides[-1] = max(sides[-1], float(self.heights[-1].max()))
+        part = np.minimum((np.arange(self._nx) * count) // self._nx, count - 1)
+        found = np.zeros(count)
+        np.maximum.at(found, part, sides)
+        return np.asarray(self.box.depth - found)
+
+
 def outside(box: OpenBox, x: float, y: float) -> tuple[float, float]:
     """Where grain comes down that runs over the wall nearest to a point of the box [m]."""
     along, across = 0.5 * box.length - abs(x), 0.5 * box.width - abs(y)

@@ -1,0 +1,44 @@
+"""Cooperate level `oscillate`: the stream sweeps along the box to and fro and levels the heap."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from annotated_types import Gt, Le
+
+from swath.control.cooperate.station import BoxView, Shared, StationKeeper
+from swath.core.registry import Level
+
+
+@dataclass(frozen=True)
+class Params:
+    """shift_m_s: speed of the sweep; keep: how the station is kept"""
+
+    shift_m_s: Annotated[float, Gt(0), Le(1)] = 0.1
+    keep: Shared = field(default_factory=Shared)
+
+
+class Oscillate(StationKeeper):
+    """A triangle in time between half a width from both ends. It turns where a place is full."""
+
+    params: Params
+
+    def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
+        """The place of now; full when no place within the sweep has room."""
+        inner = max(view.half - 0.5 * view.width, 0.0)
+        there = [place for _, place in view.open_places(inner)]
+        way, since = self._memory.get("way", 1.0), t - self._memory.get("t", t)
+        place = self._memory.get("place", 0.0) + way * self.params.shift_m_s * since
+        if abs(place) >= inner or not any((at - place) * way > 0.0 for at in there):
+            place = min(max(place, -inner), inner)
+            way = -1.0 if place > 0.0 or way > 0.0 and any(at < place for at in there) else 1.0
+        self._memory |= {"way": way, "place": place, "t": t}
+        return place, not there
+
+
+LEVEL = Level(
+    Oscillate,
+    Params,
+    summary="sweeps along the box to and fro",
+    cost="0.1 ms per step",
+    tolerance="fills 95 % and more of the largest heap on the middle line (closed form)",
+)
