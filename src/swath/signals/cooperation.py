@@ -107,7 +107,7 @@ class PeerState(Signal, about=About()):
     impact_y: Annotated[float, Quantity("m", "leftward", nan="no pipe")] = _NAN
     tank_level: Annotated[float, Quantity("", "of its tank, 0..1", nan="no tank")] = _NAN
     is_pouring: Annotated[bool, Quantity("", "grain leaves its pipe")] = False
-    is_full: Annotated[bool, Quantity("", "it takes no more grain")] = False
+    is_full: Annotated[bool, Quantity("", "it takes no grain now")] = False
 
 
 @frozen
@@ -124,4 +124,4 @@ class Station(Signal, about=About()):
     spot: Annotated[
         float, Quantity("m", "where in the box grain is to come down, ahead of its middle", column="spot_m")
     ]
-    is_full: Annotated[bool, Quantity("", "the box takes no more grain", column="station_full")]
+    is_full: Annotated[bool, Quantity("", "no grain now: the box is full there", column="station_full")]

@@ -27,8 +27,7 @@ class ByProfile(StationKeeper):
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """The place of now; full when no place has room."""
-        inner = max(view.half - 0.5 * view.width, 0.0)
-        there = view.open_places(inner)
+        there = view.open_places()
         place, since = self._memory.get("place", 0.0), t - self._memory.get("t", t)
         goal = self._memory.get("goal", 0.0)
         if there:

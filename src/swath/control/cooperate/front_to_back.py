@@ -8,8 +8,6 @@ from annotated_types import Gt, Le
 from swath.control.cooperate.station import BoxView, Shared, StationKeeper
 from swath.core.registry import Level
 
-END = 0.55  # of the width that the first and the last place keep from the ends of the box
-
 
 @dataclass(frozen=True)
 class Params:
@@ -26,7 +24,7 @@ class FrontToBack(StationKeeper):
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """The first place from the front with room; one that was left is not gone back to."""
-        inner = max(view.half - END * view.width, 0.0)
+        inner = view.reach
         place = self._memory.setdefault("place", inner)
         since = t - self._memory.get("t", t)
         self._memory["t"] = t

@@ -24,13 +24,13 @@ class Oscillate(StationKeeper):
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """The place of now; full when no place within the sweep has room."""
-        inner = max(view.half - 0.5 * view.width, 0.0)
-        there = [place for _, place in view.open_places(inner)]
+        inner = view.reach
+        there = [place for _, place in view.open_places()]
         way, since = self._memory.get("way", 1.0), t - self._memory.get("t", t)
         place = self._memory.get("place", 0.0) + way * self.params.shift_m_s * since
+        place = min(max(place, -inner), inner)
         if abs(place) >= inner or not any((at - place) * way > 0.0 for at in there):
-            place = min(max(place, -inner), inner)
-            way = -1.0 if place > 0.0 or way > 0.0 and any(at < place for at in there) else 1.0
+            way = -1.0 if any(at < place for at in there) else 1.0
         self._memory |= {"way": way, "place": place, "t": t}
         return place, not there
 

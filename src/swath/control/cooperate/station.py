@@ -34,7 +34,7 @@ class Shared:
     dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
     """
 
-    margin_m: Annotated[float, Ge(0), Le(1)] = 0.08
+    margin_m: Annotated[float, Ge(0), Le(1)] = 0.02
     compensate: bool = True
     hold_s: Annotated[float, Ge(0), Le(60)] = 2.5
     clear_m: Annotated[float, Gt(0), Le(50)] = 3.0
@@ -63,22 +63,30 @@ class BoxView:
 
     def has_room(self, place: float) -> bool:
         """Whether grain poured there stays in the box."""
-        if abs(place) > self.half - 0.5 * self.width - 0.3 and self.freeboard[-1 if place > 0.0 else 0] <= 0.0:
-            return False
-        k = min(range(len(self.places)), key=lambda i: abs(self.places[i] - place))
-        return self.freeboard[k] > 0.0
+        at_end = abs(place) > self.half - 0.5 * self.width - 0.3
+        beside = [free for free, at in zip(self.freeboard, self.places, strict=True) if abs(at - place) <= 0.3]
+        if at_end:
+            beside.append(self.freeboard[-1 if place > 0.0 else 0])
+        return min(beside) > 0.0
 
-    def open_places(self, inner: float) -> list[tuple[float, float]]:
-        """Height of the grain and place, of the places within so far of the middle that have room, [m]."""
+    @property
+    def reach(self) -> float:
+        """Farthest place from the middle where it is worth to pour: half a width from an end, and a quarter of
+        a metre [m].
+        """
+        return max(self.half - 0.5 * self.width, 0.0) + 0.25
+
+    def open_places(self) -> list[tuple[float, float]]:
+        """Height of the grain and place, of those places within reach that have room [m]."""
         pairs = zip(self.heights, self.places, strict=True)
-        return [(high, place) for high, place in pairs if abs(place) <= inner + 0.26 and self.has_room(place)]
+        return [(high, place) for high, place in pairs if abs(place) <= self.reach and self.has_room(place)]
 
 
 class StationKeeper(KeepsState):
     """A fill strategy gives `aim`; everything else is here."""
 
     kept = (
-        "_track", "_hitch_angle", "_integral", "_spot", "_is_full", "_full_at", "_aside", "_memory", "_seen",
+        "_track", "_hitch_angle", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside", "_memory", "_seen",
     )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
@@ -103,7 +111,8 @@ class StationKeeper(KeepsState):
         """Nothing to keep yet."""
         self._track.reset()
         self._hitch_angle = self._integral = self._spot = self._aside = 0.0
-        self._is_full, self._full_at, self._seen = False, -1.0, 0.0
+        self._is_full = self._waits = False
+        self._full_at, self._seen = -1.0, 0.0
         self._memory: dict[str, float] = {}
         return {"station": self._idle(0)}
 
@@ -117,7 +126,9 @@ class StationKeeper(KeepsState):
         if not peer.is_heard or peer.impact_x != peer.impact_x:
             return {"station": self._idle(now)}
         before = self._spot
-        spot, is_full = self.aim(now / NS, self._view(inputs["heap"]))
+        view = self._view(inputs["heap"])
+        spot, is_full = self.aim(now / NS, view)
+        self._waits = self._is_full or not view.has_room(self._spot)
         if not self._is_full:
             self._spot, self._is_full = spot, is_full
             self._full_at = now / NS
@@ -165,7 +176,7 @@ class StationKeeper(KeepsState):
             ahead, rate, speed = 0.0, 0.0, max(self._seen * (1.0 - away / LEAVING), 0.0)
         else:
             self._seen = speed
-        return Wanted(now, True, ahead, left, heading, bend, speed, rate, self._spot, self._is_full)
+        return Wanted(now, True, ahead, left, heading, bend, speed, rate, self._spot, self._waits)
 
     def _leave(self, now: float, h: float, peer: PeerState, y: float) -> float:
         """Time [s] since the machine began to leave, 0 while it stays; full and no longer poured on, or silence."""
@@ -190,7 +201,7 @@ class StationKeeper(KeepsState):
         return BoxView(0.5 * box.length, box.width, places, tuple(heap.profile.tolist()), free)
 
     def _idle(self, t: int) -> Wanted:
-        return Wanted(t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self._spot, self._is_full)
+        return Wanted(t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self._spot, self._waits)
 
 
 def on_arc(curvature: float, x: float, y: float) -> tuple[float, float, float]:

@@ -73,8 +73,9 @@ class Unloader(KeepsState):
             self._wants = True
         elif level <= p.stop_percent * PERCENT:
             self._wants = False
-        is_heard = self._track.age <= p.silence_s and not peer.is_full
-        room = self._room(peer, unload, dt / NS) if is_heard and peer.box_x == peer.box_x else -inf
+        is_heard = self._track.age <= p.silence_s
+        may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x
+        room = self._room(peer, unload, dt / NS) if may_pour else -inf
         self._pours = self._decide(now / NS, room) and self._wants and self._may_swing
         near = hypot(self._track.x, self._track.y) <= p.call_m and is_heard
         if unload.flow > 0.0:

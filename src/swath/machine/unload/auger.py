@@ -34,7 +34,7 @@ class Params:
     run_up_s: Annotated[float, Ge(0), Le(20)] = 2.0
     run_out_s: Annotated[float, Ge(0), Le(20)] = 1.5
     taper_percent: Annotated[float, Ge(0), Le(100)] = 4.0
-    spread_m: Annotated[float, Ge(0), Le(2)] = 0.15
+    spread_m: Annotated[float, Ge(0), Le(2)] = 0.1
     wind_east_m_s: Annotated[float, Ge(-30), Le(30)] = 0.0
     wind_north_m_s: Annotated[float, Ge(-30), Le(30)] = 0.0
 
