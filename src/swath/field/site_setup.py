@@ -21,7 +21,6 @@ from swath.field.solids import merge, moved
 from swath.field.track import EdgeShape
 from swath.signals.setup import MachineGeometry
 
-
 TRAILER = ".trailer"  # after a machine's name: the body that it tows
 
 
@@ -100,7 +99,7 @@ class Bodies:
         return [n for n in (name, name + TRAILER) if n in self._solids]
 
     def box_under(self, place: Any) -> tuple[str, float, float] | None:
-        """The body whose box lies below a world point (3,), and the point in that box [m]; None: none does."""
+        """The body whose box lies below a world point (3,), and the point in that box [m]; else None."""
         for name, held in self.boxes.items():
             pose, box = self._poses[name], held.box
             x, y, _ = product(pose.rotation.T, place - pose.position).tolist()

@@ -228,9 +228,9 @@ def read_machine(sheet: Sheet) -> MachineSheet:
         type=s.type,
         slots=s.slots,
         trailer=s.trailer,
-        hitch=s.trailer and Hitch(s.trailer.hitch_x, s.trailer.drawbar),
-        box=s.box and OpenBox(**vars(s.box)),
-        pipe=s.pipe and Pipe(**vars(s.pipe)),
+        hitch=None if s.trailer is None else Hitch(s.trailer.hitch_x, s.trailer.drawbar),
+        box=None if s.box is None else OpenBox(**vars(s.box)),
+        pipe=None if s.pipe is None else Pipe(**vars(s.pipe)),
     )
 
 

@@ -67,14 +67,15 @@ class Towed(KeepsState):
     def state(
         self, t: int, machine: Pose, machine_yaw: float, loads: tuple[float, float, float] | None = None
     ) -> TrailerState:
-        """Where the trailer is behind a machine. loads: of axle and pin, pull [N], where a level knows them."""
+        """Where the trailer is behind a machine. loads: of axle and pin, pull [N], where known."""
         s, ground = self.sheet, self._setup.field
         px, py = self.pin(float(machine.position[0]), float(machine.position[1]), machine_yaw)
         c, n = cos(self.yaw), sin(self.yaw)
         x, y = px - s.drawbar * c, py - s.drawbar * n
         half = 0.5 * s.track
         left, right, front = (
-            float(z) for z in ground.ground_height([x - half * n, x + half * n, px], [y + half * c, y - half * c, py])
+            float(z)
+            for z in ground.ground_height([x - half * n, x + half * n, px], [y + half * c, y - half * c, py])
         )
         z = 0.5 * (left + right)
         pitch = atan((z - front) / s.drawbar)
@@ -123,5 +124,5 @@ def with_trailer(towed: Towed | None, state: MachineState, yaw: float) -> Output
 def refuse_reverse(wanted: float) -> None:
     """InputError for a wanted speed below 0: a trailer that is pushed folds, which no level knows."""
     if wanted < 0.0:
-        expected = f"expected >= 0: a machine with reversing with a trailer is not simulated"
+        expected = "expected >= 0: reversing with a trailer is not simulated"
         raise InputError("speed command", wanted, expected)

@@ -7,12 +7,13 @@ from annotated_types import Ge, Gt, Le
 
 from swath.control.cooperate.station import BoxView, Shared, StationKeeper
 from swath.core.registry import Level
+from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)
 class Params:
-    """shift_m_s: how fast the cart moves along the stream; better_m: how much lower the grain must be elsewhere
-    before it goes there; keep: how the station is kept
+    """shift_m_s: how fast the cart moves along the stream; better_m: how much lower grain must be
+    elsewhere before it goes there; keep: how the station is kept
     """
 
     shift_m_s: Annotated[float, Gt(0), Le(1)] = 0.15
@@ -23,7 +24,9 @@ class Params:
 class ByProfile(StationKeeper):
     """Goes towards the lowest place that has room."""
 
-    params: Params
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        super().__init__(params.keep, setup)
+        self.params = params
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """The place of now; full when no place has room."""

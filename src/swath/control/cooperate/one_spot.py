@@ -7,6 +7,7 @@ from annotated_types import Ge, Le
 
 from swath.control.cooperate.station import BoxView, Shared, StationKeeper
 from swath.core.registry import Level
+from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,9 @@ class Params:
 class OneSpot(StationKeeper):
     """Full when grain reaches the rim beside the spot."""
 
-    params: Params
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        super().__init__(params.keep, setup)
+        self.params = params
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """The spot, and whether there is room."""

@@ -1,11 +1,11 @@
 """Keeping a station beside the machine that unloads: what all fill strategies share.
 
-The middle of the own box is to lie `spot` behind the point where the other one's stream comes down, which the
-link tells, and the own path runs parallel to the other one's. The tractor drives outside of the trailer's path
-by what that tracks off in a bend; what is left at the box is taken out slowly.
+The middle of the own box is to lie `spot` behind the point where the stream of the other one comes down,
+which the link tells, and the own path runs parallel to the other one's. The tractor drives outside of the path
+of its trailer by what that tracks off in a bend; what is left at the box is taken out slowly.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import atan2, copysign, cos, hypot, sin, sqrt
 from typing import Annotated
 
@@ -30,8 +30,8 @@ LEAVING = 8.0  # time in which a machine that leaves comes to rest [s]
 @dataclass(frozen=True)
 class Shared:
     """margin_m: of the rim above the grain at the walls with which the box counts as full
-    compensate: whether the age of messages is made up for; hold_s: silence through which the station is kept by
-    dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
+    compensate: whether the age of messages is made up for; hold_s: silence through which the station is kept
+    by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
     """
 
     margin_m: Annotated[float, Ge(0), Le(1)] = 0.02
@@ -41,18 +41,11 @@ class Shared:
 
 
 @dataclass(frozen=True)
-class Params:
-    """keep: how the station is kept."""
-
-    keep: Shared = field(default_factory=Shared)
-
-
-@dataclass(frozen=True)
 class BoxView:
     """What a fill strategy knows. half, width: half the length, and the width of the box [m]
 
-    places [m ahead of the middle], heights [m above the floor]: profile of the grain; freeboard: rim above the
-    grain at the walls beside each place, less the margin [m]
+    places [m ahead of the middle], heights [m above the floor]: profile of the grain; freeboard: rim above
+    the grain at the walls beside each place, less the margin [m]
     """
 
     half: float
@@ -64,15 +57,17 @@ class BoxView:
     def has_room(self, place: float) -> bool:
         """Whether grain poured there stays in the box."""
         at_end = abs(place) > self.half - 0.5 * self.width - 0.3
-        beside = [free for free, at in zip(self.freeboard, self.places, strict=True) if abs(at - place) <= 0.3]
+        beside = [
+            free for free, at in zip(self.freeboard, self.places, strict=True) if abs(at - place) <= 0.3
+        ]
         if at_end:
             beside.append(self.freeboard[-1 if place > 0.0 else 0])
         return min(beside) > 0.0
 
     @property
     def reach(self) -> float:
-        """Farthest place from the middle where it is worth to pour: half a width from an end, and a quarter of
-        a metre [m].
+        """Farthest place from the middle where it is worth to pour: half a width from an end, and a
+        quarter of a metre [m].
         """
         return max(self.half - 0.5 * self.width, 0.0) + 0.25
 
@@ -86,7 +81,8 @@ class StationKeeper(KeepsState):
     """A fill strategy gives `aim`; everything else is here."""
 
     kept = (
-        "_track", "_hitch_angle", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside", "_memory", "_seen",
+        "_track", "_hitch_angle", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside", "_memory",
+        "_seen",
     )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
@@ -96,12 +92,11 @@ class StationKeeper(KeepsState):
     )
     outputs = (Port("station", Wanted),)
 
-    def __init__(self, params: Params, setup: ControlSetup) -> None:
+    def __init__(self, keep: Shared, setup: ControlSetup) -> None:
         if setup.machine.box is None:
             raise InputError("level", type(self).__name__, "expected a machine whose data sheet has a `box`")
-        self.params = params
-        self._keep, self._box, self._hitch = params.keep, setup.machine.box, setup.machine.hitch
-        self._track = PeerTrack(compensated=params.keep.compensate)
+        self._keep, self._box, self._hitch = keep, setup.machine.box, setup.machine.hitch
+        self._track = PeerTrack(compensated=keep.compensate)
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """Where grain is to come down, ahead of the middle of the box [m], and whether the box is full."""
@@ -179,7 +174,7 @@ class StationKeeper(KeepsState):
         return Wanted(now, True, ahead, left, heading, bend, speed, rate, self._spot, self._waits)
 
     def _leave(self, now: float, h: float, peer: PeerState, y: float) -> float:
-        """Time [s] since the machine began to leave, 0 while it stays; full and no longer poured on, or silence."""
+        """Time [s] since it began to leave, full and no longer poured on, or in silence; 0 while it stays."""
         since = 0.0
         if self._is_full and self._track.age < self._keep.hold_s:
             if peer.is_pouring and now - self._full_at < LONGEST_WAIT and "left" not in self._memory:
@@ -205,8 +200,8 @@ class StationKeeper(KeepsState):
 
 
 def on_arc(curvature: float, x: float, y: float) -> tuple[float, float, float]:
-    """A point against the path of a machine at (0, 0) that drives an arc: distance to its left [m], direction of
-    the path there [rad], way along it [m].
+    """A point against the path of a machine at (0, 0) that drives an arc: distance to its left [m],
+    direction of the path there [rad], way along it [m].
     """
     direction = atan2(curvature * x, 1.0 - curvature * y)
     across = (2.0 * y - curvature * (x * x + y * y)) / (1.0 + hypot(curvature * x, 1.0 - curvature * y))

@@ -1,4 +1,4 @@
-"""Cooperate level `unloader`: the machine with the tank swings the pipe out, and pours while a box is below."""
+"""Cooperate level `unloader`: the machine with the tank swings its pipe out, pours while a box is below."""
 
 from dataclasses import dataclass
 from math import cos, hypot, inf, sin
@@ -95,7 +95,7 @@ class Unloader(KeepsState):
         return now - self._good_since >= self._p.steady_s
 
     def _room(self, peer: PeerState, unload: UnloadState, h: float) -> float:
-        """Least distance of the stream from the rim, as it will be when the auger has run out [m]; < 0 outside."""
+        """Least distance of the stream from the rim, also when the auger has run out [m]; < 0 outside."""
         x, y = self._track.to_own(peer.box_x, peer.box_y)
         turn = self._track.heading + peer.box_heading
         dx, dy = unload.impact_x - x, unload.impact_y - y
@@ -103,7 +103,10 @@ class Unloader(KeepsState):
         before = self._relative or (along, across)
         self._relative = along, across
         reach = 1.0 / h  # a second of run-out at the present relative speed
-        later = [now + min(max((now - then) * reach, -0.5), 0.5) for now, then in zip(self._relative, before, strict=True)]
+        later = [
+            now + min(max((now - then) * reach, -0.5), 0.5)
+            for now, then in zip(self._relative, before, strict=True)
+        ]
         half = 0.5 * peer.box_length, 0.5 * peer.box_width
         return min(size - max(abs(a), abs(b)) for size, a, b in zip(half, self._relative, later, strict=True))
 

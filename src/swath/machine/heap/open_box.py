@@ -26,7 +26,7 @@ OTHER_REPOSE = 25.0
 @dataclass(frozen=True)
 class Params:
     """repose_deg: angle of repose, none = of the field's crop (wheat 25, maize 23, barley 28)
-    density_kg_m3: of the grain in bulk; start_percent: grain in the box at the start, level, of the struck box
+    density_kg_m3: of the grain in bulk; start_percent: at the start, level, of the struck box
     """
 
     repose_deg: Annotated[float, Gt(0), Le(60)] | None = None

@@ -82,9 +82,8 @@ class Surface(KeepsState):
         middle = 0.5 * (self.heights[:, half] + self.heights[:, (self._ny - 1) // 2])
         return np.asarray(np.interp(x, self.x, middle))
 
-
     def freeboard(self, count: int) -> F64:
-        """Rim above the grain at the nearest walls, the least in each of `count` equal parts of the length [m]."""
+        """Rim above the grain at the nearest walls, the least in each of `count` parts of the length [m]."""
         sides = np.maximum(self.heights[:, 0], self.heights[:, -1])
         sides[0] = max(sides[0], float(self.heights[0].max()))
         sides[-1] = max(sides[-1], float(self.heights[-1].max()))

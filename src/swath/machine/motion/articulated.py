@@ -20,7 +20,7 @@ from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
-from swath.machine.towing import Towed, ports_of, refuse_reverse, towed_by
+from swath.machine.towing import ports_of, refuse_reverse, towed_by
 from swath.machine.tyre import GRAVITY, ROLLING_SPEED, creep_damping
 from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
 

@@ -174,9 +174,7 @@ class ThreshingProcess(KeepsState):
         flows.straw += chaff - self._back[1]
         return [grain - flows.cleaning - self._back[0]]
 
-    def _store(
-        self, clean: Masses, h: float, ratio: float, flows: Flows, unload: UnloadState | None
-    ) -> None:
+    def _store(self, clean: Masses, h: float, ratio: float, flows: Flows, unload: UnloadState | None) -> None:
         """Elevator and tank; what an auger of its own slot drew is booked."""
         t, w = self._drivetrain.transport, self._drivetrain
         delay = flow_delay(self._elevator.held()[0] + clean[0], t.elevator, t.grain_feed, t.exponent)

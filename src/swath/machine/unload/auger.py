@@ -27,8 +27,9 @@ LEAST_FLOW = 0.2  # of the full flow, while a nearly empty tank runs out
 @dataclass(frozen=True)
 class Params:
     """run_up_s, run_out_s: from start and stop of the auger to full flow and none
-    taper_percent: level of the tank below which the flow falls, down to a fifth; spread_m: of the stream where
-    it comes down, 1 sigma; wind_east_m_s, wind_north_m_s: where the wind blows to
+    taper_percent: level of the tank below which the flow falls, down to a fifth; spread_m: of the stream
+    where it comes down, 1 sigma, a pipe of 0.4 m has 0.1 m; wind_east_m_s, wind_north_m_s: where the wind
+    blows to
     """
 
     run_up_s: Annotated[float, Ge(0), Le(20)] = 2.0
@@ -49,7 +50,9 @@ class Auger(KeepsState):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         if setup.machine.pipe is None:
-            raise InputError("level", type(self).__name__.lower(), "expected a machine whose data sheet has a `pipe`")
+            raise InputError(
+                "level", type(self).__name__.lower(), "expected a machine whose data sheet has a `pipe`"
+            )
         self._p, self._pipe, self._setup = params, setup.machine.pipe, setup
         self._drivetrain = drivetrain_of(setup.machine)
         self._landing = Landing(setup.field, setup.bodies)
@@ -90,7 +93,7 @@ class Auger(KeepsState):
             self._share = max(0.0, self._share - h / self._p.run_out_s) if self._p.run_out_s > 0.0 else 0.0
 
     def _draw(self, load: MachineLoad, seconds: float) -> float:
-        """Grain [kg] out of the tank in so many seconds of full flow; the process books it at its next step."""
+        """Grain [kg] out of the tank in so many seconds of full flow; the process books it later."""
         content = load.tank_grain + load.unloaded_grain - self._drawn.value
         taper = self._p.taper_percent * PERCENT * self._drivetrain.tank
         share = 1.0 if content >= taper else max(LEAST_FLOW, content / taper)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from math import atan2, cos, nan, sin
+from typing import Any, ClassVar
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
@@ -30,7 +31,7 @@ class Params:
 class IdealLink(KeepsState):
     """Puts a message together from the states of the other machine, relative to this one."""
 
-    kept = ("_last",)
+    kept: ClassVar[tuple[str, ...]] = ("_last",)
     inputs = (
         Port("state", MachineState),
         Port("peer_state", MachineState),
@@ -58,15 +59,18 @@ class IdealLink(KeepsState):
         """What the other machine says at t [ns], relative to this one."""
         own, peer = inputs["state"], inputs["peer_state"]
         age = (own.t - peer.t) / NS  # the other one may have moved later or earlier in this tick
-        x, y, _ = own.pose.inverse().apply(
-            peer.pose.apply([peer.speed * age, peer.lateral_speed * age, 0.0])
-        ).tolist()
+        x, y, _ = (
+            own.pose.inverse()
+            .apply(peer.pose.apply([peer.speed * age, peer.lateral_speed * age, 0.0]))
+            .tolist()
+        )
         heading = peer.pose.euler()[2] + peer.yaw_rate * age - own.pose.euler()[2]
         said = PeerState(
             t, True, (t - own.t) / NS, x, y, atan2(sin(heading), cos(heading)), peer.speed, peer.yaw_rate,
             self._acceleration(peer),
         )  # fmt: skip
-        return replace(said, **self._box(peer, inputs), **_grain(inputs))
+        parts: dict[str, Any] = self._box(inputs) | _grain(inputs)
+        return replace(said, **parts)
 
     def _acceleration(self, peer: MachineState) -> float:
         if self._last is None:
@@ -77,13 +81,13 @@ class IdealLink(KeepsState):
         self._last = peer.t, peer.speed, rate
         return rate
 
-    def _box(self, peer: MachineState, inputs: Inputs) -> dict[str, float]:
-        box, trailer = self._peer.box, inputs.get("peer_trailer")
-        if box is None:
+    def _box(self, inputs: Inputs) -> dict[str, Any]:
+        if self._peer is None or self._peer.box is None:
             return {}
+        box, hitch, trailer = self._peer.box, self._peer.hitch, inputs.get("peer_trailer")
         x, y, angle = box.x, 0.0, 0.0
-        if isinstance(trailer, TrailerState) and self._peer.hitch is not None:
-            hitch, angle = self._peer.hitch, trailer.hitch_angle
+        if isinstance(trailer, TrailerState) and hitch is not None:
+            angle = trailer.hitch_angle
             x = hitch.x + (box.x - hitch.drawbar) * cos(angle)
             y = (box.x - hitch.drawbar) * sin(angle)
         return _measures(box) | {"box_x": x, "box_y": y, "box_heading": angle}
@@ -91,16 +95,16 @@ class IdealLink(KeepsState):
 
 def silence(t: int) -> PeerState:
     """Nothing was ever heard."""
-    return PeerState(t, False, *[nan] * 6)
+    return PeerState(t, False, nan, nan, nan, nan, nan, nan)
 
 
 def _measures(box: OpenBox) -> dict[str, float]:
     return {"box_length": box.length, "box_width": box.width, "rim_height": box.rim}
 
 
-def _grain(inputs: Inputs) -> dict[str, float | bool]:
+def _grain(inputs: Inputs) -> dict[str, Any]:
     """Pipe, tank and whether the box is full."""
-    said: dict[str, float | bool] = {}
+    said: dict[str, Any] = {}
     unload, load, station = (inputs.get(f"peer_{n}") for n in ("unload", "load", "station"))
     if unload is not None:
         said |= {"impact_x": unload.impact_x, "impact_y": unload.impact_y}
