@@ -10,15 +10,18 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.portable import product
 from swath.field.contact import Parts, joined, nearest, overlaps, parts_of
 from swath.field.convex import Vector
 from swath.field.field import Field
-from swath.field.grain import GrainReceiver
+from swath.field.grain import GrainBox, GrainReceiver
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
 from swath.field.solids import merge, moved
 from swath.field.track import EdgeShape
 from swath.signals.setup import MachineGeometry
+
+TRAILER = ".trailer"  # after a machine's name: the body that it tows
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,11 @@ class Bodies:
         self._poses: dict[str, Pose] = {}
         self._starts: dict[str, Pose] = {}
         self._parts: dict[str, Parts] = {}
+        self._shown: dict[str, Solids] = {}
         self._standing: set[str] = set()  # bodies that are no machines
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
+        self.boxes: dict[str, GrainBox] = {}  # by the body that carries them
         self.set_obstacles(obstacles or {})
 
     def set_obstacles(self, obstacles: Mapping[str, Solids]) -> None:
@@ -81,10 +86,31 @@ class Bodies:
             raise InputError("machine", name, f"expected one of {', '.join(sorted(self._solids)) or 'none'}")
         self._poses[name] = pose
 
+    def show(self, name: str, more: Solids) -> None:
+        """What sensors see of a body instead of the solids that it touches others with, in its frame."""
+        self._shown[name] = more
+
+    def pose_of(self, name: str) -> Pose:
+        """Where a body stands."""
+        return self._poses[name]
+
+    def own(self, name: str) -> list[str]:
+        """A machine's bodies: its own and that of its trailer."""
+        return [n for n in (name, name + TRAILER) if n in self._solids]
+
+    def box_under(self, place: Any) -> tuple[str, float, float] | None:
+        """The body whose box lies below a world point (3,), and the point in that box [m]; else None."""
+        for name, held in self.boxes.items():
+            pose, box = self._poses[name], held.box
+            x, y, _ = product(pose.rotation.T, place - pose.position).tolist()
+            if abs(x - box.x) <= 0.5 * box.length and abs(y) <= 0.5 * box.width:
+                return name, x - box.x, y
+        return None
+
     def others(self, name: str) -> Solids:
         """Solids of all machines but one, in the world."""
         rest = sorted(n for n in self._solids if n != name)
-        return merge(*(moved(self._solids[n], self._poses[n]) for n in rest))
+        return merge(*(moved(self._shown.get(n, self._solids[n]), self._poses[n]) for n in rest))
 
     def clearance(self, name: str) -> tuple[float, str]:
         """Distance [m] of a machine from the nearest obstacle or other machine, and the name of that one.
@@ -159,6 +185,27 @@ def why_outside(field: Field, machine: MachineGeometry, start: Pose) -> str:
 
 
 @dataclass(frozen=True)
+class Landing:
+    """Where grain comes down: in a box of a machine, else on the ground of the field."""
+
+    field: Field
+    bodies: Bodies
+
+    def receive(self, mass_kg: float, place: Any) -> None:
+        """A `GrainReceiver`."""
+        self.land(mass_kg, place)
+
+    def land(self, mass_kg: float, place: Any) -> float:
+        """Grain [kg] comes down from a world point (3,) [m]; how much of it stays in a box."""
+        found = self.bodies.box_under(place) if self.bodies.boxes else None
+        if found is None:
+            self.field.receive(mass_kg, place)
+            return 0.0
+        name, x, y = found
+        return self.bodies.boxes[name].pour(mass_kg, x, y, self.field, self.bodies.pose_of(name))
+
+
+@dataclass(frozen=True)
 class SiteSetup:
     """What a component of the machine or a sensor may know, the truth included.
 
@@ -168,7 +215,8 @@ class SiteSetup:
     base: folder that relative file names start from
     origin: where on Earth the world's origin lies, if that is known
     edge: line of the initial edge that the machine follows, such as `field.edges["west"].shape`
-    grain_receiver: takes what the machine's tank is emptied into; None = the ground
+    grain_receiver: takes what the machine's tank is emptied into; None = boxes below, or the ground
+    peer: geometry of the machine that it works with
     """
 
     field: Field
@@ -183,11 +231,17 @@ class SiteSetup:
     origin: Origin | None = None
     edge: EdgeShape | None = None
     grain_receiver: GrainReceiver | None = None
+    peer: MachineGeometry | None = None
 
     @property
     def receiver(self) -> GrainReceiver:
         """Whoever takes the grain that leaves the machine."""
-        return self.grain_receiver or self.field
+        return self.grain_receiver or Landing(self.field, self.bodies)
+
+    @property
+    def carrier(self) -> str:
+        """The body that carries the machine's box: its trailer, or itself."""
+        return self.name + TRAILER if self.machine.hitch else self.name
 
     def solids(self) -> Solids:
         """Everything hard that this machine's sensors can see: obstacles and the other machines."""

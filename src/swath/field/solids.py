@@ -16,11 +16,11 @@ from swath.core.portable import product
 from swath.core.units import DEG
 from swath.field.memory_layout import SolidMesh, Solids
 from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
-from swath.signals.setup import MachineGeometry
+from swath.signals.setup import Hitch, MachineGeometry, OpenBox
 
 Array = NDArray[np.float64]
 PLACE = 1e5  # farthest coordinate of an obstacle [m]
-WOOD, PAINT, STONE = 0.4, 0.3, 0.3  # reflectance at 905 nm, assumed; a user can set each
+WOOD, PAINT, STONE, GRAIN = 0.4, 0.3, 0.3, 0.45  # reflectance at 905 nm, assumed; a user can set each
 MESH_SIZE = (0.01, 200.0)  # of a mesh [m]
 KNIFE_CLEARANCE = 0.1  # of the header's body above ground [m], assumed
 
@@ -225,6 +225,44 @@ def machine_body(machine: MachineGeometry, reflectance: float = PAINT) -> Solids
         reflectance=reflectance,
     )
     return merge(chassis, header)
+
+
+def trailer_body(hitch: Hitch, width: float, box: OpenBox | None, reflectance: float = PAINT) -> Solids:
+    """A trailer as boxes in the frame of its axle: wheels and frame, drawbar, and the box for grain."""
+    frame = box_on_ground([0.0, 0.0, 0.1], [2.2, width, 1.6], reflectance=reflectance)
+    bar = box_on_ground([0.5 * hitch.drawbar, 0.0, 0.4], [hitch.drawbar, 0.3, 0.3], reflectance=reflectance)
+    if box is None:
+        return merge(frame, bar)
+    size = [box.length, box.width + 0.1, box.depth + 0.3]
+    return merge(frame, bar, box_on_ground([box.x, 0.0, box.floor - 0.3], size, reflectance=reflectance))
+
+
+def box_walls(box: OpenBox, reflectance: float = PAINT) -> Solids:
+    """Four walls of a box for grain, 5 cm thick, from 0.3 m below its floor to its rim."""
+    high, low, thick = box.depth + 0.3, box.floor - 0.3, 0.05
+    ends = [
+        box_on_ground(
+            [box.x + s * 0.5 * (box.length + thick), 0.0, low],
+            [thick, box.width + 2 * thick, high],
+            reflectance=reflectance,
+        )
+        for s in (-1.0, 1.0)
+    ]
+    sides = [
+        box_on_ground(
+            [box.x, s * 0.5 * (box.width + thick), low], [box.length, thick, high], reflectance=reflectance
+        )
+        for s in (-1.0, 1.0)
+    ]
+    return merge(*ends, *sides)
+
+
+def height_surface(x: Array, y: Array, heights: Array, reflectance: float = GRAIN) -> Solids:
+    """A surface of triangles through heights [m], shape (len(x), len(y))."""
+    points = np.stack([*np.meshgrid(x, y, indexing="ij"), heights], axis=-1)
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    triangles = np.stack([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)])
+    return mesh(triangles.reshape(-1, 3, 3), Pose.identity(), reflectance)
 
 
 NOTHING = Solids()

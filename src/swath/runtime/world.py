@@ -14,9 +14,10 @@ from swath.core.graph import EndOfRun, Graph
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
-from swath.field.site_setup import Bodies
+from swath.field.site_setup import TRAILER, Bodies
 from swath.field.track import EdgeShape
 from swath.machine.machine_sheet import MachineSheet
+from swath.machine.towing import pose_of
 from swath.record.messages import RecordedMachine
 from swath.scenario.resolved import MachineSection
 from swath.scenario.scenario import Scenario
@@ -178,9 +179,12 @@ class World:
                     raise EndOfRun(f"{machine.name}.{slot}: {reason}")
 
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
-        """Observer of the graph: the bodies of the machines stand where the machines do."""
+        """Observer of the graph: the bodies of the machines and their trailers stand where these do."""
         if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
-            self.bodies.place(slot.partition(".")[0], state.pose)
+            name = slot.partition(".")[0]
+            self.bodies.place(name, state.pose)
+            if (trailer := outputs.get("trailer")) is not None:
+                self.bodies.place(name + TRAILER, pose_of(trailer))
 
 
 _KINDS: dict[type, bool] = {}

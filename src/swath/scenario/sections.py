@@ -217,3 +217,6 @@ class MachineCommon(BaseModel):
     field_edge: Annotated[
         str | None, Field(description="name of the edge that it follows, of field.edges; default: the first")
     ] = None
+    peer: Annotated[
+        str | None, Field(description="name of the machine that it works with: its slot `peer_link` hears it")
+    ] = None

@@ -19,17 +19,23 @@ from swath.signals import (
     FeedReading,
     Fix,
     HeaderState,
+    HeapState,
     Image,
     Inertial,
     LossReading,
     MachineLoad,
     MachineState,
     Odometry,
+    PeerState,
     Scan,
     ScanTruth,
     SpeedCommand,
+    Station,
     SteerCommand,
     SteerState,
+    TrailerState,
+    UnloadCommand,
+    UnloadState,
     YieldReading,
 )
 
@@ -61,6 +67,7 @@ class SlotKind:
 
 
 _STATE = {"state": ("motion", "state")}
+PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
 
 SLOTS: tuple[SlotKind, ...] = (
     SlotKind(
@@ -75,7 +82,9 @@ SLOTS: tuple[SlotKind, ...] = (
             "drive": ("powertrain", "engine"),
             "load": ("process", "load"),
             "header": ("header", "height"),
+            "cargo": ("heap", "heap"),
         },
+        more=(Port("trailer", TrailerState),),
     ),
     SlotKind(
         "header",
@@ -92,8 +101,29 @@ SLOTS: tuple[SlotKind, ...] = (
         "constant",
         10.0,
         (Port("load", MachineLoad),),
-        {**_STATE, "flow": ("header", "flow"), "engine": ("powertrain", "engine")},
+        {
+            **_STATE,
+            "flow": ("header", "flow"),
+            "engine": ("powertrain", "engine"),
+            "unload": ("unload", "unload"),
+        },
         link_adapter="swath.machine.process.straw_laying:LaidStraw",
+    ),
+    SlotKind(
+        "unload",
+        ("swath.machine.unload",),
+        "auger",
+        20.0,
+        (Port("unload", UnloadState),),
+        {**_STATE, "load": ("process", "load"), "command": ("cooperate", "command")},
+    ),
+    SlotKind(
+        "heap",
+        ("swath.machine.heap",),
+        "height_map",
+        5.0,
+        (Port("heap", HeapState),),
+        {"trailer": ("motion", "trailer")},
     ),
     SlotKind(
         "powertrain",
@@ -164,6 +194,23 @@ SLOTS: tuple[SlotKind, ...] = (
         is_exchangeable=True,
     ),
     SlotKind(
+        "peer_link",
+        ("swath.sensing.peer_link",),
+        "ideal",
+        10.0,
+        (Port("peer", PeerState),),
+        {
+            **_STATE,
+            "peer_state": (PEER + "motion", "state"),
+            "peer_trailer": (PEER + "motion", "trailer"),
+            "peer_load": (PEER + "process", "load"),
+            "peer_heap": (PEER + "heap", "heap"),
+            "peer_unload": (PEER + "unload", "unload"),
+            "peer_station": (PEER + "cooperate", "station"),
+        },
+        is_exchangeable=True,
+    ),
+    SlotKind(
         "edge",
         ("swath.control.edge", "swath.sensing.edge"),
         "likelihood_ratio",
@@ -191,6 +238,23 @@ SLOTS: tuple[SlotKind, ...] = (
         is_exchangeable=True,
     ),
     SlotKind(
+        "cooperate",
+        ("swath.control.cooperate",),
+        "one_spot",
+        20.0,
+        (),
+        {
+            "peer": ("peer_link", "peer"),
+            "odometry": ("odometry", "odometry"),
+            "load": ("process", "load"),
+            "heap": ("heap", "heap"),
+            "unload": ("unload", "unload"),
+        },
+        more=(Port("station", Station), Port("command", UnloadCommand)),
+        is_control=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
         "steer",
         ("swath.control.steer",),
         "preview",
@@ -201,6 +265,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "edge": ("edge", "edge"),
             "odometry": ("odometry", "odometry"),
             "inertial": ("imu", "inertial"),
+            "station": ("cooperate", "station"),
         },
         is_control=True,
         is_exchangeable=True,
@@ -218,6 +283,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "feed": ("crop_flow", "feed"),
             "engine": ("powertrain", "engine"),
             "ahead": ("ahead", "ahead"),
+            "station": ("cooperate", "station"),
         },
         is_control=True,
         is_exchangeable=True,
@@ -232,7 +298,7 @@ SLOTS: tuple[SlotKind, ...] = (
     ),
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
-TRUTH = (MachineState, ScanTruth)  # what control never sees
+TRUTH = (MachineState, ScanTruth, TrailerState)  # what control never sees
 
 
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:

@@ -20,7 +20,8 @@ from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
-from swath.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
+from swath.machine.towing import ports_of, tow, towed_by, with_trailer
+from swath.signals import EngineState, HeapState, MachineLoad, MachineState, SpeedCommand, SteerState
 
 GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 
@@ -41,7 +42,7 @@ class Params:
 
 
 class SingleTrack:
-    """Single-track model on terrain, steered behind or ahead of the fixed axle.
+    """Single-track model on terrain, steered behind or ahead of the fixed axle; it does not feel its trailer.
 
     Steering angle and slopes are held over a step. Lengths behind the fixed axle are below 0 where the
     steered axle is ahead of it; the equations are the same.
@@ -52,8 +53,8 @@ class SingleTrack:
         Port("speed", SpeedCommand),
         Port("drive", EngineState, optional=True),
         Port("load", MachineLoad, optional=True),
+        Port("cargo", HeapState, optional=True),
     )
-    outputs = (Port("state", MachineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         d = dynamics_of(setup.machine)
@@ -68,6 +69,8 @@ class SingleTrack:
         self._loop = SpeedLoop(d)
         self._compile()
         self._weigh(d)
+        self._towed = towed_by(setup)
+        self.outputs = ports_of(self._towed)
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, tyres without slip."""
@@ -75,6 +78,8 @@ class SingleTrack:
         x, y = float(self._start.position[0]), float(self._start.position[1])
         self._go_to(x, y, self._start.euler()[2], 0.0, 0.0, 0.0, 0.0, 0.0)
         self._speed = self._params.start_speed_kmh * KMH
+        if self._towed is not None:
+            self._towed.place(x, y, self._start.euler()[2])
         return self._output(0, 0.0, self._q.read())
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -95,6 +100,7 @@ class SingleTrack:
             q = self._q.read()
             self._follower.at(q[0], q[1], q[2])
             self._speed = end
+        tow(self._towed, inputs, q[0], q[1], q[2])
         return self._output(t + dt, steer, q)
 
     @property
@@ -106,13 +112,16 @@ class SingleTrack:
     def save(self) -> State:
         """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, distance, speed, grain."""
         state = dict(zip(self._q.names, self._q.read(), strict=True))
-        return {**state, "speed": self._speed, "grain": self._grain}
+        towed = None if self._towed is None else self._towed.save()
+        return {**state, "speed": self._speed, "grain": self._grain, "towed": towed}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._speed = state["speed"]
         self._fill(state["grain"])
         self._go_to(*(state[name] for name in self._q.names))
+        if self._towed is not None:
+            self._towed.load(state["towed"])
 
     def _compile(self) -> None:
         """Memory that is shared with the compiled step: the state `_q`, what is held, what stays."""
@@ -155,9 +164,10 @@ class SingleTrack:
         self._grain = grain
 
     def _output(self, t: int, steer: float, q: tuple[float, ...]) -> Outputs:
-        _, _, _, side, turn, _, _, distance = q
+        _, _, yaw, side, turn, _, _, distance = q
         lateral = side + self._ahead * turn
-        return {"state": MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)}
+        state = MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)
+        return with_trailer(self._towed, state, yaw)
 
 
 def _either(given: float | None, sheet: float) -> float:
