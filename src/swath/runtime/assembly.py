@@ -30,6 +30,7 @@ from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.field_setup import build_field
 from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
+from swath.runtime.scene import scene_nodes
 from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
@@ -52,7 +53,8 @@ def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> Worl
 def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
     base = _base(scenario)
     ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
-    site = _Site(ground.field, ground.obstacles, Bodies(ground.named_obstacles), base, ground.origin)
+    site = _Site(ground.field, ground.obstacles, Bodies(), base, ground.origin)
+    site.bodies.set_things(ground.things)
     machines, nodes = {}, []
     for section in scenario.machines.values():
         machine, own_nodes = _build_machine(_reduced(section, only), site)
@@ -63,6 +65,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
         check_room(scenario, machine, ground.field)
     if only is None:
         check_start(machines, ground.field, site.bodies)
+        nodes = [*scene_nodes(ground.things, ground.field, site.bodies, tuple(machines)), *nodes]
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
     graph.before_tick.append(world.end_with_parts)

@@ -145,7 +145,8 @@ class World:
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
         """Observer of the graph: the bodies of the machines stand where the machines do."""
         if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
-            self.bodies.place(slot.partition(".")[0], state.pose)
+            along = state.pose.rotation[:, 0] * state.speed + state.pose.rotation[:, 1] * state.lateral_speed
+            self.bodies.place(slot.partition(".")[0], state.pose, along)
 
 
 _KINDS: dict[type, bool] = {}
