@@ -7,7 +7,7 @@ from swath.core.frames import Pose
 from swath.record.message_factory import MessageFactory
 from swath.record.messages import Sent, Source
 from swath.record.own_messages import own_messages
-from swath.signals import OBSTACLE_KINDS, Obstacles
+from swath.signals import OBSTACLE_KINDS, Objects, Obstacles
 
 CUBE, TEXT, DELETE_ALL = 1, 9, 3  # visualization_msgs/Marker
 LETTERS = 0.4  # height of the text above a box [m]
@@ -32,6 +32,19 @@ def obstacle_messages(source: Source, seen: Obstacles) -> Iterator[Sent]:
     ]
     frame = source.frame_of(type(seen))
     yield Sent(f"{source.topic}_markers", box_markers(source.make, seen.t, frame, boxes, (0.84, 0.37, 0.0)))
+
+
+def object_messages(source: Source, seen: Objects) -> Iterator[Sent]:
+    """swath_msgs/Objects, and visualization_msgs/MarkerArray beside it."""
+    yield from own_messages(source, seen)
+    names = ("kind", "x", "y", "top", "heading", "length", "width", "confidence")
+    rows = zip(*(getattr(seen, name).tolist() for name in names), strict=True)
+    boxes = [
+        Box((x, y, 0.5 * top), heading, (length, width, top), f"{OBSTACLE_KINDS[kind]} {confidence:.2f}")
+        for kind, x, y, top, heading, length, width, confidence in rows
+    ]
+    frame = source.frame_of(type(seen))
+    yield Sent(f"{source.topic}_markers", box_markers(source.make, seen.t, frame, boxes, (0.0, 0.45, 0.70)))
 
 
 NAMES = ("kind", "x", "y", "z", "heading", "speed", "length", "width", "height")

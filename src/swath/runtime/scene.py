@@ -76,10 +76,14 @@ class Scene(KeepsState):
         return Obstacles(
             t,
             np.array([OBSTACLE_KINDS.index(b.kind) for b in there], np.uint8),
-            *(middles[:, k].copy() for k in range(3)),
+            middles[:, 0].copy(),
+            middles[:, 1].copy(),
+            middles[:, 2].copy(),
             np.array([b.pose.euler()[2] for b in there]),
             np.array([float(np.hypot(b.velocity[0], b.velocity[1])) for b in there]),
-            *(2.0 * half[:, k] for k in range(3)),
+            2.0 * half[:, 0],
+            2.0 * half[:, 1],
+            2.0 * half[:, 2],
         )
 
 

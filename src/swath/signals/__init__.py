@@ -22,6 +22,8 @@ from swath.signals.header import HeaderState as HeaderState
 from swath.signals.image import Image as Image
 from swath.signals.motion import MachineState as MachineState
 from swath.signals.motion import SteerState as SteerState
+from swath.signals.objects import Objects as Objects
+from swath.signals.objects import objects_of as objects_of
 from swath.signals.obstacles import OBSTACLE_KINDS as OBSTACLE_KINDS
 from swath.signals.obstacles import Obstacles as Obstacles
 from swath.signals.positioning import FIX_QUALITIES as FIX_QUALITIES
