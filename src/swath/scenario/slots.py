@@ -18,6 +18,7 @@ from swath.signals import (
     EngineState,
     FeedReading,
     Fix,
+    GroundSpeed,
     HeaderState,
     Image,
     Inertial,
@@ -31,6 +32,7 @@ from swath.signals import (
     SpeedCommand,
     SteerCommand,
     SteerState,
+    WheelState,
     YieldReading,
 )
 
@@ -77,6 +79,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "load": ("process", "load"),
             "header": ("header", "height"),
         },
+        more=(Port("wheels", WheelState),),
     ),
     SlotKind(
         "header",
@@ -140,7 +143,17 @@ SLOTS: tuple[SlotKind, ...] = (
         "error",
         50.0,
         (Port("odometry", Odometry),),
-        {**_STATE, "steering": ("steering", "steering")},
+        {**_STATE, "steering": ("steering", "steering"), "wheels": ("motion", "wheels")},
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
+        "ground_speed",
+        ("swath.sensing.ground_speed",),
+        "radar",
+        10.0,
+        (Port("speed", GroundSpeed),),
+        _STATE,
         is_plural=True,
         is_exchangeable=True,
     ),
@@ -213,7 +226,12 @@ SLOTS: tuple[SlotKind, ...] = (
         "preview",
         50.0,
         (Port("command", SteerCommand),),
-        {**_STATE, "edge": ("edge", "edge"), "odometry": ("odometry", "odometry")},
+        {
+            **_STATE,
+            "edge": ("edge", "edge"),
+            "odometry": ("odometry", "odometry"),
+            "ground": ("ground_speed", "speed"),
+        },
         is_control=True,
         is_exchangeable=True,
     ),
@@ -245,7 +263,7 @@ SLOTS: tuple[SlotKind, ...] = (
     ),
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
-TRUTH = (MachineState, ScanTruth)  # what control never sees
+TRUTH = (MachineState, ScanTruth, WheelState)  # what control never sees
 
 
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:
