@@ -32,6 +32,7 @@ from swath.runtime.faults import displaced, make_fault
 from swath.runtime.field_setup import build_field
 from swath.runtime.kept import KeptFields
 from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
+from swath.runtime.scene import scene_nodes
 from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
@@ -61,7 +62,8 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
         ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base)
     else:
         ground = fields.ground(scenario.field, seed, base)
-    bodies = Bodies(ground.named_obstacles)
+    bodies = Bodies()
+    bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}
     site = _Site(ground.field, ground.obstacles, bodies, base, sheets, ground.origin)
     machines: dict[str, Machine] = {}
@@ -76,6 +78,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
         nodes += [n for n in own if only is None or n.slot.name in only]
     if only is None:
         check_start(machines, ground.field, site.bodies)
+        nodes = [*scene_nodes(ground.things, ground.field, site.bodies, tuple(machines)), *nodes]
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
     graph.before_tick.append(world.end_with_parts)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from swath.core.random import Stream
-from swath.field.solids import named_obstacles
+from swath.field.obstacles import things_of
 from swath.runtime.field_setup import Ground, build_field
 from swath.scenario.resolved import FieldSection
 
@@ -32,6 +32,6 @@ class KeptFields:
                 self._grounds.popitem(last=False)
         else:
             kept.field.reset()
-            kept = replace(kept, named_obstacles=named_obstacles(section.obstacles, kept.field))
+            kept = replace(kept, things=things_of(section.obstacles, kept.field))
         self._grounds[key] = kept
         return kept

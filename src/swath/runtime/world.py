@@ -182,7 +182,8 @@ class World:
         """Observer of the graph: the bodies of the machines and their trailers stand where these do."""
         if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
             name = slot.partition(".")[0]
-            self.bodies.place(name, state.pose)
+            along = state.pose.rotation[:, 0] * state.speed + state.pose.rotation[:, 1] * state.lateral_speed
+            self.bodies.place(name, state.pose, along)
             if (trailer := outputs.get("trailer")) is not None:
                 self.bodies.place(name + TRAILER, pose_of(trailer))
 

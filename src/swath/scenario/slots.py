@@ -18,6 +18,7 @@ from swath.signals import (
     EngineState,
     FeedReading,
     Fix,
+    GroundSpeed,
     HeaderState,
     HeapState,
     Image,
@@ -25,6 +26,7 @@ from swath.signals import (
     LossReading,
     MachineLoad,
     MachineState,
+    Objects,
     Odometry,
     PeerState,
     Scan,
@@ -36,6 +38,7 @@ from swath.signals import (
     TrailerState,
     UnloadCommand,
     UnloadState,
+    WheelState,
     YieldReading,
 )
 
@@ -84,7 +87,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "header": ("header", "height"),
             "cargo": ("heap", "heap"),
         },
-        more=(Port("trailer", TrailerState),),
+        more=(Port("trailer", TrailerState), Port("wheels", WheelState)),
     ),
     SlotKind(
         "header",
@@ -169,7 +172,17 @@ SLOTS: tuple[SlotKind, ...] = (
         "error",
         50.0,
         (Port("odometry", Odometry),),
-        {**_STATE, "steering": ("steering", "steering")},
+        {**_STATE, "steering": ("steering", "steering"), "wheels": ("motion", "wheels")},
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
+        "ground_speed",
+        ("swath.sensing.ground_speed",),
+        "radar",
+        10.0,
+        (Port("speed", GroundSpeed),),
+        _STATE,
         is_plural=True,
         is_exchangeable=True,
     ),
@@ -227,6 +240,22 @@ SLOTS: tuple[SlotKind, ...] = (
         is_exchangeable=True,
     ),
     SlotKind(
+        "objects",
+        ("swath.control.objects", "swath.sensing.objects"),
+        "cluster",
+        10.0,
+        (Port("objects", Objects),),
+        {
+            **_STATE,
+            "scan": ("lidar", "scan"),
+            "odometry": ("odometry", "odometry"),
+            "edge": ("edge", "edge"),
+        },
+        is_control=True,
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
         "ahead",
         ("swath.control.ahead",),
         "penetration",
@@ -266,6 +295,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "odometry": ("odometry", "odometry"),
             "inertial": ("imu", "inertial"),
             "station": ("cooperate", "station"),
+            "ground": ("ground_speed", "speed"),
         },
         is_control=True,
         is_exchangeable=True,
@@ -284,6 +314,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "engine": ("powertrain", "engine"),
             "ahead": ("ahead", "ahead"),
             "station": ("cooperate", "station"),
+            "objects": ("objects", "objects"),
         },
         is_control=True,
         is_exchangeable=True,
@@ -298,7 +329,7 @@ SLOTS: tuple[SlotKind, ...] = (
     ),
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
-TRUTH = (MachineState, ScanTruth, TrailerState)  # what control never sees
+TRUTH = (MachineState, ScanTruth, TrailerState, WheelState)  # what control never sees
 
 
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:

@@ -23,11 +23,17 @@ from swath.signals.crop_sensors import LossReading as LossReading
 from swath.signals.crop_sensors import YieldReading as YieldReading
 from swath.signals.drivetrain import EngineState as EngineState
 from swath.signals.drivetrain import MachineLoad as MachineLoad
+from swath.signals.ground_speed import GroundSpeed as GroundSpeed
 from swath.signals.header import CropFlow as CropFlow
 from swath.signals.header import HeaderState as HeaderState
 from swath.signals.image import Image as Image
 from swath.signals.motion import MachineState as MachineState
 from swath.signals.motion import SteerState as SteerState
+from swath.signals.motion import WheelState as WheelState
+from swath.signals.objects import Objects as Objects
+from swath.signals.objects import objects_of as objects_of
+from swath.signals.obstacles import OBSTACLE_KINDS as OBSTACLE_KINDS
+from swath.signals.obstacles import Obstacles as Obstacles
 from swath.signals.positioning import FIX_QUALITIES as FIX_QUALITIES
 from swath.signals.positioning import Fix as Fix
 from swath.signals.positioning import Inertial as Inertial

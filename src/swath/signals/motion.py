@@ -69,6 +69,18 @@ class MachineState(Signal, about=About("world", _STATE, is_thinned=True, track_o
 
 
 @frozen
+class WheelState(Signal):
+    """Truth about the driven wheels, of a motion level that is asked for it."""
+
+    speed: Annotated[float, Quantity("m/s", "of their rims, what a sensor at the axle counts")]
+    slip: Annotated[
+        float, Quantity("", "faster than the ground passes, share of its speed", column="wheel_slip")
+    ]
+    traction: Annotated[float, Quantity("N", "that they pull, all together")]
+    load: Annotated[float, Quantity("N", "that presses them to the ground")]
+
+
+@frozen
 class SteerState(
     Signal,
     about=About(messages=(Message("ackermann_msgs/AckermannDriveStamped"),), is_thinned=True, track_order=1),
