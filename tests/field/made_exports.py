@@ -33,7 +33,9 @@ def wet_yield(row):
 def john_deere(folder, *, crop="Winter Wheat", sections=3, share=1.0, metadata=""):
     """Shapefile of the Operations Center: a record per section of the header, feet, pounds per acre."""
     folder.mkdir()
-    with shapefile.Writer(folder / "Home-North-Harvest", shapeType=shapefile.POINT, encoding="cp1252") as made:
+    with shapefile.Writer(
+        folder / "Home-North-Harvest", shapeType=shapefile.POINT, encoding="cp1252"
+    ) as made:
         for name in ("DISTANCE", "SWATHWIDTH", "VRYIELDVOL", "SECTIONID"):
             made.field(name, "N", 20, 8)
         made.field("Crop", "C", 40)
@@ -58,7 +60,9 @@ def john_deere(folder, *, crop="Winter Wheat", sections=3, share=1.0, metadata="
 
 def write(path, header, lines, *, encoding="utf-8", separator=","):
     text = [separator.join(header)] if header else []
-    path.write_text("\n".join([*text, *(separator.join(map(str, line)) for line in lines)]), encoding=encoding)
+    path.write_text(
+        "\n".join([*text, *(separator.join(map(str, line)) for line in lines)]), encoding=encoding
+    )
     return path
 
 
@@ -79,8 +83,8 @@ def sms(path, *, clock="%I:%M:%S %p", crop="WINTER WHEAT"):
 def farm_platform(path):
     """Snake case with units, bushels of dry wheat at 13.5 %."""
     header = [
-        "lat_wgs84", "lng_wgs84", "dry_yield_bu_ac", "moisture_pct", "swath_width_ft", "speed_mph", "crop_type",
-        "timestamp_utc",
+        "lat_wgs84", "lng_wgs84", "dry_yield_bu_ac", "moisture_pct", "swath_width_ft", "speed_mph",
+        "crop_type", "timestamp_utc",
     ]  # fmt: skip
     lines = (
         (f"{lat:.8f}", f"{lon:.8f}",

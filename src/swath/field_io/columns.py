@@ -159,7 +159,7 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
     "distance": ("m", (r"dist|distance|strecke",)),
     "header_width": (
         "m",
-        (r"swath|sw(a)?th_?wi?dth|header_?width|cut(ting)?_?width|working_?width|width|schnittbreite"
+        (r"swath|sw(a)?th_?wi?dth|header_?width|cut(ting)?_?width|work(ing)?_?width|width|schnittbreite"
          r"|arbeitsbreite|schneidwerksbreite|largeur(_?de_?(coupe|travail))?", r"breite"),
     ),
     "grain_flow": (

@@ -22,9 +22,11 @@ from swath.field_io.dem import read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
+from swath.field_io.isoxml import is_taskdata
 from swath.field_io.log import Log, read_log
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
+from swath.field_io.plan import plan_field, read_plan
 from swath.field_io.report import ImportReport
 from swath.terminal.progress import steps
 
@@ -84,7 +86,13 @@ def import_log(
     folder.check_target(out)
     with steps(6, shown=progress) as step:
         step("reading the log")
-        records = _read(log, columns, settings)
+        try:
+            records = _read(log, columns, settings)
+        except InputError as error:
+            is_harvest = not isinstance(error, ColumnsMissing) and error.key != "taskdata"
+            if is_harvest or not is_taskdata(log) or not read_plan(log)[0]:
+                raise
+            return _import_plan(log, out, dem, settings)
         crop_facts = load_crop(records.crop)
         polygon, notes, within = None, list(records.notes), None
         if boundary is not None:
@@ -156,13 +164,38 @@ def _read(log: Path, columns: Path | None, settings: Settings) -> Log:
             log, columns, header_width=settings.header_width_m, crop=settings.crop, as_map=settings.as_map
         )
     except ColumnsMissing as error:
-        home = log.parent if os.access(log.parent, os.W_OK) else Path()
-        made = home / f"{log.stem}.columns.yaml"
-        if columns is not None or made.exists() or not os.access(home, os.W_OK):
+        if is_taskdata(log):
+            raise
+        home = next(
+            (f for f in (log.parent, Path()) if os.access(f, os.W_OK) and f.stat().st_mode & 0o222), None
+        )
+        if home is None or columns is not None:
+            raise
+        made = home / f"{log.name.partition('.')[0]}.columns.yaml"
+        if made.exists():
             raise
         made.write_text(error.template + "\n", encoding="utf-8")
         expected = f"{error.expected.partition(';')[0]}; fill in {made} and give it with --columns"
         raise InputError(error.key, None, expected, file=log) from error
+
+
+def _import_plan(path: Path, out: Path, dem: Path | None, settings: Settings) -> ImportReport:
+    """A field folder of task data without a yield."""
+
+    def terrain(polygon: Any, epsg: int) -> tuple[Raster, dict[str, Any]]:
+        return _ground(make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, epsg), dem)
+
+    field = plan_field(
+        path, out, crop=settings.crop, width=settings.header_width_m, cell=settings.cell_m, load=load_crop,
+        terrain=terrain,
+    )  # fmt: skip
+    field.info.update(_plain(field.info))
+    folder.write(field, draw)
+    about = field.info
+    return ImportReport(
+        out, about["source"], {}, [], {}, 0, about["field"], about["crop"], about["terrain"],
+        tuple(about["notes"]),
+    )  # fmt: skip
 
 
 def _of_crop(settings: Settings, crop: Crop) -> Settings:
@@ -207,13 +240,9 @@ def _terrain(
     cleaned: Cleaned, polygon: Any, dem: Path | None, settings: Settings
 ) -> tuple[Raster, dict[str, Any]]:
     grid = make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, cleaned.log.epsg)
-    if dem is not None:
-        raster, known = read_dem(dem, grid)
-        return raster, {"source": f"DEM {dem.name}", "known_share": known, **_relief(raster)}
-    fit = fit_terrain(cleaned, grid)
+    fit = None if dem is not None else fit_terrain(cleaned, grid)
     if fit is None:
-        flat = Raster(np.zeros(grid.values.shape, np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
-        return flat, {"source": "flat: the log has no heights", "relief_m": 0.0}
+        return _ground(grid, dem)
     used = bool(np.any(fit.offset != 0.0))
     return fit.raster, {
         "source": "heights of the log" + (", drift between passes removed" if used else ""),
@@ -225,6 +254,15 @@ def _terrain(
         "pass_step_sd_before_m": fit.step_before,
         "share_far_from_records": fit.far_share,
     }
+
+
+def _ground(grid: Raster, dem: Path | None) -> tuple[Raster, dict[str, Any]]:
+    """Terrain of a DEM, flat without one."""
+    if dem is not None:
+        raster, known = read_dem(dem, grid)
+        return raster, {"source": f"DEM {dem.name}", "known_share": known, **_relief(raster)}
+    flat = Raster(np.zeros(grid.values.shape, np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
+    return flat, {"source": "flat: the log has no heights", "relief_m": 0.0}
 
 
 def _relief(raster: Raster) -> dict[str, float]:

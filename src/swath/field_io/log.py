@@ -29,6 +29,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "distance": (0.0, 1e4),
 }  # fmt: skip
 """Limits in SI units (m/s, m, kg/s, kg/m2, share, m, m, s, m). Outside, the number means something else."""
+_PLAIN = ("lat", "lon", "time", "duration")  # their units without a word are no news
 _NEEDED = ("grain_flow", "yield", "speed", "header_width")
 """A bad value here breaks the row, elsewhere the cell."""
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
@@ -108,7 +109,9 @@ def read_log(
         list(table.columns), path, columns, table.points is not None, units=table.units,
         needs_width=header_width is None,
     )  # fmt: skip
-    notes = [f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed]
+    notes = [
+        f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed and k not in _PLAIN
+    ]
     notes += table.notes[:MOST_NOTES]
     row_count = len(table.row_number) + sum(table.broken.values())
     if len(table.row_number) < FEWEST_RECORDS:
@@ -162,6 +165,7 @@ def _crop(
     none = np.zeros(len(table.row_number), dtype=bool)
     column = found.columns.get("crop")
     texts = table.texts(column.column) if column is not None else []
+    texts = texts if any(texts) else []
     if given is not None:
         return given, none, ""
     try:

@@ -25,7 +25,8 @@ EMPTY_AREA = 100.0  # m2: less is no field
 def read_outline(path: Path, epsg: int) -> Any:
     """Polygon of a boundary file in the system epsg [m].
 
-    GeoJSON, KML (lon/lat) or a polygon shapefile, zipped too. Several polygons are united; the largest part is the field. Raises InputError.
+    GeoJSON, KML (lon/lat) or a polygon shapefile, zipped too. Several polygons are united; the largest
+    part is the field. Raises InputError.
     """
     shapely = _shapely()
     with readable("boundary", "GeoJSON, KML or a polygon shapefile", path):
@@ -48,7 +49,7 @@ def read_outline(path: Path, epsg: int) -> Any:
     if not all(np.isfinite(shapely.get_coordinates(s)).all() for s in moved):
         expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
         raise InputError("boundary", None, expected, file=path)
-    return _largest(shapely.union_all([shapely.make_valid(s) for s in moved]), path)
+    return largest(shapely.union_all([shapely.make_valid(s) for s in moved]), path)
 
 
 def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
@@ -65,7 +66,7 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     strips = shapely.union_all([line.buffer(0.5 * width, cap_style="flat") for line in lines])
     grow = CLOSING_WIDTHS * width
     closed = strips.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre")
-    field = _largest(closed.simplify(0.5), None)
+    field = largest(closed.simplify(0.5), None)
     notes = []
     if field.area < 0.98 * closed.area:
         notes.append(f"covered ground in several parts: {(closed.area - field.area) / 1e4:.2f} ha left out")
@@ -86,7 +87,7 @@ def mapped_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     ground = shapely.union_all(shapely.box(*cells.T, *(cells + width).T))
     grow = CLOSING_WIDTHS * width
     closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(0.5 * width)
-    field = _largest(closed, None)
+    field = largest(closed, None)
     holes = [ring for ring in field.interiors if shapely.Polygon(ring).area >= SMALLEST_HOLE]
     left_out = (closed.area - field.area) / 1e4
     notes = (
@@ -151,7 +152,8 @@ def _from_kml(path: Path) -> tuple[list[Any], str]:
     return polygons, ""
 
 
-def _largest(shape: Any, path: Path | None) -> Any:
+def largest(shape: Any, path: Path | None = None) -> Any:
+    """The largest part of a shape; InputError where it is below EMPTY_AREA."""
     parts = [p for p in getattr(shape, "geoms", [shape]) if p.geom_type == "Polygon" and p.area > EMPTY_AREA]
     if not parts:
         raise InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)

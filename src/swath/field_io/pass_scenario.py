@@ -59,11 +59,10 @@ def write_pass_scenario(folder: Path) -> Path:
     name = folder.resolve().name
     found = _longest_straight(field)
     if found is None:
-        x, y, length = _middle(field)
         start, width, speed = INSET_M, _header_width(field), USUAL_SPEED_KMH
-        edge = (
-            f"shape: straight, x_m: {x:.1f}, y_m: {y:.1f}, heading_deg: {np.degrees(field.row_azimuth):.2f}"
-        )
+        x, y, length = _middle(field, width)
+        heading = 90.0 - np.degrees(field.row_azimuth)
+        edge = f"shape: straight, x_m: {x:.1f}, y_m: {y:.1f}, heading_deg: {heading:.2f}"
         said = {"remark": REMARK_MIDDLE, "along": "the middle of the field", "name": f"{name}-middle"}
     else:
         track, start, length = found
@@ -88,9 +87,10 @@ def _header_width(field: FieldFolder) -> float:
     return next((float(m["header_width_m"]) for m in machines if m.get("header_width_m")), USUAL_WIDTH_M)
 
 
-def _middle(field: FieldFolder) -> tuple[float, float, float]:
-    """Where the longest stretch inside the field of the line along its rows near its middle begins, and its
-    length [m].
+def _middle(field: FieldFolder, width: float) -> tuple[float, float, float]:
+    """Where a stretch along the rows near the middle of the field begins, and its length [m].
+
+    It and the header on its right lie inside.
     """
     ground = Region(field.boundary, field.holes)
     along = np.array([np.sin(field.row_azimuth), np.cos(field.row_azimuth)])
@@ -99,7 +99,8 @@ def _middle(field: FieldFolder) -> tuple[float, float, float]:
     for offset in (0.0, *(side * step for step in range(10, 200, 10) for side in (1, -1))):
         s = np.arange(-2000.0, 2000.0, 1.0)
         points = field.boundary.mean(axis=0) + offset * across + s[:, None] * along
-        begin, end = _longest_run(ground.contains(points[:, 0], points[:, 1]))
+        sides = [points + shift * across for shift in (0.0, 0.5 * width, width)]
+        begin, end = _longest_run(np.all([ground.contains(*p.T) for p in sides], axis=0))
         if end - begin > best[2]:
             best = (*points[begin].tolist(), float(end - begin))
         if best[2] >= LENGTH_M + 20.0:

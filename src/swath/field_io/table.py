@@ -111,7 +111,8 @@ def _read_isoxml(path: Path) -> Table:
     """Time logs of ISO 11783-10 task data; of a single TLG file that log alone."""
     data = read_taskdata(path)
     places = sum(log.gaps for log in data.logs)
-    return Table(data.columns(), np.arange(1, len(data) + 1), None, "", {"unreadable": places}, data.problems)
+    rows, broken = np.arange(1, len(data) + 1), {"unreadable": places}
+    return Table(data.columns(), rows, None, "", broken, data.problems, crop=data.crop)
 
 
 def _or_cp1252(error: UnicodeError) -> tuple[str, int]:
