@@ -130,7 +130,7 @@ def import_log(
         settings = _of_crop(settings, crop_facts)
         assert settings.grain_g_per_stem is not None
         assert settings.crop_height_m is not None
-        usual = crop_facts.stand.density * crop_facts.stand.stems_per_plant
+        usual = crop_facts.stand.density
         maps = make_maps(cleaned, grid, crop, settings.grain_g_per_stem / 1000.0, usual)
         height = crop_height(cleaned, grid, maps.stems, settings.crop_height_m)
         step("passes")

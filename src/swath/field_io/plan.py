@@ -111,7 +111,7 @@ def plan_field(
     tracks = tuple(
         track for i, line in enumerate(part.lines) for track in _guidance(i, line, polygon, origin, used)
     )
-    stems = facts.stand.density * facts.stand.stems_per_plant
+    stems = facts.stand.density
     grid = make_grid(polygon.bounds, cell, 0.0, epsg)
     x, y = np.meshgrid(*grid.centres())
     inside = shapely.contains_xy(polygon, x, y)
