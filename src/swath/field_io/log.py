@@ -219,14 +219,19 @@ def _joined_sections(
     _, index, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     group = group.ravel()
     width = np.nan_to_num(values["header_width"])
-    total = np.bincount(group, width)
-    share = np.where(total[group] > 0.0, width / np.where(total > 0.0, total, 1.0)[group], 0.0)
+    total = _sums(group, width)
+    share = width / np.where(total > 0.0, total, 1.0)
     first = np.zeros(count, dtype=bool)
     first[index] = True
-    values["yield"] = np.bincount(group, share * np.nan_to_num(values["yield"]))[group]
-    values["grain_flow"] = np.bincount(group, np.nan_to_num(values["grain_flow"]))[group]
-    values["header_width"] = total[group]
+    values["yield"] = _sums(group, share * np.nan_to_num(values["yield"]))
+    values["grain_flow"] = _sums(group, np.nan_to_num(values["grain_flow"]))
+    values["header_width"] = total
     return first
+
+
+def _sums(group: NDArray[np.int64], values: Array) -> Array:
+    """The sum of each record's group, shape (n,)."""
+    return np.asarray(np.bincount(group, values), dtype=float)[group]
 
 
 def _refuse_whole_crop(flow: Array, path: Path) -> None:
