@@ -62,7 +62,7 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
         section.terrain.make(setup) if section.terrain is not None else _terrain_of(folder),
         stand,
         {name: make_edge(edge, setup, name) for name, edge in section.edges.items()},
-        crop=load_crop(stand.crop),
+        crop=load_crop(stand.crop, setup.folder),
         stream=stream,
         boundary=region,
     )
@@ -129,5 +129,5 @@ def _terrain_of(folder: FieldFolder | None) -> Dem:
 
 def _stand_of(folder: FieldFolder | None, setup: FieldSetup) -> Maps:
     assert folder is not None
-    params = MapsParams(row_azimuth_deg=float(np.degrees(folder.row_azimuth)))
+    params = MapsParams(crop=folder.crop, row_azimuth_deg=float(np.degrees(folder.row_azimuth)))
     return Maps.from_rasters(params, setup, folder.stems, folder.height)
