@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
+from swath.commands import levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
@@ -34,6 +34,7 @@ COMMANDS = (
     report,
     view,
     scenarios,
+    new,
     levels,
     metrics,
     sheets,
