@@ -1,4 +1,4 @@
-"""A yield log as a combine's monitor writes it, of a field that is made up here: to try an import without a log.
+"""A yield log as a combine's monitor writes it, of a field made up here: to try an import without a log.
 
     python examples/make_log.py harvest.csv
     swath field import harvest.csv --out my-field
@@ -37,12 +37,22 @@ def main(path: str) -> None:
     with open(path, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(
-            ["time [s]", "lat [deg]", "lon [deg]", "elevation [m]", "speed [m/s]", "header_width [m]", "grain_flow [kg/s]"]
+            [
+                "time [s]",
+                "lat [deg]",
+                "lon [deg]",
+                "elevation [m]",
+                "speed [m/s]",
+                "header_width [m]",
+                "grain_flow [kg/s]",
+            ]
         )
         for t, (x, y, _) in enumerate(places):
             late = flow[t - DELAY_S] if t >= DELAY_S else 0.0
             row = (t, LAT + y * METRE_LAT, LON + x * METRE_LON, 80 + 0.01 * y, SPEED_M_S, HEADER_M, late)
-            writer.writerow([f"{value:.10g}" if i in (1, 2) else f"{value:.4g}" for i, value in enumerate(row)])
+            writer.writerow(
+                [f"{value:.10g}" if i in (1, 2) else f"{value:.4g}" for i, value in enumerate(row)]
+            )
 
 
 if __name__ == "__main__":

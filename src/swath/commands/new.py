@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Template:
-    """A file of `examples`. what: for the help; try_it: the command that runs it, {file} in place of its name."""
+    """A file of `examples`. what: for the help; try_it: a command that runs it, with {file} for its name."""
 
     source: str
     what: str
@@ -23,10 +23,14 @@ TEMPLATES = {
         "swath run straight --set combine.edge.level={file}:MyEdgeDetector",
     ),
     "steering": Template(
-        "my_steering_law.py", "a steering law", "swath run straight --set combine.steer.level={file}:MySteeringLaw"
+        "my_steering_law.py",
+        "a steering law",
+        "swath run straight --set combine.steer.level={file}:MySteeringLaw",
     ),
     "sensor": Template(
-        "my_scanner.yaml", "the data sheet of a scanner", "swath scan straight --set combine.lidar.sensor={file}"
+        "my_scanner.yaml",
+        "the data sheet of a scanner",
+        "swath scan straight --set combine.lidar.sensor={file}",
     ),
     "evaluator": Template(
         "my_evaluator.py", "a metric", "swath run straight --set 'evaluators=[{file}:SteeringReversals]'"
@@ -42,7 +46,9 @@ def add(parsers: Any) -> None:
     kinds = "; ".join(f"{kind}: {template.what}" for kind, template in TEMPLATES.items())
     help_ = f"{kinds}; examples: a folder with all examples"
     parser.add_argument("kind", metavar="KIND", choices=[*TEMPLATES, "examples"], help=help_)
-    parser.add_argument("file", metavar="FILE", nargs="?", type=Path, help="where to write (default: its name)")
+    parser.add_argument(
+        "file", metavar="FILE", nargs="?", type=Path, help="where to write (default: its name)"
+    )
     parser.set_defaults(run=run)
 
 
