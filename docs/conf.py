@@ -28,22 +28,32 @@ nitpick_ignore_regex = [("py:.*", r".*")]  # types of other libraries and our al
 highlight_language = "none"
 
 PAGE = re.compile(r"(?<!\[)`docs/([\w/-]+\.md)`")
-OUTSIDE = re.compile(r"\]\((?:\.\./)+((?!docs/)[\w./-]+)\)")
+OUTSIDE = re.compile(r"\[([^]]*)\]\((?:\.\./)+([\w./-]+)\)")
+INCLUDED = ("SECURITY.md", "CONTRIBUTING.md", "CHANGELOG.md")
 
 
 def read(app: object, name: str, source: list[str]) -> None:
-    """Named pages become links; links to files beside `docs` become the files' names."""
+    """Named pages become links; links to files beside `docs` lead to their copy, or become their names."""
     up = "../" * name.count("/")
-    text = PAGE.sub(rf"[`\1`]({up}\1)", source[0])
-    source[0] = OUTSIDE.sub(lambda found: outside(found, name), text)
+
+    def outside(found: re.Match[str]) -> str:
+        text, path = found.groups()
+        if path in INCLUDED:
+            return f"[{text}]({up}reference/{path.lower()})"
+        if path == "README.md":
+            return f"[{text}]({up}index.md)"
+        is_folder = (ROOT / path).is_dir() and not (ROOT / "docs" / path).exists()
+        return f"`{path}`" if is_folder else found[0]
+
+    source[0] = OUTSIDE.sub(outside, PAGE.sub(rf"[`\1`]({up}\1)", source[0]))
 
 
-def outside(found: re.Match[str], name: str) -> str:
-    """README and the like have their place here; of any other file its path is told."""
-    is_page = (ROOT / "docs" / name).parent.joinpath(found[0][2:-1]).resolve().is_relative_to(ROOT / "docs")
-    return found[0] if is_page else f"](project:#{found[1]})" if False else found[0]
+def included(app: object, relative: Path, parent: str, content: list[str]) -> None:
+    """Links of the included files are those of the repository's root."""
+    content[0] = re.sub(r"\]\(docs/", "](../", PAGE.sub(r"[`\1`](../\1)", content[0]))
 
 
 def setup(app: object) -> None:
-    """Connect the hook."""
+    """Connect the hooks."""
     app.connect("source-read", read)  # type: ignore[attr-defined]
+    app.connect("include-read", included)  # type: ignore[attr-defined]
