@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
+from swath.commands import levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
@@ -22,6 +22,7 @@ from swath.link.ros2 import command as ros2
 from swath.link.ros2.middleware import networked
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.diff import command as diff
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
@@ -34,7 +35,9 @@ COMMANDS = (
     run,
     report,
     view,
+    diff,
     scenarios,
+    new,
     levels,
     metrics,
     sheets,
@@ -143,9 +146,9 @@ def _dispatch(argv: list[str]) -> int:
         raise UsageError(f"{bad!r}: expected an argument without the character NUL")
     if argv == ["help"]:
         argv = ["--help"]
-    for old, new in RENAMED.items():
+    for old, instead in RENAMED.items():
         if tuple(argv[: len(old)]) == old:
-            raise UsageError(f"{' '.join(old)}: this command is now {new}")
+            raise UsageError(f"{' '.join(old)}: this command is now {instead}")
     parser, names = make_parser()
     if not argv[0].startswith("-") and argv[0] not in names:
         import difflib
