@@ -12,13 +12,12 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print name and summary of every bundled scenario."""
-    from swath.documents.data_sheets import find_sheet
+    from swath.documents.data_sheets import find_sheet, sheet_names
     from swath.documents.yaml_document import read_document
-    from swath.scenario.scenario import scenario_names
     from swath.terminal.tables import table
 
     rows = []
-    for name in scenario_names():
+    for name in sheet_names("scenarios"):
         data = read_document(find_sheet("scenarios", name)).data
         limits = ", ".join(data.get("expect", {}))
         rows.append((name, data.get("summary", ""), limits))
