@@ -21,7 +21,7 @@ from _harness import machine, write_json
 
 CHEAP = {"combine.lidar.level": "empirical"}
 SHORT, LONG, SAMPLE_S = 4.0, 24.0, 60.0  # m, m, s
-ROUNDS, SAMPLE, RUNS, CORES = 5, 3, 1000, 2
+ROUNDS, SAMPLE, RUNS, CORES = 3, 3, 1000, 2
 STARTS = {
     "alone, with report and replay": [],
     "alone, without replay": ["--no-replay"],
@@ -85,7 +85,7 @@ def main(out_dir: Path | str = "out/bench") -> dict[str, Any]:
                 found.setdefault(f"a simulated second, {name}", []).append(each)
         for number in range(SAMPLE):
             for name, seed in (("the same field", 1), ("another field each", 2000 + number)):
-                sets = {"run.max_duration_s": SAMPLE_S, "run.distance_m": 500}
+                sets = {"run.max_duration_s": SAMPLE_S, "run.distance_m": 400}
                 seconds, _ = in_batch(sets, seed, feed)
                 found.setdefault(f"a run of {SAMPLE_S:.0f} s, {name}", []).append(seconds)
     table = Table(title="CPU time, one thread, `straight`, LiDAR `empirical`", title_justify="left")
