@@ -10,7 +10,7 @@ from swath.field.obstacles import things_of
 from swath.runtime.field_setup import Ground, build_field
 from swath.scenario.resolved import FieldSection
 
-MOST = 2  # fields in memory, some 100 MB each
+MOST = 4  # fields in memory
 
 
 class KeptFields:
