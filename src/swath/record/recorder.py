@@ -16,7 +16,7 @@ from swath.record.tracks import Column, Tracks, write_tracks
 from swath.signals import Signal
 
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
-LARGE_PERIOD = NS // 5  # between two messages of a large truth, unless everything is wanted
+LARGE_PERIOD = NS // 5  # between two messages of a large truth or scan, unless everything is wanted
 
 
 class Recorder:
@@ -26,7 +26,8 @@ class Recorder:
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
     detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
-    them, `full`: of the large truth too, which else is seen five times a second
+    them, messages of scans then five times a second; `full`: samples of the large truth too, which else is
+    seen five times a second. Taps of the file see every scan.
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -119,8 +120,11 @@ class Recorder:
             blocks.add(t, signal)
 
     def _is_due(self, key: tuple[str, str], t: int, signal: Signal) -> bool:
-        is_large = signal.about.samples == "full" and self._detail != "full"
-        if not (signal.about.is_thinned or is_large):
+        about, detail = signal.about, self._detail
+        is_large = about.samples == "full" and detail != "full"
+        if about.is_bulky and detail == "exact":
+            is_large = self.file is not None and not self.file.taps
+        if not (about.is_thinned or is_large):
             return True
         if t < self._due.get(key, 0):
             return False
