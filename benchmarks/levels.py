@@ -1,9 +1,9 @@
 """What a step of each level costs inside a run: what `swath levels` states.
 
-python benchmarks/levels.py [SLOT ...] [--scenario straight] [--seconds 6] [--out out/bench]
+python benchmarks/levels.py [SLOT ...] [--scenario straight] [--seconds 8] [--out out/bench]
 
 Drives a scenario once per level, unrecorded, one thread, and takes the CPU time of every step of the slot,
-with the caches and branches of a run around it. Of windows of a quarter of a simulated second the cheapest
+with the caches and branches of a run around it. Of windows of a simulated second the cheapest
 counts: what else the machine does only adds. Levels that need a file or a program of the user's are left out.
 """
 
@@ -28,7 +28,7 @@ from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.catalogue import CATALOGUE
 
-SETTLE_S, WINDOW_S = 2.0, 0.25
+SETTLE_S, WINDOW_S = 3.0, 1.0
 COMMON = ("run.record=none", "run.distance_m=60", "run.max_duration_s=100")
 
 
@@ -59,7 +59,7 @@ def main(arguments: Any = None) -> dict[str, Any]:
     )
     parser.add_argument("slots", nargs="*", help="of the first machine (default: all)")
     parser.add_argument("--scenario", default="straight")
-    parser.add_argument("--seconds", type=float, default=6.0)
+    parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     options = parser.parse_args(arguments)
     graph.time = SimpleNamespace(perf_counter=time.process_time)  # type: ignore[assignment]

@@ -102,7 +102,7 @@ class PageStore:
 
     def _unused(self, keep: Collection[Key], excess: int) -> list[Key]:
         """Pages unused while IDLE others were made, `excess` at least, never those of `keep`."""
-        old = []
+        old: list[Key] = []
         for key in self.keys:
             if self._used[key] > self._made - IDLE and len(old) >= excess:
                 break
