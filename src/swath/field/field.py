@@ -163,9 +163,7 @@ class Field:
         return self._stands(*(np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y)))
 
     def standing_along(self, starts: Array, step: Array, count: int) -> NDArray[np.bool_]:
-        """As `standing`, compiled: at the middles of `count` steps (2,) from each of the starts (n, 2) on, in the
-        world [m]; shape (n, count).
-        """
+        """As `standing`, compiled, at middles of `count` steps (2,) from starts (n, 2) on [m]: (n, count)."""
         cell = self.maker.cell
         u, v = self._points(starts[:, 0], starts[:, 1])
         du, dv = (float(a) for a in self.to_stand(step[0], step[1]))

@@ -68,6 +68,6 @@ LEVEL = Level(
     Otsu,
     EdgeParams,
     summary="step at a height threshold after Otsu, tracked over several scans",
-    cost="under 1 ms per scan",
+    cost="1 ms per scan",
     tolerance="offset within 0.05 m RMS of the true edge at 500 stems/m2; less in thin crop",
 )

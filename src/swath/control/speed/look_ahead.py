@@ -149,6 +149,6 @@ LEVEL = Level(
     LookAhead,
     Params,
     summary="constant throughput from the crop seen ahead, its mass per sight learned from the feeder",
-    cost="60 us per step",
+    cost="about 20 us per step",
     tolerance="in time for what comes, as good as the sight; the factor lags by `learn_m`",
 )

@@ -200,6 +200,6 @@ LEVEL = Level(
     Preview,
     Params,
     summary="the header end is aimed along the edge: preview, prediction, slip observer",
-    cost="some 20 us per step",
+    cost="about 20 us per step",
     tolerance="2 cm RMS at 7 km/h on a straight edge known to 3 cm",
 )
