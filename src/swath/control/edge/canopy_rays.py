@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
+from swath.core.portable import solve
 from swath.signals import F64, Scan, beam_directions
 
 I64 = NDArray[np.int64]
@@ -78,6 +79,7 @@ class Ground(KeepsState):
 
     OUTSIDE = (-3.5, -0.25)  # m beside the edge
     REACH, NEAR = 0.6, 1.5  # m: of the heights about the plane before; nearer echoes are puffs
+    MOST = 1.0  # m above or below the machine's own ground plane: beyond are puffs
     SPREAD, MEMORY = 0.08, 6.0  # m; echoes that the plane before is worth, per m2 of spread
 
     def __init__(self) -> None:
@@ -89,6 +91,8 @@ class Ground(KeepsState):
 
     def take(self, u: F64, z: F64) -> None:
         """Echoes of the stubble side, u from the edge [m]."""
+        possible = np.abs(z) < self.MOST
+        u, z = u[possible], z[possible]
         close = np.abs(z - self.level) < self.REACH
         count = np.count_nonzero(close)
         if count < FEW and len(z) >= MANY:
@@ -107,16 +111,9 @@ class Ground(KeepsState):
         for _ in range(2):
             weight = 1.0 / (1.0 + ((z - level - slope * u) / self.SPREAD) ** 2) ** 2
             s0, s1, s2 = float(weight.sum()), float((weight * u).sum()), float((weight * u * u).sum())
-            a = np.array([[s0 + prior, s1], [s1, s2 + steep]])
-            b = (
-                float((weight * z).sum()) + prior * level,
-                float((weight * u * z).sum()) + steep * self.slope,
-            )
-            det = a[0, 0] * a[1, 1] - a[0, 1] ** 2
-            level, slope = (
-                float((a[1, 1] * b[0] - a[0, 1] * b[1]) / det),
-                float((a[0, 0] * b[1] - a[0, 1] * b[0]) / det),
-            )
+            normal = np.array([[s0 + prior, s1], [s1, s2 + steep]])
+            z0, z1 = float((weight * z).sum()), float((weight * u * z).sum())
+            level, slope = solve(normal, np.array([z0 + prior * level, z1 + steep * self.slope])).tolist()
         self.level, self.slope = level, float(np.clip(slope, -0.3, 0.3))
         self.is_known = True
 

@@ -17,10 +17,7 @@ X, U, VARIANCE, WAY, COLUMNS = range(5)
 BEHIND = 14.0  # m of the edge that are kept
 REACH = 2.5  # m, standard deviation of the weight along the edge
 TUKEY, MAD = 4.685, 1.4826
-STRAIGHT, BENT = (
-    0.0015,
-    0.05,
-)  # 1/m: prior standard deviation of an edge that nothing shows to be bent; of any
+STRAIGHT, BENT = 0.0015, 0.05  # 1/m: prior standard deviation of a bend that nothing shows; of any
 PROVEN = 3.0  # standard deviations from which on a bend is one
 
 
@@ -115,7 +112,5 @@ def _fit(basis: F64, beside: F64, weight: F64, bend: float, bend_sd: float) -> t
             robust = np.ones_like(weight)
     residual = beside - product(fitted, basis)
     kept = weight * robust
-    worse = float((kept * weight * residual**2).sum()) / max(
-        float(kept.sum()), 1e-9
-    )  # about chi squared per point
+    worse = float((kept * weight * residual**2).sum()) / max(float(kept.sum()), 1e-9)  # chi squared per point
     return fitted, inverse(normal) * max(1.0, worse), spread
