@@ -81,12 +81,17 @@ LIMITS = {
         "likelihood_ratio": Limit("within 0.05 m RMS of the true edge at 50 to 700 stems/m2", 0.05),
         "max_likelihood": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "otsu": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "threshold": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "mixture": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "consensus": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "truth": Limit("15.6 mm cells", 0.0157),
     },
     "ahead": {"penetration": Limit("extinction unbiased in a random stand", 0.08)},
     "steer": {
         "constant": Limit("exact", 1e-9),
         "preview": Limit("2 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.02),
+        "pure_pursuit": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
+        "stanley": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
     },
     "speed": {
         "constant": Limit("exact", 1e-6),

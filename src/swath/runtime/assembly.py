@@ -233,7 +233,8 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     """What the level of a slot is told: the site, or for control and links less."""
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
-    control = ControlSetup(place.sheet, _mountings(place, choice), section.common.edge_side, period)
+    mountings, height = _mountings(place, choice), site.field.crop_height
+    control = ControlSetup(place.sheet, mountings, section.common.edge_side, period, height)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base, fed)
