@@ -5,14 +5,14 @@ import swath
 result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
-`run` and `load_scenario` are in swath/api.py, which is imported when one of them is used.
+`run`, `detect` and `load_scenario` are in swath/api.py, which is imported when one of them is used.
 """
 
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
-_OFFERED = ("load_scenario", "run")
+_OFFERED = ("detect", "load_scenario", "run")
 
 
 def __getattr__(name: str) -> Any:

@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from docs.make.cases import PAGE, PICTURES, page
 
 from swath.commands.main import main
 from swath.core.errors import InputError
@@ -89,9 +90,17 @@ def test_looking_early_claims_falsely_in_less_than_one_of_twenty():
     assert verdict(20, 40, 0.95, 0.95, is_complete=False) == BROKEN
 
 
+def test_the_page_of_the_catalogue_is_that_of_its_files_and_every_case_has_a_picture():
+    cases = find_cases("catalogue")
+    assert PAGE.read_text(encoding="utf-8") == page(cases), "run: python -m docs.make.cases"
+    assert {p.stem for p in PICTURES.iterdir()} == {case.name for case in cases}, (
+        "python -m docs.make.cases --draw"
+    )
+
+
 def test_the_bundled_cases_can_be_read_and_their_scenarios_too():
     cases = find_cases("catalogue")
-    assert len(cases) >= 5
+    assert len(cases) >= 40
     Plan("catalogue", seeds=1).check()
     for case in cases:
         for name, varied in case.file.vary.items():

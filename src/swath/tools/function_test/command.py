@@ -31,6 +31,11 @@ def add(parsers: Any) -> None:
         "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="of every scenario"
     )
     run.add_argument(
+        "--shadow",
+        action="store_true",
+        help="the first candidate steers, the others see its scans: open loop",
+    )
+    run.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
     run.add_argument("--plan-only", action="store_true", help="write the plan, for `swath test work`")
@@ -84,6 +89,7 @@ def _run(args: argparse.Namespace) -> int:
         drawn=args.draw,
         draw_seed=args.draw_seed,
         sets=tuple(args.sets),
+        shadow=args.shadow,
     )
     session = begin(args.out, plan)
     left = session.left()
@@ -169,7 +175,7 @@ def _finish(folder: Path, session: Any, *, again: bool) -> int:
     cells = session.cells(again=again)
     session.table()
     write_junit(folder / "junit.xml", cells)
-    page = write_matrix(folder / "report.html", cells)
+    page = write_matrix(folder / "report.html", cells, shadow=session.plan.shadow)
     rows = []
     for cell in cells:
         worst = cell.worst
@@ -181,6 +187,9 @@ def _finish(folder: Path, session: Any, *, again: bool) -> int:
     surprises = [run for cell in cells for run in cell.surprises]
     if surprises:
         print(f"{len(surprises)} runs pass where the cases say that a failure is known")
+    if session.plan.shadow:
+        first = next(iter(session.plan.candidates))
+        print(f"open loop: {first} steers, the others see its scans and do not act on the machine")
     print(f"report  {page}")
     return next((EXIT[v] for v in (BROKEN, NOT_SHOWN) if v in verdicts), 0)
 

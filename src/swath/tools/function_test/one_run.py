@@ -2,6 +2,8 @@
 
 import tempfile
 import time
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,8 @@ from swath.core.errors import SwathError, shortened
 from swath.runtime.job import run_job
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.plan import PlannedRun
+from swath.tools.function_test.shadow import SUMMARY as SHADOW
+from swath.tools.function_test.shadow import ShadowHook
 
 NOT_METRICS = ("seed", "real_time_factor", "ray_count", "simulated_s", "wall_s")
 
@@ -18,6 +22,11 @@ def scenario_of(run: PlannedRun) -> Scenario:
     return load_scenario(run.scenario, sets=run.sets, flags={f"seed {run.seed}": f"seed={run.seed}"})
 
 
+def shadows_of(run: PlannedRun) -> dict[str, Scenario]:
+    """The scenarios of the candidates that go along in shadow. Raises InputError."""
+    return {name: scenario_of(replace(run, sets=sets)) for name, sets in run.shadows.items()}
+
+
 def do_run(run: PlannedRun) -> dict[str, Any]:
     """Drive and judge. The verdict is `pass`, `fail`, or `error` where the run could not be made or crashed.
 
@@ -25,7 +34,7 @@ def do_run(run: PlannedRun) -> dict[str, Any]:
     """
     started = time.process_time()
     try:
-        found = _result(run, _summary(scenario_of(run)))
+        found = _result(run, _summary(scenario_of(run), shadows_of(run)))
     except SwathError as error:
         found = no_result(run, str(error))
     except Exception as error:  # a user's own part may raise anything; one run must not end the others
@@ -45,9 +54,10 @@ def _about(run: PlannedRun) -> dict[str, Any]:
     return {"id": run.id, "case": run.case, "candidate": run.candidate, "point": point, "seed": run.seed}
 
 
-def _summary(scenario: Scenario) -> dict[str, Any]:
+def _summary(scenario: Scenario, shadows: Mapping[str, Scenario]) -> dict[str, Any]:
+    hooks = [ShadowHook(shadows)] if shadows else []
     with tempfile.TemporaryDirectory(prefix="swath-test-") as folder:
-        return run_job(scenario, Path(folder) / "run").summary
+        return run_job(scenario, Path(folder) / "run", hooks=hooks).summary
 
 
 def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
@@ -65,6 +75,7 @@ def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
+        **({SHADOW: summary[SHADOW]} if SHADOW in summary else {}),
     }
 
 

@@ -25,7 +25,9 @@ CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan"""
+    """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan
+    shadows: candidates that go along in open loop, with their changes
+    """
 
     id: str
     number: int
@@ -35,6 +37,7 @@ class PlannedRun:
     seed: int
     scenario: str
     sets: Sequence[str]
+    shadows: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class Plan:
     """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name;
     seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
+    shadow: the first candidate steers, the others go along in shadow
     code: hash of the code that its results come from, "" = this
     """
 
@@ -52,6 +56,7 @@ class Plan:
     drawn: int = 0
     draw_seed: int = 1
     sets: tuple[str, ...] = ()
+    shadow: bool = False
     code: str = ""
 
     @cached_property
@@ -70,18 +75,15 @@ class Plan:
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
             for seed in seeds:
                 for point in points:
-                    for name, sets in changed.items():
-                        all_sets = [*case.sets(point), *sets]
-                        told = [base, contents[name], *all_sets, f"seed={seed}"]
+                    at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
+                    steering = list(at)[:1] if self.shadow else list(at)
+                    for name in steering:
+                        shadows = {other: at[other] for other in at if other not in steering}
+                        told: list[Any] = [base, contents[name], *at[name], f"seed={seed}"]
+                        told += [[other, contents[other], *shadows[other]] for other in shadows]
+                        run_id = _sha(told)[:ID_LENGTH]
                         yield PlannedRun(
-                            _sha(told)[:ID_LENGTH],
-                            number,
-                            case.name,
-                            name,
-                            point,
-                            seed,
-                            case.scenario,
-                            all_sets,
+                            run_id, number, case.name, name, point, seed, case.scenario, at[name], shadows
                         )
                         number += 1
 
@@ -106,7 +108,7 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
-    keys = {k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "code")}
+    keys = {k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "shadow", "code")}
     return Plan(**keys, tags=tuple(data["tags"]), sets=tuple(data["sets"]))
 
 
