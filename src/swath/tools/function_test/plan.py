@@ -18,6 +18,7 @@ from swath.core.errors import InputError
 from swath.documents.yaml_document import parse_value
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.case import Case, Scalar, find_cases
+from swath.tools.function_test.fidelity import CHEAP, chosen_level, scanners
 
 ID_LENGTH = 16  # hexadecimal digits: a clash in a million runs has a chance of 3e-8
 CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
@@ -27,6 +28,7 @@ CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
 class PlannedRun:
     """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan
     shadows: candidates that go along in open loop, with their changes
+    why_dear: why its scanner is at the dear level though the cheap one is asked for, "" where it is not
     """
 
     id: str
@@ -38,6 +40,7 @@ class PlannedRun:
     scenario: str
     sets: Sequence[str]
     shadows: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    why_dear: str = ""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,7 @@ class Plan:
     seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
     shadow: the first candidate steers, the others go along in shadow
+    level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits
     code: hash of the code that its results come from, "" = this
     """
 
@@ -57,6 +61,7 @@ class Plan:
     draw_seed: int = 1
     sets: tuple[str, ...] = ()
     shadow: bool = False
+    level: str = ""
     code: str = ""
 
     @cached_property
@@ -78,14 +83,25 @@ class Plan:
                     at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
                     steering = list(at)[:1] if self.shadow else list(at)
                     for name in steering:
-                        shadows = {other: at[other] for other in at if other not in steering}
-                        told: list[Any] = [base, contents[name], *at[name], f"seed={seed}"]
+                        more, why = self._level_at(case, at[name])
+                        shadows = {other: [*at[other], *more] for other in at if other not in steering}
+                        sets = [*at[name], *more]
+                        told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
                         told += [[other, contents[other], *shadows[other]] for other in shadows]
                         run_id = _sha(told)[:ID_LENGTH]
                         yield PlannedRun(
-                            run_id, number, case.name, name, point, seed, case.scenario, at[name], shadows
+                            run_id, number, case.name, name, point, seed, case.scenario, sets, shadows, why
                         )
                         number += 1
+
+    def _level_at(self, case: Case, sets: Sequence[str]) -> tuple[list[str], str]:
+        """Changes for the level at which a run is judged, and why that is the dear one, if so."""
+        if not self.level and not any(CHEAP in text for text in sets) and not _is_cheap(case.scenario):
+            return [], ""
+        try:
+            return chosen_level(load_scenario(case.scenario, sets=sets), self.level)
+        except InputError:  # told as the result of the run
+            return [], ""
 
     def check(self) -> None:
         """Raise InputError where the scenario of the first point of a case cannot be read."""
@@ -108,8 +124,15 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
-    keys = {k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "shadow", "code")}
+    keys = {
+        k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "shadow", "level", "code")
+    }
     return Plan(**keys, tags=tuple(data["tags"]), sets=tuple(data["sets"]))
+
+
+@cache
+def _is_cheap(scenario: str) -> bool:
+    return bool(scanners(load_scenario(scenario), CHEAP))
 
 
 @cache
