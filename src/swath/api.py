@@ -45,6 +45,21 @@ def load_scenario(
         return _load(source, sets=texts, flags={} if seed is None else {"seed": f"seed={seed}"})
 
 
+def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = True) -> list[Any]:
+    """What a detector says of the stored scans of a run: every sample that its slot sends, in order.
+
+    No world is built. recording: a run folder or a run.mcap with `run.record: exact`; sets: another level, or
+    parameters, of the slot, such as {"combine.edge.level": "mine.py:MyDetector"}; slot: of control, of the
+    first machine
+    Raises InputError.
+    """
+    from swath.tools.stored_scans import detect_stored
+
+    texts = [f"{k}={json.dumps(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
+    with nullcontext() if code else only_code(()):
+        return detect_stored(Path(recording), texts, slot)
+
+
 def run(
     scenario: str | Path | Scenario,
     out: str | Path | None = None,
