@@ -1,7 +1,7 @@
 """Keeping a station beside the machine that unloads: what all fill strategies share.
 
-The middle of the own box is to lie `spot` behind the point where the stream of the other one comes down,
-which the link tells, and the own path runs parallel to the other one's. The tractor drives outside of the path
+The middle of the own box is to lie `spot` behind the point where the stream of the other one lands, as
+the link tells, and the own path runs parallel to the other one's. The tractor drives outside of the path
 of its trailer by what that tracks off in a bend; what is left at the box is taken out slowly.
 """
 
@@ -22,7 +22,8 @@ from swath.signals.setup import ControlSetup
 
 SLOW_INTEGRAL = 20.0  # time constant of what takes out the rest of the box's lateral error [s]
 MOST_INTEGRAL = 0.3  # of it [m]
-NEAR = 0.4  # it works while box and machine are nearer to their paths than this [m]
+NEAR = 0.12  # it works while the box is nearer to its path than this [m]
+STEADY = 0.004  # and the trailer swings slower than this against the machine [rad/s]
 LONGEST_WAIT = 6.0  # for the auger to stop before a full cart leaves [s]
 LEAVING = 8.0  # time in which a machine that leaves comes to rest [s]
 
@@ -81,8 +82,8 @@ class StationKeeper(KeepsState):
     """A fill strategy gives `aim`; everything else is here."""
 
     kept = (
-        "_track", "_hitch_angle", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside", "_memory",
-        "_seen",
+        "_track", "_hitch_angle", "_swing", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside",
+        "_memory", "_seen",
     )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
@@ -105,7 +106,7 @@ class StationKeeper(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """Nothing to keep yet."""
         self._track.reset()
-        self._hitch_angle = self._integral = self._spot = self._aside = 0.0
+        self._hitch_angle = self._swing = self._integral = self._spot = self._aside = 0.0
         self._is_full = self._waits = False
         self._full_at, self._seen = -1.0, 0.0
         self._memory: dict[str, float] = {}
@@ -134,7 +135,8 @@ class StationKeeper(KeepsState):
         """Angle of the trailer against the machine, by rolling without slip."""
         if self._hitch is not None:
             c, s, v, r = cos(self._hitch_angle), sin(self._hitch_angle), own.speed, own.yaw_rate
-            self._hitch_angle += h * ((-v * s + self._hitch.x * r * c) / self._hitch.drawbar - r)
+            self._swing = (-v * s + self._hitch.x * r * c) / self._hitch.drawbar - r
+            self._hitch_angle += h * self._swing
 
     def _middle(self) -> tuple[float, float]:
         """Middle of the own box in the own frame [m]."""
@@ -159,7 +161,7 @@ class StationKeeper(KeepsState):
         away = self._leave(now / NS, h, peer, y)
         aside, _, along = on_arc(k, *track.to_peer(*self._middle()))
         lateral, tangent, _ = on_arc(k, *track.to_peer(0.0, 0.0))
-        if away == 0.0 and abs(y - aside) < NEAR and abs(y - self._off_tracking(bend) - lateral) < NEAR:
+        if away == 0.0 and abs(y - aside) < NEAR and abs(self._swing) < STEADY:
             gain = h / SLOW_INTEGRAL
             self._integral = min(max(self._integral + gain * (y - aside), -MOST_INTEGRAL), MOST_INTEGRAL)
         left = y - self._off_tracking(bend) - lateral + self._integral + copysign(self._aside, y)
