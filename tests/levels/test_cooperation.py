@@ -43,7 +43,7 @@ def test_time_to_empty_a_full_tank(level, limit):
     unload = make("unload", level, site_of(COMBINE, "combine"), **params)
     unload.reset(STREAM)
     full = COMBINE.drivetrain.tank
-    load = MachineLoad(0, full, *[0.0] * 7, tank_start=full)
+    load = MachineLoad(0, full, *[0.0] * 6, tank_start=full)
     out = UnloadCommand(0, math.pi / 2, True)
     dt, seconds, drawn = NS // 20, 0.0, 0.0
     for i in range(3000):
