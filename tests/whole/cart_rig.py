@@ -79,7 +79,8 @@ class Run:
         machine = slot.partition(".")[0]
         for signal in outputs.values():
             self.latest[machine, type(signal)] = signal
-        if slot == "combine.unload" and ("cart", Station) in self.latest:
+        needed = ("combine", MachineState), ("cart", Station), ("cart", HeapState), ("cart", TrailerState)
+        if slot == "combine.unload" and all(key in self.latest for key in needed):
             self.rows.append(self._row(t * 1e-9))
 
     def _row(self, t):

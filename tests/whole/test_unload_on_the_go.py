@@ -10,6 +10,7 @@ from swath.signals import HeapState, MachineState, TrailerState, UnloadState
 from tests.whole.cart_rig import SCENARIO, Run
 
 QUICK = "combine.speed.speed_kmh=7.92"
+ALTERNATING = f"combine.speed={{level: '{Path(__file__).parent / 'alternating.py'}:Alternating'}}"
 RADIO = "{level: radio, rate_hz: 10, delay_ms: 100, position_sd_cm: 0%s}"
 LINKS = ("combine.peer_link=", "cart.peer_link=")
 
@@ -32,8 +33,7 @@ def test_station_at_a_steady_speed(steady):
 
 def test_station_while_the_speed_changes():
     """0.4 <-> 1.2 m/s; measured: mean 0.079 and 0.091 m, largest 0.20 and 0.21 m (the same field test)."""
-    level = "combine.speed={level: alternating.py:Alternating}"
-    run = Run(level, seconds=62, base=Path(__file__).parent)
+    run = Run(ALTERNATING, seconds=62)
     assert np.ptp(run.while_pouring()[:, 9]) > 0.7
     for rows in deviations(run.while_pouring(2.0)):
         assert rows.mean() <= 0.09
@@ -44,7 +44,7 @@ def test_station_in_bends():
     """R = 40 m to either side: the box is under the pipe, not the tractor beside the header."""
     for turn in (60, -60):
         edge = f"field.edge={{shape: curve, run_in_m: 25, radius_m: 40, angle_deg: {turn}}}"
-        run = Run(edge, seconds=50)
+        run = Run(edge, "run.distance_m=200", seconds=50)
         along, across = deviations(run.while_pouring(5.0))
         assert run.of("combine", MachineState).pose.euler()[2] != pytest.approx(np.pi / 2, abs=0.3)
         assert max(along.max(), across.max()) <= 0.35
@@ -82,8 +82,8 @@ def test_silence_for_good():
 
 @pytest.fixture(scope="module")
 def filled():
-    """From 80 % of the struck box to full; the cart then leaves."""
-    return Run("cart.cooperate=front_to_back", "cart.heap.start_percent=80", seconds=125)
+    """From 84 % of the struck box to full; the cart then leaves."""
+    return Run("cart.cooperate=front_to_back", "cart.heap.start_percent=84", seconds=140)
 
 
 def test_the_box_is_filled_while_driving(filled):

@@ -24,6 +24,7 @@ SLOW_INTEGRAL = 20.0  # time constant of what takes out the rest of the box's la
 MOST_INTEGRAL = 0.3  # of it [m]
 NEAR = 0.12  # it works while the box is nearer to its path than this [m]
 STEADY = 0.004  # and the trailer swings slower than this against the machine [rad/s]
+SMOOTHED, MOST_DRIFT = 3.0, 0.03  # of how the stream moves across: time constant [s], fastest [m/s]
 LONGEST_WAIT = 6.0  # for the auger to stop before a full cart leaves [s]
 LEAVING = 8.0  # time in which a machine that leaves comes to rest [s]
 
@@ -155,7 +156,8 @@ class StationKeeper(KeepsState):
 
     def _station(self, now: int, h: float, peer: PeerState, shift: float) -> Wanted:
         track = self._track
-        k, y = track.curvature, peer.impact_y
+        k = track.curvature
+        y, drift = self._stream(h, peer.impact_y)
         scale = max(1.0 - k * y, 0.2)
         bend = k / scale
         away = self._leave(now / NS, h, peer, y)
@@ -164,8 +166,10 @@ class StationKeeper(KeepsState):
         if away == 0.0 and abs(y - aside) < NEAR and abs(self._swing) < STEADY:
             gain = h / SLOW_INTEGRAL
             self._integral = min(max(self._integral + gain * (y - aside), -MOST_INTEGRAL), MOST_INTEGRAL)
-        left = y - self._off_tracking(bend) - lateral + self._integral + copysign(self._aside, y)
-        heading = atan2(sin(track.heading + tangent), cos(track.heading + tangent))
+        late = drift / max(track.speed, 0.5)
+        y_path = y + late * (0.0 if self._hitch is None else self._hitch.drawbar)
+        left = y_path - self._off_tracking(bend) - lateral + self._integral + copysign(self._aside, y)
+        heading = atan2(sin(track.heading + tangent), cos(track.heading + tangent)) + late
         # within a step of the link the impact's own way is part of the other one's speed
         ahead, speed = scale * (peer.impact_x - self._spot - along), track.speed * scale - shift
         rate = track.acceleration * scale if track.age < 1.0 else 0.0
@@ -174,6 +178,13 @@ class StationKeeper(KeepsState):
         else:
             self._seen = speed
         return Wanted(now, True, ahead, left, heading, bend, speed, rate, self._spot, self._waits)
+
+    def _stream(self, h: float, y: float) -> tuple[float, float]:
+        """Where the stream comes down to the left [m], and how fast that moves as the grain rises [m/s]."""
+        smooth = self._memory.setdefault("smooth", y)
+        drift = min(max((y - smooth) / SMOOTHED, -MOST_DRIFT), MOST_DRIFT)
+        self._memory["smooth"] = smooth + (y - smooth) * h / SMOOTHED
+        return smooth + drift * SMOOTHED, drift
 
     def _leave(self, now: float, h: float, peer: PeerState, y: float) -> float:
         """Time [s] since it began to leave, full and no longer poured on, or in silence; 0 while it stays."""
