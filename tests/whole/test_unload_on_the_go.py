@@ -131,3 +131,11 @@ def test_mass_is_conserved_and_metrics_are_told(tmp_path):
     assert field["spill_share"] == 0.0
     assert field["station_along_mean_m"] < 0.1
     assert {m.name for m in Unloading.METRICS} <= set(field)
+
+
+def test_a_strategy_of_the_users_own():
+    file = Path(__file__).parents[2] / "examples" / "my_fill_strategy.py"
+    run = Run(f"cart.cooperate={{level: '{file}:TwoSpots', hold_s: 8}}", seconds=34)
+    assert set(np.unique(run["spot"])) == {-1.5, 0.0, 1.5}
+    assert run["caught"][-1] > 500.0
+    assert run["missed"][-1] == 0.0
