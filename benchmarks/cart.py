@@ -109,7 +109,7 @@ def link() -> None:
 
 def fill() -> None:
     """Filling while driving."""
-    for level, start in (("one_spot", 45), ("front_to_back", 84), ("oscillate", 84), ("by_profile", 84)):
+    for level, start in (("one_spot", 45), ("front_to_back", 86), ("oscillate", 86), ("by_profile", 86)):
         found = Run(f"cart.cooperate={level}", f"cart.heap.start_percent={start}", seconds=150)
         pipe, share = found.of("combine", UnloadState), found.of("cart", HeapState).level
         spilled = pipe.missed / pipe.drawn

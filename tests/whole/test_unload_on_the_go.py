@@ -82,8 +82,8 @@ def test_silence_for_good():
 
 @pytest.fixture(scope="module")
 def filled():
-    """From 84 % of the struck box to full; the cart then leaves."""
-    return Run("cart.cooperate=front_to_back", "cart.heap.start_percent=84", seconds=140)
+    """From 86 % of the struck box to full; the cart then leaves."""
+    return Run("cart.cooperate=front_to_back", "cart.heap.start_percent=86", seconds=145)
 
 
 def test_the_box_is_filled_while_driving(filled):
@@ -116,8 +116,9 @@ def test_one_spot_stops_far_from_full():
 def test_a_saved_run_goes_on_the_same(steady):
     first = Run(seconds=20)
     second = Run(seconds=24, resume=first.world.save())
-    there = steady.table[(steady["t"] > 20.01) & (steady["t"] < 24.01)]
-    np.testing.assert_array_equal(second.table[-len(there) :], there)
+    there = steady.table[steady["t"] < 24.01][-len(second.table) :]
+    assert len(there) > 50
+    np.testing.assert_array_equal(second.table, there)
 
 
 def test_mass_is_conserved_and_metrics_are_told(tmp_path):

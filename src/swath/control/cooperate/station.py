@@ -25,6 +25,7 @@ MOST_INTEGRAL = 0.3  # of it [m]
 NEAR = 0.12  # it works while the box is nearer to its path than this [m]
 STEADY = 0.004  # and the trailer swings slower than this against the machine [rad/s]
 SMOOTHED, MOST_DRIFT = 3.0, 0.03  # of how the stream moves across: time constant [s], fastest [m/s]
+MOST_LEAN = 0.12  # grain is poured so far to the side that is lower, at most [m]
 LONGEST_WAIT = 6.0  # for the auger to stop before a full cart leaves [s]
 LEAVING = 8.0  # time in which a machine that leaves comes to rest [s]
 
@@ -36,7 +37,7 @@ class Shared:
     by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
     """
 
-    margin_m: Annotated[float, Ge(0), Le(1)] = 0.02
+    margin_m: Annotated[float, Ge(0), Le(1)] = 0.01
     compensate: bool = True
     hold_s: Annotated[float, Ge(0), Le(60)] = 2.5
     clear_m: Annotated[float, Gt(0), Le(50)] = 3.0
@@ -107,7 +108,7 @@ class StationKeeper(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """Nothing to keep yet."""
         self._track.reset()
-        self._hitch_angle = self._swing = self._integral = self._spot = self._aside = 0.0
+        self._hitch_angle = self._lean = self._swing = self._integral = self._spot = self._aside = 0.0
         self._is_full = self._waits = False
         self._full_at, self._seen = -1.0, 0.0
         self._memory: dict[str, float] = {}
@@ -123,6 +124,7 @@ class StationKeeper(KeepsState):
         if not peer.is_heard or peer.impact_x != peer.impact_x:
             return {"station": self._idle(now)}
         before = self._spot
+        self._lean = float(inputs["heap"].lean)
         view = self._view(inputs["heap"])
         spot, is_full = self.aim(now / NS, view)
         self._waits = self._is_full or not view.has_room(self._spot)
@@ -158,6 +160,7 @@ class StationKeeper(KeepsState):
         track = self._track
         k = track.curvature
         y, drift = self._stream(h, peer.impact_y)
+        y += min(max(2.0 * self._lean, -MOST_LEAN), MOST_LEAN)
         scale = max(1.0 - k * y, 0.2)
         bend = k / scale
         away = self._leave(now / NS, h, peer, y)

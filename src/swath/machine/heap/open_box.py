@@ -104,7 +104,7 @@ class Heap(KeepsState):
         level = self.grain / self.density / self.largest
         return HeapState(
             t, self.grain, level, self._spilled.value, float(self._surface.heights.max()), profile,
-            self._surface.freeboard(self._count),
+            self._surface.freeboard(self._count), self._surface.lean,
         )  # fmt: skip
 
     def _show(self) -> None:
