@@ -40,6 +40,29 @@ LIMITS = {
             "yaw gain within 0.2 %, offset after 30 deg within 1.6 %", ((-0.002, 0.002), (-0.016, 0.016))
         ),
         "multibody": Limit("within 0.1 to 3 % of hand calculation", 0.03),
+        "articulated": Limit("trailer within 5 cm of kinematic", 0.05),
+    },
+    "unload": {
+        "ideal": Limit("tank volume over flow exact", 0.01),
+        "auger": Limit("equal to ideal without ramps", 0.01),
+    },
+    # volume over that of the closed form when the first grain runs over the rim, one spot
+    "heap": {
+        "height_map": Limit("first grain over the rim within 2 % of the closed forms", 0.02),
+        "cones": Limit("first grain over the rim within 4 % of height_map", 0.04),
+        "volume": Limit("holds up to 30 % more than one spot of height_map", 0.31),
+    },
+    "peer_link": {
+        "ideal": Limit("exact", EXACT),
+        "radio": Limit("equal to ideal with every number at 0", EXACT),
+    },
+    # of the largest heap, poured along the places that a strategy wants; unloader: s after its limits
+    "cooperate": {
+        "one_spot": Limit("fills 77 %", (0.71, 0.78)),
+        "front_to_back": Limit("fills 95 % and more", (0.95, 0.99)),
+        "oscillate": Limit("fills 95 % and more", (0.95, 0.99)),
+        "by_profile": Limit("fills 94 % and more", (0.935, 0.99)),
+        "unloader": Limit("stops within a step", 0.05),
     },
     "header": {
         "fixed_height": Limit("no losses, no lifting", 0.0),
@@ -92,11 +115,13 @@ LIMITS = {
         "preview": Limit("2 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.02),
         "pure_pursuit": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "stanley": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
+        "station": Limit("against its differential equation within 2 cm", 0.02),
     },
     "speed": {
         "constant": Limit("exact", 1e-6),
         "feed_rate": Limit("no error in steady state", 1e-3),
         "look_ahead": Limit("as good as the sight", 0.01),
+        "station": Limit("against its differential equation within 2 cm", 0.02),
     },
     "steering": {
         "actuator": Limit("exact solution of its equations at any step", EXACT),
