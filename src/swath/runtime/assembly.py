@@ -51,7 +51,10 @@ def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> Worl
 
 def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
     base = _base(scenario)
-    ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
+    ground = build_field(
+        scenario.field, stream=Stream(scenario.seed, "field"), base=base,
+        is_cut=any(machine.has("header") for machine in scenario.machines.values()),
+    )  # fmt: skip
     site = _Site(ground.field, ground.obstacles, Bodies(ground.named_obstacles), base, ground.origin)
     machines, nodes = {}, []
     for section in scenario.machines.values():
