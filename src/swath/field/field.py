@@ -300,16 +300,18 @@ def make_field(
     stream: Stream,
     boundary: Region | None = None,
     page_limit: int = 1024,
+    is_cut: bool = True,
 ) -> Field:
     """A field from resolved levels. The library is made from the crop when none is given.
 
     edges: one, which gets the name `edge`, or several by name. Raises InputError when an edge does not pass
-    through the boundary, the terrain's map, or any crop.
+    through the boundary, the terrain's map, or any crop, unless nothing is cut (`is_cut`).
     """
     from swath.field.prototypes import make_library
 
     named = named_edges(edges)
-    check_edges(named, terrain, stand, boundary)
+    if is_cut:
+        check_edges(named, terrain, stand, boundary)
     if library is None:
         library = make_library(
             crop,

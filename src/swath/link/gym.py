@@ -64,7 +64,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
     default the first; period_s: between two actions. Raises InputError as `swath.load_scenario`.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012
+    metadata = {"render_modes": []}
 
     def __init__(
         self,

@@ -58,10 +58,11 @@ def assemble(
 def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
     base = _base(scenario)
     seed = scenario.seed if scenario.field.seed is None else scenario.field.seed
+    is_cut = any(machine.has("header") for machine in scenario.machines.values())
     if fields is None:
-        ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base)
+        ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base, is_cut=is_cut)
     else:
-        ground = fields.ground(scenario.field, seed, base)
+        ground = fields.ground(scenario.field, seed, base, is_cut=is_cut)
     bodies = Bodies()
     bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}

@@ -52,8 +52,10 @@ class Ground:
         return merge(*(thing.in_world for thing in self.things if thing.way is None))
 
 
-def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
-    """The field and what stands on it. base: folder that relative file names start from."""
+def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bool = True) -> Ground:
+    """The field and what stands on it. base: folder that relative file names start from; is_cut: by some
+    machine, so that the edges must lie in it.
+    """
     folder = None if section.folder is None else _read(section.folder)
     mapped = _origin_of_maps(section, base) if folder is None else None
     setup = _setup(folder, stream, base, mapped)
@@ -68,6 +70,7 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
         crop=load_crop(stand.crop, setup.folder),
         stream=stream,
         boundary=region,
+        is_cut=is_cut,
     )
     driven = None
     first = next(iter(section.edges.values()))

@@ -55,7 +55,7 @@ def _about(run: PlannedRun) -> dict[str, Any]:
 
 
 def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
-    broken = [entry for entry in summary["expect"] if entry["result"] == "fail"]
+    broken = [entry for entry in summary["expect"] if entry["result"] != "pass"]
     reason = ""
     if broken:
         reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}"
