@@ -50,7 +50,8 @@ def read(app: object, name: str, source: list[str]) -> None:
 
 def included(app: object, relative: Path, parent: str, content: list[str]) -> None:
     """Links of the included files are those of the repository's root."""
-    content[0] = re.sub(r"\]\(docs/", "](../", PAGE.sub(r"[`\1`](../\1)", content[0]))
+    text = re.sub(r"\]\(docs/", "](../", PAGE.sub(r"[`\1`](../\1)", content[0]))
+    content[0] = re.sub(rf"\]\(({'|'.join(INCLUDED)})\)", lambda found: f"]({found[1].lower()})", text)
 
 
 def setup(app: object) -> None:

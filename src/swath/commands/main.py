@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, new, report, run, scenarios, schema, sheets, view
+from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
@@ -54,6 +54,7 @@ COMMANDS = (
     osi,
     schema,
     migrate,
+    completion,
 )
 RENAMED = {  # command lines of version 0.1.0: what to type instead
     ("cards",): "swath sheets",
@@ -173,6 +174,7 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
     parsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in COMMANDS:
         command.add(parsers)
+    parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
 
 

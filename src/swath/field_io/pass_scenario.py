@@ -14,6 +14,7 @@ LENGTH_M = 150.0
 SHORTEST_M = 60.0
 INSET_M = 2.0  # kept off the ends of a stretch: an outline made from the passes ends where they do
 TEMPLATE = """\
+# yaml-language-server: $schema=scenario.schema.json
 # Along pass {index} of this field, machine {machine}: the edge lies where the real machine's left header end
 # went, and the real track is drawn beside the simulated one.
 format: swath scenario 2
