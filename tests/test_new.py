@@ -22,7 +22,10 @@ def test_a_template_runs_by_the_command_that_is_printed(kind, tmp_path, monkeypa
     said = capsys.readouterr().out.splitlines()
     words = shlex.split(f"{said[-1]} {SHORT} --out out")
     assert words[0] == "swath"
-    assert main([*words[1:], *(["--no-replay"] if words[1] == "run" else [])]) in (0, 1)  # too short for limits
+    assert main([*words[1:], *(["--no-replay"] if words[1] == "run" else [])]) in (
+        0,
+        1,
+    )  # too short for limits
     made = Path("out", "scan.csv" if words[1] == "scan" else "summary.json")
     assert made.stat().st_size > 100
     if kind == "evaluator":

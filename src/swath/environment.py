@@ -1,7 +1,7 @@
 """A scenario as an environment of gymnasium: somebody else's policy steers (extra `gym`)."""
 
 from collections.abc import Mapping
-from math import tan
+from math import fsum, tan
 from typing import Any, ClassVar
 
 import numpy as np
@@ -135,7 +135,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         truncated = not terminated and world.graph.t >= round(world.scenario.run.max_duration_s * NS)
         parts, limits = self._judged(is_end=terminated or truncated)
         info = {"reward": parts, "limits": limits, "t_s": world.graph.t / NS, "ended": world.graph.ended}
-        return self._observation(), float(sum(parts.values())), terminated, truncated, info
+        return self._observation(), fsum(parts.values()), terminated, truncated, info
 
     def close(self) -> None:
         """Let go of the world."""
