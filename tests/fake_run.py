@@ -98,6 +98,10 @@ class GridField:
         at = self._index(x, y)
         return self.crop[at] & ~self.is_cut[at]
 
+    def standing_along(self, starts, step, count):
+        middle = np.arange(count) + 0.5
+        return self.standing(starts[:, :1] + step[0] * middle, starts[:, 1:] + step[1] * middle)
+
     boundary = None
 
     def why_outside(self, x, y):

@@ -157,11 +157,7 @@ PRELUDE = {  # what a page takes for granted
 }
 
 
-@pytest.mark.parametrize(
-    "page",
-    [p for p in PAGES if "```python" in p.read_text() and p.parent.name != "tutorials"],
-    ids=lambda p: p.name,
-)
+@pytest.mark.parametrize("page", SCRIPTED, ids=lambda p: p.name)
 def test_python_runs(page, tmp_path, monkeypatch):
     """From top to bottom, with a short run in place of the one that the page makes."""
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""`swath new`: every template runs by the command that is printed with it; `swath scenarios NAME`, completion."""
+"""`swath new`: every template runs by the command printed with it; `swath scenarios NAME`, completion."""
 
 import json
 import shlex

@@ -1,4 +1,4 @@
-"""The documentation as a site: every page is within two clicks of the first one, and it builds without a warning."""
+"""The documentation as a site: every page within two clicks of the first one, and no warning."""
 
 import re
 import subprocess

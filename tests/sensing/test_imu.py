@@ -10,7 +10,7 @@ from swath.sensing.imu.error import ErrorImu, Params
 from swath.sensing.imu.ideal import IdealImu
 from swath.sensing.imu.ideal import Params as IdealParams
 from swath.sensing.imu.noise_grades import UNITS, Axis
-from swath.sensing.imu.strapdown import GRAVITY, Place, rotation_of, rotation_vector
+from swath.sensing.imu.strapdown import GRAVITY, Place, rotation_vector, turned
 from tests.sensing.driven_states import circle, column, feed, setup_of, standing, state, straight
 
 STEP = 10_000_000
@@ -109,7 +109,9 @@ def test_a_mean_over_a_period_damps_what_is_fast():
 
 def test_rotation_vectors_of_large_and_tiny_turns():
     for vector in ([0.3, -1.2, 2.0], [1e-9, 0.0, 2e-9], [0.0, 0.0, 0.0], [0.0, 3.0, 0.0]):
-        np.testing.assert_allclose(rotation_vector(rotation_of(np.array(vector))), vector, atol=1e-12)
+        axes = np.array([turned(tuple(vector), tuple(axis)) for axis in np.eye(3)]).T
+        np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-14)
+        np.testing.assert_allclose(rotation_vector(np.eye(3), axes), vector, atol=1e-12)
 
 
 def test_without_errors_it_equals_ideal():

@@ -29,6 +29,7 @@ from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
 from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
+from swath.tools.yield_log import command as yield_log
 
 COMMANDS = (
     run,
@@ -48,6 +49,7 @@ COMMANDS = (
     calibrate,
     compare,
     scan,
+    yield_log,
     fmu,
     ros2,
     can,

@@ -7,18 +7,19 @@ and r about y and z. What the pull has to undo again and again is the gyroscopes
 """
 
 from collections.abc import Sequence
-from math import hypot
+from math import fsum, hypot, isfinite
 
 import numpy as np
 
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
-from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.signals import F64, Inertial
 
 SETTLE_S = 3.0  # time constant of the pull of gravity [s]
 BIAS_S = 30.0  # the same of the gyroscopes' bias [s]
+CRAB = 0.27  # side slip per side force in g: about 1 / the tyres' cornering stiffness over load
+GRAVITY = 9.81  # m/s2
 LEAST_FORCE = 1.0  # m/s2: a smaller specific force has no direction
 
 
@@ -32,40 +33,46 @@ class Inclination(KeepsState):
     kept = ("up", "is_known", "_bias", "_t", "_speed")
 
     def __init__(self, mounting: Pose | None) -> None:
-        self._turn = np.eye(3) if mounting is None else mounting.rotation
+        self._turn = (np.eye(3) if mounting is None else mounting.rotation).tolist()
         self.clear()
 
     def clear(self) -> None:
         """Forget everything."""
         self.up: F64 = np.array([0.0, 0.0, 1.0])
         self.is_known = False
-        self._bias: F64 = np.zeros(3)
+        self._bias = [0.0, 0.0, 0.0]
         self._t, self._speed = 0, 0.0
 
     def take(self, samples: Sequence[Inertial] | None, speed: float) -> None:
         """Samples since the last call, oldest first, and the measured speed [m/s]. None: there is no unit."""
-        good = [s for s in samples or () if np.isfinite(_values(s)).all()]
+        good = [(s.t, v) for s in samples or () if all(map(isfinite, v := _values(s)))]
         if not good:
             return
-        rate, force = (
-            product(self._turn, part) for part in np.mean([_values(s) for s in good], axis=0).reshape(2, 3)
-        )
-        seconds = min(max((good[-1].t - self._t) / NS, 0.0), 1.0)
+        p, q, r, *force = (fsum(column) / len(good) for column in zip(*(v for _, v in good), strict=True))
+        rate, force = self._in_machine(p, q, r), self._in_machine(*force)
+        seconds = min(max((good[-1][0] - self._t) / NS, 0.0), 1.0)
         forward = (speed - self._speed) / seconds if self.is_known and seconds > 0.0 else 0.0
-        rate = rate - self._bias
-        force = force - np.array([forward, speed * rate[2], -speed * rate[1]])
-        size = hypot(*force)
-        self._t, self._speed = good[-1].t, speed
+        rate = [a - b for a, b in zip(rate, self._bias, strict=True)]
+        x, y, z = force[0] - forward, force[1] - speed * rate[2], force[2] + speed * rate[1]
+        size = hypot(x, y, z)
+        self._t, self._speed = good[-1][0], speed
         if size < LEAST_FORCE:
             return
+        force = [x / size, y / size, z / size]
         if not self.is_known:
-            self.up, self.is_known = force / size, True
+            self.up, self.is_known = np.array(force), True
             return
-        pull = min(1.0, seconds / SETTLE_S)
-        up = self.up - seconds * np.cross(rate, self.up)
-        self._bias = self._bias + pull / BIAS_S * np.cross(up, force / size)
-        up = up + pull * (force / size - up)
-        self.up = up / hypot(*up)
+        pull, before = min(1.0, seconds / SETTLE_S), self.up.tolist()
+        up = [u - seconds * c for u, c in zip(before, _cross(rate, before), strict=True)]
+        push = pull / BIAS_S
+        self._bias = [b + push * c for b, c in zip(self._bias, _cross(up, force), strict=True)]
+        up = [u + pull * (f - u) for u, f in zip(up, force, strict=True)]
+        size = hypot(*up)
+        self.up = np.array([u / size for u in up])
+
+    def _in_machine(self, x: float, y: float, z: float) -> list[float]:
+        """A vector of the unit's frame in that of the machine."""
+        return [a * x + b * y + c * z for a, b, c in self._turn]
 
     @property
     def rise(self) -> tuple[float, float]:
@@ -76,6 +83,17 @@ class Inclination(KeepsState):
         """
         steep = max(float(self.up[2]), 0.5)
         return float(self.up[0]) / steep, float(self.up[1]) / steep
+
+    def crab(self, per_g: float, lateral: float) -> float:
+        """By how much the fixed axle slips to the right of its heading [rad].
+
+        per_g: slip per side force in g; lateral: acceleration to the left [m/s2]
+        """
+        return per_g * (self.rise[1] + lateral / GRAVITY)
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _values(s: Inertial) -> tuple[float, float, float, float, float, float]:

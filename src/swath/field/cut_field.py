@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core import portable
 from swath.core.errors import InputError
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex
 from swath.field.height_bounds import stem_reach
@@ -16,7 +15,7 @@ from swath.kernels import filled, member_array, repeatable, start_warp
 Array = NDArray[np.float64]
 CORNERS_MAX = 64
 PAGES_MAX = 256  # of one launch, as in the kernel
-STATUS, PAGE_COUNT, STEM_COUNT, AGAIN_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED, ROOM = range(8)
+STATUS, PAGE_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED = range(5)
 POOLS = ("table", "cut_slot", "cut", "tile_stand", "tile_prototype", "tile_top")
 
 
@@ -29,11 +28,12 @@ class Cutter:
     def __init__(self, store: PageStore, stems: StemIndex, *, sway: float = 0.0) -> None:
         self.store, self.stems, self.sway = store, stems, sway
         self._polygon = np.zeros((CORNERS_MAX, 2))
-        self._ask, self._report = np.zeros(4, np.int32), np.zeros(8, np.int32)
+        self._ask, self._report = np.zeros(4, np.int32), np.zeros(5, np.int32)
         self._pages = np.zeros((PAGES_MAX, 3), np.int32)
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
-        self._masses: tuple[Array, Array] = (np.zeros((4, 0)), np.zeros((4, 0)))
+        self._masses = np.zeros((2, 3))  # grain, straw, grain left; of them by earlier cuts [kg]
         self._pools: dict[str, Any] = {}
+        self._lines: dict[tuple[int, int], _Lines] = {}
         self._land: Any = None
         self._launch: Any = None
 
@@ -48,6 +48,15 @@ class Cutter:
         y = [v for _, v in corners]
         self._ask[0], self._ask[3] = len(corners), code
         return self._cut_rows(ceil(min(y) - 0.5), floor(max(y) - 0.5))
+
+    def standing(self, u: Array, v: Array, du: float, dv: float, count: int) -> NDArray[np.bool_] | None:
+        """Whether crop stands at the middles of `count` steps from places (n,) on, in cell units of the stand
+        frame, (n, count); None where not all pages are in memory.
+        """
+        self._refresh()
+        if (shape := (len(u), count)) not in self._lines:
+            self._lines[shape] = _Lines(self._land, *shape)
+        return self._lines[shape].look(u, v, du, dv)
 
     def _cut_rows(self, first: int, last: int) -> Cut:
         """Cut these rows of cells of the polygon; in two halves when they lie on too many pages."""
@@ -64,11 +73,8 @@ class Cutter:
         return self._sum()
 
     def _run(self, code: int) -> list[Key] | None:
-        """Launch until all pages are there and the stems have room. The pages of the polygon, None when there
-        are too many.
-        """
+        """Launch until all pages are there. The pages of the polygon, None when there are too many."""
         report, store = self._report, self.store
-        report[ROOM] = self._masses[0].shape[1]
         while True:
             report[CHANGED] = 0
             self._refresh()
@@ -76,18 +82,15 @@ class Cutter:
             status, count = int(report[STATUS]), int(report[PAGE_COUNT])
             if status == 3:
                 return None
-            places = sorted((j, i) for i, j in self._pages[:count, :2].tolist())
-            keys = [(i, j) for j, i in places]
+            places: list[Key] = [(i, j) for i, j in self._pages[:count, :2].tolist()]
+            keys = sorted(places, key=lambda key: key[::-1])
             store.need(keys)
             if status == 0:
-                return [(i, j) for i, j in self._pages[:count, :2].tolist()]
-            if status == 1:
-                for key in keys:
-                    slot = store.keys[key]
-                    if -1 - int(store.pages.cut_slot[slot]) > code:
-                        store.open_cut(slot)
-            else:
-                self._make_room(int(report[ROOM]))
+                return places
+            for key in keys:
+                slot = store.keys[key]
+                if -1 - int(store.pages.cut_slot[slot]) > code:
+                    store.open_cut(slot)
 
     def _note(self, places: list[Key]) -> None:
         """Book-keeping after codes changed."""
@@ -102,18 +105,9 @@ class Cutter:
 
     def _sum(self) -> Cut:
         """The masses of the last launch."""
-        report, power = self._report, self.stems.straw_exponent
-        grain, straw, left = self._sums(self._masses[0][:, : report[STEM_COUNT]], power)
-        if report[AGAIN_COUNT]:
-            was = self._sums(self._masses[1][:, : report[AGAIN_COUNT]], power)
-            grain, straw, left = grain - was[0], straw - was[1], left - was[2]
-        area = int(report[NEWLY_CUT]) * (self.stems.library.tile_size / TILE_CELLS) ** 2
-        return Cut(grain, straw, int(report[CROP_STEMS]), area, left)
-
-    @staticmethod
-    def _sums(masses: Array, power: float) -> tuple[float, float, float]:
-        above, straw, grain, left = masses
-        return float(grain.sum()), float((straw * portable.power(above, power)).sum()), float(left.sum())
+        grain, straw, left = (self._masses[0] - self._masses[1]).tolist()
+        area = int(self._report[NEWLY_CUT]) * (self.stems.library.tile_size / TILE_CELLS) ** 2
+        return Cut(grain, straw, int(self._report[CROP_STEMS]), area, left)
 
     def _refresh(self) -> None:
         """The launch with the pools as they are now."""
@@ -142,9 +136,10 @@ class Cutter:
             self._prepare()
         else:
             self._launch.set_param_at_index(0, self._land)
+        self._lines = {}
 
     def _prepare(self) -> None:
-        """The launch, with room for some stems."""
+        """The launch."""
         from swath.field import cut_kernel as kernel
 
         stems, library = self.stems, self.stems.library
@@ -164,6 +159,7 @@ class Cutter:
         kinds |= dict.fromkeys(("column", "is_crop"), np.uint8)
         self._roots = filled(
             kernel.Roots,
+            straw_exponent=stems.straw_exponent,
             **{n: np.ascontiguousarray(a, kinds.get(n, np.float64)) for n, a in arrays.items()},
         )
         inputs = [
@@ -171,26 +167,33 @@ class Cutter:
             self._roots,
             self._share(self._polygon),
             self._share(self._ask),
-            kernel.Masses(),
-            kernel.Masses(),
+            start_warp().array(self._masses, dtype=start_warp().vec3d, device="cpu", copy=False),
             self._share(self._pages),
             self._share(self._tiles),
             self._share(self._report),
         ]
         self._launch = repeatable(kernel.cut_cells, inputs)
-        self._make_room(0)
-
-    def _make_room(self, count: int) -> None:
-        """Output for so many stems, or a little more."""
-        from swath.field.cut_kernel import Masses
-
-        room = max(4096, ceil(1.5 * count))
-        self._masses = (np.zeros((4, room)), np.zeros((4, room)))
-        for index, block in zip((4, 5), self._masses, strict=True):
-            rows = dict(zip(("above", "straw", "grain", "left"), block, strict=True))
-            self._launch.set_param_at_index(index, filled(Masses, **rows))
-        self._report[ROOM] = room
 
     def _share(self, array: NDArray[Any]) -> Any:
         """The same memory for Warp."""
         return start_warp().array(array, device="cpu", copy=False)
+
+
+class _Lines:
+    """Looks up crop at `count` places along each of `lines` lines."""
+
+    def __init__(self, land: Any, lines: int, count: int) -> None:
+        from swath.field.cut_kernel import crop_along
+
+        self._starts, self._step = np.zeros((lines, 2)), np.zeros(2)
+        self._crop, self._is_missing = np.zeros((lines, count), np.bool_), np.zeros(1, np.int32)
+        arrays = (self._starts, self._step, self._crop, self._is_missing)
+        shared = [start_warp().array(a, device="cpu", copy=False) for a in arrays]
+        self._launch = repeatable(crop_along, [land, *shared]).launch
+
+    def look(self, u: Array, v: Array, du: float, dv: float) -> NDArray[np.bool_] | None:
+        """As `Cutter.standing`."""
+        self._starts[:, 0], self._starts[:, 1] = u, v
+        self._step[:], self._is_missing[0] = (du, dv), 0
+        self._launch()
+        return None if self._is_missing[0] else self._crop.copy()

@@ -1,7 +1,7 @@
 """The cut as one serial loop: rows of cells inside a convex polygon, the stems on them, tiles that got lower.
 
 Rules and units are those of `field/cut_result.py` and `field/height_bounds.py`; numbers are float64 without
-fused multiply-adds, so that sums are the same to the bit as with numpy.
+fused multiply-adds.
 """
 
 import warp as wp
@@ -15,14 +15,11 @@ REACH_MAX = wp.constant(4)  # tiles, as in tops.py
 SLACK = wp.constant(wp.float64(0.001))  # as in tops.py
 PAGES_MAX = wp.constant(256)  # of one launch
 # places in `report`
-STATUS = wp.constant(0)  # 0 done, 1 pages have to be prepared first, 2 more room for stems is needed
+STATUS = wp.constant(0)  # 0 done, 1 pages have to be prepared first, 3 too many pages
 PAGE_COUNT = wp.constant(1)
-STEM_COUNT = wp.constant(2)
-AGAIN_COUNT = wp.constant(3)
-NEWLY_CUT = wp.constant(4)  # cells
-CROP_STEMS = wp.constant(5)  # of the crop, that stood
-CHANGED = wp.constant(6)  # cells
-ROOM = wp.constant(7)  # for stems, or what is needed
+NEWLY_CUT = wp.constant(2)  # cells
+CROP_STEMS = wp.constant(3)  # of the crop, that stood
+CHANGED = wp.constant(4)  # cells
 
 
 @wp.struct
@@ -46,7 +43,10 @@ class Land:
 
 @wp.struct
 class Roots:
-    """Stems by the cell they stand on, as in `cutting.StemIndex`; column: of the cell in its tile."""
+    """Stems by the cell they stand on, as in `cutting.StemIndex`; column: of the cell in its tile.
+
+    straw_exponent: of what of the straw lies above a cut
+    """
 
     first: wp.array(dtype=int)
     count: wp.array(dtype=int)
@@ -58,16 +58,7 @@ class Roots:
     grain: wp.array(dtype=wp.float64)
     straw: wp.array(dtype=wp.float64)
     is_crop: wp.array(dtype=wp.uint8)
-
-
-@wp.struct
-class Masses:
-    """Per stem: share of the height above the cut; straw times length, grain taken, grain left [kg]."""
-
-    above: wp.array(dtype=wp.float64)
-    straw: wp.array(dtype=wp.float64)
-    grain: wp.array(dtype=wp.float64)
-    left: wp.array(dtype=wp.float64)
+    straw_exponent: wp.float64
 
 
 @wp.func
@@ -113,24 +104,61 @@ def row_span(polygon: wp.array2d(dtype=wp.float64), corners: int, row: int) -> w
     return wp.vec2i(first, after)
 
 
+@wp.kernel
+def crop_along(
+    land: Land,
+    starts: wp.array2d(dtype=wp.float64),
+    step: wp.array(dtype=wp.float64),
+    crop: wp.array2d(dtype=wp.bool),
+    is_missing: wp.array(dtype=int),
+):
+    """Whether crop stands at the middles of steps (2,) from starts (n, 2) on, cell units.
+
+    is_missing: becomes 1 where a page is not in memory
+    """
+    half = wp.float64(0.5)
+    for n in range(crop.shape[0]):
+        slot = int(-1)
+        page_x = int(0)
+        page_y = int(0)
+        for k in range(crop.shape[1]):
+            along = wp.float64(k) + half
+            x = int(wp.floor(starts[n, 0] + step[0] * along))
+            y = int(wp.floor(starts[n, 1] + step[1] * along))
+            i = floor_div(x, PAGE)
+            j = floor_div(y, PAGE)
+            if slot < 0 or i != page_x or j != page_y:
+                slot = slot_at(land, i, j)
+                page_x = i
+                page_y = j
+                if slot < 0:
+                    is_missing[0] = 1
+                    return
+            x = x - i * PAGE
+            y = y - j * PAGE
+            line = land.cut_slot[slot]
+            code = -1 - line
+            if line >= 0:
+                code = int(land.cut[line, y, x])
+            stands = code == STANDING and land.tile_stand[slot, y / CELLS, x / CELLS][3] > 0.0
+            crop[n, k] = stands
+
+
 @wp.func
-def add_stem(roots: Roots, masses: Masses, k: int, stem: int, stand: wp.vec4, code: int):
-    """What a cut at this code takes of a stem, except for the power of `above`."""
+def taken_of(roots: Roots, stem: int, stand: wp.vec4, code: int) -> wp.vec3d:
+    """Grain and straw that a cut at this code takes of a stem, and grain that it leaves [kg]."""
     scale = wp.float64(stand[0])
     lean_x = wp.float64(stand[1])
     lean_y = wp.float64(stand[2])
     cut_height = wp.float64(0.01) * wp.float64(code)
     share = wp.float64(1.0) - cut_height / (roots.height[stem] * scale)
-    masses.above[k] = wp.min(wp.max(share, wp.float64(0.0)), wp.float64(1.0))
+    above = wp.min(wp.max(share, wp.float64(0.0)), wp.float64(1.0))
     length = wp.sqrt(scale * scale + lean_x * lean_x + lean_y * lean_y)
-    masses.straw[k] = roots.straw[stem] * length
+    straw = roots.straw[stem] * length * wp.pow(above, roots.straw_exponent)
     grain = roots.grain[stem]
     if roots.ear[stem] * scale > cut_height:
-        masses.grain[k] = grain
-        masses.left[k] = wp.float64(0.0)
-    else:
-        masses.grain[k] = wp.float64(0.0)
-        masses.left[k] = grain
+        return wp.vec3d(grain, straw, wp.float64(0.0))
+    return wp.vec3d(wp.float64(0.0), straw, grain)
 
 
 @wp.func
@@ -227,23 +255,20 @@ def is_ready(land: Land, slot: int, code: int) -> bool:
 @wp.func
 def list_pages(
     land: Land,
-    roots: Roots,
     polygon: wp.array2d(dtype=wp.float64),
     ask: wp.array(dtype=int),
     pages: wp.array2d(dtype=int),
     tiles: wp.array2d(dtype=wp.uint8),
     report: wp.array(dtype=int),
 ) -> bool:
-    """The pages of a cut; True when all are ready and there is room for the stems."""
+    """The pages of a cut; True when all are ready."""
     code = ask[3]
     count = int(0)
     last = int(-1)
-    stems = int(0)
     ready = int(1)
     for row in range(ask[1], ask[2] + 1):
         span = row_span(polygon, ask[0], row)
         j = floor_div(row, PAGE)
-        y = row - j * PAGE
         c = span[0]
         while c < span[1]:
             i = floor_div(c, PAGE)
@@ -263,19 +288,10 @@ def list_pages(
             slot = slot_at(land, i, j)
             if not is_ready(land, slot, code):
                 ready = 0
-            elif land.cut_slot[slot] >= 0:
-                x = c - i * PAGE
-                cell = variant_of(land, slot, y / CELLS, x / CELLS) + (y % CELLS) * CELLS + x % CELLS
-                end = cell + after - c - 1
-                stems += roots.first[end] + roots.count[end] - roots.first[cell]
             c = after
     report[PAGE_COUNT] = count
     if ready == 0:
         report[STATUS] = 1
-        return False
-    if stems > report[ROOM]:
-        report[STATUS] = 2
-        report[ROOM] = stems
         return False
     report[STATUS] = 0
     return True
@@ -287,24 +303,23 @@ def cut_cells(
     roots: Roots,
     polygon: wp.array2d(dtype=wp.float64),
     ask: wp.array(dtype=int),
-    masses: Masses,
-    again: Masses,
+    masses: wp.array(dtype=wp.vec3d),
     pages: wp.array2d(dtype=int),
     tiles: wp.array2d(dtype=wp.uint8),
     report: wp.array(dtype=int),
 ):
     """Brings all cells of a polygon that are higher down to a code. Changes nothing unless STATUS is 0.
 
-    ask: number of corners, first row, last row, code; masses: of all stems on changed cells; again: what
-    earlier cuts took of those that were cut before; pages: (PAGES_MAX, 3) i, j, 1 = some tile of it got
-    lower; tiles: (PAGES_MAX, 64) 1 = some cell of it changed, 2 = it got lower too; report: see above
+    ask: number of corners, first row, last row, code; masses: grain and straw taken of all stems on changed
+    cells and grain left [kg], and what of it earlier cuts took; pages: (PAGES_MAX, 3) i, j, 1 = some tile of
+    it got lower; tiles: (PAGES_MAX, 64) 1 = some cell of it changed, 2 = it got lower too; report: see above
     """
-    if not list_pages(land, roots, polygon, ask, pages, tiles, report):
+    if not list_pages(land, polygon, ask, pages, tiles, report):
         return
     code = ask[3]
     last = int(-1)
-    stems = int(0)
-    recut = int(0)
+    taken = wp.vec3d()
+    again = wp.vec3d()
     newly = int(0)
     crop = int(0)
     changed = int(0)
@@ -330,13 +345,11 @@ def cut_cells(
                     stem = roots.stem[s]
                     old = int(land.cut[line, y, tx * CELLS + int(roots.column[s])])
                     if old > code and roots.rank[stem] < rank:
-                        add_stem(roots, masses, stems, stem, stand, code)
-                        stems += 1
+                        taken += taken_of(roots, stem, stand, code)
                         if old == STANDING:
                             crop += int(roots.is_crop[stem])
                         else:
-                            add_stem(roots, again, recut, stem, stand, old)
-                            recut += 1
+                            again += taken_of(roots, stem, stand, old)
                 count = int(0)
                 stood = int(0)
                 for k in range(x, x + after - c):
@@ -368,8 +381,8 @@ def cut_cells(
             for t in range(64):
                 if tiles[n, t] == wp.uint8(2):
                     write_tops(land, pages[n, 0] * 8 + t % 8, pages[n, 1] * 8 + t / 8)
-    report[STEM_COUNT] = stems
-    report[AGAIN_COUNT] = recut
+    masses[0] = taken
+    masses[1] = again
     report[NEWLY_CUT] = newly
     report[CROP_STEMS] = crop
     report[CHANGED] = changed

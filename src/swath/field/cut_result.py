@@ -6,8 +6,7 @@ of overlapping cuts, and can be recounted from the codes.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
-from math import fsum
+from math import fsum, isfinite
 from typing import Any
 
 import numpy as np
@@ -114,12 +113,19 @@ def check_polygon(polygon: Any, key: str = "polygon") -> Array:
         p = np.asarray(polygon, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(key, polygon, "expected a list of [x, y]") from error
-    if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
+    if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3:
         raise InputError(key, polygon, "expected at least three finite [x, y]")
-    corners = p.tolist()
-    edge = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise([*corners, corners[0]])]
-    cross = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise([*edge, edge[0]])]
-    tolerance = 1e-9 * max(1.0, *(x * x for e in edge for x in e))
+    edge, (ax, ay) = [], p[-1].tolist()
+    for x, y in p.tolist():
+        edge.append((x - ax, y - ay))
+        ax, ay = x, y
+    if not all(isfinite(x) and isfinite(y) for x, y in edge):
+        raise InputError(key, polygon, "expected at least three finite [x, y]")
+    cross, (ax, ay) = [], edge[-1]
+    for x, y in edge:
+        cross.append(ax * y - ay * x)
+        ax, ay = x, y
+    tolerance = 1e-9 * max(1.0, *(max(x * x, y * y) for x, y in edge))
     if min(cross) < -tolerance and max(cross) > tolerance:
         raise InputError(key, polygon, "expected a convex polygon, the corners in order")
     return p[::-1] if fsum(cross) < 0.0 else p

@@ -21,9 +21,9 @@ _HALF = round(SIDE_M / STEP_M)
 
 
 class Standing(Protocol):
-    """What is asked of a field: whether crop stands at world points [m]."""
+    """Whether crop stands at the middles of `count` steps (2,) from each start (n, 2) on, in the world [m]; shape (n, count)."""
 
-    def standing(self, x: Array, y: Array, /) -> Bits: ...
+    def standing_along(self, starts: Array, step: Array, count: int, /) -> Bits: ...
 
 
 def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end: float) -> Bits:
@@ -32,12 +32,12 @@ def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end
     pose: pose_world_machine. Shape (n, k) for x of shape (n,), else (k,): the middles of k steps.
     """
     count = max(round(abs(end - begin) / STEP_M), 2)
-    y = begin + (end - begin) * ((np.arange(count) + 0.5) / count)
     across, ahead = pose.rotation[:2, 1], pose.rotation[:2, 0]
-    at = np.asarray(x, dtype=float)[..., None]
-    px = pose.position[0] + ahead[0] * at + across[0] * y
-    py = pose.position[1] + ahead[1] * at + across[1] * y
-    return np.asarray(field.standing(px, py))
+    first = pose.position[:2] + across * begin
+    at = np.asarray(x, dtype=float)
+    starts = first + ahead * at.reshape(-1, 1)
+    crop = field.standing_along(starts, across * ((end - begin) / count), count)
+    return crop.reshape(*at.shape, count)
 
 
 def edges_of(crop: Bits) -> list[Array]:

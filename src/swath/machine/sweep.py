@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from math import fsum
+from math import fsum, hypot
 
 import numpy as np
 
@@ -16,7 +16,10 @@ Corners = list[Corner]
 
 def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Array:
     """World xy of a line across the machine, shape (2, 2): left end, right end [m]."""
-    return pose.apply(((x, left_y, 0.0), (x, right_y, 0.0)))[:, :2]
+    px, py, _ = pose.position.tolist()
+    (ax, bx, _), (ay, by, _), _ = pose.rotation.tolist()
+    px, py = px + ax * x, py + ay * x
+    return np.array([[px + bx * left_y, py + by * left_y], [px + bx * right_y, py + by * right_y]])
 
 
 class LinePath(KeepsState):
@@ -40,7 +43,7 @@ class LinePath(KeepsState):
             if self._last is None:
                 self._last = now
                 continue
-            travel = float(np.hypot(*(now - self._last).T).max())
+            travel = max(hypot(dx, dy) for dx, dy in (now - self._last).tolist())
             if travel < 1e-6 or (travel < self._step and index < len(states) - 1):
                 continue
             yield self._last, now

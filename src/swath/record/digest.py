@@ -8,16 +8,22 @@ saved in the middle and resumed ends on the digest of an uninterrupted one.
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from math import isnan
+from operator import attrgetter
 from struct import Struct
 from typing import Any
 
 import numpy as np
 
+from swath.core.frames import Pose
 from swath.signals import Signal
 
 BLOCK_BYTES = 64 * 1024
 TIME, INTEGER, FLOAT = Struct("<q"), Struct("<cq"), Struct("<cd")
-_LAYOUTS: dict[tuple[str, str, Any], tuple[bytes, tuple[str, ...]]] = {}
+PLAIN = {int: ("cq", b"i"), float: ("cd", b"d"), bool: ("0sc", b"")}  # layout and letter of a number
+FEW = 16  # numbers of an array that are looked at one by one
+_LAYOUTS: dict[tuple[str, str, Any], "_Layout"] = {}
+_PREFIXES: dict[tuple[Any, tuple[int, ...]], bytes] = {}  # of arrays
 
 
 class Digest:
@@ -59,21 +65,45 @@ class Digest:
 
 def sample_bytes(slot: str, output: str, t: int, signal: Signal) -> bytes:
     """Canonical bytes of a sample published at t [ns]."""
-    head, names = _layout(slot, output, type(signal))
-    parts = [head, TIME.pack(t)]
-    for name in names:
-        value = getattr(signal, name)
-        encoder = ENCODERS.get(type(value))
-        parts.append(encode(value) if encoder is None else encoder(value))
-    return b"".join(parts)
+    key = slot, output, type(signal)
+    layout = _LAYOUTS.get(key)
+    if layout is None:
+        layout = _LAYOUTS[key] = _Layout(*key)
+    return layout.bytes_of(t, signal)
 
 
-def _layout(slot: str, output: str, kind: Any) -> tuple[bytes, tuple[str, ...]]:
-    key = (slot, output, kind)
-    if key not in _LAYOUTS:
+class _Layout:
+    """The bytes of the samples of an output; plain numbers go through one Struct while their types stay."""
+
+    def __init__(self, slot: str, output: str, kind: Any) -> None:
         names = tuple(f.name for f in fields(kind))
-        _LAYOUTS[key] = "/".join((slot, output, kind.__name__, *names)).encode() + b"\n", names
-    return _LAYOUTS[key]
+        self._values = attrgetter(*names, names[0])  # a tuple also of a single field
+        self._head = "/".join((slot, output, kind.__name__, *names)).encode() + b"\n"
+        self._types: tuple[type, ...] = ()
+        self._pack: Callable[..., bytes] | None = None
+
+    def bytes_of(self, t: int, signal: Signal) -> bytes:
+        values = self._values(signal)[:-1]
+        types = tuple(map(type, values))
+        if types != self._types:
+            self._types = types
+            self._prepare(types)
+        if self._pack is not None and not any(map(isnan, values)):
+            row = self._row
+            row[1], row[3::2] = t, values
+            for place in self._flags:
+                row[place] = b"t" if row[place] else b"f"
+            return self._pack(*row)
+        return b"".join([self._head, TIME.pack(t), *map(encode, values)])
+
+    def _prepare(self, types: tuple[type, ...]) -> None:
+        """The Struct of these types, and what it packs: letters before numbers, nothing before a flag."""
+        self._pack = None
+        if all(kind in PLAIN for kind in types):
+            text = "".join(PLAIN[kind][0] for kind in types)
+            self._pack = Struct(f"<{len(self._head)}sq{text}").pack
+            self._row: list[Any] = [self._head, 0, *(x for kind in types for x in (PLAIN[kind][1], 0))]
+            self._flags = [3 + 2 * i for i, kind in enumerate(types) if kind is bool]
 
 
 def encode(value: Any) -> bytes:
@@ -104,13 +134,21 @@ def _encode_items(value: tuple[Any, ...] | list[Any]) -> bytes:
 
 
 def _encode_array(array: np.ndarray) -> bytes:
-    kind = array.dtype.newbyteorder("<")
-    plain = np.ascontiguousarray(array, dtype=kind)
-    if kind.kind == "f":
-        lost = np.isnan(plain)
-        if lost.any():
-            plain = np.where(lost, np.array(np.nan, dtype=kind), plain)
-    return f"a{kind.str}{array.shape}".encode() + plain.tobytes()
+    kind, shape = array.dtype, array.shape
+    prefix = _PREFIXES.get((kind, shape))
+    if prefix is None:
+        prefix = _PREFIXES[kind, shape] = f"a{kind.newbyteorder('<').str}{shape}".encode()
+    if kind.kind == "f" and _has_nan(array):
+        array = np.where(np.isnan(array), np.array(np.nan, dtype=kind), array)
+    return prefix + (array if kind.isnative else array.astype(kind.newbyteorder("<"))).tobytes()
+
+
+def _has_nan(array: np.ndarray) -> bool:
+    return any(map(isnan, array.ravel().tolist())) if array.size <= FEW else bool(np.isnan(array).any())
+
+
+def _encode_pose(pose: Pose) -> bytes:
+    return b"(" + _encode_array(pose.position) + _encode_array(pose.rotation) + b")"
 
 
 ENCODERS: dict[type, Callable[[Any], bytes]] = {
@@ -122,4 +160,5 @@ ENCODERS: dict[type, Callable[[Any], bytes]] = {
     str: _encode_text,
     tuple: _encode_items,
     list: _encode_items,
+    Pose: _encode_pose,
 }

@@ -8,6 +8,7 @@ track goes back behind them.
 
 from collections import deque
 from dataclasses import dataclass, field, replace
+from math import cos, sin
 
 import numpy as np
 
@@ -71,9 +72,9 @@ class Arc:
 
     def frame(self, x: float, u: float, angle: float) -> EdgeFrame:
         """The arc in the frame of a machine that stands at x, u [m] with a heading [rad]."""
-        c, s = np.cos(angle), np.sin(angle)
+        c, s = cos(angle), sin(angle)
         dx, du = self.x - x, self.u - u
-        return EdgeFrame(float(c * dx + s * du), float(c * du - s * dx), self.angle - angle, self.bend)
+        return EdgeFrame(c * dx + s * du, c * du - s * dx, self.angle - angle, self.bend)
 
 
 class ArcTrack(KeepsState):

@@ -7,8 +7,9 @@ import numpy as np
 
 from swath.control.edge.arc_track import Arc, ArcTrack
 from swath.control.edge.blocks import Block, Found, find_edge, split
+from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_feet import OBLIQUE, CanopyFeet
-from swath.control.edge.canopy_rays import LIMIT, EdgeFrame, RayAnswers
+from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from swath.control.edge.near_line import EdgePoints
 from swath.control.edge.populations import Populations, crop_excess, overlap_of
 from swath.core.component import KeepsState

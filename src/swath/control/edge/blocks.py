@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath.control.edge.canopy_rays import CLASSES, DUST, LAYERS, NOTHING, RayAnswers
+from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYERS, NOTHING, PLACES
+from swath.control.edge.canopy_rays import RayAnswers
 from swath.core.component import KeepsState
 from swath.core.portable import exp, log, product
 from swath.signals import F64
 
-CELL, HALF = 0.025, 4.0  # m: width of a place, and how far to either side places are counted
-PLACES = round(2 * HALF / CELL)
 EDGES = -HALF + CELL * np.arange(PLACES + 1)
 WINDOW = 2.5  # m to either side of the expected edge whose rays count for a known edge
 ALIKE = 0.24  # m of travel from one look at the stand to another that is independent of it
@@ -41,14 +40,9 @@ class Block(KeepsState):
     def add(self, rays: RayAnswers, travel: float) -> None:
         """The rays of one scan, and the way driven since the one before [m]."""
         self.travel, self._scans = self.travel + travel, self._scans + 1
-        cell = np.floor((rays.beside + HALF) / CELL)
-        with np.errstate(invalid="ignore"):
-            ok = (cell >= 0) & (cell < PLACES)
-            close = ok & (np.abs(rays.beside) < 1.0)
-        flat = cell[ok].astype(np.int64) * CLASSES + rays.kind[ok]
-        np.add.at(self.counts.reshape(-1), flat, 1.0)
-        self._along += float(rays.along[close].sum())
-        self._rays += int(close.sum())
+        np.add.at(self.counts.reshape(-1), rays.cells, 1.0)
+        self._along += rays.along
+        self._rays += rays.close
 
     @property
     def along(self) -> float:

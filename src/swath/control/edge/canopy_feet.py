@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_offset import CanopyOffset
-from swath.control.edge.canopy_rays import LIMIT, RayAnswers
+from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.height_step import Rays
 from swath.control.edge.lean_ramp import LeanRamp
 from swath.core.component import KeepsState

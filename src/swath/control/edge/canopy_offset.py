@@ -22,6 +22,7 @@ from swath.signals import F64
 
 REACHED = 0.9  # share of the rays within the stand that are stopped above the height that is watched
 FROM, TO, BIN = -0.8, 1.0, 0.025  # m, lateral places whose rays are counted
+STEP = 0.005  # m, of which bins and shifts are multiples
 INSIDE = (0.4, 1.5)  # m behind the step: the stand within
 TALLEST, LAYER = 4.0, 0.02  # m, of the heights counted within
 FEWEST = 60.0  # echoes within, before their heights count
@@ -50,9 +51,12 @@ class CanopyOffset(KeepsState):
         self._memory, self._lean, self._spot = memory_m, lean, spot
         self._middle = np.arange(FROM + 0.5 * BIN, TO, BIN)
         self._spreads = geomspace(0.02, 0.3, 8)
-        self._shifts = np.arange(-0.1, 0.45, 0.01)
-        lateral = (self._middle - self._shifts[:, None]) / self._spreads[:, None, None]
-        self._there = np.interp(lateral, _Z, _PHI)  # share of the stand, [spread, shift, place]
+        self._shifts = np.arange(-0.1, 0.45, 2 * STEP)
+        lateral = np.subtract.outer(self._middle, self._shifts).T  # of places from shifts, few are distinct
+        apart = np.round(lateral / STEP).astype(np.int64)
+        self._which = apart - apart.min()  # [shift, place] -> place of `_there`
+        steps = STEP * np.arange(apart.min(), apart.max() + 1) + float(lateral[0, 0] - STEP * apart[0, 0])
+        self._there = np.interp(steps / self._spreads[:, None], _Z, _PHI)  # share of the stand, [spread, ...]
         self._chance = stopped(_MET, parts)
         self.clear()
 
@@ -106,7 +110,8 @@ class CanopyOffset(KeepsState):
         most = float(np.clip(inside[1] / max(float(inside.sum()), 1e-9), 0.3, 1.0 - STRAY))
         depth = float(np.interp(most, self._chance, _MET))
         high = STRAY + (1.0 - STRAY) * np.interp(depth * self._there, _MET, self._chance)
-        score = (self._seen[1] * log(high) + self._seen[0] * log(1.0 - high)).sum(axis=-1)
+        passed, held = log(1.0 - high)[:, self._which], log(high)[:, self._which]
+        score = (self._seen[1] * held + self._seen[0] * passed).sum(axis=-1)
         score -= 0.5 * ((self._shifts - self._guess(height)) / GUESS) ** 2
         chance = exp(score - score.max())
         return float((chance * self._shifts).sum() / chance.sum())

@@ -2,69 +2,53 @@
 
 A ray says one thing at one place. Where it was stopped, crop stands somewhere on its way from the top of the
 canopy to its echo; where it went on, none stands between the top and the lower limit. Either is evidence at
-that end of the way that lies deeper in the crop, less a part of a mean free path.
+that end of the way that lies deeper in the crop, less a part of a mean free path. The rays are followed in
+compiled code (`canopy_kernel`).
 """
 
 from dataclasses import dataclass
+from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.control.edge.canopy_classes import GROUND_REACH, GROUND_SPREAD
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
+from swath.kernels import Row, filled, repeatable, start_warp
 from swath.signals import F64, Scan, beam_directions
 
-I64 = NDArray[np.int64]
-
-NEAR, FAR = 1.0, 25.0  # m: nearer echoes are dust or chaff at the scanner
-LAYER, LOWEST, LAYERS = 0.06, -0.3, 46  # m, m, number: the layers of height that make the classes
-DUST, NOTHING, CLASSES = LAYERS, LAYERS + 1, LAYERS + 2  # two more: above the crop or near, no echo at all
-HEADROOM, ROOM = 1.25, 0.3  # [1], [m]: an echo this much above the crop's height is no crop
-LIMIT = 0.3  # of the crop's height: a ray below it has gone on
-INWARD = 0.03  # m at most, of its way that a ray going into the crop counts before its end
-OUTWARD, OUTWARD_SHARE = 0.12, 0.35  # m at most, share of its way: the same of a ray coming out of it
 FEW, MANY = 5, 20  # echoes near the plane before; so many elsewhere show that it was wrong
 RELAX = 0.98  # part of the plane that is kept from scan to scan where the stubble sends no echoes
-STEEPEST = -0.05  # a beam that falls less than this per metre never reaches the ground
 
 
 @dataclass(frozen=True)
-class Beams:
-    """All beams in the (x, u, z) frame of the machine at the scan's time: x forward, u toward the crop, z up.
+class EdgeFrame:
+    """An arc in the machine's (x, u): a point on it [m], its angle [rad] and bend [1/m] there."""
 
-    start, aim: (3, n), where a beam begins [m] and its unit direction; ranges (n,) [m], nan = no echo
+    x: float
+    u: float
+    angle: float
+    bend: float
+
+
+@dataclass(frozen=True)
+class RayAnswers:
+    """What the rays of a scan say.
+
+    cells: place and class of those that count, flat index of (PLACES, CLASSES); along: sum of the places
+    along the edge ahead of the frame's origin of `close` rays near it [m]
+    height: of the echo above the stubble side [m], nan = none; upper, lower: beside the edge at the crop's
+    top and at the lower limit [m]; of every ray that falls, (n,)
     """
 
-    start: F64
-    aim: F64
-    ranges: F64
-
-    def at(self, reach: F64) -> F64:
-        """Points (3, n) at distances (n,) [m] along the beams."""
-        return self.start + reach * self.aim
-
-
-def make_beams(scan: Scan, mounting: Pose, sign: float, speed: float, yaw_rate: float) -> Beams:
-    """Beams of a scan, each from its own time; speed [m/s], yaw_rate [rad/s] > 0 toward the crop."""
-    good = np.isfinite(scan.azimuth) & np.isfinite(scan.elevation)
-    aim = mounting.turn(beam_directions(scan.azimuth[good], scan.elevation[good])).T
-    ranges = scan.ranges[good, 0].astype(np.float64) if scan.ranges.size else np.full(int(good.sum()), np.nan)
-    ago = np.clip(np.nan_to_num(scan.beam_t[good]), -0.5, 0.0)
-    turn = sign * yaw_rate * ago
-    cos, sin = np.cos(turn), np.sin(turn)
-    x, y, z = mounting.position
-    start = np.stack(
-        [
-            speed * ago + cos * x - sin * y,
-            sign * (0.5 * speed * ago * turn + sin * x + cos * y),
-            z + 0.0 * ago,
-        ]
-    )
-    aim = np.stack([cos * aim[0] - sin * aim[1], sign * (sin * aim[0] + cos * aim[1]), aim[2]])
-    falls = aim[2] < STEEPEST
-    with np.errstate(invalid="ignore"):
-        ranges = np.where((ranges > 0.0) & (ranges < FAR), ranges, np.nan)
-    return Beams(start[:, falls], aim[:, falls], ranges[falls])
+    cells: NDArray[np.int64]
+    along: float
+    close: int
+    height: F64
+    upper: F64
+    lower: F64
 
 
 class Ground(KeepsState):
@@ -77,8 +61,7 @@ class Ground(KeepsState):
     kept = ("level", "slope", "is_known")
 
     OUTSIDE = (-3.5, -0.25)  # m beside the edge
-    REACH, NEAR = 0.6, 1.5  # m: of the heights about the plane before; nearer echoes are puffs
-    SPREAD, MEMORY = 0.08, 6.0  # m; echoes that the plane before is worth, per m2 of spread
+    WORTH, FIRST_WORTH = (6.0, 60.0), (2.0, 20.0)  # echoes, and their m2, that the plane before is worth
 
     def __init__(self) -> None:
         self.clear()
@@ -87,108 +70,135 @@ class Ground(KeepsState):
         """Level with the machine."""
         self.level, self.slope, self.is_known = 0.0, 0.0, False
 
-    def take(self, u: F64, z: F64) -> None:
-        """Echoes of the stubble side, u from the edge [m]."""
-        close = np.abs(z - self.level) < self.REACH
-        count = np.count_nonzero(close)
-        if count < FEW and len(z) >= MANY:
+    def take(self, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
+        """Echoes of the stubble side, u from the edge [m], `close` of them near the plane before.
+
+        fitted: the plane (level, slope) through these, the one before being known
+        """
+        if close < FEW and len(z) >= MANY:
             self.clear()
             self.level = float(np.percentile(z, 25.0))
-        elif count < FEW:
+        elif close < FEW:
             self.level, self.slope = RELAX * self.level, RELAX * self.slope
-            if count == 0 or not self.is_known:
+            if close == 0 or not self.is_known:
                 return
-        close = np.abs(z - self.level) < self.REACH
-        u, z = u[close], z[close]
-        prior, steep = (self.MEMORY, 60.0) if self.is_known else (2.0, 20.0)
+        elif self.is_known:
+            self._set(*fitted)
+            return
+        self._set(*self._fit(u, z))
+
+    def _set(self, level: float, slope: float) -> None:
+        self.level, self.slope, self.is_known = level, min(max(slope, -0.3), 0.3), True
+
+    def _fit(self, u: F64, z: F64) -> tuple[float, float]:
+        near = np.abs(z - self.level) < GROUND_REACH
+        u, z = u[near], z[near]
+        prior, steep = self.WORTH if self.is_known else self.FIRST_WORTH
         level, slope = self.level, self.slope
         if not self.is_known:
             level = float(np.percentile(z - slope * u, 25.0))
+        before = level
         for _ in range(2):
-            weight = 1.0 / (1.0 + ((z - level - slope * u) / self.SPREAD) ** 2) ** 2
-            s0, s1, s2 = float(weight.sum()), float((weight * u).sum()), float((weight * u * u).sum())
-            a = np.array([[s0 + prior, s1], [s1, s2 + steep]])
-            b = (
-                float((weight * z).sum()) + prior * level,
-                float((weight * u * z).sum()) + steep * self.slope,
-            )
-            det = a[0, 0] * a[1, 1] - a[0, 1] ** 2
-            level, slope = (
-                float((a[1, 1] * b[0] - a[0, 1] * b[1]) / det),
-                float((a[0, 0] * b[1] - a[0, 1] * b[0]) / det),
-            )
-        self.level, self.slope = level, float(np.clip(slope, -0.3, 0.3))
-        self.is_known = True
+            weight = 1.0 / (1.0 + ((z - level - slope * u) / GROUND_SPREAD) ** 2) ** 2
+            s0, s1, s2 = (float(v.sum()) for v in (weight, weight * u, weight * u * u))
+            s0, s2 = s0 + prior, s2 + steep
+            b0 = float((weight * z).sum()) + prior * before
+            b1 = float((weight * u * z).sum()) + steep * self.slope
+            det = s0 * s2 - s1**2
+            level, slope = (s2 * b0 - s1 * b1) / det, (s0 * b1 - s1 * b0) / det
+        return level, slope
 
 
-@dataclass(frozen=True)
-class RayAnswers:
-    """What the rays of a scan say, all (n,).
+class CanopyRays:
+    """The rays of one scanner. mounting: pose_machine_sensor; sign: > 0 where the crop is on the left."""
 
-    along, beside: where a ray counts, along the edge ahead of the frame's origin and toward the crop [m]
-    kind: class of the answer; height: of the echo above the stubble side [m], nan = none
-    upper, lower: beside the edge at the crop's top and at the lower limit [m]
-    """
+    def __init__(self, mounting: Pose, sign: float) -> None:
+        self._mounting, self._sign = mounting, sign
+        self._beams: tuple[Any, ...] = ()
+        self._good: Any = None
+        self._count, self._room = 0, -1
 
-    along: F64
-    beside: F64
-    kind: I64
-    height: F64
-    upper: F64
-    lower: F64
+    def take(
+        self,
+        scan: Scan,
+        motion: tuple[float, float],
+        frame: EdgeFrame,
+        ground: Ground,
+        low: float,
+        high: float,
+    ) -> None:
+        """Follow the beams of a scan, each from its own time, and renew the ground.
 
+        motion: speed [m/s], turn rate [rad/s] > 0 toward the crop; frame: where the edge is expected
+        low, high: of what lies on the stubble side, beside the edge [m]
+        """
+        self._point(scan)
+        if scan.ranges.size:
+            ranges = scan.ranges[:, 0]
+            self._ranges[: self._count] = ranges if self._good is None else ranges[self._good]
+        else:
+            self._ranges[: self._count] = np.nan
+        speed, yaw_rate = motion
+        arc = frame.x, frame.u, cos(frame.angle), sin(frame.angle), frame.bend
+        plane = ground.level, ground.slope, *Ground.WORTH
+        turning = self._sign, *self._mounting.position.tolist()
+        self._way.write(self._count, speed, yaw_rate, *turning, *arc, low, high, *plane)
+        self._trace()
+        falling, beside, close = self._counts.tolist()
+        self._falling = falling
+        level, slope = self._plane.tolist()
+        ground.take(self._u[:beside], self._z[:beside], (level, slope), close)
 
-@dataclass(frozen=True)
-class EdgeFrame:
-    """An arc in the machine's (x, u): a point on it [m], its angle [rad] and bend [1/m] there."""
+    def answers(self, ground: Ground, crop_height: float, rise: tuple[float, float]) -> RayAnswers:
+        """Class and place of every ray of the scan taken last.
 
-    x: float
-    u: float
-    angle: float
-    bend: float
+        crop_height [m]; rise: how far a plant's top stands ahead and toward the crop of its foot, per height
+        [1]: places are those of the feet
+        """
+        n = self._falling
+        self._crop.write(n, ground.level, ground.slope, crop_height, *rise)
+        self._answer()
+        counted, close, _ = self._counts.tolist()
+        height, upper, lower = (column[:n].copy() for column in self._columns)
+        return RayAnswers(self._cells[:counted].copy(), float(self._along[0]), close, height, upper, lower)
 
-    def place(self, x: F64, u: F64) -> tuple[F64, F64]:
-        """(along, beside) the arc [m] of points; second order in the way along."""
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        dx, du = x - self.x, u - self.u
-        along = c * dx + s * du
-        return along, c * du - s * dx - 0.5 * self.bend * along * along
+    def _point(self, scan: Scan) -> None:
+        """Directions in the machine frame and times of the beams, where they are not those before."""
+        beams = scan.azimuth, scan.elevation, scan.beam_t
+        if len(self._beams) == 3 and all(a is b for a, b in zip(beams, self._beams, strict=True)):
+            return
+        self._beams = beams
+        good = np.isfinite(scan.azimuth) & np.isfinite(scan.elevation)
+        self._count = int(np.count_nonzero(good))
+        self._good = None if self._count == len(good) else good
+        if self._count > self._room:
+            self._compile(self._count)
+        aim = self._mounting.turn(beam_directions(scan.azimuth[good], scan.elevation[good]))
+        self._directions[: self._count] = aim
+        self._ago[: self._count] = np.clip(np.nan_to_num(scan.beam_t[good]), -0.5, 0.0)
 
+    def _compile(self, room: int) -> None:
+        """Launches over memory for so many beams."""
+        from swath.control.edge import canopy_kernel as kernel
 
-def answers(
-    beams: Beams, frame: EdgeFrame, ground: Ground, crop_height: float, rise: tuple[float, float]
-) -> RayAnswers:
-    """Class and place of every ray.
+        wp = start_warp()
+        self._room = room
+        self._way, self._crop = Row(kernel.Way), Row(kernel.Canopy)
+        self._directions, start, aim = (np.zeros((room, 3)) for _ in range(3))
+        self._ago, self._ranges, distance, self._u, self._z = (np.zeros(room) for _ in range(5))
+        self._columns = tuple(np.zeros(room) for _ in range(3))
+        self._cells, self._counts = np.zeros(room, np.int64), np.zeros(3, np.int32)
+        self._plane, self._along = np.zeros(2), np.zeros(1)
+        rays = filled(kernel.Traced, start=start, aim=aim, distance=distance, u=self._u, z=self._z)
+        columns = dict(zip(("height", "upper", "lower"), self._columns, strict=True))
+        answers = filled(kernel.Answers, cell=self._cells, **columns)
 
-    ground: the stubble side, u counted from the frame's; crop_height [m]; rise: how far a plant's top stands
-    ahead and toward the crop of its foot, per height [1]: places are those of the feet
-    """
-    points = beams.at(beams.ranges)
-    height = points[2] - ground.level - ground.slope * (points[1] - frame.u)
-    limit = LIMIT * crop_height
-    with np.errstate(invalid="ignore"):
-        is_dust = (beams.ranges < NEAR) | (height > HEADROOM * crop_height + ROOM)
-        is_stopped = ~is_dust & (height > limit)
-        kind = np.clip((height - LOWEST) / LAYER, 0, LAYERS - 1)
-    kind = np.where(np.isnan(height), NOTHING, np.where(is_dust, DUST, kind)).astype(np.int64)
-    upper = _crossing(beams, frame, ground, crop_height, rise)
-    lower = _crossing(beams, frame, ground, limit, rise)
-    end = np.where(
-        is_stopped,
-        np.stack(frame.place(points[0] - rise[0] * height, points[1] - rise[1] * height)),
-        lower,
-    )
-    way = end[1] - upper[1]
-    back = np.where(way > 0.0, np.minimum(way, INWARD), np.minimum(-OUTWARD_SHARE * way, OUTWARD))
-    inner = np.where(way > 0.0, end, upper)
-    return RayAnswers(inner[0], inner[1] - back, kind, height, upper[1], lower[1])
-
-
-def _crossing(
-    beams: Beams, frame: EdgeFrame, ground: Ground, height: float, rise: tuple[float, float]
-) -> F64:
-    """(along, beside), (2, n), of where each ray is at a height above the stubble side, moved to the foot."""
-    falls = beams.aim[2] - ground.slope * beams.aim[1]
-    above = beams.start[2] - ground.level - ground.slope * (beams.start[1] - frame.u)
-    points = beams.at(np.clip((height - above) / np.minimum(falls, -1e-3), 0.0, 2.0 * FAR))
-    return np.stack(frame.place(points[0] - rise[0] * height, points[1] - rise[1] * height))
+        directions = wp.array(self._directions, dtype=wp.vec3d, device="cpu", copy=False)
+        ago, ranges, plane, along, counts = (
+            wp.array(a, device="cpu", copy=False)
+            for a in (self._ago, self._ranges, self._plane, self._along, self._counts)
+        )
+        inputs = [self._way.array, directions, ago, ranges, rays, plane, counts]
+        self._trace = repeatable(kernel.trace, inputs).launch
+        inputs = [self._way.array, self._crop.array, rays, answers, along, counts]
+        self._answer = repeatable(kernel.answer, inputs).launch

@@ -9,8 +9,7 @@ from math import exp
 
 import numpy as np
 
-from swath.control.edge.blocks import CELL, PLACES
-from swath.control.edge.canopy_rays import LAYER, LAYERS, LOWEST
+from swath.control.edge.canopy_classes import CELL, LAYER, LAYERS, LOWEST, PLACES
 from swath.core.component import KeepsState
 from swath.signals import F64
 

@@ -8,23 +8,22 @@ the feet of the crop (`canopy_feet`).
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, erf, sin, sqrt, tan
+from math import cos, erf, isfinite, sin, sqrt, tan
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.edge.block_track import BlockTrack, Search
-from swath.control.edge.canopy_rays import Beams, EdgeFrame, Ground, answers, make_beams
-from swath.control.edge.near_line import WAY, NearLine, U, X, near_line
+from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
+from swath.control.edge.near_line import LineFit, NearLine
 from swath.control.edge.profile import crop_sign
-from swath.control.inclination import Inclination
+from swath.control.inclination import CRAB, Inclination
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
-from swath.signals import F64, CropEdge, Inertial, Odometry, Scan
+from swath.signals import CropEdge, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
 TOLERANCE = 0.10  # m, of the confidence
@@ -41,7 +40,7 @@ class Params:
     """search_m: standard deviation of where the edge is expected beside the header end, at the start
     hold_m: how far beyond the last place seen the edge is held
     reference_m: where ahead of the knife it is reported
-    crab: side slip per side slope [1], about 1 / the tyres' cornering stiffness over load
+    crab: side slip per side slope, or per lateral acceleration in g [1]
     upright_m: height of the crop where it stands upright, as the driver sees it; where it is lower the stand
     leans, perhaps out over the edge, which one scanner cannot tell: the edge is not sure there; 0 = not known
     slip_percent: by which the wheels turn faster than the ground passes, 2 to 6 % on stubble (uncited)
@@ -50,7 +49,7 @@ class Params:
     search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
-    crab: Annotated[float, Ge(0), Le(1)] = 0.27
+    crab: Annotated[float, Ge(0), Le(1)] = CRAB
     upright_m: Annotated[float, Ge(0), Le(5)] = 0.0
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
 
@@ -67,13 +66,14 @@ class LikelihoodRatio(KeepsState):
     outputs = (Port("edge", CropEdge),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
-        self._p, self._mounting = params, setup.mounting
+        self._p = params
         self._sign = crop_sign(setup.edge_side)
         knife_x, end_y = setup.machine.header_end(setup.edge_side)
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
         self._blocks = BlockTrack(Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE))
-        self._ground = Ground()
+        self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
+        self._line = LineFit(self._reference)
         self._inclination = Inclination(setup.mountings.get("inertial"))
         self._forget()
 
@@ -100,9 +100,10 @@ class LikelihoodRatio(KeepsState):
         return {"edge": self._report(t + dt, speed, yaw_rate)}
 
     def _moved(self, speed: float, yaw_rate: float, seconds: float) -> tuple[float, float, float]:
-        """Where the machine stands some seconds after `_at`: along its heading, and down the slope."""
+        """Where the machine stands some seconds after `_at`: along its heading, and aside by crab."""
         x, u, heading = self._at
-        course = heading + 0.5 * yaw_rate * seconds - self._p.crab * self._rise()[1]
+        crab = self._inclination.crab(self._p.crab, self._sign * speed * yaw_rate)
+        course = heading + 0.5 * yaw_rate * seconds - self._sign * crab
         way = speed * seconds
         return x + way * cos(course), u + way * sin(course), heading + yaw_rate * seconds
 
@@ -115,20 +116,15 @@ class LikelihoodRatio(KeepsState):
         seconds = min((scan.t - self._time) / NS, 1.0)
         self._time = scan.t
         self._at = self._moved(speed, yaw_rate, seconds)
-        beams = make_beams(scan, self._mounting, self._sign, speed, yaw_rate)
-        arc = self._blocks.track.arc
-        frame = EdgeFrame(self._reference, self._centre, 0.0, 0.0) if arc is None else arc.frame(*self._at)
-        self._see_ground(beams, frame, is_known=arc is not None)
-        rays = answers(beams, frame, self._ground, self._blocks.height, self._rise())
+        arc, (low, high) = self._blocks.track.arc, Ground.OUTSIDE
+        if arc is None:
+            frame = EdgeFrame(self._reference, self._centre, 0.0, 0.0)
+            low, high = low - 0.5, -self._p.search_m
+        else:
+            frame = arc.frame(*self._at)
+        self._rays.take(scan, (speed, yaw_rate), frame, self._ground, low, high)
+        rays = self._rays.answers(self._ground, self._blocks.height, self._rise())
         self._blocks.add(rays, abs(speed) * seconds, frame, self._at, self._ground.level)
-
-    def _see_ground(self, beams: Beams, frame: EdgeFrame, *, is_known: bool) -> None:
-        points = beams.at(beams.ranges)
-        _, beside = frame.place(points[0], points[1])
-        low, high = Ground.OUTSIDE if is_known else (Ground.OUTSIDE[0] - 0.5, -self._p.search_m)
-        with np.errstate(invalid="ignore"):
-            good = (beside > low) & (beside < high) & (beams.ranges > Ground.NEAR)
-        self._ground.take(points[1, good] - frame.u, points[2, good])
 
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
         age = (now - self._time) / NS
@@ -141,22 +137,8 @@ class LikelihoodRatio(KeepsState):
 
     def _near(self, at: tuple[float, float, float]) -> NearLine | None:
         """The edge abreast of the reference, seen from a machine at x, u [m] with a heading [rad]."""
-        rows, arc = self._blocks.points.rows, self._blocks.track.arc
-        if len(rows) < 2 or arc is None:
-            return None
-        seen, front = _seen_from(rows, at), arc.frame(*at)
-        x, u = np.append(seen[:, X], front.x), np.append(seen[:, U], front.u)
-        way = np.append(seen[:, WAY], arc.way)
-        order = np.argsort(way, kind="stable")
-        x, u, way = np.maximum.accumulate(x[order]), u[order], way[order]
-        reference = self._reference
-        if reference < x[0]:
-            angle, along = front.angle, float(way[0] - (x[0] - reference))
-        else:
-            back, ahead = np.interp([reference - 1.5, reference + 1.5], x, u).tolist()
-            angle, along = atan2(ahead - back, 3.0), float(np.interp(reference, x, way))
-        place = EdgeFrame(reference, float(np.interp(reference, x, u)), angle, 0.0)
-        return near_line(seen, place, along)
+        arc = self._blocks.track.arc
+        return None if arc is None else self._line.near(self._blocks.points.rows, at, arc.frame(*at), arc.way)
 
     def _as_edge(self, now: int, line: NearLine) -> CropEdge:
         sign, edge = self._sign, line.frame
@@ -176,7 +158,7 @@ class LikelihoodRatio(KeepsState):
             heading=sign * edge.angle,
             curvature=sign * edge.bend,
             reference_x=self._reference,
-            confidence=float(np.clip(sure, 0.01, 1.0)),
+            confidence=min(max(sure, 0.01), 1.0),
             crop_height=crop,
             stubble_height=stubble,
             offset_sd=sd,
@@ -190,17 +172,8 @@ class LikelihoodRatio(KeepsState):
         return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
 
 
-def _seen_from(rows: F64, at: tuple[float, float, float]) -> F64:
-    """Points in the frame at rest, moved to that of a machine."""
-    c, s = cos(at[2]), sin(at[2])
-    dx, du = rows[:, X] - at[0], rows[:, U] - at[1]
-    seen = rows.copy()
-    seen[:, X], seen[:, U] = c * dx + s * du, c * du - s * dx
-    return seen
-
-
 def _finite(value: float) -> float:
-    return float(value) if np.isfinite(value) else 0.0
+    return float(value) if isfinite(value) else 0.0
 
 
 LEVEL = Level(

@@ -1,27 +1,22 @@
 """The edge beside the machine: a robust local parabola through the blocks around the place that is reported.
 
 Interpolation, not extrapolation: the place lies just ahead of the knife, so that blocks stand on both sides.
+Weights, least squares and their rounds are compiled (`near_line_kernel`).
 """
 
 from dataclasses import dataclass
-from math import atan
+from typing import Any
 
 import numpy as np
 
 from swath.control.edge.canopy_rays import EdgeFrame
 from swath.core.component import KeepsState
-from swath.core.portable import exp, inverse, product, solve
+from swath.kernels import Row, repeatable, start_warp
 from swath.signals import F64
 
-X, U, VARIANCE, WAY, COLUMNS = range(5)
+WAY, COLUMNS = 3, 4  # of the rows: x, u, variance, way
 BEHIND = 14.0  # m of the edge that are kept
-REACH = 2.5  # m, standard deviation of the weight along the edge
-TUKEY, MAD = 4.685, 1.4826
-STRAIGHT, BENT = (
-    0.0015,
-    0.05,
-)  # 1/m: prior standard deviation of an edge that nothing shows to be bent; of any
-PROVEN = 3.0  # standard deviations from which on a bend is one
+ROOM = 256  # points that a fit takes, the newest
 
 
 class EdgePoints(KeepsState):
@@ -62,60 +57,38 @@ class NearLine:
     seen_to: float
 
 
-def near_line(points: F64, place: EdgeFrame, way: float) -> NearLine | None:
-    """A parabola through points (n, COLUMNS) in the machine's frame, for the place `way` along the edge.
+class LineFit:
+    """Fits the edge abreast of a reference [m] ahead of the machine's origin."""
 
-    place: the edge there as the track has it, whose frame the fit uses
-    """
-    if len(points) < 2:
-        return None
-    s = points[:, WAY] - way
-    nearest = float(np.abs(s).min())
-    ahead = float(s.max())
-    reach = max(REACH, 1.5 * nearest, 0.0)
-    along, beside = EdgeFrame(place.x, place.u, place.angle, 0.0).place(points[:, X], points[:, U])
-    weight = exp(-0.5 * (s / reach) ** 2) / (points[:, VARIANCE] + 1e-4)
-    basis = np.stack([np.ones_like(along), along, 0.5 * along * along])
-    fitted, covariance, spread = _fit(basis, beside, weight, place.bend, BENT)
-    if abs(fitted[2]) < PROVEN * float(np.sqrt(covariance[2, 2])):
-        fitted, covariance, spread = _fit(basis, beside, weight, 0.0, _straight(fitted, covariance))
-    offset, slope, bend = (float(v) for v in fitted)
-    angle = atan(slope)
-    c, s0 = np.cos(place.angle), np.sin(place.angle)
-    frame = EdgeFrame(
-        place.x - offset * float(s0),
-        place.u + offset * float(c),
-        place.angle + angle,
-        bend / (1.0 + slope * slope) ** 1.5,
-    )
-    return NearLine(
-        frame, float(np.sqrt(covariance[0, 0])), float(np.sqrt(covariance[1, 1])), nearest, spread, ahead
-    )
+    def __init__(self, reference: float) -> None:
+        self._reference = reference
+        self._launch: Any = None
 
+    def near(
+        self, rows: F64, at: tuple[float, float, float], front: EdgeFrame, way: float
+    ) -> NearLine | None:
+        """The edge seen from a machine at x, u [m] with a heading [rad]; None with less than two points.
 
-def _straight(fitted: F64, covariance: F64) -> float:
-    """Prior of the bend [1/m] where the points prove none: the less they could, the straighter."""
-    return float(max(STRAIGHT, min(abs(fitted[2]), 0.5 * np.sqrt(covariance[2, 2]))))
+        rows: of `EdgePoints`; front: the newest place of the track in the machine's frame, `way` [m] along
+        """
+        if len(rows) < 2:
+            return None
+        if self._launch is None:
+            self._compile()
+        rows = rows[-ROOM:]
+        self._points[: len(rows)] = rows
+        self._asked.write(len(rows), *at, front.x, front.u, front.angle, way, self._reference)
+        self._launch()
+        x, u, angle, bend, *rest = self._line.read()
+        return NearLine(EdgeFrame(x, u, angle, bend), *rest)
 
+    def _compile(self) -> None:
+        from swath.control.edge import near_line_kernel as kernel
 
-def _fit(basis: F64, beside: F64, weight: F64, bend: float, bend_sd: float) -> tuple[F64, F64, float]:
-    ridge = np.diag([1e-4, 1.0 / 0.5**2, 1.0 / bend_sd**2])
-    toward = np.array([0.0, 0.0, bend / bend_sd**2])
-    robust = np.ones_like(weight)
-    fitted, normal, spread = np.zeros(3), ridge, 0.0
-    for _ in range(3):
-        weighted = basis * (weight * robust)
-        normal = product(weighted, basis.T) + ridge
-        fitted = solve(normal, product(weighted, beside) + toward)
-        residual = beside - product(fitted, basis)
-        near = weight > 0.05 * weight.max()
-        spread = MAD * float(np.median(np.abs(residual[near])))
-        robust = np.clip(1.0 - (residual / (TUKEY * max(spread, 0.02))) ** 2, 0.0, None) ** 2
-        if float((weight * robust)[near].sum()) < 0.2 * float(weight[near].sum()):
-            robust = np.ones_like(weight)
-    residual = beside - product(fitted, basis)
-    kept = weight * robust
-    worse = float((kept * weight * residual**2).sum()) / max(
-        float(kept.sum()), 1e-9
-    )  # about chi squared per point
-    return fitted, inverse(normal) * max(1.0, worse), spread
+        wp = start_warp()
+        self._asked, self._line = Row(kernel.Asked), Row(kernel.Line)
+        self._points = np.zeros((ROOM, COLUMNS))
+        points = wp.array(self._points, dtype=wp.vec4d, device="cpu", copy=False)
+        scratch = wp.zeros((8, ROOM + 1), dtype=wp.float64, device="cpu")
+        inputs = [self._asked.array, points, scratch, self._line.array]
+        self._launch = repeatable(kernel.near_line, inputs).launch

@@ -8,7 +8,7 @@ Nothing is assumed about crop, stubble, density or dust: where puffs swallow the
 
 import numpy as np
 
-from swath.control.edge.canopy_rays import CLASSES, DUST, LAYER, LAYERS, LOWEST
+from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LAYERS, LOWEST
 from swath.core.component import KeepsState
 from swath.core.portable import exp, log
 from swath.signals import F64
@@ -26,7 +26,7 @@ _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
 class Populations(KeepsState):
     """Counts of classes in the crop, lately in the crop, and beside it: rows of (3, CLASSES)."""
 
-    kept = ("counts",)
+    kept = ("counts", "_told")
 
     def __init__(self) -> None:
         self.clear()
@@ -34,18 +34,21 @@ class Populations(KeepsState):
     def clear(self) -> None:
         """Nothing learned."""
         self.counts: F64 = np.zeros((3, CLASSES))
+        self._told: tuple[float, float, float, float] | None = None  # heights and dust of these counts
 
     def begin(self, crop: F64, stubble: F64) -> None:
         """Start with the counts of both sides, (CLASSES,) each."""
-        self.counts = np.stack([crop, crop, stubble]).astype(np.float64)
+        self.counts, self._told = np.stack([crop, crop, stubble]).astype(np.float64), None
 
     def move(self, travel: float) -> None:
         """Old counts fade over a travel [m]."""
         self.counts *= exp(-travel / np.array([MEMORY, SHORT, MEMORY]))[:, None]
+        self._told = None
 
     def add(self, crop: F64, stubble: F64) -> None:
         """Counts of both sides of an edge that was accepted."""
         self.counts += np.stack([crop, crop, stubble])
+        self._told = None
 
     def ratios(self) -> F64:
         """Log-likelihood ratio [nat] of each class: crop over stubble, (CLASSES,)."""
@@ -69,18 +72,25 @@ class Populations(KeepsState):
         the height of the canopy, the 90th percentile of the stubble [m] above its plane, and the share of the
         rays within the crop that the crop stopped.
         """
-        crop, stubble = self.counts[0, :LAYERS], self.counts[2, :LAYERS]
-        first = self._first_layer()
-        answered = float(self.counts[0].sum() - self.counts[0, DUST])
-        return (
-            canopy_height(crop, first),
-            _percentile(stubble, 0.9),
-            float(crop[first:].sum()) / max(answered, 1e-9),
-        )
+        return self._tell()[:3]
 
     def dust(self) -> float:
         """The greater share of both sides' rays that met dust, or came back with no echo."""
-        return float((self.counts[:, LAYERS:].sum(axis=1) / np.maximum(self.counts.sum(axis=1), 1e-9)).max())
+        return self._tell()[3]
+
+    def _tell(self) -> tuple[float, float, float, float]:
+        if self._told is None:
+            crop, stubble = self.counts[0, :LAYERS], self.counts[2, :LAYERS]
+            first = self._first_layer()
+            answered = float(self.counts[0].sum() - self.counts[0, DUST])
+            dust = self.counts[:, LAYERS:].sum(axis=1) / np.maximum(self.counts.sum(axis=1), 1e-9)
+            self._told = (
+                canopy_height(crop, first),
+                _percentile(stubble, 0.9),
+                float(crop[first:].sum()) / max(answered, 1e-9),
+                float(dust.max()),
+            )
+        return self._told
 
     def height_of(self, counts: F64) -> float:
         """Height of the canopy [m] in other counts (CLASSES,), nan where they hold little of it."""

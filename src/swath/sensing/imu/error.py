@@ -14,7 +14,7 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
-from swath.sensing.imu.strapdown import Place, Strapdown, sample_of
+from swath.sensing.imu.strapdown import Place, Reading, Strapdown, sample_of
 from swath.signals import F64, Inertial, MachineState
 
 Share = Annotated[float, Ge(0), Le(30)]
@@ -78,8 +78,8 @@ class ErrorImu(KeepsState):
         self._bias = self._bias + self._walk * sqrt(seconds) * walk
         return self._read(t + dt, self._motion.take(inputs["state"]), self._density / sqrt(seconds) * white)
 
-    def _read(self, t: int, truth: tuple[F64, F64], noise: F64) -> Outputs:
-        rate, force = np.stack(truth) * self._scale + self._bias + noise
+    def _read(self, t: int, truth: Reading, noise: F64) -> Outputs:
+        rate, force = (np.array(truth) * self._scale + self._bias + noise).tolist()
         return {"inertial": sample_of(t, rate, force, *self._white_sd)}
 
 

@@ -12,22 +12,23 @@ turn and accelerations to the speed; as a mean over T, a frequency f comes throu
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, hypot
+from math import atan2, hypot, sin
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
-from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.signals import F64, Inertial, MachineState
+from swath.signals import Inertial, MachineState
 
 GRAVITY = 9.81  # [m/s2]
 Length = Annotated[float, Ge(-30), Le(30)]
 Angle = Annotated[float, Ge(-180), Le(180)]
+Triple = tuple[float, float, float]
+Rows = list[list[float]]  # of a rotation (3, 3)
+Reading = tuple[Triple, Triple]  # rate [rad/s], specific force [m/s2]
 
 
 @dataclass(frozen=True)
@@ -56,71 +57,99 @@ class Strapdown(KeepsState):
     kept = ("_last", "_velocity", "_reading")
 
     def __init__(self, mounting: Pose) -> None:
-        self.mounting = mounting
+        self._at: Triple = tuple(mounting.position.tolist())
+        self._turn: Rows = mounting.rotation.tolist()
         self.reset(Pose.identity())
 
-    def reset(self, start: Pose) -> tuple[F64, F64]:
+    def reset(self, start: Pose) -> Reading:
         """Forget what was; rate [rad/s] and force [m/s2] of a machine that rests at `start`."""
         self._last: MachineState | None = None
-        self._velocity: tuple[float, F64] | None = None  # its time [s], value [m/s]
-        self._reading = np.zeros(3), self._force(start.rotation, np.zeros(3))
+        self._velocity: tuple[float, Triple] | None = None  # its time [s], value [m/s]
+        self._reading = self._at_rest(start)
         return self._reading
 
-    def take(self, states: Sequence[MachineState]) -> tuple[F64, F64]:
-        """(rate, force) (3,) each, in the sensor's frame, from the last state taken before to the newest.
+    def take(self, states: Sequence[MachineState]) -> Reading:
+        """(rate, force) in the sensor's frame, from the last state taken before to the newest.
 
         Without a newer one the reading stays; from a single one, that of rest.
         """
-        path = [s for s in states if self._last is None or s.t > self._last.t]
-        if self._last is not None:
-            path.insert(0, self._last)
-        if len(path) == 1 and self._last is None:
-            self._reading = np.zeros(3), self._force(path[0].pose.rotation, np.zeros(3))
+        last = self._last
+        path = [s for s in states if last is None or s.t > last.t]
+        if last is not None:
+            path.insert(0, last)
+        elif len(path) == 1:
+            self._reading = self._at_rest(path[0].pose)
         if len(path) > 1:
             self._reading = self._between(path)
         self._last = path[-1] if path else None
         return self._reading
 
-    def _between(self, path: Sequence[MachineState]) -> tuple[F64, F64]:
-        first, last = path[0].pose.rotation, path[-1].pose.rotation
+    def _at_rest(self, pose: Pose) -> Reading:
+        return (0.0, 0.0, 0.0), back(self._turn, back(pose.rotation.tolist(), (0.0, 0.0, GRAVITY)))
+
+    def _between(self, path: Sequence[MachineState]) -> Reading:
+        first: Rows = path[0].pose.rotation.tolist()
         begin, span = path[0].t / NS, (path[-1].t - path[0].t) / NS
-        turn = rotation_vector(product(first.T, last))
+        turn = rotation_vector(first, path[-1].pose.rotation.tolist())
         s0, v0 = self._velocity or self._velocity_of(path[0], path[1])
         s1, v1 = self._velocity = self._velocity_of(path[-2], path[-1])
-        gained = (v1 - v0) / (s1 - s0) if s1 > s0 else np.zeros(3)
-        half_way = product(first, rotation_of(turn * ((0.5 * (s0 + s1) - begin) / span)))
-        return product(self.mounting.rotation.T, turn) / span, self._force(half_way, gained)
+        per_s = 1.0 / (s1 - s0) if s1 > s0 else 0.0
+        x, y, z = ((b - a) * per_s for a, b in zip(v0, v1, strict=True))
+        way = (begin - 0.5 * (s0 + s1)) / span  # less than 0: back from half way to the first state
+        p, q, r = turn
+        force = turned((p * way, q * way, r * way), back(first, (x, y, z + GRAVITY)))
+        return back(self._turn, (p / span, q / span, r / span)), back(self._turn, force)
 
-    def _velocity_of(self, a: MachineState, b: MachineState) -> tuple[float, F64]:
-        at = self.mounting.position
-        return 0.5 * (a.t + b.t) / NS, (b.pose.apply(at) - a.pose.apply(at)) * (NS / (b.t - a.t))
+    def _velocity_of(self, a: MachineState, b: MachineState) -> tuple[float, Triple]:
+        (xa, ya, za), (xb, yb, zb) = self._place(a.pose), self._place(b.pose)
+        per_s = NS / (b.t - a.t)
+        return 0.5 * (a.t + b.t) / NS, ((xb - xa) * per_s, (yb - ya) * per_s, (zb - za) * per_s)
 
-    def _force(self, rotation: F64, acceleration: F64) -> F64:
-        up = np.array([0.0, 0.0, GRAVITY])
-        return np.asarray(product(product(rotation, self.mounting.rotation).T, acceleration + up))
-
-
-def rotation_vector(rotation: F64) -> F64:
-    """Axis times angle [rad], (3,), of a rotation (3, 3) by less than half a turn."""
-    skew = 0.5 * (rotation - rotation.T)
-    vector = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])  # axis times sine
-    sine = hypot(*vector)
-    angle = atan2(sine, 0.5 * (np.trace(rotation) - 1.0))
-    return vector * (angle / sine if sine > 1e-12 else 1.0)
+    def _place(self, pose: Pose) -> Triple:
+        """Of the sensor in the world [m]."""
+        px, py, pz = pose.position.tolist()
+        x, y, z = self._at
+        (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
+        return a * x + b * y + c * z + px, d * x + e * y + f * z + py, g * x + h * y + i * z + pz
 
 
-def rotation_of(vector: F64) -> F64:
-    """Rotation (3, 3) about an axis by its length [rad] (Rodrigues)."""
-    angle = hypot(*vector)
+def back(rotation: Rows, vector: Triple) -> Triple:
+    """A vector in the frame whose axes are the columns of a rotation (3, 3)."""
     x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    a = np.sinc(angle / np.pi)
-    b = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
-    return np.asarray(np.eye(3) + a * cross + b * (product(cross, cross)), dtype=np.float64)
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
 
 
-def sample_of(t: int, rate: F64, force: F64, rate_sd: float = 0.0, force_sd: float = 0.0) -> Inertial:
+def rotation_vector(first: Rows, last: Rows) -> Triple:
+    """Axis times angle [rad] of the turn from one rotation (3, 3) to another, less than half a turn, in the
+    axes of the first.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = first
+    (j, k, s), (m, n, o), (p, q, r) = last
+    x = 0.5 * (c * k + f * n + i * q - (b * s + e * o + h * r))  # axis times sine
+    y = 0.5 * (a * s + d * o + g * r - (c * j + f * m + i * p))
+    z = 0.5 * (b * j + e * m + h * p - (a * k + d * n + g * q))
+    trace = a * j + d * m + g * p + (b * k + e * n + h * q) + (c * s + f * o + i * r)
+    sine = hypot(x, y, z)
+    size = atan2(sine, 0.5 * (trace - 1.0)) / sine if sine > 1e-12 else 1.0
+    return x * size, y * size, z * size
+
+
+def turned(about: Triple, vector: Triple) -> Triple:
+    """A vector turned about an axis by its length [rad] (Rodrigues)."""
+    p, q, r = about
+    x, y, z = vector
+    angle = hypot(p, q, r)
+    a = sin(angle) / angle if angle > 0.0 else 1.0
+    b = 2.0 * (sin(0.5 * angle) / angle) ** 2 if angle > 0.0 else 0.5
+    cx, cy, cz = q * z - r * y, r * x - p * z, p * y - q * x
+    return (
+        x + a * cx + b * (q * cz - r * cy),
+        y + a * cy + b * (r * cx - p * cz),
+        z + a * cz + b * (p * cy - q * cx),
+    )
+
+
+def sample_of(t: int, rate: Triple, force: Triple, rate_sd: float = 0.0, force_sd: float = 0.0) -> Inertial:
     """The sample of three rates [rad/s] and forces [m/s2]."""
-    p, q, r = rate.tolist()
-    x, y, z = force.tolist()
-    return Inertial(t, p, q, r, x, y, z, rate_sd, force_sd)
+    return Inertial(t, *rate, *force, rate_sd, force_sd)
