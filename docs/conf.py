@@ -19,6 +19,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
+html_show_search_summary = False  # a page read from a file may not fetch others
 templates_path = ["templates"]
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
@@ -26,6 +27,7 @@ autodoc_default_options = {"members": True}
 python_use_unqualified_type_names = True
 nitpick_ignore_regex = [("py:.*", r".*")]  # types of other libraries and our aliases have no page to go to
 highlight_language = "none"
+default_role = "code"  # in docstrings
 
 PAGE = re.compile(r"(?<!\[)`docs/([\w/-]+\.md)`")
 OUTSIDE = re.compile(r"\[([^]]*)\]\((?:\.\./)+([\w./-]+)\)")
@@ -50,7 +52,8 @@ def read(app: object, name: str, source: list[str]) -> None:
 
 def included(app: object, relative: Path, parent: str, content: list[str]) -> None:
     """Links of the included files are those of the repository's root."""
-    content[0] = re.sub(r"\]\(docs/", "](../", PAGE.sub(r"[`\1`](../\1)", content[0]))
+    text = re.sub(r"\]\(docs/", "](../", PAGE.sub(r"[`\1`](../\1)", content[0]))
+    content[0] = re.sub(rf"\]\(({'|'.join(INCLUDED)})\)", lambda found: f"]({found[1].lower()})", text)
 
 
 def setup(app: object) -> None:

@@ -1,16 +1,18 @@
-"""A scenario as an environment of gymnasium (extra `gym`): twenty lines that steer a combine along the crop edge.
+"""A scenario as an environment of gymnasium (extra `gym`): twenty lines that steer along the crop edge.
 
     python examples/gym_steering.py
 
 Put your own policy in place of `steer`; `swath.Env` says what it sees and what it is rewarded for.
 """
 
+import numpy as np
+
 import swath
 
 OFFSET, HEADING, CURVATURE = 0, 1, 2  # of the observation
 
 
-def steer(seen) -> float:
+def steer(seen: np.ndarray) -> float:
     """Curvature as a share of the tightest turn: towards the edge, along it, the header end 0.1 m out."""
     ahead = 6.0
     aside = seen[OFFSET] + 0.1 + seen[HEADING] * ahead

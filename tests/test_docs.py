@@ -22,6 +22,7 @@ from swath.tools.function_test.plan import Plan
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+TREE = re.compile(r"```\{toctree\}\n(.*?)```", re.DOTALL)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 PATH = re.compile(r"`((?:docs|src|examples|tests|benchmarks)/[\w./-]+)")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -32,6 +33,8 @@ LINE = re.compile(r"^(?:    )?swath (\w[^\n]*)$", re.MULTILINE)
 def links(page):
     text = page.read_text(encoding="utf-8")
     beside = [page.parent / m for m in LINK.findall(text) if not m.startswith("http")]
+    listed = (line for tree in TREE.findall(text) for line in tree.split() if not line.startswith(":"))
+    beside += [file for line in listed for file in page.parent.glob(f"{line}.md")]
     return {p.resolve() for p in (*beside, *(ROOT / m.rstrip(".") for m in PATH.findall(text)))}
 
 
@@ -50,7 +53,7 @@ def command_lines(page):
     """Whole command lines of a page's listings, without comments and what the shell does with them."""
     for line in LINE.findall(re.sub(r"\\\n\s*", "", page.read_text(encoding="utf-8"))):
         words = shlex.split(line, comments=True)
-        cut = [i for i, word in enumerate(words) if word in (">", "&", "|")]
+        cut = [i for i, word in enumerate(words) if word in (">", "&", "|", "||")]
         words = words[: cut[0]] if cut else words
         is_form = any(w.startswith(("[", "<")) or w.isupper() or "..." in w for w in words)
         if words and words[0] in NAMES and not is_form:
@@ -154,7 +157,7 @@ PRELUDE = {  # what a page takes for granted
 }
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if "```python" in p.read_text()], ids=lambda p: p.name)
+@pytest.mark.parametrize("page", SCRIPTED, ids=lambda p: p.name)
 def test_python_runs(page, tmp_path, monkeypatch):
     """From top to bottom, with a short run in place of the one that the page makes."""
     monkeypatch.chdir(tmp_path)

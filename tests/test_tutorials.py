@@ -1,8 +1,7 @@
-"""The tutorials, from their own text, in an empty folder: files are saved, commands run, what is shown came out.
+"""The tutorials, from their own text, in an empty folder: files saved, commands run, what is shown came out.
 
-A listing in `yaml` or `python` is saved under the last name in the paragraph above it that ends in .yaml or .py;
-listings in `sh` run in one shell after another; each line of a listing in `text` is in what the commands above it
-printed.
+A listing in `yaml` or `python` is saved under the last name above it that ends in .yaml or .py; listings in
+`sh` run in one shell after another; each line of a listing in `text` is in what the commands above printed.
 """
 
 import os

@@ -32,7 +32,11 @@ SHORT = {  # what some packages say in their own words
     "Python Software Foundation License": "PSF-2.0", "BSD": "BSD-3-Clause",
     "GNU Lesser General Public License v3 (LGPLv3)": "LGPL-3.0", "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
 }  # fmt: skip
-STATED = {"fmpy": "BSD-2-Clause", "ros-fastrtps": "Apache-2.0", "ros-fastcdr": "Apache-2.0"}  # in their repositories
+STATED = {
+    "fmpy": "BSD-2-Clause",
+    "ros-fastrtps": "Apache-2.0",
+    "ros-fastcdr": "Apache-2.0",
+}  # in their repositories
 
 
 def key(name: str) -> str:

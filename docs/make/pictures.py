@@ -10,11 +10,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from tests.replay.browser import Browser
+
 import swath
 from swath.documents.data_sheets import find_sheet
 from swath.documents.yaml_document import read_document
 from swath.scenario.scenario import scenario_names
-from tests.replay.browser import Browser
 
 DOCS = Path(__file__).parents[1]
 GALLERY = DOCS / "figures" / "gallery"
@@ -32,8 +33,8 @@ DRAWN = """new Promise((done) => {
 })"""
 METRES, FRAMES, PER_SECOND = 30, 36, 8
 HEAD = """# Gallery
-The bundled scenarios. `swath run NAME` drives one and leaves its `replay.html`; `swath scenarios NAME` prints the file.
-The pictures are from the replays of their first {metres} m, made by `python -m docs.make.pictures gallery`.
+The bundled scenarios. `swath run NAME` drives one and leaves its `replay.html`; `swath scenarios NAME` prints the
+file. The pictures are from the replays of their first {metres} m, made by `python -m docs.make.pictures gallery`.
 
 """
 ENTRY = """## {name}

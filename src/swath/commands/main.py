@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, new, report, run, scenarios, schema, sheets, view
+from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.errors import InputError, SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
@@ -57,6 +57,7 @@ COMMANDS = (
     osi,
     schema,
     migrate,
+    completion,
 )
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
@@ -185,6 +186,7 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
     parsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in COMMANDS:
         command.add(parsers)
+    parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
 
 

@@ -15,6 +15,7 @@ LENGTH_M = 150.0
 SHORTEST_M = 60.0
 INSET_M = 2.0  # kept off the ends of a stretch: an outline made from the passes ends where they do
 TEMPLATE = """\
+# yaml-language-server: $schema=scenario.schema.json
 {remark}
 format: swath scenario 2
 name: {name}

@@ -79,7 +79,7 @@ def run_job(
 def run_unrecorded(
     scenario: Scenario, fields: KeptFields | None = None, *, hooks: Sequence[RunHook] = ()
 ) -> dict[str, Any]:
-    """Run a scenario without a folder; returns what summary.json would hold. fields, hooks: as in `run_job`"""
+    """Run a scenario without a folder; returns what summary.json would hold. The rest is as in `run_job`."""
     with stoppable():
         return _run_once(scenario, None, hooks=hooks, fields=fields)
 

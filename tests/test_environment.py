@@ -11,7 +11,7 @@ import swath
 from swath.core.errors import InputError
 
 pytest.importorskip("gymnasium")
-EXAMPLE = Path(__file__).parents[2] / "examples" / "gym_steering.py"
+EXAMPLE = Path(__file__).parents[1] / "examples" / "gym_steering.py"
 SETS = {
     "run.distance_m": 3,
     "combine.lidar": "off",

@@ -1,16 +1,14 @@
 """A scenario as an environment of gymnasium: somebody else's policy steers (extra `gym`)."""
 
 from collections.abc import Mapping
-from math import tan
-from typing import Any
+from math import fsum, tan
+from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 
 from swath.api import Sets, load_scenario
 from swath.core.component import Inputs, KeepsState, Outputs, Port
-from swath.core.errors import InputError
+from swath.core.errors import InputError, MissingExtra
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import KMH
@@ -22,6 +20,12 @@ from swath.runtime.loop import drive, driven_m, has_arrived
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals import Signal, SpeedCommand, SteerCommand
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ImportError as error:
+    raise MissingExtra("gym", "swath.Env") from error
 
 OBSERVED = (  # name, largest size; the edge's offset counts from the header end, > 0 left
     ("offset_m", 10.0), ("heading_rad", np.pi), ("curvature_1_m", 0.5), ("confidence", 1.0),
@@ -47,24 +51,24 @@ class Commanded(KeepsState):
         return {"command": self._make(t + dt, self.value)}
 
 
-class Env(gymnasium.Env[np.ndarray, np.ndarray]):
+class Env(gymnasium.Env):  # type: ignore[misc]
     """A machine of a scenario that a policy drives; everything else is as in the scenario.
 
     Action, in [-1, 1]: path curvature as a share of the tightest turn, > 0 left; with `speed` also the wanted
     speed, from 0 to `speed_kmh`. Observation, float32, shape (8,), what control may see: the detected edge
     beside the header end, and odometry, as `OBSERVED` names them; 0 where no edge is found (confidence 0).
 
-    The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every limit
-    under `expect`, how far it is broken at the end: the way outside its bound over the bound, at most 1.
-    `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json. Limits
-    of the field count at the end. Terminated: the distance is driven, or something ended the run; truncated:
-    `run.max_duration_s`.
+    The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
+    limit under `expect`, how far it is broken at the end: the way outside its bound over the bound, at most
+    1. `info["reward"]` has these parts of each step, `info["limits"]` each limit's entry as in summary.json.
+    Limits of the field count at the end. Terminated: the distance is driven, or something ended the run;
+    truncated: `run.max_duration_s`.
 
     A reset with a seed is the scenario with that seed, without one the seed is drawn. machine: which one, by
     default the first; period_s: between two actions. Raises InputError as `swath.load_scenario`.
     """
 
-    metadata = {"render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
 
     def __init__(
         self,
@@ -131,7 +135,7 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
         truncated = not terminated and world.graph.t >= round(world.scenario.run.max_duration_s * NS)
         parts, limits = self._judged(is_end=terminated or truncated)
         info = {"reward": parts, "limits": limits, "t_s": world.graph.t / NS, "ended": world.graph.ended}
-        return self._observation(), float(sum(parts.values())), terminated, truncated, info
+        return self._observation(), fsum(parts.values()), terminated, truncated, info
 
     def close(self) -> None:
         """Let go of the world."""
@@ -182,12 +186,13 @@ class Env(gymnasium.Env[np.ndarray, np.ndarray]):
                 edge.offset_sd,
             ]
         values += [odometry.speed, odometry.yaw_rate, odometry.steer_angle] if odometry else [0.0] * 3
-        low, high = self.observation_space.low, self.observation_space.high  # type: ignore[attr-defined]
-        return np.clip(np.nan_to_num(np.array(values)), low, high).astype(np.float32)
+        low, high = self.observation_space.low, self.observation_space.high
+        seen: np.ndarray = np.clip(np.nan_to_num(np.array(values)), low, high).astype(np.float32)
+        return seen
 
 
 def _excess(entry: Mapping[str, Any]) -> float:
-    """How far a limit is broken, 0 to 1: the way outside the bound over the bound; 1 where nothing was measured."""
+    """How far a limit is broken: the way outside its bound over the bound, at most 1; 1 for no value."""
     if entry["result"] == "pass":
         return 0.0
     if entry["value"] is None:

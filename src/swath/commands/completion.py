@@ -1,0 +1,31 @@
+"""`swath completion`: what a shell needs to complete commands and options."""
+
+import argparse
+from typing import Any
+
+SHELLS = ("bash", "zsh", "tcsh")
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser(
+        "completion", help="print a script that completes swath in a shell", description=_DESCRIPTION
+    )
+    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=f"one of {', '.join(SHELLS)}")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the script."""
+    from swath.core.errors import MissingExtra
+
+    try:
+        import shtab
+    except ImportError as error:
+        raise MissingExtra("shell", "swath completion") from error
+    print(shtab.complete(args.parser, args.shell))
+    return 0
+
+
+_DESCRIPTION = """Print a script for a shell, once: `swath completion bash >
+~/.local/share/bash-completion/completions/swath`, or `swath completion zsh > DIR/_swath`, DIR in fpath."""
