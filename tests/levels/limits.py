@@ -92,6 +92,21 @@ LIMITS = {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal with every error at 0", EXACT),
     },
+    "ground_speed": {
+        "ideal": Limit("exact", EXACT),
+        "radar": Limit("equal to ideal without noise on level ground", 1e-9),
+    },
+    "field_map": {
+        "ideal": Limit("exact", EXACT),
+        "error": Limit("equal to ideal at correlation 1 without kernel and cells", EXACT),
+        "file": Limit("bit for bit the map's values", EXACT),
+        "earlier_pass": Limit("share 0.82 exp(-d / 60 m) of what was measured d beside", 1e-9),
+    },
+    "objects": {
+        "truth": Limit("exact", EXACT),
+        "error": Limit("equal to truth with every number at 0", EXACT),
+        "cluster": Limit("place of a person within 0.3 m", 0.3),
+    },
     "gnss": {
         "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart
         "error": Limit("equal to ideal with every error at 0", 1e-5),
@@ -122,6 +137,8 @@ LIMITS = {
         "feed_rate": Limit("no error in steady state", 1e-3),
         "look_ahead": Limit("as good as the sight", 0.01),
         "station": Limit("against its differential equation within 2 cm", 0.02),
+        "map_ahead": Limit("as good as the map", 0.01),
+        "joined_ahead": Limit("no worse than the better of both once learned", 0.01),
     },
     "steering": {
         "actuator": Limit("exact solution of its equations at any step", EXACT),
