@@ -1,8 +1,8 @@
 """What comes before and after a run, alone and in a batch, and what many runs cost. CPU time, one thread.
 
-The short and the long run of a scenario give seconds per simulated second; what is left of the short one
-comes before and after: imports where it is alone, assembly, first tiles, metrics, report. `empirical` is the
-cheapest level of a LiDAR that sees the crop; nothing is recorded in a batch.
+Before and after: all but the ticks; on another field with the pages that its first ticks need. A simulated
+second is the difference of two runs of unlike length. `empirical` is the cheapest level of a LiDAR that sees
+the crop; nothing is recorded in a batch.
 """
 
 import os
@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,20 +21,21 @@ os.environ["SWATH_THREADS"] = "1"
 from _harness import machine, write_json
 
 CHEAP = {"combine.lidar.level": "empirical"}
-SHORT, LONG, SAMPLE_S = 4.0, 24.0, 60.0  # m, m, s
-ROUNDS, SAMPLE, RUNS, CORES = 3, 3, 1000, 2
+NOTHING, SHORT, LONG, SAMPLE_S = 0.1, 4.0, 24.0, 60.0  # m, m, m, s
+ROUNDS, SAMPLE, RUNS, CORES = 5, 3, 1000, 2
 STARTS = {
     "alone, with report and replay": [],
     "alone, without replay": ["--no-replay"],
 }
 
 
-def in_batch(sets: dict[str, Any], seed: int, feed: "Feed") -> tuple[float, float]:
-    """CPU time and simulated time [s] of one run of a batch."""
-    feed.append({"scenario": "straight", "sets": {**CHEAP, **sets}, "seed": seed})
-    started = time.process_time()
-    summary = next(feed.batch).summary
-    return time.process_time() - started, float(summary["simulated_s"])
+@dataclass(frozen=True)
+class Cost:
+    """CPU time of a run and of its ticks, simulated time [s]."""
+
+    whole: float
+    ticks: float
+    simulated: float
 
 
 class Feed:
@@ -41,12 +43,25 @@ class Feed:
 
     def __init__(self) -> None:
         import swath
+        from swath.core.graph import Graph
 
         self._entries: list[dict[str, Any]] = []
-        self.batch = swath.batch(iter(self._entries.pop, {}))
+        self._batch = swath.batch(iter(self._entries.pop, {}))
+        self._ticks, run = 0.0, Graph.run
 
-    def append(self, entry: dict[str, Any]) -> None:
-        self._entries.append(entry)
+        def timed(graph: Graph, *args: Any, **more: Any) -> None:
+            started = time.process_time()
+            run(graph, *args, **more)
+            self._ticks += time.process_time() - started
+
+        Graph.run = timed  # type: ignore[method-assign]
+
+    def run(self, sets: dict[str, Any], seed: int) -> Cost:
+        """What one run of the batch costs."""
+        self._entries.append({"scenario": "straight", "sets": {**CHEAP, **sets}, "seed": seed})
+        started, self._ticks = time.process_time(), 0.0
+        summary = next(self._batch).summary
+        return Cost(time.process_time() - started, self._ticks, float(summary["simulated_s"]))
 
 
 def alone(options: list[str], folder: Path) -> float:
@@ -69,25 +84,27 @@ def main(out_dir: Path | str = "out/bench") -> dict[str, Any]:
     from rich.table import Table
 
     found: dict[str, list[float]] = {}
-    feed = Feed()
-    in_batch({"run.distance_m": SHORT}, 1, feed)  # what is kept is there from now on
+    feed, fields = Feed(), ("the same field", "another field each")
+    feed.run({"run.distance_m": SHORT}, 1)  # what is kept is there from now on
+    seeds = iter(range(100, 10_000))
     with tempfile.TemporaryDirectory() as folder:
-        for number in range(ROUNDS):
+        for _ in range(ROUNDS):
             for name, options in STARTS.items():
-                seconds = alone(options, Path(folder) / "run")
-                found.setdefault(name, []).append(seconds)
-            for name, seed in (("the same field", 1), ("another field each", 100 + number)):
-                short, at_short = in_batch({"run.distance_m": SHORT}, seed, feed)
-                other = seed if seed == 1 else seed + 1000
-                long, at_long = in_batch({"run.distance_m": LONG}, other, feed)
-                each = (long - short) / (at_long - at_short)
-                found.setdefault(f"in a batch, {name}", []).append(short - each * at_short)
+                found.setdefault(name, []).append(alone(options, Path(folder) / "run"))
+            ticks = feed.run({"run.distance_m": NOTHING}, 1).ticks
+            for name in fields:
+                nothing, short, long = (
+                    feed.run({"run.distance_m": metres}, 1 if name == fields[0] else next(seeds))
+                    for metres in (NOTHING, SHORT, LONG)
+                )
+                found.setdefault(f"in a batch, {name}", []).append(nothing.whole - ticks)
+                each = (long.whole - short.whole) / (long.simulated - short.simulated)
                 found.setdefault(f"a simulated second, {name}", []).append(each)
-        for number in range(SAMPLE):
-            for name, seed in (("the same field", 1), ("another field each", 2000 + number)):
+        for _ in range(SAMPLE):
+            for name in fields:
                 sets = {"run.max_duration_s": SAMPLE_S, "run.distance_m": 400}
-                seconds, _ = in_batch(sets, seed, feed)
-                found.setdefault(f"a run of {SAMPLE_S:.0f} s, {name}", []).append(seconds)
+                cost = feed.run(sets, 1 if name == fields[0] else next(seeds))
+                found.setdefault(f"a run of {SAMPLE_S:.0f} s, {name}", []).append(cost.whole)
     table = Table(title="CPU time, one thread, `straight`, LiDAR `empirical`", title_justify="left")
     for column in ("", "median", "least", "most"):
         table.add_column(column, justify="right" if column else "left")
@@ -95,7 +112,7 @@ def main(out_dir: Path | str = "out/bench") -> dict[str, Any]:
         low, high = min(values), max(values)
         table.add_row(name, *(f"{v:.3f} s" for v in (statistics.median(values), low, high)))
     minutes = {}
-    for name in ("the same field", "another field each"):
+    for name in fields:
         each = statistics.median(found[f"a run of {SAMPLE_S:.0f} s, {name}"])
         minutes[name] = RUNS * each / CORES / 60.0
         what = f"{RUNS} runs of {SAMPLE_S:.0f} s on {CORES} cores, {name} (from {SAMPLE} runs)"

@@ -5,7 +5,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
-from swath.field.edge import StraightEdge, TeethParams, make_edge
+from swath.field.edge import CurveEdge, GapParams, StraightEdge, TeethParams, make_edge
 from swath.field.field import make_field
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING
 from swath.field.raster import Raster
@@ -272,3 +272,30 @@ def test_pages_that_nobody_asks_for_go_out_of_memory_and_come_back_as_they_were(
     field.ensure(0.0, 0.0, 10.0)
     np.testing.assert_array_equal(field.store.codes_of(key), codes)
     assert field.recount() == first
+
+
+TEETH, GAP = TeethParams(amplitude_m=0.7, wavelength_m=3.0), GapParams(start_m=3.0, end_m=6.0, depth_m=2.0)
+
+
+@pytest.mark.parametrize(
+    "edge",
+    [
+        StraightEdge(heading_deg=70.0, crop_begins_m=2.5, teeth=TEETH, gaps=(GAP,)),
+        CurveEdge(
+            run_in_m=6.0, radius_m=7.0, angle_deg=-85.0, crop_begins_m=4.0
+        ),  # pages reach beyond its arc
+        CurveEdge(run_in_m=6.0, radius_m=9.0, angle_deg=80.0, crop_side="left"),
+    ],
+    ids=["straight", "right", "left"],
+)
+def test_codes_found_for_whole_squares_are_those_of_every_cell(edge):
+    maker = made_field(edge=edge).maker
+    cell = maker.side / 512
+    squares = 0
+    for i, j in [(0, 0), (-1, 0), (0, -1), (0, 1), (1, 0), (-2, 1), (2, 2)]:
+        u, v = (512 * i + np.arange(512) + 0.5) * cell, (512 * j + np.arange(512) + 0.5) * cell
+        wanted = maker.codes_at(*maker.to_world(*np.meshgrid(u, v)))
+        found = maker.codes(i, j)
+        squares += isinstance(found, int)
+        np.testing.assert_array_equal(np.broadcast_to(found, wanted.shape), wanted)
+    assert 0 < squares < 7

@@ -222,7 +222,7 @@ class Field:
 
     def recount(self) -> Cut:
         """What is missing now against the start, stem by stem from the codes alone."""
-        return recount_pages(self.store, self.maker, self.stems)
+        return recount_pages(self.store, self.stems)
 
     def save(self) -> dict[str, Any]:
         """What was changed: packed codes and straw of changed pages, grain on the ground."""

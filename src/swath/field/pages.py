@@ -5,7 +5,7 @@ that was changed is never lost: when it goes out of memory its codes and straw s
 """
 
 import zlib
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,6 +146,11 @@ class PageStore:
         for key in self.recut | set(self.straw_mass):
             found[key] = self._pack(key)
         return dict(sorted(found.items()))
+
+    def recut_codes(self) -> Iterator[tuple[Key, Codes]]:
+        """Codes of every page, in and out of memory, whose codes are not those of the start."""
+        yield from ((key, self.codes_of(key)) for key in self.recut)
+        yield from ((k, inflate_codes(c.codes)) for k, c in self.packed.items() if c.codes is not None)
 
     def restore(self, changes: dict[Key, Change]) -> None:
         """Forget everything, then take over changed pages."""

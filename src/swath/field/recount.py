@@ -7,24 +7,21 @@ from numpy.typing import NDArray
 
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex, cell_in_tile
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
-from swath.field.pages import Codes, PageStore, inflate_codes
-from swath.field.tile_generator import PageMaker
+from swath.field.pages import Codes, PageStore
 
 
-def recount_pages(store: PageStore, maker: PageMaker, stems: StemIndex) -> Cut:
+def recount_pages(store: PageStore, stems: StemIndex) -> Cut:
     """Sum over all changed pages, tile by tile and stem by stem, of what is gone against the start."""
-    total = []
-    for key, change in store.changes().items():
-        if change.codes is None:
-            continue
-        data = maker.make(*key)
-        start, now = _full(data.codes), _full(inflate_codes(change.codes))
+    total, cell = [], store.tile_size / TILE_CELLS
+    for key, codes in store.recut_codes():
+        data = store.make(*key)
+        start, now = _full(data.codes), _full(codes)
         for ty in range(PAGE_TILES):
             for tx in range(PAGE_TILES):
                 part = np.s_[ty * TILE_CELLS : (ty + 1) * TILE_CELLS, tx * TILE_CELLS : (tx + 1) * TILE_CELLS]
                 if not np.array_equal(start[part], now[part]):
                     stand, prototype = data.tile_stand[ty, tx], int(data.tile_prototype[ty, tx])
-                    total.append(_recount_tile(stems, maker.cell, stand, prototype, start[part], now[part]))
+                    total.append(_recount_tile(stems, cell, stand, prototype, start[part], now[part]))
     return Cut(
         fsum(c.grain for c in total),
         fsum(c.straw for c in total),

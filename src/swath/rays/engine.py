@@ -153,7 +153,7 @@ class RayCaster:
         wp = start_warp()
         from swath.rays.kernel.cast import cast
 
-        scene = self.scene.refresh(wp)
+        scene = self.scene.refresh(wp, cells=True)
         self.scene.set_wind(wp, options.get("t", 0))
         solids = self.scene.solid_arrays(wp, options.get("solids") or NOTHING)
         rays = [self.scene.share(wp, o, wp.vec3d), self.scene.share(wp, d, wp.vec3d)]

@@ -60,8 +60,11 @@ class LiveScene:
             x, y = k[0] * size, k[1] * size
             setattr(scene, name, wp.vec3d(x, y, 0.5 * (x + y) - phase))
 
-    def refresh(self, wp: Any) -> Any:
-        """The scene as it is now: pools that were reallocated are taken anew, copies renewed."""
+    def refresh(self, wp: Any, *, cells: bool = False) -> Any:
+        """The scene as it is now: pools that were reallocated are taken anew, copies renewed.
+
+        cells: with the search index of single rays, which is made for whoever asks for it first
+        """
         from swath.rays.kernel.scene import Scene
 
         if self._scene is None:
@@ -69,6 +72,9 @@ class LiveScene:
         if self._library is not self.field.library:
             self._library, self._pages = self.field.library, None
             self._take_library(self._library)
+        if cells and "cell_start" not in self._held:
+            self._hold("cell_start", self._library.cell_start)
+            self._hold("cell_items", self._library.cell_items)
         scene, pages = self._scene, self.field.pages
         yaw = self.field.stand_yaw
         if pages is self._pages and pages.revision == self._revision and yaw == self._place[0]:
@@ -103,8 +109,8 @@ class LiveScene:
 
     def _take_library(self, library: PlantLibrary) -> None:
         self._hold("prims", pack_primitives(library))
-        for name in ("cell_start", "cell_items", "reflectance"):
-            self._hold(name, getattr(library, name))
+        self._hold("reflectance", library.reflectance)
+        self._held.pop("cell_start", None)  # of the library before
         scene = self._scene
         scene.tile_size = library.tile_size
         scene.side = library.tile_size / library.columns
