@@ -8,8 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import SwathError, shortened
+from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import Scenario, load_scenario
+from swath.tools.function_test.integrity import SUMMARY as INTEGRITY
+from swath.tools.function_test.integrity import IntegrityHook
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
@@ -55,7 +58,7 @@ def _about(run: PlannedRun) -> dict[str, Any]:
 
 
 def _summary(scenario: Scenario, shadows: Mapping[str, Scenario]) -> dict[str, Any]:
-    hooks = [ShadowHook(shadows)] if shadows else []
+    hooks: list[RunHook] = [IntegrityHook(), *([ShadowHook(shadows)] if shadows else [])]
     with tempfile.TemporaryDirectory(prefix="swath-test-") as folder:
         return run_job(scenario, Path(folder) / "run", hooks=hooks).summary
 
@@ -75,7 +78,7 @@ def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
-        **({SHADOW: summary[SHADOW]} if SHADOW in summary else {}),
+        **{key: summary[key] for key in (SHADOW, INTEGRITY) if key in summary},
     }
 
 
