@@ -50,7 +50,8 @@ def show(by_case: dict[str, dict[str, tuple[int, int]]], faults: Sequence[str]) 
     ]
     print(f"\n{len(hits)} of {len(told)} planted faults are caught, of {len(planted)} in the list; "
           f"not: {', '.join(f for f in told if f not in hits) or 'none'}")  # fmt: skip
-    print(f"reported where nothing is planted: {', '.join(false) or 'none'}")
+    none = [f for f in faults if f not in planted and any(f in found for found in by_case.values())]
+    print(f"reported where nothing is planted: {', '.join(false) or 'none'} of {len(none)} that were tried")
 
 
 def main() -> None:
