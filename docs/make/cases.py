@@ -21,8 +21,8 @@ Made by `python -m docs.make.cases` from the files in `src/swath/data/tests`; ed
 judged: [function-tests.md](function-tests.md).
 
 {count} cases with {runs} runs on their grids. Each picture: the field from above at the last point of the
-grid, with the machine where it starts (it drives to the right, its header end on the edge), and one scan at the
-start as points across the machine, height over y. The scales of length and width differ.
+grid, with the machine where it starts (it drives to the right, its header end on the edge), and one scan at
+the start as points across the machine, height over y. The scales of length and width differ.
 """
 TAGS = ("clean", "detection", "bend", "steering", "fault", "sensor", "speed", "machines")
 CROP, STUBBLE, BODY = "#4f9d56", "#e4d3a8", "#22262b"

@@ -33,7 +33,7 @@ class EdgeSeries:
     to the header end where none is detected; nan = none
     detected: likewise, nan = none; error: detected minus true [m], > 0 towards the crop, nan where they are
     farther apart than MATCH_M; found: an edge was reported; exists: one is near enough that it had to be
-    confidence, is_held: as reported
+    confidence, is_held, offset_sd [m]: as reported
     """
 
     t: F64
@@ -45,6 +45,7 @@ class EdgeSeries:
     exists: NDArray[np.bool_]
     confidence: F64
     is_held: NDArray[np.bool_]
+    offset_sd: F64
 
 
 @dataclass
@@ -134,11 +135,11 @@ class EdgeDetection:
     def series(self) -> EdgeSeries:
         """The course of the run so far."""
         self._judge_rows()
-        table = np.concatenate([np.zeros((0, 8)), *self._judged])
-        t, at, true, seen, found, exists, confidence, is_held = table.T
+        table = np.concatenate([np.zeros((0, 9)), *self._judged])
+        t, at, true, seen, found, exists, confidence, is_held, sd = table.T
         error = -self.side * (seen - true)
         error = np.where(np.abs(error) <= MATCH_M, error, np.nan)
-        return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, confidence, is_held > 0)
+        return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, confidence, is_held > 0, sd)
 
     def _true_at(self, tracks: Mapping[str, F64]) -> F64:
         """y of the true edge [m] for the rows of the tracks."""
@@ -162,10 +163,10 @@ class EdgeDetection:
             self._rows = []
 
     def _judge(self, rows: Sequence[_Row]) -> F64:
-        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held."""
+        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd."""
         count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
         crop = np.unpackbits(np.stack([r.crop for r in rows]), axis=1, count=count).astype(bool)
-        judged = np.full((len(rows), 8), np.nan)
+        judged = np.full((len(rows), 9), np.nan)
         for out, row, places in zip(judged, rows, edges_of(crop), strict=True):
             edge, y = row.edge, self._begin - self.side * STEP_M * places
             seen = edge.offset if edge.is_found else float("nan")
@@ -176,7 +177,8 @@ class EdgeDetection:
                 true = y[np.argmin(np.abs(y - seen))]
             elif exists:
                 true = y[np.argmin(away)]
-            out[:] = row.t, row.distance, true, seen, edge.is_found, exists, edge.confidence, edge.is_held
+            told = edge.is_found, exists, edge.confidence, edge.is_held, edge.offset_sd
+            out[:] = row.t, row.distance, true, seen, *told
         return judged
 
     def _at(self, t: int) -> tuple[Pose, float]:

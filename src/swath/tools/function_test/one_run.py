@@ -5,9 +5,12 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import SwathError, shortened
+from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.scenario.scenario import Scenario, load_scenario
+from swath.tools.function_test.integrity import SUMMARY as INTEGRITY
+from swath.tools.function_test.integrity import IntegrityHook
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
@@ -33,7 +36,7 @@ def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     started = time.process_time()
     try:
         shadows = shadows_of(run)
-        hooks = [ShadowHook(shadows)] if shadows else []
+        hooks: list[RunHook] = [IntegrityHook(), *([ShadowHook(shadows)] if shadows else [])]
         found = _result(run, run_unrecorded(scenario_of(run), fields, hooks=hooks))
     except SwathError as error:
         found = no_result(run, str(error))
@@ -69,7 +72,7 @@ def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
-        **({SHADOW: summary[SHADOW]} if SHADOW in summary else {}),
+        **{key: summary[key] for key in (SHADOW, INTEGRITY) if key in summary},
     }
 
 

@@ -7,6 +7,9 @@ from typing import Any
 from swath import __version__
 from swath.report.html import write_page
 from swath.tools.function_test.cells import Cell, margin
+from swath.tools.function_test.charts import HEIGHT as HIGH
+from swath.tools.function_test.charts import WIDTH as WIDE
+from swath.tools.function_test.charts import colour, over_parameters, stanford
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
@@ -40,6 +43,18 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         counts={v: sum(c.verdict == v for c in cells) for v in (SHOWN, BROKEN, NOT_SHOWN)},
         run_count=sum(len(c.runs) for c in cells),
         groups=_groups(failed),
+        charts=[
+            {"name": case, "charts": found}
+            for case in cases
+            if (found := over_parameters([by_place[case, c] for c in candidates]))
+        ],
+        chart={"width": WIDE, "height": HIGH, "middle": HIGH / 2.0},
+        colours=[{"name": c, "colour": colour(i)} for i, c in enumerate(candidates)],
+        diagrams=[
+            diagram
+            for number, c in enumerate(candidates)
+            if (diagram := stanford([by_place[case, c] for case in cases], number))
+        ],
         failed=[_failure(cell, run) for cell, run in failed[:FAILED_MAX]],
         failed_count=len(failed),
         surprises=[_failure(cell, run) for cell in cells for run in cell.surprises],

@@ -8,7 +8,7 @@ however often a plan is interrupted, and not found where anything has changed.
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -124,10 +124,8 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
-    keys = {
-        k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "shadow", "level", "code")
-    }
-    return Plan(**keys, tags=tuple(data["tags"]), sets=tuple(data["sets"]))
+    keys = {f.name: data[f.name] for f in fields(Plan)}
+    return Plan(**{**keys, "tags": tuple(data["tags"]), "sets": tuple(data["sets"])})
 
 
 @cache

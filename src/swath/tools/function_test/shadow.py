@@ -19,6 +19,7 @@ from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals import MachineState
+from swath.tools.function_test.integrity import integrity_of
 
 SUMMARY = "shadow"
 
@@ -52,7 +53,8 @@ class Shadow:
 
     def result(self) -> dict[str, Any]:
         """Its metrics of the edge and the digest of what it said."""
-        return {"metrics": json_safe(self.judge.metrics()), "digest": self.digest.hex}
+        integrity = integrity_of(self.judge.series(), self.judge.setup.settling_m)
+        return {"metrics": json_safe(self.judge.metrics()), "digest": self.digest.hex, "integrity": integrity}
 
 
 class ShadowHook(RunHook):
