@@ -101,6 +101,7 @@ class Watch:
         self.edge: EdgeShape = machine.edge
         self.end = (*machine.sheet.header_end(machine.edge_side), 0.0)
         self.overlap = machine.overlap
+        self.distance = float(world.scenario.run.distance_m)
         self.poses: dict[int, tuple[Pose, float]] = {}
         self.edges: list[CropEdge] = []
 
@@ -117,26 +118,48 @@ class Watch:
         x, y = np.array(points, dtype=float).reshape(-1, 3)[:, :2].T
         return np.asarray(self.edge.signed_distance(x, y))
 
-    def row(self) -> list[str]:
-        """The numbers of the table."""
+    def numbers(self, back_at: float = float("nan")) -> dict[str, Any]:
+        """Lateral errors rms, p95, worst and from `back_at` [m] on, late [cm]; of the edge samples found
+        [share], edge (RMS) [cm], wrong = longest way sure and wrong [m], sure = share of the confident ones;
+        speed (mean) [km/h]; samples = one (error [m], standard deviation, confidence) per metre; driven [m].
+        """
         poses = [(pose.apply(self.end), at) for pose, at in self.poses.values()]
-        late = [p for p, at in poses if at > BEGIN]
-        lateral = np.abs(self.inside(late) + self.overlap) * 100 if late else np.full(1, np.nan)
+        late = np.array([at for _, at in poses]) > BEGIN
+        lateral = np.abs(self.inside([p for p, _ in poses]) + self.overlap) * 100
+        back = lateral[np.array([at for _, at in poses]) > max(back_at, BEGIN)]
+        lateral = lateral[late] if late.any() else np.full(1, np.nan)
         told = [(e, *self.poses[e.t]) for e in self.edges if e.t in self.poses and self.poses[e.t][1] > BEGIN]
         found = [(e, at, pose.apply([e.reference_x, e.offset, 0.0])) for e, pose, at in told if e.is_found]
         error = self.inside([p for *_, p in found]) if found else np.zeros(0)
-        sd = np.array([e.offset_sd for e, *_ in found])
-        within = f"{np.mean(np.abs(error) < 1.96 * sd):.2f}" if np.isfinite(sd).any() else "-"
-        share = len(found) / max(len(told), 1)
-        rms = np.sqrt(np.mean(error**2)) * 100 if found else np.nan
         wrong = [e.confidence >= 0.5 and abs(v) > 0.3 for (e, *_), v in zip(found, error, strict=True)]
-        numbers = np.sqrt(np.mean(lateral**2)), np.percentile(lateral, 95.0), lateral.max()
+        metres = [int(at) for _, at, _ in found]
+        first = [k for k, at in enumerate(metres) if k == 0 or at > metres[k - 1]]
+        driven = poses[-1][1]
+        return {
+            "rms": float(np.sqrt(np.mean(lateral**2))),
+            "p95": float(np.percentile(lateral, 95.0)),
+            "worst": float(lateral.max()),
+            "late": float(back.max()) if len(back) else float("nan"),
+            "found": len(found) / max(len(told), 1),
+            "edge": float(np.sqrt(np.mean(error**2))) * 100 if found else float("nan"),
+            "wrong": _longest([at for _, at, _ in found], wrong),
+            "sure": float(np.mean([e.confidence >= 0.5 for e, *_ in told])) if told else 0.0,
+            "speed": 3.6 * (driven - BEGIN) / max(0.04 * float(np.count_nonzero(late)), 0.04),
+            "samples": [(float(error[k]), found[k][0].offset_sd, found[k][0].confidence) for k in first],
+            "driven": driven,
+            "is_stopped": driven < self.distance - 1.0,
+        }
+
+    def row(self) -> list[str]:
+        """The numbers of the table."""
+        r = self.numbers()
+        within = [abs(error) < 1.96 * sd for error, sd, _ in r["samples"] if np.isfinite(sd)]
         return [
-            *(f"{v:.1f}" for v in numbers),
-            f"{share:.0%}, {rms:.1f}",
-            f"{_longest([at for _, at, _ in found], wrong):.1f}",
-            within,
-            f"{poses[-1][1]:.0f} m",
+            *(f"{r[key]:.1f}" for key in ("rms", "p95", "worst")),
+            f"{r['found']:.0%}, {r['edge']:.1f}",
+            f"{r['wrong']:.1f}",
+            f"{np.mean(within):.2f}" if within else "-",
+            f"{r['driven']:.0f} m",
         ]
 
 

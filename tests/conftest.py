@@ -1,6 +1,14 @@
 """Shared by all tests; lets them import the modules beside this file."""
 
+import os
 import signal
+
+from hypothesis import settings
 
 # A shell starts what runs in the background with Ctrl-C ignored, and every process that it starts, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# The same cases in every run; HYPOTHESIS_PROFILE=search looks for new ones.
+settings.register_profile("same", derandomize=True)
+settings.register_profile("search", print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))

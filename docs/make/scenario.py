@@ -10,6 +10,7 @@ from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.reference import Row, parameter_rows, rows_of
 from swath.scenario.schema import adopt
 from swath.scenario.sections import (
+    FieldCommon,
     Head,
     Limit,
     MachineCommon,
@@ -91,6 +92,7 @@ def _field(catalogue: Catalogue) -> str:
     parts = [
         "## field",
         "`folder: path` takes terrain and stand from an imported field (docs/field-folder.md).\n",
+        _part(FieldCommon),
     ]
     parts += [_levels(catalogue, kind, f"### field.{kind}") for kind in catalogue.field_levels]
     for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):

@@ -16,7 +16,7 @@ from swath.signals.flat import ARRAYS
 DOCS = Path(__file__).parents[1]
 BEGIN, END = "<!-- made by docs/make/signals.py -->", "<!-- end -->"
 FRAMES = {
-    "base": "`machine/base`",
+    "base": "`machine/base_link`",
     "sensor": "`machine/slot`",
     "optical": "`machine/slot_optical`",
     "world": "`map`",

@@ -5,19 +5,25 @@ import swath
 result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
-`run` and `load_scenario` are in swath/api.py, which is imported when one of them is used.
+`run`, `batch` and `load_scenario` are in swath/api.py, which is imported when one of them is used; so is `Env`, a
+scenario as an environment of gymnasium.
 """
 
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
-_OFFERED = ("load_scenario", "run")
+_OFFERED = {
+    "batch": "swath.api",
+    "load_scenario": "swath.api",
+    "run": "swath.api",
+    "Env": "swath.link.gym",
+}
 
 
 def __getattr__(name: str) -> Any:
     if name in _OFFERED:
-        return getattr(import_module("swath.api"), name)
+        return getattr(import_module(_OFFERED[name]), name)
     raise AttributeError(f"module 'swath' has no attribute {name!r}; it offers {', '.join(_OFFERED)}")
 
 

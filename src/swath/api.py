@@ -7,18 +7,25 @@ result.summary["lateral_rms_m"], result.exit_code, result.folder
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import only_code
+from swath.documents.hints import unknown_key
+from swath.documents.yaml_document import Document
+from swath.judge.limits import is_failed
 from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
 from swath.runtime.folder import choose_run_folder
-from swath.runtime.job import JobResult, run_job
-from swath.scenario.scenario import Scenario
+from swath.runtime.job import JobResult, run_job, run_unrecorded
+from swath.runtime.kept import KeptFields
+from swath.runtime.workers import Lost, in_workers
+from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
 
 Sets = Mapping[str, Any] | Sequence[str]
@@ -57,12 +64,141 @@ def run(
     with nullcontext() if code else only_code(()):
         if not isinstance(scenario, Scenario):
             scenario = load_scenario(scenario, sets=sets, seed=seed)
-        elif sets or seed is not None:
-            expected = "expected with a name or a file; give them to load_scenario instead"
-            raise InputError("sets", None, expected)
+        else:
+            _check_alone(sets, seed)
         hooks = [ReportWriter(), ReplayWriter()] if report else []
         folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
         try:
             return run_job(scenario, folder, progress=progress, hooks=hooks)
         except InputError as error:
             raise scenario.locate(error) from error
+
+
+Entry = str | Path | Scenario | Mapping[str, Any]
+_KEYS = ("scenario", "sets", "seed", "out")
+_BAD_INPUT = 2
+
+
+@dataclass(frozen=True)
+class BatchRun:
+    """A run of a batch. index: of its entry, from 0; folder: None where the entry named none
+
+    error: why there is no result
+    """
+
+    index: int
+    entry: Entry
+    folder: Path | None = None
+    found: Mapping[str, Any] | None = None
+    error: SwathError | None = None
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """As in summary.json. Raises the error where there is one."""
+        if self.error is not None:
+            raise self.error
+        return self.found or {}
+
+    @property
+    def exit_code(self) -> int:
+        """0 all limits pass, 1 a limit fails, 2 there is an error."""
+        return _BAD_INPUT if self.error is not None else int(is_failed(self.summary["expect"]))
+
+
+def batch(entries: Iterable[Entry], *, processes: int = 1, code: bool = True) -> Iterator[BatchRun]:
+    """Run many scenarios; gives each result as soon as it and those before it are there.
+
+    entries: names, files or scenarios, or {"scenario": ..., "sets": ..., "seed": ..., "out": ...}, all but
+    the first as in `run`; without `out` nothing is recorded. They are taken as they are needed.
+    processes: how many do the work; 1 = this one. A script that gives more needs
+    `if __name__ == "__main__":`
+    code: as in `load_scenario`
+
+    A run gives the same bytes as alone. An entry that is wrong, a part that crashes and a run that kills its
+    process are the `error` of that run; the others go on. What one run has read and made serves the next:
+    data sheets, compiled parts, and the field where another run has the same one.
+    """
+    if processes < 1:
+        raise InputError("processes", processes, "expected >= 1")
+    if processes > 1:
+        return _in_processes(entries, processes, code)
+    return map(partial(_run_entry, KeptFields(), code), enumerate(entries))
+
+
+def _in_processes(entries: Iterable[Entry], processes: int, code: bool) -> Iterator[BatchRun]:
+    given: dict[int, Entry] = {}
+
+    def jobs() -> Iterator[tuple[int, Any]]:
+        for index, entry in enumerate(entries):
+            given[index] = entry
+            yield index, _sendable(entry)
+
+    for (index, _), found in in_workers(jobs(), partial(_begin, code), processes, in_order=True):
+        error = SwathError(f"entry {index}: {found}") if isinstance(found, Lost) else None
+        run = BatchRun(index, "", error=error) if isinstance(found, Lost) else found
+        yield replace(run, entry=given.pop(index))
+
+
+def _begin(code: bool) -> Callable[[tuple[int, Any]], BatchRun]:
+    """What a worker process does with each entry."""
+    return partial(_run_entry, KeptFields(), code)
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A scenario that was read, for another process, which may not know the classes of a user's parts."""
+
+    plain: Mapping[str, Any]
+    file: Path | None
+
+
+def _sendable(entry: Any) -> Any:
+    if isinstance(entry, Scenario):
+        return _Read(entry.plain(), entry.file)
+    if isinstance(entry, Mapping):
+        return {key: _sendable(value) if key == "scenario" else value for key, value in entry.items()}
+    return entry
+
+
+def _run_entry(fields: KeptFields, code: bool, numbered: tuple[int, Any]) -> BatchRun:
+    """One run of a batch, in this process."""
+    index, entry = numbered
+    folder = None
+    try:
+        with nullcontext() if code else only_code(()):
+            scenario, out = _scenario_of(entry)
+            try:
+                if out is None:
+                    summary = run_unrecorded(scenario, fields)
+                else:
+                    folder = choose_run_folder(scenario.name, scenario.seed, Path(out))
+                    summary = run_job(scenario, folder, fields=fields).summary
+            except InputError as error:
+                raise scenario.locate(error) from error
+    except SwathError as error:
+        return BatchRun(index, entry, folder, error=error)
+    except Exception as error:  # a user's own part may raise anything; one run must not end the others
+        return BatchRun(index, entry, folder, error=SwathError(f"{type(error).__name__}: {error}"))
+    return BatchRun(index, entry, folder, summary)
+
+
+def _scenario_of(entry: Any) -> tuple[Scenario, Any]:
+    """The scenario of an entry, and its folder. Raises InputError."""
+    told = entry if isinstance(entry, Mapping) else {"scenario": entry}
+    for key in told:
+        if key not in _KEYS:
+            raise InputError(f"entry.{key}", None, unknown_key(key, _KEYS))
+    if "scenario" not in told:
+        raise InputError("entry.scenario", None, "expected a name, a file or a scenario, the key is missing")
+    source, sets, seed = told["scenario"], told.get("sets", ()), told.get("seed")
+    if isinstance(source, _Read):
+        source = read_scenario(Document(dict(source.plain), source.file))
+    if isinstance(source, Scenario):
+        _check_alone(sets, seed)
+        return source, told.get("out")
+    return load_scenario(source, sets=sets, seed=seed), told.get("out")
+
+
+def _check_alone(sets: Sets, seed: int | None) -> None:
+    if sets or seed is not None:
+        raise InputError("sets", None, "expected with a name or a file; give them to load_scenario instead")

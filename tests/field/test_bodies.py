@@ -5,20 +5,9 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.field.obstacles import BoxObstacle, MeshObstacle, PostObstacle, StoneObstacle, named_obstacles
 from swath.field.site_setup import Bodies, why_outside
-from swath.field.solids import (
-    BoxObstacle,
-    MeshObstacle,
-    PostObstacle,
-    StoneObstacle,
-    box_on_ground,
-    machine_body,
-    merge,
-    mesh,
-    named_obstacles,
-    post,
-    solid_count,
-)
+from swath.field.solids import box_on_ground, machine_body, merge, mesh, post, solid_count
 from swath.field.stand import maps
 from tests.field.made_field import made_field, rectangle
 from tests.field.test_solids import MACHINE

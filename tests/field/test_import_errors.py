@@ -42,8 +42,9 @@ NO_LOGS = {
     "this is binary": bytes(range(256)) * 4,
     "readable file": b"\x1f\x8b\x08\x00 not really gzip",
     "three named columns": b"hello world\n" * 50,
-    "lat and lon (or easting and northing); say which with --columns": b"a,b,c\n" + b"1,2,3\n" * 50,
-    "lines like yield: {column: Name, unit: t/ha}": b"lat,lon,moisture\n" + b"47.1,-110.2,12\n" * 50,
+    "lat and lon (or easting and northing), grain_flow or yield, header_width": b"a,b,c\n" + b"1,2,3\n" * 50,
+    "grain_flow or yield, header_width (or --header-width-m); fill in": b"lat,lon,moisture\n"
+    + b"47.1,-110.2,12\n" * 50,
     "each column name once": b"lat,lon,flow,lat\n" + b"47.1,-110.2,12,1\n" * 50,
     "at least 30 whole rows": (HEAD + "".join(GOOD[:10])).encode(),
     "at least 30 usable rows": (HEAD + "x,y,z,q,w\n" * 50).encode(),
@@ -63,7 +64,8 @@ def test_what_is_no_log_gets_one_clear_error(tmp_path, reason):
     assert reason in text or (reason == "known unit" and "kg/s, g/s, kg/h, t/h, lb/s" in text)
     assert "\n" not in text
     assert "thing.dat" in text
-    assert [p.name for p in tmp_path.iterdir()] == ["thing.dat"]
+    made = ["thing.columns.yaml"] if "columns.yaml" in text else []
+    assert sorted(p.name for p in tmp_path.iterdir()) == [*made, "thing.dat"]
 
 
 def test_names_of_a_common_yield_monitor():
@@ -79,7 +81,7 @@ def test_names_of_a_common_yield_monitor():
 def test_missing_files_and_folders_are_named(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         import_log(tmp_path / "no.csv", tmp_path / "out", progress=False)
-    with pytest.raises(InputError, match="this is a folder"):
+    with pytest.raises(InputError, match="a folder with a shapefile or TASKDATA"):
         import_log(tmp_path, tmp_path / "out", progress=False)
     with pytest.raises(InputError, match="there is none"):
         show(tmp_path / "none")

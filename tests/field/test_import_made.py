@@ -143,7 +143,7 @@ def test_without_neighbours_the_delay_is_the_default(tmp_path):
 def test_machines_that_a_log_does_not_name_are_told_apart(tmp_path):
     made = MadeLog(machines=2)
     made.rows.sort(key=lambda row: row["time"])
-    text = COLUMNS.replace("machine: {column: machine, unit: text}\n", "")
+    text = COLUMNS.replace("machine: {column: machine, unit: text}\n", "machine: null\n")
     (tmp_path / "m.yaml").write_text(text)
     log = read_log(made.write(tmp_path / "a.csv"), tmp_path / "m.yaml")
     assert len(log.machine_names) == 2

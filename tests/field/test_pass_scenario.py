@@ -6,7 +6,6 @@ from tests.field.made_log import COLUMNS, MadeLog
 
 pytest.importorskip("rasterio")
 
-from swath.core.errors import InputError
 from swath.field_io.importer import Settings, import_log
 from swath.field_io.pass_scenario import write_pass_scenario
 from swath.runtime.assembly import assemble
@@ -33,9 +32,10 @@ def test_machine_and_run_keep_inside_the_field(field):
     assemble(scenario).close()
 
 
-def test_no_straight_stretch_inside_the_field(field):
+def test_without_a_straight_pass_it_goes_through_the_middle(field):
     tracks = field / "tracks.geojson"
     text = tracks.read_text()
     tracks.write_text(text.replace('"straights":[{', '"straights":[],"former":[{'))
-    with pytest.raises(InputError, match="at least 60 m inside the field"):
-        write_pass_scenario(field)
+    scenario = load_scenario(write_pass_scenario(field))
+    assert scenario.name == "f-middle"
+    assemble(scenario).close()

@@ -7,20 +7,9 @@ from pydantic import TypeAdapter, ValidationError
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.memory_layout import Solids
+from swath.field.obstacles import BoxObstacle, Obstacle, PostObstacle, StoneObstacle, make_obstacles
 from swath.field.site_setup import Bodies, SiteSetup
-from swath.field.solids import (
-    BoxObstacle,
-    Obstacle,
-    PostObstacle,
-    StoneObstacle,
-    box_on_ground,
-    machine_body,
-    make_obstacles,
-    merge,
-    moved,
-    post,
-    stone,
-)
+from swath.field.solids import box_on_ground, machine_body, merge, moved, post, stone
 from swath.field.terrain import plane
 from swath.signals.setup import MachineGeometry
 from tests.field.made_field import made_field, rectangle
@@ -55,17 +44,17 @@ def test_obstacles_stand_on_the_ground():
     assert solids.ellipsoid_centre[0] == pytest.approx([30.0, 0.0, 3.0], abs=1e-5)
 
 
-def test_obstacles_outside_the_boundary_are_refused():
+def test_obstacles_stand_inside_the_boundary_and_beside_it():
     field = made_field(boundary=rectangle(-20.0, -20.0, 20.0, 20.0))
-    with pytest.raises(InputError, match=r"field\.obstacles\.1 = \[25, 0\]"):
-        make_obstacles([PostObstacle(x_m=0.0, y_m=0.0), PostObstacle(x_m=25.0, y_m=0.0)], field)
+    solids = make_obstacles([PostObstacle(x_m=0.0, y_m=0.0), PostObstacle(x_m=25.0, y_m=0.0)], field)
+    assert solids.capsule_a[:, 0].tolist() == [0.0, 25.0]
 
 
 @pytest.mark.parametrize(
     "data",
     [
         {"kind": "post", "x_m": 0.0, "y_m": 0.0, "height_m": -1.0},
-        {"kind": "tree", "x_m": 0.0, "y_m": 0.0},
+        {"kind": "ghost", "x_m": 0.0, "y_m": 0.0},
         {"kind": "box", "y_m": 0.0},
         {"kind": "stone", "x_m": 0.0, "y_m": 0.0, "reflectance": 2.0},
     ],

@@ -5,7 +5,7 @@ import pytest
 
 from tests.house.extended import SCENARIO, SOURCE, Extended, columns, finite, messages, summary
 
-SIGNAL = '''"""What a ground speed radar measures."""
+SIGNAL = '''"""What a air speed radar measures."""
 
 from typing import Annotated
 
@@ -14,12 +14,12 @@ from swath.core.signal import About, Quantity, Signal
 
 
 @frozen
-class GroundSpeed(Signal, about=About("sensor")):
+class AirSpeed(Signal, about=About("sensor")):
     """Speed over ground, measured without wheels."""
 
     speed: Annotated[float, Quantity("m/s", "measured over ground", column="radar_speed_m_s")]
 '''
-SENSOR = '''"""Ground speed without an error but a scale."""
+SENSOR = '''"""Air speed without an error but a scale."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -31,7 +31,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
 from swath.signals import MachineState
-from swath.signals.ground_speed import GroundSpeed
+from swath.signals.air_speed import AirSpeed
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,16 @@ class ScaledRadar:
     """The true speed times a number."""
 
     inputs = (Port("state", MachineState),)
-    outputs = (Port("speed", GroundSpeed),)
+    outputs = (Port("speed", AirSpeed),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.scale = params.scale
 
     def reset(self, stream: Stream) -> Outputs:
-        return {"speed": GroundSpeed(0, 0.0)}
+        return {"speed": AirSpeed(0, 0.0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        return {"speed": GroundSpeed(t + dt, self.scale * inputs["state"].speed)}
+        return {"speed": AirSpeed(t + dt, self.scale * inputs["state"].speed)}
 
     def save(self) -> State:
         return {}
@@ -66,11 +66,11 @@ class ScaledRadar:
 LEVEL = Level(ScaledRadar, Params, "true speed times a scale", cost="none", tolerance="exact at scale 1")
 '''
 SLOT = """    SlotKind(
-        "ground_speed",
-        ("swath.sensing.ground_speed",),
+        "air_speed",
+        ("swath.sensing.air_speed",),
         "scaled",
         20.0,
-        (Port("speed", GroundSpeed),),
+        (Port("speed", AirSpeed),),
         _STATE,
         is_plural=True,
         is_exchangeable=True,
@@ -170,26 +170,26 @@ def sheet(kind, name, *changes):
 
 
 def test_a_kind_of_sensor_touches_four_files(extended):
-    extended.write("signals/ground_speed.py", SIGNAL)
-    extended.write("sensing/ground_speed/__init__.py", '"""Levels of ground speed."""\n')
-    extended.write("sensing/ground_speed/scaled.py", SENSOR)
+    extended.write("signals/air_speed.py", SIGNAL)
+    extended.write("sensing/air_speed/__init__.py", '"""Levels of air speed."""\n')
+    extended.write("sensing/air_speed/scaled.py", SENSOR)
     slots = "scenario/slots.py"
     before = "\n\n@dataclass(frozen=True)\nclass SlotKind:"
-    extended.change(slots, before, "from swath.signals.ground_speed import GroundSpeed\n" + before)
+    extended.change(slots, before, "from swath.signals.air_speed import AirSpeed\n" + before)
     extended.change(slots, '    SlotKind(\n        "edge",\n', SLOT)
     assert len(extended.touched()) == 4
-    slots = "    ground_speed: scaled\n    ground_speed_rear: {scale: 1.5, rate_hz: 10}\n"
+    slots = "    air_speed: scaled\n    air_speed_rear: {scale: 1.5, rate_hz: 10}\n"
     status, out = extended.run(SCENARIO + slots)
     assert status == 0
-    found = messages(out, "/combine/ground_speed/speed")
-    assert {schema for schema, _ in found} == {"swath_msgs/msg/GroundSpeed"}
+    found = messages(out, "/combine/air_speed/speed")
+    assert {schema for schema, _ in found} == {"swath_msgs/msg/AirSpeed"}
     assert len(found) > 20
-    rear = [m.speed for _, m in messages(out, "/combine/ground_speed_rear/speed")]
+    rear = [m.speed for _, m in messages(out, "/combine/air_speed_rear/speed")]
     assert 0 < len(rear) < 0.6 * len(found)
     tracks = columns(out)
     assert finite(tracks["radar_speed_m_s"])[-1] == pytest.approx(finite(tracks["speed_m_s"])[-1], rel=0.02)
     assert rear[-1] == pytest.approx(1.5 * found[-1][1].speed, rel=0.02)
-    assert "ground_speed" in extended.command("levels", "ground_speed").stdout
+    assert "air_speed" in extended.command("levels", "air_speed").stdout
 
 
 def test_a_metric_touches_one_file(extended):

@@ -17,6 +17,9 @@ typedef struct {
 
 void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *where, bool visible, bool log,
     bool events, bool early, const unsigned *r, size_t n, void *env, void *logger, void *update) {
+#ifdef NO_EVENT_MODE
+  if (events) return NULL;
+#endif
   Model *m = calloc(1, sizeof *m);
   m->uses_events = events; m->may_return = early; m->length = 3; m->mode = EVENT;
   m->r[SPEED] = 2000.0; m->r[LIMIT] = 30.0; m->next = 0.05; m->r[EARLY] = 1e9;

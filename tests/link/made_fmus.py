@@ -78,6 +78,27 @@ def process_xml(*, attributes=CAN, units=None, variables=PROCESS, token="{p}", e
     )
 
 
+def process_xml1(capabilities='canHandleVariableCommunicationStepSize="true"'):
+    """modelDescription.xml of fmu1.c."""
+    scalars = []
+    for vr, (name, causality, unit, start) in enumerate(PROCESS):
+        kind = 'variability="parameter"' if causality == "parameter" else f'causality="{causality}"'
+        value = "" if start is None else f' start="{start}"'
+        value += "" if unit is None else f' unit="{unit}"'
+        scalars.append(
+            f'<ScalarVariable name="{name}" valueReference="{vr}" {kind}><Real{value}/></ScalarVariable>'
+        )
+    defined = "".join(f'<BaseUnit unit="{n}"/>' for n in ("kg", "kg/s", "s"))
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>'
+        '<fmiModelDescription fmiVersion="1.0" modelName="Store" modelIdentifier="store" guid="{p}" '
+        'generationTool="hand" numberOfContinuousStates="0" numberOfEventIndicators="0">'
+        f"<UnitDefinitions>{defined}</UnitDefinitions><ModelVariables>{''.join(scalars)}</ModelVariables>"
+        f"<Implementation><CoSimulation_StandAlone><Capabilities {capabilities}/></CoSimulation_StandAlone>"
+        "</Implementation></fmiModelDescription>"
+    )
+
+
 ENGINE = [
     ("ground_speed", "input", "km/h", 0.0),
     ("speed", "output", "rpm", None),
@@ -152,12 +173,21 @@ def store_fmu(folder, name="store.fmu", *, flags=(), binary="binaries/linux64/st
     return file
 
 
-def engine_fmu(folder, name="engine.fmu", **about):
+def store1_fmu(folder, name="store1.fmu", **about):
+    """The process model as an FMU of FMI 1.0."""
+    file = Path(folder) / name
+    with zipfile.ZipFile(file, "w") as made:
+        made.writestr("modelDescription.xml", process_xml1(**about))
+        made.writestr("binaries/linux64/store.so", _compiled("fmu1", ()))
+    return file
+
+
+def engine_fmu(folder, name="engine.fmu", *, flags=(), **about):
     """The engine as an FMU of FMI 3."""
     file = Path(folder) / name
     with zipfile.ZipFile(file, "w") as made:
         made.writestr("modelDescription.xml", engine_xml(**about))
-        made.writestr("binaries/x86_64-linux/engine.so", _compiled("fmu3", ()))
+        made.writestr("binaries/x86_64-linux/engine.so", _compiled("fmu3", tuple(flags)))
     return file
 
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.link.can import guidance, j1939
@@ -20,7 +21,7 @@ from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, open_bus
 from swath.link.can.codec import Codec
 from swath.link.can.steering import BoxError, CanSteering, Params
-from swath.signals import CropEdge, Odometry
+from swath.signals import CropEdge, GroundSpeed, Odometry
 from tests.link.can_rig import MS, NS, own_bus, setup, way
 
 CODEC = Codec()
@@ -461,3 +462,31 @@ def test_a_law_that_is_none_is_refused_in_one_line(text, expected, tmp_path):
     keys = Params(interface="virtual", box="inside", lock_step=True, law="law.py:Law")
     with pytest.raises(InputError, match=expected):
         keys.make_law(setup().control, tmp_path)
+
+
+def test_wheels_and_ground_differ_by_the_slip():
+    """PGN 65096 says what the wheels turn, 65097 what a ground speed sensor measures."""
+    where = own_bus()
+    keys = Params(interface="virtual", channel=where.channel, lock_step=True, box="inside", law="preview")
+    parts = setup()
+    ports = (*parts.inputs, Port("ground", GroundSpeed, optional=True))
+    part = CanSteering(keys, replace(parts, inputs=ports))
+    raw = open_bus(Where("virtual", f"{where.channel} {id(part)}"))  # a box inside has a bus of its own
+    slip = 0.04
+    try:
+        part.reset(Stream(0, "part"))
+        frames = []
+        for t, inputs in way(10):
+            wheel = Odometry(t, 2.0 * (1.0 + slip), 0.0, 0.0)
+            part.step(t, 20 * MS, {**inputs, "odometry": wheel, "ground": GroundSpeed(t, 2.0, 7.5)})
+    finally:
+        part.close()
+    while (frame := raw.recv(0.0)) is not None:
+        frames.append(frame)
+    raw.shutdown()
+    told = {}
+    for frame in frames:
+        told.setdefault(j1939.parse(frame.arbitration_id).pgn, []).append(frame.data)
+    wheel, ground = (struct.unpack("<HI", told[pgn][0][:6]) for pgn in (65096, 65097))
+    assert wheel[0] / ground[0] - 1.0 == pytest.approx(slip, abs=5e-4)
+    assert ground == (2000, 7500)

@@ -83,7 +83,7 @@ def test_what_is_beyond_repair(tmp_path, text):
     file = tmp_path / "broken.fmu"
     with zipfile.ZipFile(file, "w") as out:
         out.writestr("modelDescription.xml", text)
-    with pytest.raises(InputError, match=r"broken\.fmu: expected an FMU of FMI 2 or 3, its"):
+    with pytest.raises(InputError, match=r"broken\.fmu: expected an FMU of FMI 1, 2 or 3, its"):
         read_fmu(file)
 
 

@@ -11,7 +11,7 @@ from pyarrow.parquet import read_table
 
 from swath.runtime.changes import read_events
 from swath.runtime.job import run_job
-from swath.scenario.scenario import parse_scenario
+from swath.scenario.scenario import load_scenario, parse_scenario
 from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 pytestmark = needs_ros2
@@ -89,12 +89,17 @@ def padded(data):
     return bytes(data) + bytes(-len(data) % 4)
 
 
-def shortest(data):
-    """The nearest echo of a LaserScan's CDR bytes [m]."""
+def laser_scan(data):
+    """The LaserScan of CDR bytes."""
     from rclpy.serialization import deserialize_message
     from sensor_msgs.msg import LaserScan
 
-    return float(np.min(deserialize_message(bytes(data), LaserScan).ranges))
+    return deserialize_message(bytes(data), LaserScan)
+
+
+def shortest(data):
+    """The nearest echo of a LaserScan's CDR bytes [m]."""
+    return float(np.min(laser_scan(data).ranges))
 
 
 def act(bridge, tmp_path, *calls):
@@ -121,6 +126,25 @@ def test_images_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
         sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
         assert hashes == sent, topic
         assert len(hashes) == 3, topic
+
+
+def test_two_scanners_are_published_under_their_own_names_and_frames(domain, bridge, tmp_path):  # noqa: F811
+    report, out = tmp_path / "report.json", tmp_path / "run"
+    sides = ("lidar_left", "lidar_right")
+    cheap = [f"combine.{side}.{key}" for side in sides for key in ("sub_rays=1", "step_deg=1")]
+    scenario = load_scenario("two-scanners", sets=["run.max_duration_s=0.5", *cheap])
+    pairs = [f"/combine/{side}/scan=sensor_msgs/LaserScan" for side in sides]
+    with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
+        run_job(scenario, out, hooks=[bridge])
+        listener.communicate("", timeout=60)
+    got = json.loads(report.read_text())["got"]
+    for side in sides:
+        sent = [(t, data) for t, data in recorded(out, f"/combine/{side}/scan") if t > 0]
+        assert got[f"/combine/{side}/scan"] == [hashlib.sha256(padded(data)).hexdigest() for _, data in sent]
+        assert len(sent) == 12
+        assert laser_scan(sent[-1][1]).header.frame_id == f"combine/{side}"
+    left, right = (laser_scan(recorded(out, f"/combine/{side}/scan")[-1][1]).ranges for side in sides)
+    assert list(left) != list(right)
 
 
 def test_services_act_on_the_run_and_what_they_did_can_be_done_again(domain, bridge, tmp_path):  # noqa: F811

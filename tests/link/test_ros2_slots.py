@@ -161,3 +161,18 @@ def test_the_state_of_a_node_is_its_own(steer):
     steer.close()
     with pytest.raises(SwathError, match=r"combine\.steer: the node is closed"):
         steer.step(0, 20_000_000, {})
+
+
+def test_who_is_waited_for_is_said_before_the_wait_ends(domain, caplog, monkeypatch):  # noqa: F811
+    from swath.link.levels.ros2 import Params, Ros2Slot
+    from swath.link.ros2 import slotnode
+
+    monkeypatch.setattr(slotnode, "PATIENCE_S", 0.1)
+    control = ControlSetup(GEOMETRY, {"scan": MOUNTING}, "left", 0.02)
+    outputs = (Port("command", SteerCommand),)
+    made = Ros2Slot(Params(start_timeout_s=0.4), LinkSetup("combine", "steer", (), outputs, control, Path()))
+    with pytest.raises(SwathError, match=r"combine\.steer: no node listens on /combine/steer/step"):
+        made.reset(Stream(1, "combine.steer"))
+    made.close()
+    (told,) = [r.getMessage() for r in caplog.records if "yet" in r.getMessage()]
+    assert told.startswith("swath: combine.steer: no node listens on /combine/steer/step yet, waiting")

@@ -16,8 +16,8 @@ from swath.machine.powertrain.power_balance import (
     governed_torque,
     powers,
     propulsion_power,
-    pull,
 )
+from swath.machine.traction import pull
 from swath.signals import MachineLoad
 from tests.machine.machine_fakes import STREAM, site
 from tests.machine.process_rig import state

@@ -78,7 +78,7 @@ def test_grain_and_straw_are_conserved_whatever_comes(course, dt, straw):
         x += 2.0 * dt * (count > 0)
         inputs = {"flow": flows, "state": state(i, x, 2.0), "engine": turning(ratio)}
         load = process.step(i * h, h, inputs)["load"]
-        inside = load.tank_grain + load.lost_grain + load.held_grain, load.dropped_straw + load.held_straw
+        inside = load.tank_gain + load.lost_grain + load.held_grain, load.dropped_straw + load.held_straw
         assert inside == pytest.approx(fed, rel=1e-12, abs=1e-12)
         assert min(load.held_grain, load.held_straw, load.grain_flow, load.straw_flow) >= -1e-12
         assert 0.0 <= load.loss_share <= 1.0

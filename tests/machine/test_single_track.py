@@ -283,3 +283,29 @@ def test_the_yaw_overshoot_at_half_and_twice_the_estimated_relaxation(speed, exp
         rates = [s.yaw_rate for s in run(motion, 24.0 / speed, steer=math.radians(3.0), speed=speed)]
         settled = float(np.mean(rates[-len(rates) // 4 :]))
         assert 100.0 * (max(rates) / settled - 1.0) == pytest.approx(percent, abs=1.0)
+
+
+@pytest.mark.parametrize("percent", [-10.0, 0.0, 10.0])
+def test_the_driven_wheels_slip_for_what_they_pull(percent):
+    """kappa = Fx / (C Fz): weight along the slope and rolling resistance, over the load of the front axle."""
+    angle = math.atan(0.01 * percent)
+    motion = make(slope(0.01 * percent), wheel_slip=True, start_speed_kmh=7.2)
+    run(motion, 3.0, speed=2.0)
+    inputs = {"steering": SteerState(0, 0.0, 0.0), "speed": SpeedCommand(0, 2.0), "drive": None, "load": None}
+    found = motion.step(3_000_000_000, 5_000_000, inputs)
+    wheels, state = found["wheels"], found["state"]
+    load = D.mass * G * (B * math.cos(angle) - D.cg_height * math.sin(angle)) / L
+    pulled = D.mass * G * (math.sin(angle) + D.rolling_resistance * math.cos(angle))
+    kappa = pulled / (SHEET.masses.stiffness_along * load)
+    assert wheels.load == pytest.approx(load, rel=0.02)
+    assert wheels.traction == pytest.approx(pulled, rel=0.02, abs=200.0)
+    assert wheels.slip == pytest.approx(kappa, rel=0.05)
+    assert wheels.speed == pytest.approx(state.speed * (1.0 + kappa), rel=0.002)
+    assert state.speed == pytest.approx(2.0, abs=1e-3)
+
+
+def test_it_drives_the_same_whether_it_tells_its_wheels_or_not():
+    told, silent = make(slope(0.05), wheel_slip=True), make(slope(0.05))
+    assert [p.name for p in silent.outputs] == ["state"]
+    a, b = run(told, 2.0, steer=0.1), run(silent, 2.0, steer=0.1)
+    assert a[-1].pose.position.tolist() == b[-1].pose.position.tolist()

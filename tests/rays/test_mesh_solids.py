@@ -10,16 +10,8 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.memory_layout import Organ
 from swath.field.mesh_file import read_mesh
-from swath.field.solids import (
-    MeshObstacle,
-    Obstacle,
-    box_on_ground,
-    make_obstacles,
-    merge,
-    mesh,
-    moved,
-    solid_count,
-)
+from swath.field.obstacles import MeshObstacle, Obstacle, make_obstacles
+from swath.field.solids import box_on_ground, merge, mesh, moved, solid_count
 from swath.rays.engine import RayCaster
 from tests.rays.hand_field import HandField, make_pages, small_library
 

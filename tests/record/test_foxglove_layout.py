@@ -54,7 +54,8 @@ def test_every_topic_of_the_scene_is_recorded(messages):
     assert set(SCENE["topics"]) <= set(messages)
     frames = {f.child_frame_id for topic in ("/tf", "/tf_static") for f in messages[topic].transforms}
     assert SCENE["followTf"] in frames
-    assert SCENE["layers"]["grid"]["frameId"] == messages["/tf"].transforms[0].header.frame_id
+    parents = {f.header.frame_id for topic in ("/tf", "/tf_static") for f in messages[topic].transforms}
+    assert SCENE["layers"]["grid"]["frameId"] in parents
     fields = {f.name for f in messages["/combine/lidar/scan_points"].fields}
     for settings in SCENE["topics"].values():
         assert settings.get("colorField", "intensity") in fields

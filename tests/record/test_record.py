@@ -91,6 +91,8 @@ def test_every_topic_is_there_and_types_are_the_standard_ones(recorded):
     found = {c.topic: c.msgtype for c in reader.connections}
     reader.close()
     assert found == {
+        "/clock": "rosgraph_msgs/msg/Clock",
+        "/robot_description": "std_msgs/msg/String",
         "/tf": "tf2_msgs/msg/TFMessage",
         "/tf_static": "tf2_msgs/msg/TFMessage",
         "/combine/motion/state": "nav_msgs/msg/Odometry",
@@ -230,7 +232,7 @@ def test_an_exception_leaves_whole_files(tmp_path):
         drive([recorder, stop], ground, seconds=3.0)
     assert len(read_mcap(tmp_path / "run.mcap")["/combine/lidar/scan"]) == 6
     assert read_tracks(tmp_path / "tracks.parquet")["t_s"][-1] == pytest.approx(1.0, abs=0.03)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.mcap", "tracks.parquet"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["metadata.yaml", "run.mcap", "tracks.parquet"]
 
 
 def test_an_interruption_within_a_message_costs_the_open_chunk_only(tmp_path, monkeypatch):

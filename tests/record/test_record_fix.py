@@ -42,7 +42,7 @@ def test_fixes_are_the_true_places_on_the_ellipsoid(tmp_path):
         )  # scale of UTM at its meridian
         assert np.radians(azimuth) == pytest.approx(np.arctan2(way[0], way[1]), abs=1e-4)
         assert first.altitude == pytest.approx(300.0 + ends[0][2])
-    assert found[0].header.frame_id == "combine/base"
+    assert found[0].header.frame_id == "combine/base_link"
     assert found[0].status.status == 2
 
 

@@ -1,6 +1,7 @@
 """The command line. Everything heavy is imported by the command that needs it."""
 
 import argparse
+import gc
 import os
 import sys
 import traceback
@@ -9,7 +10,7 @@ from contextlib import ExitStack
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import levels, metrics, report, run, scenarios, schema, sheets, view
+from swath.commands import levels, metrics, new, report, run, scenarios, schema, sheets, view
 from swath.core.errors import SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
@@ -22,18 +23,22 @@ from swath.link.ros2 import command as ros2
 from swath.link.ros2.middleware import networked
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.diff import command as diff
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
 from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
+from swath.tools.yield_log import command as yield_log
 
 COMMANDS = (
     run,
     report,
     view,
+    diff,
     scenarios,
+    new,
     levels,
     metrics,
     sheets,
@@ -45,6 +50,7 @@ COMMANDS = (
     calibrate,
     compare,
     scan,
+    yield_log,
     fmu,
     ros2,
     can,
@@ -101,6 +107,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
+    gc.set_threshold(50_000, 20, 100)  # of what a start imports nothing goes: looking for it takes a tenth
     try:
         with stoppable():
             code = _dispatch(list(sys.argv[1:] if argv is None else argv))
@@ -141,9 +148,9 @@ def _dispatch(argv: list[str]) -> int:
         raise UsageError(f"{bad!r}: expected an argument without the character NUL")
     if argv == ["help"]:
         argv = ["--help"]
-    for old, new in RENAMED.items():
+    for old, instead in RENAMED.items():
         if tuple(argv[: len(old)]) == old:
-            raise UsageError(f"{' '.join(old)}: this command is now {new}")
+            raise UsageError(f"{' '.join(old)}: this command is now {instead}")
     parser, names = make_parser()
     if not argv[0].startswith("-") and argv[0] not in names:
         import difflib

@@ -6,19 +6,22 @@ from typing import Any
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("scenarios", help="list the bundled scenarios")
+    parser = parsers.add_parser("scenarios", help="list the bundled scenarios; print one")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="print this scenario, to make your own of it")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print name and summary of every bundled scenario."""
-    from swath.documents.data_sheets import find_sheet
+    """Print a bundled scenario as it is, or name and summary of all."""
+    from swath.documents.data_sheets import find_sheet, sheet_names
     from swath.documents.yaml_document import read_document
-    from swath.scenario.scenario import scenario_names
     from swath.terminal.tables import table
 
+    if args.name is not None:
+        print(find_sheet("scenarios", args.name).read_text(encoding="utf-8"), end="")
+        return 0
     rows = []
-    for name in scenario_names():
+    for name in sheet_names("scenarios"):
         data = read_document(find_sheet("scenarios", name)).data
         limits = ", ".join(data.get("expect", {}))
         rows.append((name, data.get("summary", ""), limits))

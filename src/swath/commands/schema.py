@@ -14,14 +14,23 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print or write it."""
+    if args.out is None:
+        print(schema_text(), end="")
+    else:
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        write_schema(args.out)
+    return 0
+
+
+def write_schema(path: Path) -> None:
+    """Write the JSON Schema of scenario files."""
+    path.write_text(schema_text(), encoding="utf-8")
+
+
+def schema_text() -> str:
+    """The JSON Schema of scenario files."""
     import json
 
     from swath.scenario.schema import scenario_schema
 
-    text = json.dumps(scenario_schema(), indent=1) + "\n"
-    if args.out is None:
-        print(text, end="")
-    else:
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        args.out.write_text(text, encoding="utf-8")
-    return 0
+    return json.dumps(scenario_schema(), indent=1) + "\n"

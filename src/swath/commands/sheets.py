@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-KINDS = ("sensors", "machines", "crops")
+KINDS = ("sensors", "machines", "crops", "obstacles")
 
 
 def add(parsers: Any) -> None:

@@ -18,6 +18,8 @@ from swath.signals import F64, Inertial
 
 SETTLE_S = 3.0  # time constant of the pull of gravity [s]
 BIAS_S = 30.0  # the same of the gyroscopes' bias [s]
+CRAB = 0.27  # side slip per side force in g: about 1 / the tyres' cornering stiffness over load
+GRAVITY = 9.81  # m/s2
 LEAST_FORCE = 1.0  # m/s2: a smaller specific force has no direction
 
 
@@ -81,6 +83,13 @@ class Inclination(KeepsState):
         """
         steep = max(float(self.up[2]), 0.5)
         return float(self.up[0]) / steep, float(self.up[1]) / steep
+
+    def crab(self, per_g: float, lateral: float) -> float:
+        """By how much the fixed axle slips to the right of its heading [rad].
+
+        per_g: slip per side force in g; lateral: acceleration to the left [m/s2]
+        """
+        return per_g * (self.rise[1] + lateral / GRAVITY)
 
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:

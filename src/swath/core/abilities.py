@@ -19,6 +19,14 @@ class HasMounting(Protocol):
 
 
 @runtime_checkable
+class HasRange(Protocol):
+    """A scanner. range_limits: least and greatest range that it reports, of its data sheet [m]."""
+
+    @property
+    def range_limits(self) -> tuple[float, float]: ...
+
+
+@runtime_checkable
 class HasOpticalFrame(Protocol):
     """A camera. optical: pose of its optical frame (x right, y down, z forward) on the machine."""
 

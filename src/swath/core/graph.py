@@ -8,6 +8,7 @@ from typing import Any
 from swath.core.abilities import StepsAnyLength
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import WiringError
+from swath.core.fault import FaultyOutput
 from swath.core.random import Stream
 from swath.core.schedule import Plan, Slot, make_plan
 from swath.core.signal import Signal
@@ -19,11 +20,15 @@ NOWHERE: Wire = ("", "")
 
 @dataclass
 class Node:
-    """A component in its slot. wires: input name -> (source slot, output name)."""
+    """A component in its slot. wires: input name -> (source slot, output name).
+
+    fault: what goes wrong with what the slot sends, whatever component fills it
+    """
 
     slot: Slot
     component: Component
     wires: dict[str, tuple[str, str]] = field(default_factory=dict)
+    fault: FaultyOutput | None = None
     cost_s: float = 0.0
     step_count: int = 0
 
@@ -71,7 +76,11 @@ class Graph:
         for key in self._queues:
             self._queues[key] = []
         for node in self.nodes:
-            outputs = node.component.reset(Stream(self.seed, node.slot.name))
+            stream = Stream(self.seed, node.slot.name)
+            outputs = node.component.reset(stream)
+            if node.fault is not None:
+                node.fault.reset(stream)
+                outputs = node.fault.pass_on(0, outputs)
             self._publish(node, 0, outputs)
         self._before = dict(self._latest)
 
@@ -94,6 +103,8 @@ class Graph:
                 outputs = node.component.step(t - period, period, self._gather(node))
                 node.cost_s += clock() - started
                 node.step_count += 1
+                if node.fault is not None:
+                    outputs = node.fault.pass_on(t, outputs)
                 self._publish(node, t, outputs)
             self.t = t
             if stop is not None and stop():
@@ -150,6 +161,7 @@ class Graph:
         return {
             "t": self.t,
             "components": {n.slot.name: n.component.save() for n in self.nodes},
+            "faults": {n.slot.name: n.fault.save() for n in self.nodes if n.fault is not None},
             "latest": dict(self._latest),
             "queues": {k: list(v) for k, v in self._queues.items()},
         }
@@ -162,6 +174,8 @@ class Graph:
         self.t = state["t"]
         for node in self.nodes:
             node.component.load(state["components"][node.slot.name])
+            if node.fault is not None:
+                node.fault.load(state["faults"][node.slot.name])
         self._latest = dict(state["latest"])
         self._queues = {k: list(v) for k, v in state["queues"].items()}
 

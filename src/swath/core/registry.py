@@ -18,7 +18,8 @@ import sys
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -64,14 +65,14 @@ class Registry:
 
     def names(self, kind: str) -> list[str]:
         """Level names of a slot kind: built-in ones in file order, then entry points; no links."""
-        found = [name for package in self._packages(kind) for name in self._level_files(package)]
+        found = [name for package in self._packages(kind) for name in _level_files(package)]
         prefix = kind + "."
-        extra = [e.name.removeprefix(prefix) for e in entry_points(group=GROUP) if e.name.startswith(prefix)]
+        extra = [e.name.removeprefix(prefix) for e in _entry_points() if e.name.startswith(prefix)]
         return found + sorted(extra)
 
     def links(self) -> list[str]:
         """Names of the levels that any linkable slot may have."""
-        return self._level_files(self._links) if self._links else []
+        return [*_level_files(self._links)] if self._links else []
 
     def get(self, kind: str, level: str, *, base: Path | None = None) -> Level:
         """The level, from a built-in file, an entry point, or `file.py:Class` (relative to `base`)."""
@@ -81,7 +82,7 @@ class Registry:
         for package in [*self._packages(kind), *linked]:
             if level.isidentifier() and importlib.util.find_spec(f"{package}.{level}") is not None:
                 return self._checked(importlib.import_module(f"{package}.{level}"), kind, level)
-        for entry in entry_points(group=GROUP):
+        for entry in _entry_points():
             if entry.name == f"{kind}.{level}":
                 loaded = entry.load()
                 return loaded if isinstance(loaded, Level) else _level_of_class(loaded)
@@ -96,16 +97,25 @@ class Registry:
             raise InputError("slot", kind, f"expected one of {', '.join(sorted(self.packages))}")
         return self.packages[kind]
 
-    def _level_files(self, package: str) -> list[str]:
-        path = importlib.import_module(package).__path__
-        files = [i.name for i in pkgutil.iter_modules(path) if not i.name.startswith("_")]
-        return [name for name in files if hasattr(importlib.import_module(f"{package}.{name}"), "LEVEL")]
-
     def _checked(self, module: Any, kind: str, level: str) -> Level:
         found = getattr(module, "LEVEL", None)
         if not isinstance(found, Level):
             raise InputError(f"{kind}.level", level, f"expected one of {', '.join(self.names(kind))}")
         return found
+
+
+@cache
+def _level_files(package: str) -> tuple[str, ...]:
+    """Names of the files of a package that are levels."""
+    path = importlib.import_module(package).__path__
+    files = [i.name for i in pkgutil.iter_modules(path) if not i.name.startswith("_")]
+    return tuple(name for name in files if hasattr(importlib.import_module(f"{package}.{name}"), "LEVEL"))
+
+
+@cache
+def _entry_points() -> tuple[EntryPoint, ...]:
+    """Levels of other installed packages."""
+    return tuple(entry_points(group=GROUP))
 
 
 def _from_file(kind: str, reference: str, base: Path) -> Level:

@@ -65,6 +65,7 @@ UNITS = {
     "rpm": Unit("rpm", "rotation", RPM),
     "deg_s2": Unit("deg/s2", "angular acceleration", DEG),
     "hz": Unit("Hz", "frequency"),
+    "ghz": Unit("GHz", "frequency", 1e9),
     "khz": Unit("kHz", "frequency", 1000.0),
     "kg": Unit("kg", "mass"),
     "g": Unit("g", "mass", GRAM),

@@ -27,7 +27,8 @@ TAGS = {
     "U": "uncited estimate: usual in the trade, nothing seen that says so",
 }
 """What a number rests on. `S/D` and the like: between two of them."""
-KINDS = {"sensors": "sensor", "machines": "machine", "crops": "crop"}  # folder -> word of the format line
+# Folder -> word of the format line.
+KINDS = {"sensors": "sensor", "machines": "machine", "crops": "crop", "obstacles": "obstacle"}
 VERSION = 2
 T = TypeVar("T")
 

@@ -92,6 +92,7 @@ def entries(
         yield Entry(key, annotated(base, quantity), needed)
 
 
+@cache
 def annotated(base: Any, quantity: Quantity | Key) -> Any:
     """The type of a value with its limits, for pydantic; of every item where it is a list of numbers."""
     if isinstance(quantity, Key) or (quantity.low is None and quantity.high is None):

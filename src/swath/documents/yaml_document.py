@@ -8,7 +8,8 @@ are not finite, text that is not Unicode, and files too large or too deep to be 
 import io
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ KeyPath = tuple[str | int, ...]
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 24
 MAX_VALUES = 50_000
+KEPT_BYTES = 1 << 16  # texts up to here are parsed once in a process
 _TOO_LARGE = f"expected YAML of at most {MAX_BYTES >> 20} MiB"
 _INT = re.compile(r"^[-+]?[0-9]+$|^0x[0-9a-fA-F]+$|^0o[0-7]+$")
 _FLOAT = re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?$")
@@ -127,7 +129,24 @@ def read_document(file: Path) -> Document:
 
 
 def parse(text: str, name: str = "text", file: Path | None = None) -> Document:
-    """Parse YAML text; `name` stands for the file in error messages."""
+    """Parse YAML text; `name` stands for the file in error messages.
+
+    A text is parsed once in a process: whoever asks again gets a copy of what was found, theirs to change.
+    """
+    if len(text) > KEPT_BYTES:
+        return _parsed(text, name, file)
+    document = _kept(text, name, file)
+    return replace(document, data=copied(document.data), places={**document.places})
+
+
+def copied(data: Any) -> Any:
+    """A copy of plain data, down to its texts and numbers."""
+    if isinstance(data, dict):
+        return {key: copied(value) for key, value in data.items()}
+    return [copied(value) for value in data] if isinstance(data, list) else data
+
+
+def _parsed(text: str, name: str, file: Path | None) -> Document:
     if len(text) > MAX_BYTES:
         raise InputError("YAML", None, _TOO_LARGE, file=name)
     reader = YAML(typ="safe", pure=True)
@@ -155,6 +174,9 @@ def parse(text: str, name: str = "text", file: Path | None = None) -> Document:
     document = Document(None, file, {(): Place(name, 1)})
     document.data = _Builder(document, name).build(node, ()) if node is not None else None
     return document
+
+
+_kept = lru_cache(maxsize=256)(_parsed)
 
 
 def parse_value(text: str, flag: str) -> Any:

@@ -75,6 +75,15 @@ def parts_of(solids: Solids) -> Parts:
     return Parts(np.concatenate(centre), np.concatenate(axes), np.concatenate(half), kind, mesh)
 
 
+def bounds(parts: Parts) -> tuple[Array, Array]:
+    """Middle and half sizes (3,) of the box along the axes that holds all parts, zeros without any."""
+    if not parts.kind:
+        return np.zeros(3), np.zeros(3)
+    reach = np.einsum("nij,nj->ni", np.abs(parts.axes), parts.half)
+    low, high = (parts.centre - reach).min(axis=0), (parts.centre + reach).max(axis=0)
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
 def joined(parts: list[Parts]) -> Parts:
     """The parts of several bodies as one list."""
     if not parts:

@@ -1,6 +1,8 @@
 """What breaks a clean edge: gaps where the crop is missing and teeth that are bitten out of it."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from math import fsum, inf, pi
 from typing import Literal
 
 import numpy as np
@@ -75,20 +77,42 @@ class BrokenEdge:
 
     def code_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
         """The one code of all points within the radius [m], -1 where there may be several."""
-        distance = self.shape.signed_distance(x, y)
+        s, offset = self.shape.project(x, y)
+        distance = offset if self.shape.crop_side == "left" else -offset
         deep = max([0.0, *(g.depth for g in self.gaps)])
         deep = max(deep, self.teeth.amplitude if self.teeth is not None else 0.0)
         codes = np.full(distance.shape, -1, np.int16)
-        codes[(distance > radius + deep) & ~self._may_be_headland(x, y, radius)] = STANDING
+        is_headland, is_near = s < self.begin, self._is_near_headland(x, y, radius)
+        if self.is_plain:
+            is_near |= np.abs(distance) > self._plain_within - radius
+            codes[is_headland & ~is_near] = self.stubble
+        codes[(distance > radius + deep) & ~is_headland & ~is_near] = STANDING
         codes[distance < -radius] = self.stubble
         return codes
 
-    def _may_be_headland(self, x: Array, y: Array, radius: float) -> NDArray[np.bool_]:
-        """False where the headland is farther away than the radius [m]."""
+    def _is_near_headland(self, x: Array, y: Array, radius: float) -> NDArray[np.bool_]:
+        """True where the border between headland and crop is not farther away than the radius [m]."""
         if not np.isfinite(self.begin):
             return np.zeros(np.shape(x), dtype=bool)
-        s, _ = self.shape.project(x, y)
         heading = float(self.shape.heading_at(self.begin))
         px, py = self.shape.point_at(self.begin)
         beyond = (x - px) * np.cos(heading) + (y - py) * np.sin(heading)
-        return np.asarray((s < self.begin) | (np.abs(beyond) <= radius))
+        return np.asarray(np.abs(beyond) <= radius)
+
+    @property
+    def is_plain(self) -> bool:
+        """True where `code_within` is exact: the edge has no corners and turns by a right angle at most."""
+        return self._plain_within > 0.0
+
+    @cached_property
+    def _plain_within(self) -> float:
+        """Distance from the edge [m] within which neighbours have neighbouring nearest points on it.
+
+        The least radius of its arcs; -inf where it has corners, turns more than a right angle, or is closed.
+        """
+        pieces = self.shape.pieces
+        turned = [abs(p.curvature) * p.length for p in pieces]
+        corners = [abs(p.turn_in - p.heading) for p in pieces]
+        if self.shape.is_closed or max(corners) > 1e-9 or fsum(turned) > 0.5 * pi:
+            return -inf
+        return 1.0 / max(max(abs(p.curvature) for p in pieces), 1e-9)

@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from swath.core.component import KeepsState
 from swath.core.errors import InputError
+from swath.signals.setup import OpenBox
 
 SQUARE = 0.5  # grain on the ground is counted by squares of this side [m]
 
@@ -15,6 +16,17 @@ class GrainReceiver(Protocol):
     def receive(self, mass_kg: float, place: Any) -> None:
         """Take over grain [kg] that comes down from `place`, world point (3,) [m]. It keeps all of it."""
         ...
+
+
+class GrainBox(Protocol):
+    """An open box on a machine. box: its measures; gained: grain in it beyond that of the start [kg]"""
+
+    @property
+    def box(self) -> OpenBox: ...
+    @property
+    def gained(self) -> float: ...
+    def pour(self, mass: float, x: float, y: float, ground: GrainReceiver, pose: Any) -> float: ...
+    def surface_at(self, x: float, y: float) -> float: ...
 
 
 class GrainPiles(KeepsState):

@@ -14,6 +14,7 @@ with plane(q_x, q_y) = ground + slope_x (q_x - T/2) + slope_y (q_y - T/2). Mirro
 T - xi_x. 8 x 8 tiles make a page, the unit of memory; pages exist near machines and where crop was changed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -53,9 +54,10 @@ class Shape(IntEnum):
     TRIANGLE = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlantLibrary:
-    """Tile prototypes with their plants, primitives and search index. Read-only after making.
+    """Tile prototypes with their plants, primitives and search index. Read-only after making, so that what
+    was made of it can be kept.
 
     tile_size T [m]; tile_count K; density_max: stems/m2 in the prototypes; row_spacing [m], 0 = no rows
     height_max: top of the tallest primitive [m]
@@ -74,7 +76,7 @@ class PlantLibrary:
     Search index: columns x columns x bins cells per tile, cell = ((k * columns + iy) * columns + ix) * bins
     + iz, column side T / columns, bin height bin_height [m] from zeta = 0; cell c lists primitives
     cell_items[cell_start[c]:cell_start[c + 1]]. Everything that overlaps a cell is listed in it; what reaches
-    below zeta = 0 is listed in bin 0.
+    below zeta = 0 is listed in bin 0. `cells` makes both when the first ray asks for them.
 
     reflectance: of each Organ at 905 nm; own_reflectance: of a primitive where parts of one organ differ
     (meshes), (m,), 0 = its organ's; empty = none has its own
@@ -102,10 +104,19 @@ class PlantLibrary:
     columns: int
     bins: int
     bin_height: float
-    cell_start: NDArray[np.int32]
-    cell_items: NDArray[np.int32]
+    cells: Callable[[], tuple[NDArray[np.int32], NDArray[np.int32]]]
     reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(len(Organ), np.float32))
     own_reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    @property
+    def cell_start(self) -> NDArray[np.int32]:
+        """Where the list of each cell begins in `cell_items`, and where the last one ends."""
+        return self.cells()[0]
+
+    @property
+    def cell_items(self) -> NDArray[np.int32]:
+        """Primitives, cell by cell."""
+        return self.cells()[1]
 
 
 def primitive_rows(count: int) -> NDArray[np.float32]:

@@ -73,17 +73,17 @@ def make_library(
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
     index = _Index(size, tile_count, columns, bins, _top(plants) / bins)
     pieces = _copies(plants, xy, tile, size)
-    pieces = pieces.take(np.lexsort((index.locality(pieces), pieces.tile)))
-    cell_start, cell_items = index.fill(pieces)
+    by_place = index.order(pieces)
     own = plants.own_reflectance()
     reflectance = np.zeros(len(Organ), np.float32)
     for name, value in crop.reflectance.items():
         reflectance[Organ[name.upper()]] = value
     if weeds is not None:
         reflectance[Organ.WEED] = weeds.reflectance["weed"]
-    shape = plants.shape[pieces.source]
-    radius, width = plants.radius[pieces.source], plants.width[pieces.source]
-    parts = ((pieces.a, 0, 3), (radius, 3, 4), (pieces.b, 4, 7), (width, 8, 11), (pieces.base, 12, 14))
+    source = pieces.source[by_place]
+    shape, radius = plants.shape[source], plants.radius[source]
+    a, b, width, base = pieces.a[by_place], pieces.b[by_place], plants.width[source], pieces.base[by_place]
+    parts = ((a, 0, 3), (radius, 3, 4), (b, 4, 7), (width, 8, 11), (base, 12, 14))
     rows = primitive_rows(len(shape))
     for values, first, after in parts:
         rows[:, first:after] = values.reshape(len(shape), -1)
@@ -100,20 +100,19 @@ def make_library(
         grain_kg=plants.grain_kg,
         straw_kg=plants.straw_kg,
         shape=shape,
-        organ=plants.organ[pieces.source],
+        organ=plants.organ[source],
         a=rows[:, 0:3],
         b=rows[:, 4:7],
         radius=rows[:, 3].copy() if (shape == Shape.TRIANGLE).any() else rows[:, 3],
         width=rows[:, 8:11],
-        owner=plants.owner[pieces.source],
+        owner=plants.owner[source],
         base=rows[:, 12:14],
         columns=columns,
         bins=bins,
         bin_height=_top(plants) / bins,
-        cell_start=cell_start,
-        cell_items=cell_items,
+        cells=_Cells(index, pieces, by_place),
         reflectance=reflectance,
-        own_reflectance=own[pieces.source].astype(np.float32) if own.any() else np.zeros(0, np.float32),
+        own_reflectance=own[source].astype(np.float32) if own.any() else np.zeros(0, np.float32),
     )
 
 
@@ -219,12 +218,15 @@ def _copies(plants: Plants, xy: Array, tile: Ints, size: float) -> _Pieces:
     a, b = plants.a + shift, plants.b + shift
     reach = (plants.radius[:, None] + np.abs(plants.width) + PAD)[:, :2]
     low, high = np.minimum(a, b)[:, :2] - reach, np.maximum(a, b)[:, :2] + reach
+    everything = np.arange(len(low))
+    crosses = np.flatnonzero(((low < 0.0) | (high > size)).any(axis=1))  # a side of its tile
     found: list[tuple[Ints, Array]] = []
     for ix in (-2, -1, 0, 1, 2):
         for iy in (-2, -1, 0, 1, 2):
             move = size * np.array([ix, iy, 0.0])
-            inside = ((low + move[:2] < size) & (high + move[:2] > 0.0)).all(axis=1)
-            found.append((np.flatnonzero(inside), move))
+            among = crosses if ix or iy else everything
+            inside = ((low[among] + move[:2] < size) & (high[among] + move[:2] > 0.0)).all(axis=1)
+            found.append((among[inside], move))
     source = np.concatenate([index for index, _ in found])
     move = np.concatenate([np.broadcast_to(m, (len(index), 3)) for index, m in found])
     owner = plants.owner[source]
@@ -250,13 +252,13 @@ class _Index:
     bins: int
     bin_height: float
 
-    def locality(self, pieces: _Pieces) -> Ints:
-        """Cell of each piece's middle within its tile: pieces near each other are stored near each other."""
+    def order(self, pieces: _Pieces) -> Ints:
+        """Tile by tile, cell by cell of their middles: pieces near each other are stored near each other."""
         side = np.array([self.size / self.columns] * 2 + [self.bin_height])
         limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
         cell = np.clip(np.floor(0.5 * (pieces.a + pieces.b) / side), 0, limit).astype(np.int64)
-        order: Ints = (cell[:, 1] * self.columns + cell[:, 0]) * self.bins + cell[:, 2]
-        return order
+        key = (pieces.tile * self.columns + cell[:, 1]) * self.columns + cell[:, 0]
+        return np.argsort(key * self.bins + cell[:, 2], kind="stable")
 
     def fill(self, pieces: _Pieces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """cell_start and cell_items: for each cell the pieces that overlap it, capsules first."""
@@ -267,8 +269,7 @@ class _Index:
             cells.append(cell)
             items.append(item + first)
         cell, item = np.concatenate(cells), np.concatenate(items)
-        is_ribbon = pieces.radius[item] == 0.0
-        order = np.lexsort((item, is_ribbon, cell))
+        order = np.argsort(2 * cell + (pieces.radius[item] == 0.0), kind="stable")  # items ascend already
         count = self.tile_count * self.columns * self.columns * self.bins
         start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=count))])
         return start.astype(np.int32), item[order].astype(np.int32)
@@ -302,6 +303,19 @@ class _Index:
         cell, item = cell[keep], item[keep]
         flat = ((pieces.tile[item] * self.columns + cell[:, 1]) * self.columns + cell[:, 0]) * self.bins
         return flat + cell[:, 2], item
+
+
+class _Cells:
+    """The lists of all cells, made when they are first asked for: not every run casts rays at plants."""
+
+    def __init__(self, index: _Index, pieces: _Pieces, order: Ints) -> None:
+        self._todo: tuple[_Index, _Pieces, Ints] | None = (index, pieces, order)
+
+    def __call__(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        if self._todo is not None:
+            index, pieces, order = self._todo
+            self._made, self._todo = index.fill(pieces.take(order)), None
+        return self._made
 
 
 def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:

@@ -1,24 +1,30 @@
 """What the parts of a machine that touch the world are given: field, machine, what stands around."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.contact import Parts, joined, nearest, overlaps, parts_of
+from swath.core.portable import product
+from swath.field.contact import Parts, bounds, joined, nearest, overlaps, parts_of
 from swath.field.convex import Vector
 from swath.field.field import Field
-from swath.field.grain import GrainReceiver
+from swath.field.grain import GrainBox, GrainReceiver
 from swath.field.memory_layout import Solids
+from swath.field.obstacles import Thing
 from swath.field.projection import Origin
 from swath.field.solids import merge, moved
 from swath.field.track import EdgeShape
 from swath.signals.setup import MachineGeometry
+
+TRAILER = ".trailer"  # after a machine's name: the body that it tows
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -28,6 +34,25 @@ class Contact:
     first: str
     second: str
     point: Vector
+
+
+@dataclass(frozen=True)
+class Body:
+    """A thing of the scene or a machine as it is now. kind: as in `OBSTACLE_KINDS`; solids: in the world
+
+    pose: pose_world_body; velocity: of its origin, world (3,) [m/s]
+    middle, half: of a box around it in its own frame, (3,) [m]
+    rcs_dbsm: radar cross section at 24 and 77 GHz, None where it is that of its solids
+    """
+
+    name: str
+    kind: str
+    solids: Solids
+    pose: Pose
+    velocity: Array
+    middle: Array
+    half: Array
+    rcs_dbsm: tuple[float, float] | None = None
 
 
 class Bodies:
@@ -42,14 +67,30 @@ class Bodies:
         self._poses: dict[str, Pose] = {}
         self._starts: dict[str, Pose] = {}
         self._parts: dict[str, Parts] = {}
+        self._shown: dict[str, Solids] = {}
         self._standing: set[str] = set()  # bodies that are no machines
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
+        self.boxes: dict[str, GrainBox] = {}  # by the body that carries them
+        self._velocities: dict[str, Array] = {}
+        self._bounds: dict[str, tuple[Array, Array]] = {}
+        self._things: dict[str, Thing] = {}  # what is known of obstacles by name
         self.set_obstacles(obstacles or {})
 
     def set_obstacles(self, obstacles: Mapping[str, Solids]) -> None:
         """The obstacles that stand around from now on, by name."""
+        self._standing_solids, self._bounds = dict(obstacles), {}
         self._obstacles = {name: parts_of(solids) for name, solids in obstacles.items()}
+
+    def set_things(self, things: Sequence[Thing]) -> None:
+        """The obstacles of the field from now on: those that stand, and those that go, where they start."""
+        before, self._things = self._things, {thing.name: thing for thing in things}
+        self.set_obstacles({thing.name: thing.in_world for thing in things if thing.way is None})
+        for name in before.keys() - self._things.keys():
+            self.remove(name)
+        for thing in things:
+            if thing.way is not None and thing.name not in self._solids:
+                self.add(thing.name, thing.solids, thing.pose, is_machine=False)
 
     def add(self, name: str, solids: Solids, pose: Pose, *, is_machine: bool = True) -> None:
         """A machine's solids in its own frame, and where it starts; or a thing that sensors see beside the
@@ -59,6 +100,7 @@ class Bodies:
             raise InputError("field.obstacles", name, "expected obstacles with other names than bodies")
         self._solids[name] = solids
         self._poses[name] = self._starts[name] = pose
+        self._velocities[name] = np.zeros(3)
         self._parts[name] = parts_of(solids)
         self._known.pop(name, None)
         if not is_machine:
@@ -70,21 +112,55 @@ class Bodies:
 
     def remove(self, name: str) -> None:
         """Take one away; nothing where there is none of that name."""
-        for known in (self._solids, self._poses, self._starts, self._parts, self._known):
+        for known in (self._solids, self._poses, self._starts, self._parts, self._known, self._velocities):
             known.pop(name, None)
+        self._bounds.pop(name, None)
         self._standing.discard(name)
         self._hitched = {pair for pair in self._hitched if name not in pair}
 
-    def place(self, name: str, pose: Pose) -> None:
-        """Move a machine. Raises InputError for a name that was not added."""
+    def __contains__(self, name: str) -> bool:
+        """Whether a machine or a thing of this name is there."""
+        return name in self._solids or name in self._obstacles
+
+    def place(self, name: str, pose: Pose, velocity: Array | None = None) -> None:
+        """Move a machine or a thing; velocity: world (3,) [m/s], none = it stands there.
+
+        Raises InputError for a name that was not added.
+        """
         if name not in self._solids:
             raise InputError("machine", name, f"expected one of {', '.join(sorted(self._solids)) or 'none'}")
         self._poses[name] = pose
+        self._velocities[name] = np.zeros(3) if velocity is None else velocity
+
+    def show(self, name: str, more: Solids) -> None:
+        """What sensors see of a body instead of the solids that it touches others with, in its frame."""
+        self._shown[name] = more
+
+    def pose_of(self, name: str) -> Pose:
+        """Where a body stands."""
+        return self._poses[name]
+
+    def own(self, name: str) -> list[str]:
+        """A machine's bodies: its own and that of its trailer."""
+        return [n for n in (name, name + TRAILER) if n in self._solids]
+
+    def box_under(self, place: Any) -> tuple[str, float, float] | None:
+        """The body whose box lies below a world point (3,), and the point in that box [m]; else None."""
+        for name, held in self.boxes.items():
+            pose, box = self._poses[name], held.box
+            x, y, _ = product(pose.rotation.T, place - pose.position).tolist()
+            if abs(x - box.x) <= 0.5 * box.length and abs(y) <= 0.5 * box.width:
+                return name, x - box.x, y
+        return None
 
     def others(self, name: str) -> Solids:
-        """Solids of all machines but one, in the world."""
+        """Solids of all machines and things that go but one, in the world."""
         rest = sorted(n for n in self._solids if n != name)
-        return merge(*(moved(self._solids[n], self._poses[n]) for n in rest))
+        return merge(*(moved(self._shown.get(n, self._solids[n]), self._poses[n]) for n in rest))
+
+    def around(self, name: str = "") -> list[Body]:
+        """Every obstacle, thing and machine but one, as they are now."""
+        return [self._body(n) for n in (*self._obstacles, *sorted(self._solids)) if n != name]
 
     def clearance(self, name: str) -> tuple[float, str]:
         """Distance [m] of a machine from the nearest obstacle or other machine, and the name of that one.
@@ -115,20 +191,35 @@ class Bodies:
     def reset(self) -> None:
         """All of them where they were added."""
         self._poses = {name: self._starts[name] for name in self._poses}
+        self._velocities = {name: np.zeros(3) for name in self._poses}
 
     def save(self) -> dict[str, Any]:
-        """Where all machines stand."""
-        return {n: np.vstack([p.position, p.rotation]) for n, p in self._poses.items()}
+        """Where all machines and things stand, and how fast they go."""
+        return {n: np.vstack([p.position, p.rotation, self._velocities[n]]) for n, p in self._poses.items()}
 
     def load(self, state: dict[str, Any]) -> None:
-        """Put all machines back."""
+        """Put all machines and things back."""
         for name, rows in state.items():
-            self.place(name, Pose(np.array(rows[0]), np.array(rows[1:])))
+            self.place(name, Pose(np.array(rows[0]), np.array(rows[1:4])), np.array(rows[4]))
 
     def _around(self, name: str) -> dict[str, Parts]:
         """What a machine may touch: the other machines that it is not hitched to, and all that stands."""
         rest = [n for n in self._solids if n != name and frozenset((n, name)) not in self._hitched]
         return {n: self._in_world(n) for n in rest} | self._obstacles
+
+    def _body(self, name: str) -> Body:
+        thing, moves = self._things.get(name), name in self._solids
+        if thing is not None:
+            kind, own, rcs = thing.kind, thing.solids, thing.rcs_dbsm
+        else:
+            is_machine = moves and name not in self._standing
+            own = self._solids[name] if moves else self._standing_solids[name]
+            kind, rcs = "machine" if is_machine else "unknown", None
+        pose = self._poses[name] if moves else Pose.identity() if thing is None else thing.pose
+        velocity = self._velocities[name] if moves else np.zeros(3)
+        if name not in self._bounds:
+            self._bounds[name] = bounds(parts_of(own))
+        return Body(name, kind, moved(own, pose), pose, velocity, *self._bounds[name], rcs)
 
     def _in_world(self, name: str) -> Parts:
         """The parts of a body where it stands now."""
@@ -159,6 +250,27 @@ def why_outside(field: Field, machine: MachineGeometry, start: Pose) -> str:
 
 
 @dataclass(frozen=True)
+class Landing:
+    """Where grain comes down: in a box of a machine, else on the ground of the field."""
+
+    field: Field
+    bodies: Bodies
+
+    def receive(self, mass_kg: float, place: Any) -> None:
+        """A `GrainReceiver`."""
+        self.land(mass_kg, place)
+
+    def land(self, mass_kg: float, place: Any) -> float:
+        """Grain [kg] comes down from a world point (3,) [m]; how much of it stays in a box."""
+        found = self.bodies.box_under(place) if self.bodies.boxes else None
+        if found is None:
+            self.field.receive(mass_kg, place)
+            return 0.0
+        name, x, y = found
+        return self.bodies.boxes[name].pour(mass_kg, x, y, self.field, self.bodies.pose_of(name))
+
+
+@dataclass(frozen=True)
 class SiteSetup:
     """What a component of the machine or a sensor may know, the truth included.
 
@@ -168,7 +280,8 @@ class SiteSetup:
     base: folder that relative file names start from
     origin: where on Earth the world's origin lies, if that is known
     edge: line of the initial edge that the machine follows, such as `field.edges["west"].shape`
-    grain_receiver: takes what the machine's tank is emptied into; None = the ground
+    grain_receiver: takes what the machine's tank is emptied into; None = boxes below, or the ground
+    peer: geometry of the machine that it works with
     """
 
     field: Field
@@ -183,11 +296,17 @@ class SiteSetup:
     origin: Origin | None = None
     edge: EdgeShape | None = None
     grain_receiver: GrainReceiver | None = None
+    peer: MachineGeometry | None = None
 
     @property
     def receiver(self) -> GrainReceiver:
         """Whoever takes the grain that leaves the machine."""
-        return self.grain_receiver or self.field
+        return self.grain_receiver or Landing(self.field, self.bodies)
+
+    @property
+    def carrier(self) -> str:
+        """The body that carries the machine's box: its trailer, or itself."""
+        return self.name + TRAILER if self.machine.hitch else self.name
 
     def solids(self) -> Solids:
         """Everything hard that this machine's sensors can see: obstacles and the other machines."""

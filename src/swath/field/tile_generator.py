@@ -22,6 +22,7 @@ from swath.field.pages import TILE_CELLS, Codes, PageData
 
 Array = NDArray[np.float64]
 NODES_PER_TILE = PAGE_NODES // PAGE_TILES
+BLOCKS = 64  # along a page: squares of cells that are looked at together
 
 
 class PageMaker:
@@ -38,6 +39,8 @@ class PageMaker:
     ) -> None:
         self.terrain, self.stand, self.edges, self.boundary = terrain, stand, edges, boundary
         self.library, self.seed = library, seed
+        is_plain = all(edge.is_plain for edge in edges.values())
+        self._parts = (PAGE_TILES, BLOCKS, PAGE_CUT_CELLS) if is_plain else (PAGE_TILES, PAGE_CUT_CELLS)
         self.yaw = stand.row_heading
         self.tile = library.tile_size
         self.side = PAGE_TILES * library.tile_size
@@ -73,24 +76,25 @@ class PageMaker:
         return self.terrain.lattice(u, v, self.yaw)
 
     def codes(self, i: int, j: int) -> Codes:
-        """Codes of the cut cells at the start: decided at the centre of each cell."""
+        """Codes of the cut cells at the start: decided at the centre of each cell, or for whole squares."""
         middle = self.to_world((i + 0.5) * self.side, (j + 0.5) * self.side)
         page = self.codes_within(*middle, self.side * np.sqrt(0.5) + 1e-6)
         if page >= 0:
             return int(page)
-        tiles = self._tile_codes(i, j)
-        if (tiles == tiles[0, 0]).all() and tiles[0, 0] >= 0:
-            return int(tiles[0, 0])
-        cells = np.repeat(np.repeat(tiles, TILE_CELLS, axis=0), TILE_CELLS, axis=1)
-        ty, tx = np.nonzero(tiles < 0)
-        steps = np.arange(TILE_CELLS)
-        row, column = ty[:, None] * TILE_CELLS + steps, tx[:, None] * TILE_CELLS + steps
-        u = (PAGE_CUT_CELLS * i + column + 0.5) * self.cell
-        v = (PAGE_CUT_CELLS * j + row + 0.5) * self.cell
-        x, y = self.to_world(u[:, None, :], v[:, :, None])
-        cells[row[:, :, None], column[:, None, :]] = self.codes_at(x, y)
-        codes = cells.astype(np.uint8)
-        return int(codes[0, 0]) if (codes == codes[0, 0]).all() else codes
+        codes = np.full((1, 1), -1, np.int16)  # of squares that have a single one, -1 where there are several
+        for parts in self._parts:
+            side, radius = self.side / parts, self.side / parts * np.sqrt(0.5) + 1e-6
+            ty, tx = np.nonzero(codes < 0)
+            factor = parts // len(codes)
+            codes = np.repeat(np.repeat(codes, factor, axis=0), factor, axis=1)
+            row, column = (t[:, None] * factor + np.arange(factor) for t in (ty, tx))
+            u, v = (parts * i + column + 0.5) * side, (parts * j + row + 0.5) * side
+            x, y = self.to_world(u[:, None, :], v[:, :, None])
+            found = self.codes_at(x, y) if parts == PAGE_CUT_CELLS else self.codes_within(x, y, radius)
+            codes[row[:, :, None], column[:, None, :]] = found
+            if (codes == codes[0, 0]).all() and codes[0, 0] >= 0:
+                return int(codes[0, 0])
+        return codes.astype(np.uint8)
 
     def codes_at(self, x: Array, y: Array) -> NDArray[np.int16]:
         """Codes at the start of world points [m]."""
@@ -99,12 +103,6 @@ class PageMaker:
         if self.boundary is not None:
             found[~self.boundary.contains(x, y)] = 0
         return found
-
-    def _tile_codes(self, i: int, j: int) -> NDArray[np.int16]:
-        """(8, 8) codes of tiles that have a single one, -1 elsewhere."""
-        centre = (np.arange(PAGE_TILES) + 0.5) * self.tile
-        u, v = np.meshgrid(i * self.side + centre, j * self.side + centre)
-        return self.codes_within(*self.to_world(u, v), self.tile * np.sqrt(0.5) + 1e-6)
 
     def codes_within(self, x: Array, y: Array, radius: float) -> NDArray[np.int16]:
         """The one code of all points within the radius of points, -1 where there may be several."""

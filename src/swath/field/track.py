@@ -137,7 +137,8 @@ class EdgeShape:
 
     def _near(self, x: Array, y: Array) -> list[Piece]:
         """The pieces that can be nearest to any of the points: a piece is at least as near to the points'
-        middle as its own middle is, and at most half its length nearer.
+        middle as its own middle is, and at most half its length nearer; of many points those that are as near
+        as the nearest to their middle, but for the points' reach on both sides.
         """
         if (x.size < 512 and len(self._sides) <= 4) or x.size == 0:
             return self._sides
@@ -147,10 +148,13 @@ class EdgeShape:
         ends = [abs(float(p.project(cx, cy)[1])) for p in self._ends]
         limit = min([*ends, float(middle.min())]) + 2.0 * reach + 1e-9
         near = [self.pieces[i] for i in np.flatnonzero(middle - self._halves <= limit)]
-        if self.is_closed:
+        if not self.is_closed:
+            lead, tail = (side if end <= limit else None for side, end in zip(self._ends, ends, strict=True))
+            near = [p for p in (lead, *near, tail) if p is not None]
+        if x.size < 512 or len(near) < 2:
             return near
-        lead, tail = (side if end <= limit else None for side, end in zip(self._ends, ends, strict=True))
-        return [p for p in (lead, *near, tail) if p is not None]
+        away = [abs(float(p.project(cx, cy)[1])) for p in near]
+        return [p for p, d in zip(near, away, strict=True) if d <= min(away) + 2.0 * reach + 1e-9]
 
 
 def straight(x: float, y: float, heading: float, length: float) -> list[Piece]:

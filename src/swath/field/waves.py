@@ -16,7 +16,9 @@ profiles below 2 cycles/m (13 % of the density there at w = 2), where they cross
 3 to 4 cycles/m stand in for them, made stronger so that the density at 1.4 cycles/m is right.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 from math import gamma, pi, sqrt
 from typing import Any
 
@@ -33,6 +35,7 @@ ROUGHNESS_CLASSES = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 409
 N0 = 0.1  # reference wave number of ISO 8608 [cycles/m]
 ROUGHNESS_BAND = (0.05, 4.0)  # wave numbers in the surface [cycles/m]
 WAVE_COUNT = 256
+KEPT = 32  # lines of a lattice in memory, a quarter of a MB each
 GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 
 
@@ -51,8 +54,8 @@ class Waves:
         return Waves(*(np.zeros(0) for _ in range(4)))
 
     def __add__(self, other: "Waves") -> "Waves":
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Waves(*(np.concatenate(pair) for pair in pairs))
+        names = (field.name for field in fields(self))
+        return Waves(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in names))
 
     def height(self, x: Any, y: Any) -> Array:
         """Value at world points, in the shape of x and y broadcast."""
@@ -68,14 +71,30 @@ class Waves:
         sin(a + b) = sin a cos b + cos a sin b. einsum adds row after row of `across`, wave by wave, so that a
         crossing has the same bits in every lattice that holds it (a matrix product need not; tested).
         """
-        c, s = np.cos(yaw), np.sin(yaw)
-        ku, kv = self.kx * c + self.ky * s, -self.kx * s + self.ky * c
-        a = 2 * pi * ku[:, None] * u + self.phase[:, None]
-        b = 2 * pi * kv[:, None] * v
-        sin_a, cos_a = self.amplitude[:, None] * np.sin(a), self.amplitude[:, None] * np.cos(a)
-        across = np.concatenate([sin_a, cos_a])
-        along = np.concatenate([np.cos(b), np.sin(b)]).T.copy()
+        along, across = self._along(v.tobytes(), yaw), self._across(u.tobytes(), yaw)
         return np.asarray(np.einsum("vk,ku->vu", along, across, optimize=False))
+
+    @cached_property
+    def _across(self) -> Callable[[bytes, float], Array]:
+        """sin a and cos a of the waves by u, a row each; kept, as lattices side by side share them."""
+
+        def across(u: bytes, yaw: float) -> Array:
+            ku = self.kx * np.cos(yaw) + self.ky * np.sin(yaw)
+            a = 2 * pi * ku[:, None] * np.frombuffer(u) + self.phase[:, None]
+            return np.concatenate([self.amplitude[:, None] * np.sin(a), self.amplitude[:, None] * np.cos(a)])
+
+        return lru_cache(maxsize=KEPT)(across)
+
+    @cached_property
+    def _along(self) -> Callable[[bytes, float], Array]:
+        """cos b and sin b of the waves by v, a column each; kept as `_across`."""
+
+        def along(v: bytes, yaw: float) -> Array:
+            kv = -self.kx * np.sin(yaw) + self.ky * np.cos(yaw)
+            b = 2 * pi * kv[:, None] * np.frombuffer(v)
+            return np.asarray(np.concatenate([np.cos(b), np.sin(b)]).T.copy())
+
+        return lru_cache(maxsize=KEPT)(along)
 
 
 def make_wave(amplitude: float, wavelength: float, direction: float, phase: float = 0.0) -> Waves:

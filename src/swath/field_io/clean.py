@@ -112,6 +112,30 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
     return Cleaned(log, cutting, tuple(delays), reason, flow, grain, pass_id, course, distance)
 
 
+def clean_map(log: Log, inside: NDArray[np.bool_] | None = None) -> Cleaned:
+    """Judge records whose order says nothing: by their own yield alone. All of them are one pass."""
+    count, zeros = len(log), np.zeros(len(log))
+    area_rate = log.speed * log.width
+    grain = np.where(area_rate > 0.0, log.flow / np.where(area_rate > 0.0, area_rate, 1.0), np.nan)
+    known = grain[grain > 0.0]
+    usual = float(np.median(np.log(known))) if len(known) else 0.0
+    sigma = 1.4826 * float(np.median(np.abs(np.log(known) - usual))) if len(known) else 0.0
+    away = np.abs(np.log(np.where(grain > 0.0, grain, 1.0)) - usual)
+    tests = {
+        "outside_boundary": zeros > 0.0 if inside is None else ~inside,
+        "header_up": log.width <= 0.0,
+        "partial_width": log.width < LEAST_WIDTH * float(np.percentile(log.width, 95)),
+        "not_harvesting": ~(grain > 0.0),
+        "yield_outlier": away > OUTLIER_SIGMA * max(sigma, 0.01),
+    }
+    reason = np.full(count, -1, dtype=np.int64)
+    for name, failed in tests.items():
+        reason[(reason < 0) & failed] = REASONS.index(name)
+    delays = tuple(Delay(name, 0.0, "none: a map", float("nan"), 0) for name in log.machine_names)
+    kept = reason < 0
+    return Cleaned(log, kept, delays, reason, log.flow, grain, np.where(kept, 0, -1), zeros, zeros)
+
+
 def geometry(log: Log) -> tuple[Array, Array, Array]:
     """Course [rad], curvature [1/m] and distance along the track [m] of each record, shape (n,).
 

@@ -14,11 +14,12 @@ def add(parsers: Any) -> None:
         "log",
         type=Path,
         metavar="LOG",
-        help="CSV, a zipped point shapefile, or ISOXML: TASKDATA folder or zip, one TLG file",
+        help="CSV, a point shapefile (bare, folder or zip), ISOXML (TASKDATA folder or zip, one TLG file), "
+        "or the bundled sample-log",
     )
     imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
     imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")
-    imports.add_argument("--boundary", type=Path, metavar="F", help="GeoJSON or shapefile of the field")
+    imports.add_argument("--boundary", type=Path, metavar="F", help="GeoJSON, KML or shapefile of the field")
     imports.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
     imports.add_argument(
         "--grain-g-per-stem", type=float, metavar="G", help="grain on a stem [g], for stems from the yield"
@@ -33,6 +34,13 @@ def add(parsers: Any) -> None:
         metavar="S",
         help="from the knife to the flow sensor [s] (default: found)",
     )
+    imports.add_argument(
+        "--crop", metavar="NAME|FILE", help="data sheet of the crop (default: what the log says)"
+    )
+    imports.add_argument(
+        "--as", choices=("passes", "map"), default="passes", dest="kind",
+        help="map: stand and yield of records in any order, without passes",
+    )  # fmt: skip
     imports.set_defaults(run=run_import)
     shows = verbs.add_parser("show", help="draw a field folder as a picture")
     shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
@@ -47,9 +55,9 @@ def run_import(args: argparse.Namespace) -> int:
     from swath.field_io.importer import Settings, import_log
     from swath.field_io.pass_scenario import write_pass_scenario
 
-    keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s")
+    keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s", "crop")
     given = {key: getattr(args, key) for key in keys}
-    settings = Settings(**{key: value for key, value in given.items() if value is not None})
+    settings = Settings(**{k: v for k, v in given.items() if v is not None}, as_map=args.kind == "map")
     files = {"dem": args.dem, "boundary": args.boundary, "columns": args.columns}
     report = import_log(args.log, args.out, **files, settings=settings)
     console = Console()

@@ -70,6 +70,11 @@ class FieldFolder:
     obstacles: tuple[tuple[dict[str, Any], dict[str, Any]], ...]
     info: dict[str, Any]
 
+    @property
+    def crop(self) -> str:
+        """Data sheet of the crop: a bundled one, or a file as seen from the folder."""
+        return str((self.info.get("crop") or {}).get("name", "wheat"))
+
 
 def read_origin(path: Path) -> Origin:
     """Only where the local metres of a field folder count from."""

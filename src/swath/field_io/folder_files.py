@@ -38,6 +38,7 @@ class Head(_Open):
 
 
 class _CropFacts(_Open):
+    name: str = "wheat"
     grain_g_per_stem: Annotated[float, Field(gt=0.0)] | None = None
 
 

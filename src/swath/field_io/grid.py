@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 REACH_WIDTHS = 1.25  # header widths a record counts at most
 FILL_WIDTHS = 2.5  # header widths a gap is filled from the records around it; farther there is no crop
 NEAREST = 48  # records that count for a cell
-STEMS_PER_M2 = (50.0, 1000.0)  # plausible ears per m2 of small grains; outside, the map is clipped
+STEMS = (0.1, 2.0)  # plausible, of what the crop usually has: 50 to 1000 ears/m2 of wheat; others are clipped
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,15 @@ def make_grid(bounds: tuple[float, float, float, float], cell: float, margin: fl
     return Raster(values, float(west + 0.5 * cell), float(south + 0.5 * cell), cell, epsg)
 
 
-def make_maps(cleaned: Cleaned, grid: Raster, crop: NDArray[np.bool_], grain_kg_per_stem: float) -> Maps:
+def make_maps(
+    cleaned: Cleaned, grid: Raster, crop: NDArray[np.bool_], grain_kg_per_stem: float, usual_stems: float
+) -> Maps:
     """Maps from the kept records.
 
     grid: cells in the log's system; crop: cells where crop can stand, shape (ny, nx). A cell is the mean of
     the nearest records weighted by exp(-(d / s)^2 / 2), s = half a header width, within REACH_WIDTHS;
-    without one, of all within FILL_WIDTHS. Yield is as harvested (wet); stems = yield / grain_kg_per_stem.
+    without one, of all within FILL_WIDTHS. Yield is as harvested (wet); stems = yield / grain_kg_per_stem,
+    near usual_stems [1/m2].
     """
     kept = cleaned.kept
     width = float(np.median(cleaned.log.width[kept]))
@@ -53,7 +56,7 @@ def make_maps(cleaned: Cleaned, grid: Raster, crop: NDArray[np.bool_], grain_kg_
     near, weight, filled = _weights(xy, cells, width)
     values = _mean(grain, near, weight)
     stems = values / grain_kg_per_stem
-    low, high = STEMS_PER_M2
+    low, high = (share * usual_stems for share in STEMS)
     outside = (stems < low) | (stems > high)
     return Maps(
         _onto(grid, crop, values),

@@ -1,9 +1,9 @@
 """From a combine's yield log to a field folder."""
 
 import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -11,37 +11,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.field.crop import Crop
+from swath.field.crop_sheet import load_crop
 from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field_io import folder, outline
-from swath.field_io.clean import Cleaned, clean
+from swath.field_io.clean import Cleaned, clean, clean_map
+from swath.field_io.columns import ColumnsMissing
 from swath.field_io.dem import read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
-from swath.field_io.log import read_log
+from swath.field_io.isoxml import is_taskdata
+from swath.field_io.log import Log, read_log
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
+from swath.field_io.plan import plan_field, read_plan
 from swath.field_io.report import ImportReport
+from swath.terminal.progress import steps
 
 Array = NDArray[np.float64]
-GRAIN_G_PER_STEM = 1.8  # 40 grains of 45 g per thousand; thin dry-land crops have 1.0-1.3 (26 grains of 43 g)
-CROP_HEIGHT_M = 0.85  # modern winter wheat, 0.7-1.0
 MARGIN_M = 40.0  # of terrain around the field, for turning
 
 
 @dataclass(frozen=True)
 class Settings:
     """How to import. cell_m, terrain_cell_m: edges of map cells; flow_delay_s: None = estimate per machine;
-    header_width_m: for logs that hold none; crop_height_m: for logs that hold none.
+    header_width_m: for logs that hold none; crop: data sheet, None = what the log says;
+    grain_g_per_stem: None = the crop's own; crop_height_m: for logs that hold none, None = the crop's own;
+    as_map: stand and yield of records in any order, without passes.
     """
 
     cell_m: float = 5.0
     terrain_cell_m: float = 4.0
-    grain_g_per_stem: float = GRAIN_G_PER_STEM
-    crop_height_m: float = CROP_HEIGHT_M
+    grain_g_per_stem: float | None = None
+    crop_height_m: float | None = None
     flow_delay_s: float | None = None
     header_width_m: float | None = None
+    crop: str | None = None
+    as_map: bool = False
 
     def check(self) -> None:
         """Raise InputError for a number that cannot be."""
@@ -67,17 +75,25 @@ def import_log(
 ) -> ImportReport:
     """Make a field folder from a yield log.
 
-    log: CSV, CSV.gz, zipped point shapefile, ISOXML folder or zip; dem: GeoTIFF of heights [m]
-    boundary: GeoJSON or zipped shapefile; columns: YAML map of columns. Nothing is written unless all went
-    well. Raises SwathError.
+    log: CSV, CSV.gz, point shapefile (bare, folder, zip), ISOXML folder or zip, or the bundled `sample-log`
+    dem: GeoTIFF of heights [m]; boundary: GeoJSON, KML or shapefile; columns: YAML map of columns
+    Nothing is written unless all went well, but a map to fill in where columns are missing.
+    Raises SwathError.
     """
     settings = settings or Settings()
     settings.check()
-    log, out = Path(log), Path(out)
+    log, out = find_log(log), Path(out)
     folder.check_target(out)
-    with _steps(progress) as step:
+    with steps(6, shown=progress) as step:
         step("reading the log")
-        records = read_log(log, columns, header_width=settings.header_width_m)
+        try:
+            records = _read(log, columns, settings)
+        except InputError as error:
+            is_harvest = not isinstance(error, ColumnsMissing) and error.key != "taskdata"
+            if is_harvest or not is_taskdata(log) or not read_plan(log)[0]:
+                raise
+            return _import_plan(log, out, dem, settings)
+        crop_facts = load_crop(records.crop)
         polygon, notes, within = None, list(records.notes), None
         if boundary is not None:
             polygon = outline.read_outline(boundary, records.epsg)
@@ -90,7 +106,10 @@ def import_log(
                     file=boundary,
                 )
         step("aligning flow and cleaning")
-        cleaned = clean(records, settings.flow_delay_s, within)
+        if settings.as_map:
+            cleaned = clean_map(records, within)
+        else:
+            cleaned = clean(records, settings.flow_delay_s, within)
         if cleaned.kept.sum() < 30:
             counts = ", ".join(f"{v} {k}" for k, v in cleaned.counts.items() if v)
             raise InputError(
@@ -100,7 +119,7 @@ def import_log(
                 file=log,
             )
         if polygon is None:
-            polygon, more = outline.covered_ground(cleaned)
+            polygon, more = (outline.mapped_ground if settings.as_map else outline.covered_ground)(cleaned)
             notes += more
         step("terrain")
         terrain, terrain_info = _terrain(cleaned, polygon, dem, settings)
@@ -108,11 +127,15 @@ def import_log(
         grid = make_grid(polygon.bounds, settings.cell_m, MARGIN_M, records.epsg)
         x, y = np.meshgrid(*grid.centres())
         crop = outline.inside(polygon, np.stack([x.ravel(), y.ravel()], axis=1)).reshape(x.shape)
-        maps = make_maps(cleaned, grid, crop, settings.grain_g_per_stem / 1000.0)
+        settings = _of_crop(settings, crop_facts)
+        assert settings.grain_g_per_stem is not None
+        assert settings.crop_height_m is not None
+        usual = crop_facts.stand.density
+        maps = make_maps(cleaned, grid, crop, settings.grain_g_per_stem / 1000.0, usual)
         height = crop_height(cleaned, grid, maps.stems, settings.crop_height_m)
         step("passes")
         origin = _origin(polygon, terrain, records.epsg)
-        tracks = make_tracks(cleaned, origin)
+        tracks = () if settings.as_map else make_tracks(cleaned, origin)
         report = _report(log, out, cleaned, tracks, maps, polygon, settings, terrain_info, tuple(notes))
         exterior, holes = outline.rings(polygon)
         corner = np.array([origin.easting, origin.northing])
@@ -120,11 +143,76 @@ def import_log(
         info = {**report.to_dict(), "settings": vars(settings), "yield_histogram": _histogram(cleaned)}
         field = FieldFolder(
             path=out, origin=origin, boundary=exterior - corner, holes=tuple(h - corner for h in holes),
-            row_azimuth=row_azimuth(tracks), tracks=tracks, obstacles=(), info=_plain(info), **local,
+            row_azimuth=float(np.radians(report.field["row_azimuth_deg"])), tracks=tracks, obstacles=(),
+            info=_plain(info), **local,
         )  # fmt: skip
         step("writing and drawing")
         folder.write(field, draw)
     return report
+
+
+def find_log(log: Path) -> Path:
+    """A log as given, or the bundled one of that name where there is no such file."""
+    bundled = Path(str(files("swath.data") / "logs" / f"{Path(log).name}.csv.gz"))
+    return bundled if bundled.is_file() and not Path(log).exists() else Path(log)
+
+
+def _read(log: Path, columns: Path | None, settings: Settings) -> Log:
+    """The log; where columns are missing a map to fill in is written beside it, else where one stands."""
+    try:
+        return read_log(
+            log, columns, header_width=settings.header_width_m, crop=settings.crop, as_map=settings.as_map
+        )
+    except ColumnsMissing as error:
+        if is_taskdata(log):
+            raise
+        home = next(
+            (f for f in (log.parent, Path()) if os.access(f, os.W_OK) and f.stat().st_mode & 0o222), None
+        )
+        if home is None or columns is not None:
+            raise
+        made = home / f"{log.name.partition('.')[0]}.columns.yaml"
+        if made.exists():
+            raise
+        made.write_text(error.template + "\n", encoding="utf-8")
+        expected = f"{error.expected.partition(';')[0]}; fill in {made} and give it with --columns"
+        raise InputError(error.key, None, expected, file=log) from error
+
+
+def _import_plan(path: Path, out: Path, dem: Path | None, settings: Settings) -> ImportReport:
+    """A field folder of task data without a yield."""
+
+    def terrain(polygon: Any, epsg: int) -> tuple[Raster, dict[str, Any]]:
+        return _ground(make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, epsg), dem)
+
+    field = plan_field(
+        path, out, crop=settings.crop, width=settings.header_width_m, cell=settings.cell_m, load=load_crop,
+        terrain=terrain,
+    )  # fmt: skip
+    field.info.update(_plain(field.info))
+    folder.write(field, draw)
+    about = field.info
+    return ImportReport(
+        out, about["source"], {}, [], {}, 0, about["field"], about["crop"], about["terrain"],
+        tuple(about["notes"]),
+    )  # fmt: skip
+
+
+def _of_crop(settings: Settings, crop: Crop) -> Settings:
+    """With what the crop has for itself where nothing is given."""
+    if crop.yields.grain_mass <= 0.0:
+        raise InputError("crop", crop.name, "expected a crop with grain")
+    grain, height = 1000.0 * crop.yields.grain_mass, crop.stand.height
+    return replace(
+        settings,
+        grain_g_per_stem=round(grain, 6) if settings.grain_g_per_stem is None else settings.grain_g_per_stem,
+        crop_height_m=round(height, 6) if settings.crop_height_m is None else settings.crop_height_m,
+    )
+
+
+def _sheet_name(crop: str, out: Path) -> str:
+    """A bundled sheet by its name, a file as seen from the field folder."""
+    return os.path.relpath(crop, out) if Path(crop).suffix else crop
 
 
 def show(path: Path) -> Path:
@@ -152,13 +240,9 @@ def _terrain(
     cleaned: Cleaned, polygon: Any, dem: Path | None, settings: Settings
 ) -> tuple[Raster, dict[str, Any]]:
     grid = make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, cleaned.log.epsg)
-    if dem is not None:
-        raster, known = read_dem(dem, grid)
-        return raster, {"source": f"DEM {dem.name}", "known_share": known, **_relief(raster)}
-    fit = fit_terrain(cleaned, grid)
+    fit = None if dem is not None else fit_terrain(cleaned, grid)
     if fit is None:
-        flat = Raster(np.zeros(grid.values.shape, np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
-        return flat, {"source": "flat: the log has no heights", "relief_m": 0.0}
+        return _ground(grid, dem)
     used = bool(np.any(fit.offset != 0.0))
     return fit.raster, {
         "source": "heights of the log" + (", drift between passes removed" if used else ""),
@@ -170,6 +254,15 @@ def _terrain(
         "pass_step_sd_before_m": fit.step_before,
         "share_far_from_records": fit.far_share,
     }
+
+
+def _ground(grid: Raster, dem: Path | None) -> tuple[Raster, dict[str, Any]]:
+    """Terrain of a DEM, flat without one."""
+    if dem is not None:
+        raster, known = read_dem(dem, grid)
+        return raster, {"source": f"DEM {dem.name}", "known_share": known, **_relief(raster)}
+    flat = Raster(np.zeros(grid.values.shape, np.float32), grid.x0, grid.y0, grid.cell, grid.epsg)
+    return flat, {"source": "flat: the log has no heights", "relief_m": 0.0}
 
 
 def _relief(raster: Raster) -> dict[str, float]:
@@ -195,7 +288,7 @@ def _report(
     notes: tuple[str, ...],
 ) -> ImportReport:
     log = cleaned.log
-    azimuth = row_azimuth(tracks)
+    azimuth = row_azimuth(tracks) if tracks else outline.long_axis(polygon)
     spacing, spread, count = pass_spacing(tracks, azimuth)
     grain = cleaned.grain[cleaned.kept] * 10.0
     map_kg = float(np.nansum(maps.grain.values.astype(float))) * maps.grain.cell**2
@@ -212,6 +305,7 @@ def _report(
         "row_azimuth_deg": float(np.degrees(azimuth)),
     }
     crop = {
+        "name": _sheet_name(log.crop, out),
         "yield_t_ha": float(grain.mean()),
         "yield_p10_t_ha": float(np.percentile(grain, 10)),
         "yield_p90_t_ha": float(np.percentile(grain, 90)),
@@ -291,20 +385,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(f"{value:.6g}") if np.isfinite(value) else None
     return value
-
-
-@contextmanager
-def _steps(shown: bool) -> Iterator[Any]:
-    """A bar on stderr that moves with each step named to it."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown) as bar:
-        task = bar.add_task("starting", total=6)
-
-        def step(name: str) -> None:
-            bar.update(task, description=name)
-            bar.advance(task)
-
-        yield step

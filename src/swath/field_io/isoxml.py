@@ -30,19 +30,23 @@ from swath.field_io.timelog import (
 )
 
 Array = NDArray[np.float64]
-DESCRIBED = ("DVC", "DET", "DVP", "DPD", "TLG", "XFR")
+DESCRIBED = ("CTP", "DVC", "DET", "DVP", "DPD", "TLG", "XFR")
 FEW_VALUES, VALUES_PER_BYTE = 20_000_000, 32  # held of any task data; more per byte, up to MOST_VALUES
 MOST_PROBLEMS = 100  # that are told of one set of task data
 
 
 @dataclass(frozen=True)
 class TaskData:
-    """All time logs of a TASKDATA folder, in the order of their first records; problems of every file."""
+    """All time logs of a TASKDATA folder, in the order of their first records; problems of every file.
+
+    crop: its name where the data know one only
+    """
 
     path: Path
     logs: tuple[TimeLog, ...]
     devices: dict[str, str]
     problems: tuple[str, ...]
+    crop: str = ""
 
     def __len__(self) -> int:
         return sum(len(log) for log in self.logs)
@@ -107,7 +111,8 @@ def read_taskdata(path: Path) -> TaskData:
         expected = f"expected at least one time log with a whole record{why}"
         raise InputError("taskdata", None, expected, file=path)
     logs.sort(key=lambda log: (log.time[0], log.name))
-    return TaskData(path, tuple(logs), dict(described.devices), tuple(problems[:MOST_PROBLEMS]))
+    crop = described.crops[0] if len(set(described.crops)) == 1 else ""
+    return TaskData(path, tuple(logs), dict(described.devices), tuple(problems[:MOST_PROBLEMS]), crop)
 
 
 def _read_logs(path: Path, files: TaskFiles, described: Description) -> tuple[list[TimeLog], list[str]]:
@@ -148,6 +153,7 @@ def _read_description(files: Mapping[str, bytes]) -> Description:
         rest += [name for name in linked if name not in parts]
         parts |= set(linked)
     _take_devices(found, made)
+    made.crops = [a.get("B", "") for tag, a, _ in found if tag == "CTP"]
     for tag, a, around in found:
         if tag == "TLG" and a.get("A"):
             task = next((b.get("A", "") for t, b in around if t == "TSK"), "")

@@ -4,7 +4,6 @@ Broken rows are left out and counted by reason; only a file that holds no usable
 """
 
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,11 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.projection import known_crs, transform, utm_epsg
+from swath.field_io import trade
+from swath.field_io.clock import MILLISECONDS, seconds_of, usable
 from swath.field_io.columns import QUANTITIES, UNITS, ColumnMap, find_columns
 from swath.field_io.machines import separate_machines
+from swath.field_io.records import check_order, declared_machines, duration_of, speed_of, time_of
 from swath.field_io.table import Table, read_table
 
 Array = NDArray[np.float64]
@@ -27,12 +29,10 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "distance": (0.0, 1e4),
 }  # fmt: skip
 """Limits in SI units (m/s, m, kg/s, kg/m2, share, m, m, s, m). Outside, the number means something else."""
-_NEEDED = (
-    "grain_flow",
-    "yield",
-    "speed",
-    "header_width",
-)  # a bad value here breaks the row; elsewhere the cell
+_PLAIN = ("lat", "lon", "time", "duration")  # their units without a word are no news
+_NEEDED = ("grain_flow", "yield", "speed", "header_width")
+"""A bad value here breaks the row, elsewhere the cell."""
+WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Log:
 
     machine: index into machine_names; time [s]; duration [s] since the record before; east, north [m] in
     epsg; elevation [m], nan = none; speed [m/s]; width: of the header in use [m]; flow: grain [kg/s];
-    moisture: share of the wet mass, nan = none; crop_height [m], nan = none
+    moisture: share of the wet mass, nan = none; crop_height [m], nan = none; crop: data sheet
     row_number: line or record of the file
     row_count: rows in the file. broken: reason -> rows left out. notes: what was assumed.
     """
@@ -64,6 +64,7 @@ class Log:
     row_count: int
     broken: dict[str, int]
     notes: tuple[str, ...]
+    crop: str = trade.DEFAULT
 
     def __len__(self) -> int:
         return len(self.time)
@@ -88,15 +89,29 @@ class Log:
         return replace(self, **arrays)
 
 
-def read_log(path: Path, columns: Path | None = None, *, header_width: float | None = None) -> Log:
-    """Read a yield log: CSV, CSV.gz, a zipped point shapefile, or ISOXML time logs.
+def read_log(
+    path: Path,
+    columns: Path | None = None,
+    *,
+    header_width: float | None = None,
+    crop: str | None = None,
+    as_map: bool = False,
+) -> Log:
+    """Read a yield log: CSV, CSV.gz, a point shapefile (bare, folder, zip), or ISOXML time logs.
 
-    columns: map file (see swath.field_io.columns). header_width [m]: where the log holds none.
+    columns: map file (see swath.field_io.columns). header_width [m]: where the log holds none
+    crop: data sheet; None = what the log says, without a word wheat. as_map: records in any order, of one
+    machine
     Raises InputError when the file is no log or less than 30 rows of it can be used.
     """
     table = read_table(path)
-    found = find_columns(list(table.columns), path, columns, table.points is not None)
-    notes = [f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed]
+    found = find_columns(
+        list(table.columns), path, columns, table.points is not None, units=table.units,
+        needs_width=header_width is None,
+    )  # fmt: skip
+    notes = [
+        f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed and k not in _PLAIN
+    ]
     notes += table.notes[:MOST_NOTES]
     row_count = len(table.row_number) + sum(table.broken.values())
     if len(table.row_number) < FEWEST_RECORDS:
@@ -105,9 +120,22 @@ def read_log(path: Path, columns: Path | None = None, *, header_width: float | N
         )
     lon_lat, crs_note = _lon_lat(table, found, path)
     values = {key: si_values(table, found, key) for key in QUANTITIES if QUANTITIES[key] != "text"}
-    reasons = _broken(lon_lat, values, found)
-    good = np.ones(len(lon_lat), dtype=bool)
+    if "time" in found.columns:
+        clock, note = usable(values["time"])
+        notes += [note] if note else []
+        if clock is None:
+            found = replace(found, columns={k: c for k, c in found.columns.items() if k != "time"})
+        else:
+            values["time"] = clock
+    sheet, others, note = _crop(table, found, crop, path)
+    notes += [note] if note else []
+    found, note = _as_harvested(values, found, sheet)
+    notes += [note] if note else []
+    first = _joined_sections(table, found, lon_lat, values)
     broken = dict(table.broken)
+    reasons = {"other_section": ~first, "other_crop": others, **_broken(lon_lat, values, found)}
+    _refuse_whole_crop(values["grain_flow"], path)
+    good = np.ones(len(lon_lat), dtype=bool)
     for reason, bad in reasons.items():
         broken[reason] = int((bad & good).sum())
         good &= ~bad
@@ -120,13 +148,102 @@ def read_log(path: Path, columns: Path | None = None, *, header_width: float | N
         values["grain_flow"] = np.where(work, 0.0, values["grain_flow"])
         values["yield"] = np.where(work, 0.0, values["yield"])
     values = {k: v[good] for k, v in values.items()}
-    log = _assemble(table, found, lon_lat[good], values, good, header_width, path)
-    jump = _jumps(log)
+    log = _assemble(table, found, lon_lat[good], values, good, header_width, path, as_map)
+    jump = np.zeros(len(log), dtype=bool) if as_map else _jumps(log)
     log = log.keep(~jump)
     again = _repeats(log)
     broken |= {"jump": int(jump.sum()), "duplicated_position": int(again.sum())}
     notes += [crs_note] if crs_note else []
-    return replace(log.keep(~again), row_count=row_count, broken=broken, notes=(*notes, *log.notes))
+    notes += log.notes
+    return replace(log.keep(~again), row_count=row_count, broken=broken, notes=tuple(notes), crop=sheet)
+
+
+def _crop(
+    table: Table, found: ColumnMap, given: str | None, path: Path
+) -> tuple[str, NDArray[np.bool_], str]:
+    """Data sheet of the crop, rows of another crop, shape (n,), and what was assumed."""
+    none = np.zeros(len(table.row_number), dtype=bool)
+    column = found.columns.get("crop")
+    texts = table.texts(column.column) if column is not None else []
+    texts = texts if any(texts) else []
+    if given is not None:
+        return given, none, ""
+    try:
+        sheet, name = trade.crop_of_rows(texts or [table.crop])
+    except InputError as error:
+        if column is not None and column.column.lower() == "product":  # often the name of a variety
+            return (
+                trade.DEFAULT,
+                none,
+                f"crop: product {error.value!r} is not known, taken as {trade.DEFAULT}",
+            )
+        raise InputError(error.key, error.value, error.expected, file=path) from None
+    if sheet is not None:
+        same = {text: trade.sheet_of(text) in (sheet, None) for text in set(texts)}
+        return (
+            sheet,
+            np.array([not same[text] for text in texts]) if texts else none,
+            f"crop: {sheet} ({name})",
+        )
+    named = trade.crop_in_name(path.name)
+    if named is not None:
+        return named, none, f"crop: {named}, by the name of the log"
+    return trade.DEFAULT, none, f"crop: the log names none, taken as {trade.DEFAULT} (--crop)"
+
+
+def _as_harvested(values: dict[str, Array], found: ColumnMap, sheet: str) -> tuple[ColumnMap, str]:
+    """The yield as harvested, of bushels of this crop, or of a dry yield and the moisture; in place."""
+    for key in ("yield", "dry_yield"):
+        if key in found.columns and found.columns[key].unit == "bu/ac":
+            values[key] = values[key] * trade.bushel_kg_factor(sheet)
+    if "dry_yield" not in found.columns:
+        return found, ""
+    moisture = np.clip(np.nan_to_num(values["moisture"]), 0.0, 0.6)
+    wet = trade.wet_over_dry(sheet, moisture)
+    values["yield"] = values["dry_yield"] * np.where(moisture > 0.0, wet, 1.0)
+    renamed = {("yield" if k == "dry_yield" else k): c for k, c in found.columns.items()}
+    known = bool((moisture > 0.0).any())
+    note = "yield: of dry grain, " + ("moisture added" if known else "taken as harvested: no moisture")
+    return replace(found, columns=renamed), note
+
+
+def _joined_sections(
+    table: Table, found: ColumnMap, lon_lat: Array, values: dict[str, Array]
+) -> NDArray[np.bool_]:
+    """The first record of each place and time, shape (n,): it gets the widths and flows of all sections."""
+    count = len(lon_lat)
+    if "section" not in found.columns or "header_width" not in found.columns:
+        return np.ones(count, dtype=bool)
+    when = values["time"] if "time" in found.columns else np.zeros(count)
+    keys = np.nan_to_num(np.column_stack([when, lon_lat]))
+    _, index, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    group = group.ravel()
+    width = np.nan_to_num(values["header_width"])
+    total = _sums(group, width)
+    share = width / np.where(total > 0.0, total, 1.0)
+    first = np.zeros(count, dtype=bool)
+    first[index] = True
+    values["yield"] = _sums(group, share * np.nan_to_num(values["yield"]))
+    values["grain_flow"] = _sums(group, np.nan_to_num(values["grain_flow"]))
+    values["header_width"] = total
+    return first
+
+
+def _sums(group: NDArray[np.int64], values: Array) -> Array:
+    """The sum of each record's group, shape (n,)."""
+    return np.asarray(np.bincount(group, values), dtype=float)[group]
+
+
+def _refuse_whole_crop(flow: Array, path: Path) -> None:
+    flowing = flow[flow > 0.0]
+    most = PLAUSIBLE["grain_flow"][1]
+    if len(flowing) and (flowing > most).mean() > WHOLE_CROP_SHARE:
+        raise InputError(
+            "log",
+            f"flows of {np.median(flowing):.0f} kg/s",
+            f"expected grain, at most {most:.0f} kg/s: this crop is whole plants (forage)",
+            file=path,
+        )
 
 
 def si_values(table: Table, found: ColumnMap, key: str) -> Array:
@@ -135,23 +252,14 @@ def si_values(table: Table, found: ColumnMap, key: str) -> Array:
     if column is None:
         return np.full(len(table.row_number), np.nan)
     values = table.numbers(column.column)
-    if key == "time" and not np.isfinite(values).any():
-        return _clock(table.columns[column.column])
+    if key == "time" and np.isfinite(values).sum() < 0.5 * len(values):
+        date = found.columns.get("date")
+        return seconds_of(table.texts(column.column), None if date is None else table.texts(date.column))
     with np.errstate(over="ignore"):
-        return values * UNITS[QUANTITIES[key]][column.unit]
-
-
-def _clock(cells: Any) -> Array:
-    """Seconds of ISO date-times, nan where a cell is none."""
-
-    def seconds(cell: Any) -> float:
-        try:
-            stamp = datetime.fromisoformat(str(cell).strip())
-            return (stamp.replace(tzinfo=None) - datetime(2000, 1, 1)).total_seconds()
-        except (ValueError, OverflowError):
-            return np.nan
-
-    return np.array([seconds(c) for c in cells], dtype=float)
+        values = values * UNITS[QUANTITIES[key]][column.unit]
+    if key == "time" and column.is_assumed and np.nanmedian(np.abs(values)) > MILLISECONDS:
+        return values / 1000.0
+    return values
 
 
 def _lon_lat(table: Table, found: ColumnMap, path: Path) -> tuple[Array, str]:
@@ -198,8 +306,6 @@ def _broken(lon_lat: Array, values: dict[str, Array], found: ColumnMap) -> dict[
     for key in ("moisture", "elevation", "crop_height", "duration", "distance"):
         low, high = PLAUSIBLE[key]
         values[key] = np.where((values[key] >= low) & (values[key] <= high), values[key], np.nan)
-    if "time" in found.columns:
-        reasons["time_not_a_number"] = ~np.isfinite(values["time"])
     return reasons
 
 
@@ -208,7 +314,7 @@ def not_working(table: Table, found: ColumnMap) -> NDArray[np.bool_] | None:
     column = found.columns.get("work_state")
     if column is None:
         return None
-    idle = {"out", "off", "0", "up", "false", "no", "raised"}
+    idle = {"out", "off", "0", "32", "up", "false", "no", "raised"}  # 32: Ag Leader, bit 0 is the header down
     return np.array([word.lower() in idle for word in table.texts(column.column)])
 
 
@@ -220,6 +326,7 @@ def _assemble(
     good: NDArray[np.bool_],
     header_width: float | None,
     path: Path,
+    as_map: bool,
 ) -> Log:
     """Project, sort, tell machines apart and fill in what follows from other columns."""
     epsg = utm_epsg(*np.median(lon_lat, axis=0))
@@ -233,9 +340,14 @@ def _assemble(
             if "record" in found.columns
             else np.argsort(machine, kind="stable")
         )
-    time, time_note = _time(values, found, machine, order)
+    time, time_note = time_of(values, found, machine, order)
     notes += [time_note] if time_note else []
-    if "machine" not in found.columns:
+    if as_map:
+        names, machine, order = ("1",), np.zeros_like(machine), np.arange(len(machine))
+        time = order.astype(float)
+    else:
+        check_order(time, machine, east, north)
+    if "machine" not in found.columns and not as_map:
         machine = separate_machines(time, east, north)
         names = tuple(str(i + 1) for i in range(machine.max() + 1))
         if len(names) > 1:
@@ -243,8 +355,8 @@ def _assemble(
     order = np.lexsort((time, machine))
     machine, time, east, north = machine[order], time[order], east[order], north[order]
     values = {k: v[order] for k, v in values.items()}
-    period, duration = _duration(time, machine, values["duration"])
-    speed = _speed(values, found, duration, machine, east, north)
+    period, duration = duration_of(time, machine, values["duration"])
+    speed = speed_of(values, found, duration, machine, east, north)
     width = values["header_width"]
     if not np.isfinite(width).any():
         if header_width is None:
@@ -260,70 +372,6 @@ def _assemble(
         machine, time, duration, east, north, values["elevation"], speed, width, flow, values["moisture"],
         values["crop_height"], table.row_number[good][order], names, epsg, found, 0, {}, tuple(notes),
     )  # fmt: skip
-
-
-def declared_machines(
-    table: Table, found: ColumnMap, rows: Any = slice(None)
-) -> tuple[tuple[str, ...], NDArray[np.int64], list[str]]:
-    """Names of the machines in some rows, the index of that of each row, (n,), and what was assumed."""
-    one = ("1",), np.zeros(len(table.row_number[rows]), dtype=np.int64)
-    if "machine" not in found.columns:
-        return *one, []
-    texts = np.array(table.texts(found.columns["machine"].column))[rows]
-    names, machine = np.unique(texts, return_inverse=True)
-    if len(names) > 50:
-        return *one, [f"{len(names)} machine names: column not used"]
-    shown = tuple("".join(c if c.isprintable() else "?" for c in str(n)[:60]) for n in names)
-    return shown, machine.astype(np.int64), []
-
-
-def _time(
-    values: dict[str, Array], found: ColumnMap, machine: NDArray[np.int64], order: NDArray[np.int64]
-) -> tuple[Array, str]:
-    """Time of each record [s], in file order."""
-    if "time" in found.columns:
-        return values["time"] - values["time"].min(), ""
-    step = np.nan_to_num(values["duration"], nan=1.0) if "duration" in found.columns else np.ones(len(order))
-    sorted_time = np.cumsum(step[order])
-    first = np.r_[True, np.diff(machine[order]) != 0]
-    start = np.maximum.accumulate(np.where(first, sorted_time, 0.0))
-    time = np.empty(len(order))
-    time[order] = sorted_time - start
-    note = "" if "duration" in found.columns else "no time: records taken as 1 s apart"
-    return time, note or "no clock: time counts from the first record of each machine"
-
-
-def _duration(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple[float, Array]:
-    """Nominal period of the log and time since the record before [s].
-
-    Logs round their clock (to 1e-5 days = 0.864 s in some), so steps below 1.8 periods count as one.
-    """
-    step = np.diff(time, prepend=time[:1])
-    usual = step[(step > 0.0) & (step < 2.5)]
-    period = float(usual.mean()) if len(usual) else 1.0
-    period = 1.0 if abs(period - 1.0) < 0.08 else period
-    if np.isfinite(logged).mean() > 0.5:
-        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, 5.0)
-    one = (step < 1.8 * period) | (np.diff(machine, prepend=-1) != 0)
-    return period, np.clip(np.where(one, period, step), period, 5.0)
-
-
-def _speed(
-    values: dict[str, Array],
-    found: ColumnMap,
-    duration: Array,
-    machine: NDArray[np.int64],
-    east: Array,
-    north: Array,
-) -> Array:
-    """Ground speed [m/s]: logged, else logged distance over time, else from positions."""
-    if "speed" in found.columns:
-        return values["speed"]
-    step = np.hypot(np.diff(east, prepend=east[:1]), np.diff(north, prepend=north[:1]))
-    step = np.where(np.diff(machine, prepend=-1) != 0, 0.0, step)
-    if "distance" in found.columns:
-        step = np.where(np.isfinite(values["distance"]), values["distance"], step)
-    return np.clip(step / duration, 0.0, PLAUSIBLE["speed"][1])
 
 
 def _jumps(log: Log) -> NDArray[np.bool_]:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field_io.columns import ColumnMap, find_columns, guess
-from swath.field_io.log import PLAUSIBLE, declared_machines, not_working, si_values
+from swath.field_io.columns import ColumnMap, find_columns
+from swath.field_io.log import PLAUSIBLE, not_working, si_values
+from swath.field_io.records import declared_machines
 from swath.field_io.table import Table, read_table
 
 Array = NDArray[np.float64]
@@ -70,9 +71,6 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
     path = Path(path)
     table = read_table(path)
     found = find_columns(list(table.columns), path, columns, table.points is not None)
-    if columns is None:  # a known yield log has more columns than an import needs
-        extra = guess(list(table.columns), path).columns
-        found = replace(found, columns={**{k: v for k, v in extra.items() if k in MEASURED}, **found.columns})
     there = [key for key in MEASURED if key in found.columns]
     if "speed" not in found.columns or "grain_flow" not in found.columns or not there:
         missing = [k for k in ("speed", "grain_flow") if k not in found.columns] or [" or ".join(MEASURED)]

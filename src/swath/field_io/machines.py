@@ -9,6 +9,7 @@ SLACK = 6.0  # m
 LONGEST_HOLD = 20.0  # s a machine out of sight may have driven on
 FORGET = 60.0  # s after which a track is closed
 FEWEST = 200  # records of a machine of its own
+ALTERNATING = 0.3  # of the records of a machine while it works that lie between two of another one
 
 
 def separate_machines(time: Array, east: Array, north: Array) -> NDArray[np.int64]:
@@ -16,7 +17,8 @@ def separate_machines(time: Array, east: Array, north: Array) -> NDArray[np.int6
 
     time [s], east, north [m], shape (n,). Records join the track whose head they can have come from, the
     nearest first; tracks that overlap in time belong to different machines, the others are chained to the
-    machine that stopped nearest. A machine with under 200 records is folded into the first.
+    machine that stopped nearest. A machine with under 200 records is folded into the first, and so is one
+    whose records do not alternate with those of another: one receiver jumps, two machines log side by side.
     """
     order = np.argsort(time, kind="stable")
     track = _tracks(time[order], east[order], north[order])
@@ -25,6 +27,7 @@ def separate_machines(time: Array, east: Array, north: Array) -> NDArray[np.int6
     members = np.split(by_track, first[1:])
     sorted_time, sorted_position = time[order], np.stack([east[order], north[order]], axis=1)
     owner = _chain(members, sorted_time, sorted_position)
+    owner = np.where(_alternating(owner)[owner], owner, np.bincount(owner).argmax())
     counts = np.bincount(owner)
     rank = np.argsort(-counts, kind="stable")
     renamed = np.zeros(len(counts), dtype=np.int64)
@@ -78,6 +81,13 @@ def _chain(members: list[NDArray[np.int64]], time: Array, position: Array) -> ND
         machines[chosen].append(records)
         owner[records] = chosen
     return owner
+
+
+def _alternating(owner: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which machines have records that mostly lie between those of others, of records in time."""
+    between = np.r_[False, (owner[1:-1] != owner[:-2]) & (owner[1:-1] != owner[2:]), False]
+    alone = np.bincount(owner, between, minlength=owner.max() + 1)
+    return np.asarray(alone > ALTERNATING * np.bincount(owner))
 
 
 def _distance(

@@ -1,5 +1,6 @@
 """The outline of a field: from a file, or the ground its passes covered."""
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ from swath.documents.json_file import read_json
 from swath.documents.packed import open_archive, readable
 from swath.field.projection import known_crs, transform
 from swath.field_io.clean import Cleaned
-from swath.field_io.table import shapefile_parts
+from swath.field_io.shapefiles import read_shapes
+from swath.field_io.taskfiles import element_texts
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
@@ -21,19 +23,23 @@ EMPTY_AREA = 100.0  # m2: less is no field
 
 
 def read_outline(path: Path, epsg: int) -> Any:
-    """Polygon of a boundary file in the system epsg [m]: GeoJSON (lon/lat) or polygon shapefile, zipped too.
+    """Polygon of a boundary file in the system epsg [m].
 
-    Several polygons are united; the largest part is the field. Raises InputError.
+    GeoJSON, KML (lon/lat) or a polygon shapefile, zipped too. Several polygons are united; the largest
+    part is the field. Raises InputError.
     """
     shapely = _shapely()
-    with readable("boundary", "GeoJSON or a polygon shapefile", path):
+    with readable("boundary", "GeoJSON, KML or a polygon shapefile", path):
         size = path.stat().st_size
         if size > LARGEST_BYTES:
             raise InputError("boundary", size, f"expected at most {LARGEST_BYTES} bytes", file=path)
-        with path.open("rb") as stream:
-            zipped = stream.read(4) == b"PK\x03\x04"
-        is_bare = path.suffix.lower() == ".shp"
-        geometries, crs = (_from_zip if zipped else _from_shp if is_bare else _from_geojson)(path)
+        zipped = zipfile.is_zipfile(path)
+        if path.suffix.lower() in (".kml", ".kmz"):
+            geometries, crs = _from_kml(path)
+        elif zipped or path.is_dir() or path.suffix.lower() == ".shp":
+            geometries, crs = read_shapes(path, "boundary")
+        else:
+            geometries, crs = _from_geojson(path)
         shapes = [shapely.geometry.shape(g) for g in geometries]
     polygons = [s for s in shapes if s.geom_type in ("Polygon", "MultiPolygon") and not s.is_empty]
     if not polygons:
@@ -43,7 +49,7 @@ def read_outline(path: Path, epsg: int) -> Any:
     if not all(np.isfinite(shapely.get_coordinates(s)).all() for s in moved):
         expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
         raise InputError("boundary", None, expected, file=path)
-    return _largest(shapely.union_all([shapely.make_valid(s) for s in moved]), path)
+    return largest(shapely.union_all([shapely.make_valid(s) for s in moved]), path)
 
 
 def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
@@ -60,7 +66,7 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     strips = shapely.union_all([line.buffer(0.5 * width, cap_style="flat") for line in lines])
     grow = CLOSING_WIDTHS * width
     closed = strips.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre")
-    field = _largest(closed.simplify(0.5), None)
+    field = largest(closed.simplify(0.5), None)
     notes = []
     if field.area < 0.98 * closed.area:
         notes.append(f"covered ground in several parts: {(closed.area - field.area) / 1e4:.2f} ha left out")
@@ -70,6 +76,32 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     if bare > 0.05:
         notes.append(f"{bare:.0%} of the field has no pass in the log: its crop is taken from beside it")
     return field, notes
+
+
+def mapped_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
+    """Polygon around the records of a map, in the log's system [m], and what was left out of it."""
+    shapely = _shapely()
+    kept = cleaned.kept
+    width = float(np.median(cleaned.log.width[kept]))
+    cells = np.unique(np.floor(cleaned.log.position[kept] / width), axis=0) * width
+    ground = shapely.union_all(shapely.box(*cells.T, *(cells + width).T))
+    grow = CLOSING_WIDTHS * width
+    closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(0.5 * width)
+    field = largest(closed, None)
+    holes = [ring for ring in field.interiors if shapely.Polygon(ring).area >= SMALLEST_HOLE]
+    left_out = (closed.area - field.area) / 1e4
+    notes = (
+        [f"ground in several parts: {left_out:.2f} ha left out"] if left_out > 0.02 * field.area / 1e4 else []
+    )
+    return shapely.Polygon(field.exterior, holes), notes
+
+
+def long_axis(polygon: Any) -> float:
+    """Direction of the long side of the smallest rectangle around, clockwise from north [rad], in [0, pi)."""
+    corners = np.array(polygon.minimum_rotated_rectangle.exterior.coords)
+    sides = np.diff(corners, axis=0)
+    east, north = sides[np.hypot(*sides.T).argmax()]
+    return float(np.arctan2(east, north) % np.pi)
 
 
 def rings(polygon: Any) -> tuple[Array, tuple[Array, ...]]:
@@ -101,31 +133,27 @@ def _from_geojson(path: Path) -> tuple[list[Any], str]:
     return [data], name
 
 
-def _from_shp(path: Path) -> tuple[list[Any], str]:
-    prj = path.with_suffix(".prj")
-    with path.open("rb") as stream:
-        shapes = _shapes(stream)
-    return shapes, prj.read_text(encoding="utf-8", errors="replace") if prj.is_file() else ""
+def _from_kml(path: Path) -> tuple[list[Any], str]:
+    """Polygons of a KML file, or of the first in a KMZ; lon/lat by its standard (OGC 12-007r2)."""
+    if zipfile.is_zipfile(path):
+        with open_archive(path, "boundary") as archive:
+            data = archive.read(next(n for n in archive.namelist() if n.lower().endswith(".kml")))
+    else:
+        data = path.read_bytes()
+    rings = element_texts(data, ("coordinates",))
+    polygons: list[Any] = []
+    for around, text in rings:
+        if "LinearRing" in around:
+            ring = [[float(c) for c in place.split(",")[:2]] for place in text.split()]
+            if "innerBoundaryIs" in around and polygons:
+                polygons[-1]["coordinates"].append(ring)
+            else:
+                polygons.append({"type": "Polygon", "coordinates": [ring]})
+    return polygons, ""
 
 
-def _from_zip(path: Path) -> tuple[list[Any], str]:
-    with open_archive(path, "boundary") as archive:
-        parts = shapefile_parts(archive, path, "boundary")
-        shp, prj = parts["shp"], parts.get("prj")
-        with archive.open(shp) as stream:
-            shapes = _shapes(stream)
-        return shapes, archive.read(prj).decode("utf-8", "replace") if prj else ""
-
-
-def _shapes(stream: Any) -> list[Any]:
-    try:
-        import shapefile
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a shapefile") from error
-    return [shape.__geo_interface__ for shape in shapefile.Reader(shp=stream).shapes()]
-
-
-def _largest(shape: Any, path: Path | None) -> Any:
+def largest(shape: Any, path: Path | None = None) -> Any:
+    """The largest part of a shape; InputError where it is below EMPTY_AREA."""
     parts = [p for p in getattr(shape, "geoms", [shape]) if p.geom_type == "Polygon" and p.area > EMPTY_AREA]
     if not parts:
         raise InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)

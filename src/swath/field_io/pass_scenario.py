@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.boundary import Array, Region
@@ -14,16 +15,15 @@ LENGTH_M = 150.0
 SHORTEST_M = 60.0
 INSET_M = 2.0  # kept off the ends of a stretch: an outline made from the passes ends where they do
 TEMPLATE = """\
-# Along pass {index} of this field, machine {machine}: the edge lies where the real machine's left header end
-# went, and the real track is drawn beside the simulated one.
+{remark}
 format: swath scenario 2
-name: {name}-pass-{index}
-summary: {length:.0f} m along a real pass, on the imported terrain and crop
+name: {name}
+summary: {length:.0f} m along {along}, on the imported terrain and crop
 seed: 1
 run: {{distance_m: {distance:.0f}, max_duration_s: {duration:.0f}}}
 field:
   folder: .
-  edge: {{shape: track, track: {index}, offset_m: {offset:.3f}, crop_begins_m: {start:.1f}}}
+  edge: {{{edge}, crop_begins_m: {start:.1f}}}
 machines:
   combine:
     machine: lexion-700-class
@@ -40,30 +40,79 @@ expect:
 """
 
 
+REMARK = """\
+# Along pass {index} of this field, machine {machine}: the edge lies where the real machine's left header end
+# went, and the real track is drawn beside the simulated one."""
+REMARK_MIDDLE = """\
+# Through the middle of this field, along its rows: nothing says how it was driven. The ground left of the
+# edge counts as cut."""
+USUAL_WIDTH_M, USUAL_SPEED_KMH = 7.5, 6.0
+
+
 def write_pass_scenario(folder: Path) -> Path:
-    """Write `scenario.yaml` into a field folder and return its path; `swath run FOLDER` then drives it."""
+    """Write `scenario.yaml` into a field folder and return its path; `swath run FOLDER` then drives it.
+
+    Along the longest straight stretch of a pass, else through the middle of the field. Raises InputError
+    where there is no stretch of SHORTEST_M.
+    """
     field = read(folder)
-    track, start, length = _longest_straight(field)
+    name = folder.resolve().name
+    found = _longest_straight(field)
+    if found is None:
+        start, width, speed = INSET_M, _header_width(field), USUAL_SPEED_KMH
+        x, y, length = _middle(field, width)
+        heading = 90.0 - np.degrees(field.row_azimuth)
+        edge = f"shape: straight, x_m: {x:.1f}, y_m: {y:.1f}, heading_deg: {heading:.2f}"
+        said = {"remark": REMARK_MIDDLE, "along": "the middle of the field", "name": f"{name}-middle"}
+    else:
+        track, start, length = found
+        width, speed = track.header_width, float(np.clip(3.6 * track.mean_speed, 2.0, 12.0))
+        edge = f"shape: track, track: {track.index}, offset_m: {0.5 * width - OVERLAP_M:.3f}"
+        remark = REMARK.format(index=track.index, machine=track.machine)
+        said = {"remark": remark, "along": "a real pass", "name": f"{name}-pass-{track.index}"}
     path = folder / "scenario.yaml"
     distance = min(LENGTH_M, length - 20.0)
+    duration = 2.0 * distance / (speed / 3.6) + 20.0
     text = TEMPLATE.format(
-        index=track.index,
-        machine=track.machine,
-        name=folder.resolve().name,
-        length=distance,
-        distance=distance,
-        duration=2.0 * distance / max(track.mean_speed, 0.5) + 20.0,
-        offset=0.5 * track.header_width - OVERLAP_M,
-        start=start,
-        width=track.header_width,
-        speed=float(np.clip(3.6 * track.mean_speed, 2.0, 12.0)),
-    )
+        length=distance, distance=distance, duration=duration, edge=edge, start=start, width=width,
+        speed=speed, **said,
+    )  # fmt: skip
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def _longest_straight(field: FieldFolder) -> tuple[Track, float, float]:
-    """The pass, where its longest straight stretch begins, and how long that is [m]."""
+def _header_width(field: FieldFolder) -> float:
+    """Width of the header that worked here [m]."""
+    machines = field.info.get("machines") or []
+    return next((float(m["header_width_m"]) for m in machines if m.get("header_width_m")), USUAL_WIDTH_M)
+
+
+def _middle(field: FieldFolder, width: float) -> tuple[float, float, float]:
+    """Where a stretch along the rows near the middle of the field begins, and its length [m].
+
+    It and the header on its right lie inside.
+    """
+    ground = Region(field.boundary, field.holes)
+    along = np.array([np.sin(field.row_azimuth), np.cos(field.row_azimuth)])
+    across = np.array([along[1], -along[0]])
+    best = 0.0, 0.0, 0.0
+    for offset in (0.0, *(side * step for step in range(10, 200, 10) for side in (1, -1))):
+        s = np.arange(-2000.0, 2000.0, 1.0)
+        points = field.boundary.mean(axis=0) + offset * across + s[:, None] * along
+        sides = [points + shift * across for shift in (0.0, 0.5 * width, width)]
+        begin, end = _longest_run(np.all([ground.contains(*p.T) for p in sides], axis=0))
+        if end - begin > best[2]:
+            best = (*points[begin].tolist(), float(end - begin))
+        if best[2] >= LENGTH_M + 20.0:
+            break
+    if best[2] < SHORTEST_M:
+        expected = f"expected a straight stretch of at least {SHORTEST_M:.0f} m inside the field"
+        raise InputError("boundary", None, expected, file=field.path)
+    return best
+
+
+def _longest_straight(field: FieldFolder) -> tuple[Track, float, float] | None:
+    """The pass, where its longest straight stretch begins, and its length [m]; None below SHORTEST_M."""
     best: tuple[Track, float, float] | None = None
     ground = Region(field.boundary, field.holes)
     for track in field.tracks:
@@ -74,10 +123,7 @@ def _longest_straight(field: FieldFolder) -> tuple[Track, float, float]:
             begin, end = _inside(field, ground, track, at, first, last)
             if best is None or end - begin > best[2]:
                 best = track, begin, end - begin
-    if best is None or best[2] < SHORTEST_M:
-        expected = f"expected a straight stretch of at least {SHORTEST_M:.0f} m inside the field"
-        raise InputError("tracks", None, expected, file=field.path)
-    return best
+    return None if best is None or best[2] < SHORTEST_M else best
 
 
 def _inside(
@@ -95,9 +141,14 @@ def _inside(
     for across in (0.5 * track.header_width - OVERLAP_M, -0.5 * track.header_width - OVERLAP_M):
         points = middle + across * left
         covered &= ground.contains(points[:, 0], points[:, 1])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], covered, [False]]).astype(int)))
+    begin, end = _longest_run(covered)
+    return (float(s[begin]) + INSET_M, float(s[end - 1]) - INSET_M) if end > begin else (0.0, 0.0)
+
+
+def _longest_run(inside: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and behind the last index of the longest run of true; 0, 0 without one."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     if not len(edges):
-        return 0.0, 0.0
-    begins, ends = edges[::2], edges[1::2]
-    longest = int(np.argmax(ends - begins))
-    return float(s[begins[longest]]) + INSET_M, float(s[ends[longest] - 1]) - INSET_M
+        return 0, 0
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * longest]), int(edges[2 * longest + 1])

@@ -32,7 +32,16 @@ class ImportReport:
 
     def lines(self) -> list[tuple[str, str, str]]:
         """What, how much, and more about it, for the terminal."""
-        read, field, crop, terrain = self.rows["read"], self.field, self.crop, self.terrain
+        field, crop, terrain = self.field, self.crop, self.terrain
+        if not self.rows:
+            return [
+                ("area", f"{field['area_ha']:.2f} ha", self.source["profile"]),
+                ("guidance lines", f"{field['guidance_lines']}", ""),
+                ("crop", crop["name"], f"{crop['stems_per_m2']:.3g} stems/m2 everywhere"),
+                ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"]),
+                *(("note", "", note) for note in self.notes),
+            ]
+        read = self.rows["read"]
         spacing = "" if field["pass_spacing_m"] is None else f", {field['pass_spacing_m']:.2f} m apart"
         percentiles = f"10-90 %: {crop['yield_p10_t_ha']:.2f}-{crop['yield_p90_t_ha']:.2f}"
         left_out = [("  broken", self.rows["broken"]), ("  not used", self.removed)]
@@ -48,7 +57,8 @@ class ImportReport:
             ("area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"),
             ("passes", f"{field['passes']}", f"{field['pass_length_m'] / 1000:.1f} km{spacing}"),
             ("yield", f"{crop['yield_t_ha']:.2f} t/ha", percentiles),
-            ("stems", f"{crop['stems_per_m2']:.0f} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"),
+            ("crop", crop["name"], ""),
+            ("stems", f"{crop['stems_per_m2']:.3g} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"),
             ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"]),
             *(("note", "", note) for note in self.notes),
         ]  # fmt: skip

@@ -1,31 +1,36 @@
-"""A file of records as columns of text or numbers: CSV (plain or gzip), zipped point shapefile, ISOXML."""
+"""A file of records as columns of text or numbers: CSV (plain or gzip), point shapefile, ISOXML."""
 
+import codecs
 import csv
 import gzip
 import io
 import math
-import zipfile
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import islice
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
-from swath.documents.packed import LARGEST_BYTES, most_unpacked, open_archive, readable
+from swath.core.errors import InputError
+from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
+from swath.field_io.columns import AG_LEADER, unit_symbol
 from swath.field_io.isoxml import is_taskdata, read_taskdata
+from swath.field_io.shapefiles import has_shapefile, read_points
 
 Array = NDArray[np.float64]
 LONGEST_ROW = 1 << 16  # characters
 LONGEST_BLANK = 1 << 22  # characters between two rows: sheets are exported with blank ones at their end
 MOST_COLUMNS = 1000
 ROWS_AT_ONCE = 8192
-_EXPECTED = "expected a yield log (CSV or zipped shapefile)"
+SHAPES = b"\x00\x00\x27\x0a"  # of a .shp
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+OR_CP1252 = "swath.or_cp1252"
+_EXPECTED = "expected a yield log (CSV, shapefile or ISOXML)"
 _MAGIC = {
     b"\x89PNG": "a PNG image", b"\xff\xd8\xff": "a JPEG image", b"GIF8": "a GIF image", b"%PDF": "a PDF",
     b"II*\x00": "a TIFF image", b"MM\x00*": "a TIFF image", b"\x7fELF": "a program", b"SQLite": "a database",
@@ -40,6 +45,7 @@ class Table:
     row_number: line of the text file, or record number of the shapefile, counted from 1
     points: (x, y) of each record, shape (n, 2), when the file has geometry; crs: of the points (WKT), or ''
     broken: reason -> rows left out while reading; notes: what could not be read, file and byte
+    units: column -> unit, and crop: what the maker's metadata say beside the table
     """
 
     columns: dict[str, Any]
@@ -48,6 +54,8 @@ class Table:
     crs: str
     broken: dict[str, int]
     notes: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    crop: str = ""
 
     def numbers(self, name: str) -> Array:
         """A column as numbers, nan where the text is none."""
@@ -87,14 +95,15 @@ def read_table(path: Path) -> Table:
         if is_taskdata(path):
             return _read_isoxml(path)
         head = _head(path)
-        if head.startswith(b"PK\x03\x04"):
+        if not head or head.startswith((b"PK\x03\x04", SHAPES)):
             return _read_shapefile(path)
         is_packed = head.startswith(b"\x1f\x8b")
         with gzip.open(path) if is_packed else path.open("rb") as stream:
             start = stream.read(65536)
             stream.seek(0)
             packed = most_unpacked(path.stat().st_size) if is_packed else LARGEST_BYTES
-            with io.TextIOWrapper(stream, "utf-8-sig", "replace", newline="") as text:
+            encoding = "utf-16" if start.startswith(UTF_16) else "utf-8-sig"
+            with io.TextIOWrapper(stream, encoding, OR_CP1252, newline="") as text:
                 return _read_csv(start, _Lines(text, path, min(packed, LARGEST_BYTES)), path)
 
 
@@ -102,12 +111,26 @@ def _read_isoxml(path: Path) -> Table:
     """Time logs of ISO 11783-10 task data; of a single TLG file that log alone."""
     data = read_taskdata(path)
     places = sum(log.gaps for log in data.logs)
-    return Table(data.columns(), np.arange(1, len(data) + 1), None, "", {"unreadable": places}, data.problems)
+    rows, broken = np.arange(1, len(data) + 1), {"unreadable": places}
+    return Table(data.columns(), rows, None, "", broken, data.problems, crop=data.crop)
+
+
+def _or_cp1252(error: UnicodeError) -> tuple[str, int]:
+    """Bytes that are not UTF-8, as Windows writes them."""
+    assert isinstance(error, UnicodeDecodeError)
+    return error.object[error.start : error.end].decode("cp1252", "replace"), error.end
+
+
+codecs.register_error(OR_CP1252, _or_cp1252)
 
 
 def _head(path: Path) -> bytes:
+    """The first bytes of a file, none of a folder that holds a shapefile."""
     if path.is_dir():
-        raise InputError("log", None, "expected a file, this is a folder", file=path)
+        if has_shapefile(path):
+            return b""
+        expected = "expected a file, or a folder with a shapefile or TASKDATA.XML in it"
+        raise InputError("log", None, expected, file=path)
     with path.open("rb") as stream:
         head = stream.read(64)
     if not head:
@@ -120,9 +143,10 @@ def _head(path: Path) -> bytes:
 
 def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
     """Read it row by row; start: of the file, which tells what it is."""
-    if b"\x00" in start:
+    is_wide = start.startswith(UTF_16)
+    if b"\x00" in start and not is_wide:
         raise InputError("log", None, f"{_EXPECTED}, this is binary", file=path)
-    text = start.decode("utf-8-sig", errors="replace")
+    text = start.decode("utf-16" if is_wide else "utf-8-sig", errors="replace")
     if text.lstrip()[:15].lower().startswith(("<!doctype", "<html", "<?xml")):
         raise InputError("log", None, f"{_EXPECTED}, this is a web page", file=path)
     first = next((line for line in text.splitlines() if line.strip()), "")
@@ -131,6 +155,9 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
         raise InputError("log.header", first[:80], "expected at least three named columns", file=path, line=1)
     rows = _rows(lines, separator, path)
     line, names = next(rows)
+    if _is_ag_leader(names):
+        rows = chain([(line, names)], rows)
+        names = list(AG_LEADER[: len(names)])
     header = _header(names, line, path)
     cells = {name: Cells() for name in header}
     numbers, wrong = array("q"), 0
@@ -139,14 +166,26 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
         wrong += len(block) - len(whole)
         numbers.extend(line for line, _ in whole)
         for name, column in zip(header, zip(*(row for _, row in whole), strict=True), strict=False):
-            cells[name].append(_decimal_points(column) if separator == ";" else column)
+            cells[name].append(_decimal_points(column) if separator != "," else column)
     return Table(cells, np.array(numbers, dtype=np.int64), None, "", {"wrong_field_count": wrong})
+
+
+def _is_ag_leader(first: list[str]) -> bool:
+    """True for the first row of the Ag Leader advanced format: 13 to 17 cells, nine of them these numbers."""
+    if not 13 <= len(first) <= len(AG_LEADER):
+        return False
+    lon, lat, flow, _, interval, _, width, moisture, status = to_numbers(first[:9])
+    is_number = np.isfinite(to_numbers(first[:9])).all()
+    limits = abs(lon) <= 180 and abs(lat) <= 90 and 0 <= flow < 300 and 0 < interval < 60
+    return bool(is_number and limits and 0 <= width < 1000 and 0 <= moisture < 100 and status >= 0)
 
 
 def _header(names: list[str], line: int, path: Path) -> list[str]:
     header = [name.strip() or f"column {i + 1}" for i, name in enumerate(names)]
     if len(header) > MOST_COLUMNS:
         raise InputError("log.header", len(header), f"expected at most {MOST_COLUMNS} columns", file=path)
+    if np.isfinite(to_numbers(header)).all():
+        raise InputError("log.header", ", ".join(header)[:80], "expected names in it", file=path, line=line)
     twice = sorted(name for name, count in Counter(header).items() if count > 1)
     if twice:
         raise InputError("log.header", twice[0], "expected each column name once", file=path, line=line)
@@ -198,44 +237,12 @@ def _decimal_points(values: Iterable[str]) -> list[str]:
 
 
 def _read_shapefile(path: Path) -> Table:
-    try:
-        import shapefile
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a shapefile") from error
-    with readable("log", "a zipped point shapefile", path), open_archive(path, "log") as archive:
-        parts = shapefile_parts(archive, path)
-        if "dbf" not in parts:
-            raise InputError("log", None, "expected a .dbf beside the .shp in the archive", file=path)
-        files = {kind: io.BytesIO(archive.read(parts[kind])) for kind in ("shp", "dbf")}
-        reader = shapefile.Reader(**files, encoding="utf-8", encodingErrors="replace")
-        crs = archive.read(parts["prj"]).decode("utf-8", "replace") if "prj" in parts else ""
-        points = np.array([_point(shape) for shape in reader.iterShapes()], dtype=float).reshape(-1, 2)
-        if not len(points) or len(points) != reader.numRecords:
-            expected = f"expected as many points as records: {len(points)}, {reader.numRecords}"
-            raise InputError("log", None, expected, file=path)
-        columns: dict[str, Any] = {field[0]: [] for field in reader.fields[1:]}
-        for record in reader.iterRecords():
-            for column, value in zip(columns.values(), record, strict=True):
-                column.append(value)
-        if any(len(column) != len(points) for column in columns.values()):
-            raise InputError("log", None, f"expected {len(points)} whole records in the .dbf", file=path)
-    return Table(columns, np.arange(1, len(points) + 1), points, crs, {})
-
-
-def shapefile_parts(archive: zipfile.ZipFile, path: Path, key: str = "log") -> dict[str, str]:
-    """Extension -> name of the one shapefile in the archive."""
-    infos = [i for i in archive.infolist() if not i.is_dir() and "__MACOSX" not in i.filename]
-    shapes = [i.filename for i in infos if i.filename.lower().endswith(".shp")]
-    if len(shapes) != 1:
-        raise InputError(key, None, f"expected one .shp in the archive, found {len(shapes)}", file=path)
-    stem = shapes[0][:-4]
-    parts = {i.filename[-3:].lower(): i.filename for i in infos if i.filename[:-4] == stem}
-    return parts
-
-
-def _point(shape: Any) -> tuple[float, float]:
-    points: Sequence[Any] = shape.points
-    return (float(points[0][0]), float(points[0][1])) if len(points) == 1 else (math.nan, math.nan)
+    with readable("log", "a point shapefile", path):
+        columns, points, crs, about = read_points(path, "log")
+        stated = [a for a in about.get("DataAttributes") or [] if isinstance(a, dict)]
+        units = {str(a.get("Name")): unit_symbol(str(a.get("Unit"))) for a in stated}
+        crop = str(about.get("CropName") or "")
+    return Table(columns, np.arange(1, len(points) + 1), points, crs, {}, (), units, crop)
 
 
 def to_numbers(values: Iterable[Any]) -> Array:

@@ -99,6 +99,34 @@ def elements(data: bytes, wanted: Collection[str]) -> tuple[list[Element], str]:
     return found, ""
 
 
+def element_texts(data: bytes, wanted: Collection[str]) -> list[tuple[tuple[str, ...], str]]:
+    """(tags around it, text) of the wanted elements, names without their namespace. Raises ValueError.
+
+    No entities are resolved, and a DOCTYPE is refused.
+    """
+    found: list[tuple[tuple[str, ...], str]] = []
+    stack: list[str] = []
+    pieces: list[str] = []
+
+    def start(tag: str, _: Any) -> None:
+        stack.append(tag.rpartition(":")[2])
+        pieces.clear()
+
+    def end(_: str) -> None:
+        tag = stack.pop()
+        if tag in wanted:
+            found.append((tuple(stack), "".join(pieces)))
+
+    def refuse(*_: Any) -> None:
+        raise ValueError("a DOCTYPE is not allowed")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = pieces.append, refuse
+    parser.Parse(data, True)
+    return found
+
+
 def number(text: str | None, default: float) -> float:
     """A finite number of an attribute, else the default."""
     try:

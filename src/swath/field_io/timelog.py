@@ -93,7 +93,7 @@ class Description:
     """What TASKDATA.XML says of the logs.
 
     values: by device and DDI; logs: name -> task; owners: device element
-    -> device; devices: id -> name; problems: what could not be read
+    -> device; devices: id -> name; problems: what could not be read; crops: their names
     """
 
     values: dict[tuple[str, int], Value] = field(default_factory=dict)
@@ -101,6 +101,7 @@ class Description:
     owners: dict[str, str] = field(default_factory=dict)
     devices: dict[str, str] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    crops: list[str] = field(default_factory=list)
 
 
 def column_names(channels: tuple[Channel, ...]) -> list[str]:

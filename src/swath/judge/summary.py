@@ -3,6 +3,7 @@
 import json
 import platform
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,7 @@ def json_safe(value: Any) -> Any:
     return value
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of what results depend on."""
     found = {}

@@ -12,7 +12,7 @@ from swath.documents.sheet_fields import Quantity, Section
 from swath.machine.drivetrain_sheet import Drivetrain, check_drivetrain
 from swath.machine.masses import Masses, Tank
 from swath.scenario.machine_types import MACHINE_TYPES
-from swath.signals.setup import MachineGeometry
+from swath.signals.setup import Hitch, MachineGeometry, OpenBox, Pipe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,10 @@ class Header:
 @dataclass(frozen=True, kw_only=True)
 class Trailer:
     """What is hitched to a tractor. hitch_x: pin ahead of the fixed axle; drawbar: from the pin to the axle;
-    length: from the pin to the rear end; height: of the rim [m]; empty [kg]; volume [m3].
+    length: from the pin to the rear end; height: of the rim [m]; empty [kg]; volume [m3]
+
+    radius: of its tyres, loaded; relaxation: their length; cg_ahead: centre of gravity, empty, ahead of its
+    axle [m]; stiffness: cornering stiffness over load [1/rad]
     """
 
     hitch_x: Annotated[float, Quantity("m", -15, 5)]
@@ -95,6 +98,35 @@ class Trailer:
     height: Annotated[float, Quantity("m", 0.5, 6)]
     empty: Annotated[float, Quantity("kg", 100, 1e5)]
     volume: Annotated[float, Quantity("m3", 0.1, 200)]
+    radius: Annotated[float, Quantity("m", 0.1, 3)] = 0.8
+    relaxation: Annotated[float, Quantity("m", 0.05, 5)] = 0.65
+    cg_ahead: Annotated[float, Quantity("m", -3, 5)] = 0.4
+    stiffness: Annotated[float, Quantity("per_rad", 0.5, 20)] = 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A box for grain, as `signals.setup.OpenBox`; its floor is `floor` above ground [m]."""
+
+    x: Annotated[float, Quantity("m", -20, 20)]
+    length: Annotated[float, Quantity("m", 0.5, 30)]
+    width: Annotated[float, Quantity("m", 0.5, 5)]
+    depth: Annotated[float, Quantity("m", 0.1, 5)]
+    floor: Annotated[float, Quantity("m", 0, 5)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spout:
+    """An unloading pipe, as `signals.setup.Pipe`; z: of its mouth and pivot above ground [m]."""
+
+    x: Annotated[float, Quantity("m", -20, 20)]
+    y: Annotated[float, Quantity("m", -5, 5)]
+    z: Annotated[float, Quantity("m", 0.5, 8)]
+    length: Annotated[float, Quantity("m", 0.5, 15)]
+    swing: Annotated[float, Quantity("deg", 10, 150)]
+    rate: Annotated[float, Quantity("deg_s", 0.5, 90)]
+    exit_speed: Annotated[float, Quantity("m_s", 0.1, 20)]
+    fall: Annotated[float, Quantity("deg", 0, 89)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +145,8 @@ class Sections:
     masses: Annotated[Masses | None, Section("", when="bodies")]
     drivetrain: Annotated[Drivetrain | None, Section("", when="engine")]
     trailer: Annotated[Trailer | None, Section("trailer.", when="trailer")]
+    box: Annotated[Box | None, Section("box.", when="box")]
+    pipe: Annotated[Spout | None, Section("pipe.", when="pipe")]
 
 
 @dataclass(frozen=True)
@@ -122,7 +156,7 @@ class MachineSheet(MachineGeometry):
     type: which slots it has by itself; slots: name of a slot -> level, or `off`, instead of the type's own
     masses: of its parts, None for a sheet without the section `bodies`
     drivetrain: engine, threshing and cleaning, None for a sheet without the section `engine`
-    trailer: what is hitched to it; no level of motion moves it
+    trailer: what is hitched to it
     """
 
     name: str
@@ -194,6 +228,9 @@ def read_machine(sheet: Sheet) -> MachineSheet:
         type=s.type,
         slots=s.slots,
         trailer=s.trailer,
+        hitch=None if s.trailer is None else Hitch(s.trailer.hitch_x, s.trailer.drawbar),
+        box=None if s.box is None else OpenBox(**vars(s.box)),
+        pipe=None if s.pipe is None else Pipe(**vars(s.pipe)),
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from swath.core.whole_file import open_to_write
+from swath.record.bag_metadata import Topic, write_metadata
 from swath.record.message_factory import MessageFactory
 from swath.record.templates import Draft, Template
 
@@ -50,7 +51,8 @@ class McapFile:
         self._writer.start(profile="ros2", library="swath")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._counts: dict[str, int] = {}
+        self._topics: dict[str, Topic] = {}
+        self._end = self._count = 0
         self._templates: dict[tuple[str, Hashable], Template] = {}
         self._flushed = 0
         self._is_torn = False
@@ -66,9 +68,14 @@ class McapFile:
             data = bytes(self.store.serialize_cdr(message, message.__msgtype__))
         if topic not in self._channels:
             self._declare(topic, message.__msgtype__, is_latched)
-        count = self._counts[topic] = self._counts.get(topic, 0) + 1
+        about = self._topics[topic]
+        about.count += 1
+        self._count += 1
+        self._end = max(self._end, t)
         self._is_torn = True  # until the message is whole: Ctrl-C may come in between
-        self._writer.add_message(self._channels[topic], log_time=t, data=data, publish_time=t, sequence=count)
+        self._writer.add_message(
+            self._channels[topic], log_time=t, data=data, publish_time=t, sequence=about.count
+        )
         self._is_torn = False
         for tap in self.taps:
             tap(topic, t, message, data, is_latched)
@@ -102,7 +109,7 @@ class McapFile:
         self._flushed = self._stream.tell()
 
     def close(self) -> None:
-        """Write the index and close. Calling it again does nothing.
+        """Write the index and `metadata.yaml`, and close. Calling it again does nothing.
 
         After an interruption within a message the file ends with its last whole chunk, without an index.
         """
@@ -110,6 +117,7 @@ class McapFile:
             try:
                 if not self._is_torn:
                     self._writer.finish()
+                    write_metadata(self.path, self._topics, self._end, self._count)
             finally:
                 self._stream.close()
 
@@ -117,5 +125,6 @@ class McapFile:
         if msgtype not in self._schemas:
             text, _ = self.store.generate_msgdef(msgtype, ros_version=2)
             self._schemas[msgtype] = self._writer.register_schema(msgtype, "ros2msg", text.encode())
-        metadata = {"offered_qos_profiles": LATCHED if is_latched else ""}
+        about = self._topics[topic] = Topic(msgtype, LATCHED if is_latched else "")
+        metadata = {"offered_qos_profiles": about.qos}
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[msgtype], metadata)

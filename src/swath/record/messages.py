@@ -1,7 +1,8 @@
 """What a recording knows of a machine, and where the messages of one of its outputs go.
 
-Frames: `map` (world, ENU), `<machine>/base` (ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`,
-`<machine>/<camera slot>_optical` (x right, y down, z forward), `<machine>/odom` (the start pose).
+Frames (REP 105): `map` (world, ENU), `<machine>/odom` (the same place, in which odometry counts),
+`<machine>/base_link` (ISO 8855, fixed axle on the ground), `<machine>/<sensor slot>`,
+`<machine>/<camera slot>_optical` (x right, y down, z forward).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -12,7 +13,7 @@ from swath.core.frames import Pose
 from swath.field.projection import Origin
 from swath.field.track import EdgeShape
 from swath.record.message_factory import MessageFactory
-from swath.signals import Signal
+from swath.signals import F64, Signal
 from swath.signals.setup import MachineGeometry
 
 OPTICAL_FRAME = "_optical"  # after the name of a camera's own frame, as REP 103 asks
@@ -26,7 +27,10 @@ class RecordedMachine:
     mounting: sensor slot (without the machine's name) -> pose_machine_sensor
     origin: where on Earth the world's origin lies, if that is known
     outputs: `slot.output` -> type of its samples, in the order of the slots
-    edge: the initial edge that it follows
+    edge: the initial edge that it follows; start: where it stood at first
+    scanners: slot -> (time from scan to scan [s], least range, greatest range [m]) of its data sheet
+    lines: what a viewer draws on the field, name -> points (n, 3) in the world [m]
+    is_first: of the machines of the run
     """
 
     name: str
@@ -36,6 +40,10 @@ class RecordedMachine:
     origin: Origin | None = None
     outputs: Mapping[str, type[Signal]] = field(default_factory=dict)
     edge: EdgeShape | None = None
+    start: Pose = field(default_factory=Pose.identity)
+    scanners: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    lines: Mapping[str, F64] = field(default_factory=dict)
+    is_first: bool = True
 
 
 @dataclass(frozen=True)
@@ -60,11 +68,11 @@ class Source:
     @property
     def base(self) -> str:
         """Frame of the machine."""
-        return f"{self.machine.name}/base"
+        return f"{self.machine.name}/base_link"
 
     @property
     def odom(self) -> str:
-        """Frame of the start pose."""
+        """Frame in which odometry counts."""
         return f"{self.machine.name}/odom"
 
     @property

@@ -12,6 +12,7 @@ from swath.record.image_messages import image_messages
 from swath.record.mcap_file import McapFile
 from swath.record.messages import Maker, RecordedMachine, Sent, Source
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
+from swath.record.obstacle_messages import object_messages, obstacle_messages
 from swath.record.own_messages import own_messages
 from swath.record.positioning_messages import fix_messages, imu_messages
 from swath.record.scan_messages import scan_messages, truth_messages
@@ -21,6 +22,8 @@ from swath.signals import (
     Image,
     Inertial,
     MachineState,
+    Objects,
+    Obstacles,
     Odometry,
     Scan,
     ScanTruth,
@@ -40,6 +43,8 @@ MAKERS: dict[type[Signal], Maker] = {
     Fix: lambda source: partial(fix_messages, source),
     Inertial: lambda source: partial(imu_messages, source),
     CropEdge: lambda source: partial(edge_messages, source),
+    Objects: lambda source: partial(object_messages, source),
+    Obstacles: lambda source: partial(obstacle_messages, source),
 }
 
 

@@ -9,6 +9,7 @@ from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
 from swath.field.projection import Origin
 from swath.record.messages import Sent, Source
+from swath.record.scene_messages import scene_messages
 from swath.record.templates import Draft
 from swath.signals import Fix, MachineState, Odometry, SpeedCommand, SteerState
 
@@ -29,7 +30,7 @@ SPEED = ("twist.linear.x",)
 
 
 class StateMessages:
-    """nav_msgs/Odometry and /tf of the truth, /tf_static before the first.
+    """nav_msgs/Odometry and /tf of the truth, before the first what a viewer needs (`scene_messages.py`).
 
     NavSatFix too, of a field on Earth, where no slot of the machine publishes a Fix.
     """
@@ -41,13 +42,10 @@ class StateMessages:
 
     def __call__(self, state: MachineState) -> Iterator[Sent]:
         """The messages of one sample."""
-        source, make = self.source, self.source.make
+        source = self.source
         if self._is_first:
             self._is_first = False
-            mounting = source.machine.mounting.items()
-            frames = [make.transform(0, source.base, f"{source.machine.name}/{s}", p) for s, p in mounting]
-            frames.append(make.transform(0, "map", source.odom, state.pose))
-            yield Sent("/tf_static", make("tf2_msgs/msg/TFMessage", transforms=frames), "latched")
+            yield from scene_messages(source)
         place = (*state.pose.position.tolist(), *state.pose.quaternion())
         motion = (state.speed, state.lateral_speed, state.yaw_rate)
         yield Sent(source.topic, Draft(state.t, ODOMETRY, place + motion, lambda: self._odometry(state)))
@@ -65,7 +63,7 @@ class StateMessages:
     def _moved(self, state: MachineState) -> Any:
         """tf2_msgs/TFMessage."""
         make = self.source.make
-        moved = [make.transform(state.t, "map", self.source.base, state.pose)]
+        moved = [make.transform(state.t, self.source.odom, self.source.base, state.pose)]
         return make("tf2_msgs/msg/TFMessage", transforms=moved)
 
     def _fix(self, state: MachineState, origin: Origin) -> Any:
@@ -93,7 +91,7 @@ class OdometryMessages:
     def __call__(self, sample: Odometry) -> Iterator[Sent]:
         """The message of one sample."""
         if self._pose is None:
-            self._pose = Pose.identity()
+            self._pose = self.source.machine.start
         else:
             dt = (sample.t - self._t) / NS
             turn, advance = sample.yaw_rate * dt, sample.speed * dt

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
@@ -15,6 +16,7 @@ from swath.record.samples import Blocks, is_recordable
 from swath.record.tracks import Column, Tracks, write_tracks
 from swath.signals import Signal
 
+SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
 LARGE_PERIOD = NS // 5  # between two messages of a large truth or scan, unless everything is wanted
 
@@ -22,7 +24,8 @@ LARGE_PERIOD = NS // 5  # between two messages of a large truth or scan, unless 
 class Recorder:
     """Writes a run into its folder while it goes; call it with (slot, t, outputs).
 
-    folder: exists already. machines: whose slots (`name.slot`) are recorded; slots of other names are not
+    folder: exists already. machines: whose slots (`name.slot`) are recorded, and the scene with them; slots
+    of other names are not
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
     detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
@@ -50,7 +53,9 @@ class Recorder:
         more = extra or {}
         self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
         self.file = McapFile(folder / "run.mcap") if mcap and detail != "none" else None
-        self._messengers = {m.name: Messenger(m, self.file) for m in machines} if self.file else {}
+        sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
+        self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
+        self._clock_due = 0
         self._due: dict[tuple[str, str], int] = {}
         self._detail = detail
         self._blocks: dict[tuple[str, str], Blocks | None] = {}
@@ -63,15 +68,16 @@ class Recorder:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
+        if self.file is not None and t >= self._clock_due:
+            self._tell_time(self.file, t)
         for output, signal in outputs.items():
             key = slot, output
             sink = self._sinks.get(key)
             if sink is None:
                 sink = self._sinks[key] = self._sink(slot, output)
             part, source, tracks, messenger = sink
-            if tracks is None:
-                return
-            tracks.take(t, source, signal)
+            if tracks is not None:
+                tracks.take(t, source, signal)
             if messenger is None:
                 continue
             if self._is_due(key, t, signal):
@@ -108,6 +114,12 @@ class Recorder:
         """Slot and output without the machine's name, and what takes their samples."""
         name, _, part = slot.partition(".")
         return part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name)
+
+    def _tell_time(self, file: McapFile, t: int) -> None:
+        """`/clock`, as often as the thinned messages."""
+        self._clock_due = (t // self._period + 1) * self._period
+        stamp = file.make.header(t, "").stamp
+        file.write("/clock", t, file.make("rosgraph_msgs/msg/Clock", clock=stamp))
 
     def _add_exact(self, key: tuple[str, str], t: int, signal: Signal) -> None:
         """Add the sample as it is to its block."""

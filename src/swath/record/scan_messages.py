@@ -57,6 +57,7 @@ def _flatten(points: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any], N
 
 def _laser_scan(source: Source, scan: Scan) -> Any:
     """sensor_msgs/LaserScan of the first echoes; no echo is +inf (REP 117)."""
+    period, least, greatest = source.machine.scanners.get(source.slot, (0.0, 0.0, 1000.0))
     count = len(scan.azimuth)
     span = float(scan.beam_t[-1] - scan.beam_t[0])
     ranges = np.ascontiguousarray(scan.ranges[:, 0], dtype=np.float32)
@@ -67,8 +68,9 @@ def _laser_scan(source: Source, scan: Scan) -> Any:
         angle_max=float(scan.azimuth[-1]),
         angle_increment=float(scan.azimuth[-1] - scan.azimuth[0]) / max(count - 1, 1),
         time_increment=span / max(count - 1, 1),
-        scan_time=span,
-        range_max=1000.0,
+        scan_time=period or span,
+        range_min=least,
+        range_max=greatest,
         ranges=np.where(np.isnan(ranges), np.float32(np.inf), ranges),
         intensities=np.nan_to_num(np.ascontiguousarray(scan.intensity[:, 0], dtype=np.float32)),
     )

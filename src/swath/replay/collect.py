@@ -34,7 +34,8 @@ def collect(
     layers.add_field(area, duration)
     layers.add_machines()
     layers.add_recorded(recorded(folder, {n: m.slots_of("lidar") for n, m in layers.machines.items()}))
-    things, layers.arrays["mesh"], left_out = things_of(world, summary.get("events", []), layers.origin)
+    changed = summary.get("events", [])
+    things, layers.arrays["mesh"], left_out = things_of(world, changed, layers.origin, moved)
     layers.notes += [left_out] if left_out else []
     if world.field.wind is not None:
         layers.notes.append("stems stand still, the wind is not drawn")

@@ -23,13 +23,16 @@ from swath.core.schedule import Slot, from_hz
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
-from swath.field.site_setup import Bodies, SiteSetup
-from swath.field.solids import machine_body
+from swath.field.site_setup import TRAILER, Bodies, SiteSetup
+from swath.field.solids import machine_body, trailer_body
 from swath.field.track import EdgeShape
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
+from swath.runtime.faults import displaced, make_fault
 from swath.runtime.field_setup import build_field
+from swath.runtime.kept import KeptFields
 from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
+from swath.runtime.scene import scene_nodes
 from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
@@ -37,32 +40,45 @@ from swath.scenario.slots import SLOTS, TRUTH, kind_of
 from swath.signals.setup import ControlSetup, LinkSetup
 
 
-def assemble(scenario: Scenario, *, only: Collection[str] | None = None) -> World:
+def assemble(
+    scenario: Scenario, *, only: Collection[str] | None = None, fields: KeptFields | None = None
+) -> World:
     """Build the world. InputError or WiringError, with file and line, where something cannot work.
 
     only: full names of slots, such as `combine.process`: nothing else runs in the graph, and what comes from
     elsewhere is put in from outside (`Graph.put`)
+    fields: of worlds before; whoever gives them drives one world at a time
     """
     try:
-        return _assemble(scenario, only)
+        return _assemble(scenario, only, fields)
     except InputError as error:
         raise scenario.locate(error) from error
 
 
-def _assemble(scenario: Scenario, only: Collection[str] | None) -> World:
+def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
     base = _base(scenario)
-    ground = build_field(scenario.field, stream=Stream(scenario.seed, "field"), base=base)
-    site = _Site(ground.field, ground.obstacles, Bodies(ground.named_obstacles), base, ground.origin)
-    machines, nodes = {}, []
+    seed = scenario.seed if scenario.field.seed is None else scenario.field.seed
+    if fields is None:
+        ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base)
+    else:
+        ground = fields.ground(scenario.field, seed, base)
+    bodies = Bodies()
+    bodies.set_things(ground.things)
+    sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}
+    site = _Site(ground.field, ground.obstacles, bodies, base, sheets, ground.origin)
+    machines: dict[str, Machine] = {}
+    nodes: list[Node] = []
     for section in scenario.machines.values():
-        machine, own_nodes = _build_machine(_reduced(section, only), site)
+        machine = machines[section.name] = _build_machine(_reduced(section, only), site)
         if only is None:
             _check_pace(scenario, machine)
-        machines[section.name] = machine
-        nodes += [n for n in own_nodes if only is None or n.slot.name in only]
         check_room(scenario, machine, ground.field)
+    for machine in machines.values():
+        own = [_node(machine.section, *item, machines) for item in _choices(machine)]
+        nodes += [n for n in own if only is None or n.slot.name in only]
     if only is None:
         check_start(machines, ground.field, site.bodies)
+        nodes = [*scene_nodes(ground.things, ground.field, site.bodies, tuple(machines)), *nodes]
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
     graph.before_tick.append(world.end_with_parts)
@@ -112,6 +128,7 @@ class _Site:
     obstacles: Solids
     bodies: Bodies
     base: Path
+    sheets: Mapping[str, MachineSheet]
     origin: Origin | None = None
 
 
@@ -127,25 +144,47 @@ class _Place:
     site: _Site
 
 
-def _build_machine(section: MachineSection, site: _Site) -> tuple[Machine, list[Node]]:
-    sheet = load_machine(section.sheet.as_posix(), header_width_m=section.common.header_width_m)
+def _choices(machine: Machine) -> list[tuple[str, SlotChoice, Any]]:
+    """Name, choice and component of its slots."""
+    return [(slot, choice, machine.parts[slot]) for slot, choice in machine.section.slots.items()]
+
+
+def _sheet_of(section: MachineSection) -> MachineSheet:
+    return load_machine(section.sheet.as_posix(), header_width_m=section.common.header_width_m)
+
+
+def _build_machine(section: MachineSection, site: _Site) -> Machine:
+    sheet = site.sheets[section.name]
     edge = edge_of(section, site.field)
     check_side(section, edge)
     start = start_pose(section, site.field, edge, sheet)
     site.bodies.add(section.name, machine_body(sheet), start)
+    if sheet.hitch is not None and sheet.trailer is not None:
+        towed = section.name + TRAILER
+        behind = start @ Pose.from_euler((sheet.hitch.x - sheet.hitch.drawbar, 0.0, 0.0))
+        site.bodies.add(towed, trailer_body(sheet.hitch, sheet.trailer.width, sheet.box), behind)
+        site.bodies.hitch(section.name, towed)
     parts: dict[str, Any] = {}
     mountings: dict[str, Pose] = {}
     place = _Place(section, sheet, edge, start, mountings, site)
     for slot in _build_order(section.slots):
         part = parts[slot] = _make(place, slot, section.slots[slot])
-        if isinstance(part, HasMounting) and isinstance(part.mounting, Pose):
-            mountings[slot] = part.mounting
-        if isinstance(part, HasOpticalFrame):
-            mountings[slot + OPTICAL_FRAME] = part.optical
-    nodes = [_node(section, slot, choice, parts[slot], parts) for slot, choice in section.slots.items()]
+        mountings |= _told_mountings(place, slot, part)
     steer = parts.get("steer")
     overlap = float(steer.overlap) if isinstance(steer, HasOverlap) else 0.0
-    return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin), nodes
+    return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin)
+
+
+def _told_mountings(place: _Place, slot: str, part: Any) -> dict[str, Pose]:
+    """Where a sensor sits and its optical frame, as control and recording are told: less a mounting error."""
+    choice, told = place.section.slots[slot], {}
+    if choice.common.mount_error:
+        part = choice.make(_setup(place, slot, choice))
+    if isinstance(part, HasMounting) and isinstance(part.mounting, Pose):
+        told[slot] = part.mounting
+    if isinstance(part, HasOpticalFrame):
+        told[slot + OPTICAL_FRAME] = part.optical
+    return told
 
 
 def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[str, tuple[str, str]]]:
@@ -155,10 +194,11 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     """
     machine_name, _, slot = name.partition(".")
     machine = world.machines[machine_name]
-    site = _Site(world.field, world.obstacles, world.bodies, _base(world.scenario), machine.origin)
+    sheets = {m.name: m.sheet for m in world.machines.values()}
+    site = _Site(world.field, world.obstacles, world.bodies, _base(world.scenario), sheets, machine.origin)
     place = _Place(machine.section, machine.sheet, machine.edge, machine.start, machine.mountings, site)
     component = _make(place, slot, choice)
-    return component, _node(machine.section, slot, choice, component, machine.parts).wires
+    return component, _node(machine.section, slot, choice, component, world.machines).wires
 
 
 def exchange(
@@ -216,6 +256,7 @@ def _site_setup(place: _Place, period: float) -> SiteSetup:
         base=site.base,
         origin=site.origin,
         edge=place.edge,
+        peer=site.sheets.get(section.common.peer or ""),
     )
 
 
@@ -246,7 +287,8 @@ def _build_order(slots: Mapping[str, SlotChoice]) -> list[str]:
 def _make(place: _Place, slot: str, choice: SlotChoice) -> Any:
     name = f"{place.section.name}.{slot}"
     try:
-        component = choice.make(_setup(place, slot, choice))
+        really = displaced(choice) if choice.common.mount_error else choice
+        component = really.make(_setup(place, slot, choice))
     except InputError as error:
         if error.file is not None:
             raise
@@ -269,13 +311,22 @@ def _make(place: _Place, slot: str, choice: SlotChoice) -> Any:
 
 
 def _node(
-    section: MachineSection, slot: str, choice: SlotChoice, component: Any, parts: Mapping[str, Any]
+    section: MachineSection, slot: str, choice: SlotChoice, component: Any, machines: Mapping[str, Machine]
 ) -> Node:
-    """A component with its wires. parts: of the machine, as far as they are built."""
+    """A component with its wires to the parts of all machines."""
     common = choice.common
     ports = {p.name: p for p in component.inputs}
-    sent = {f"{section.name}.{name}": {p.name for p in part.outputs} for name, part in parts.items()}
-    present = {f"{section.name}.{name}" for name in section.present}
+    if choice.kind.is_control and not choice.found.sees_truth:
+        for port in ports.values():
+            if port.signal in TRUTH:
+                expected = f"expected a part without the input {port.name}: control never sees the truth"
+                raise InputError(f"{section.name}.{slot}.level", choice.level, expected)
+    sent = {
+        f"{name}.{other}": {p.name for p in part.outputs}
+        for name, machine in machines.items()
+        for other, part in machine.parts.items()
+    }
+    present = {f"{name}.{other}" for name, m in machines.items() for other in m.section.present}
 
     def is_kept(port: str, source: str, output: str) -> bool:
         """A wire of the kind's list is left out where its port is not there, or may stay open and does."""
@@ -288,7 +339,10 @@ def _node(
     timing = Slot(
         f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
     )
-    return Node(timing, component, wires)
+    try:
+        return Node(timing, component, wires, make_fault(choice, component))
+    except InputError as error:
+        raise InputError(f"{section.name}.{slot}.{error.key}", error.value, error.expected) from error
 
 
 def _check_pace(scenario: Scenario, machine: Machine) -> None:

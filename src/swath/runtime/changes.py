@@ -14,6 +14,7 @@ scenario names, or who started the run: a change may be somebody else's, over RO
 import dataclasses
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,8 @@ from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.documents.json_file import read_json
 from swath.field.memory_layout import Solids
-from swath.field.solids import make_obstacles, merge, named_obstacles
+from swath.field.obstacles import make_obstacles, things_of
+from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
 from swath.scenario.code import code_of
@@ -50,9 +52,13 @@ class Interventions:
         self.world = world
         self._code = (*code_of(world.scenario), *(file_of(text) for text in allow))
         self.events: list[dict[str, Any]] = []
-        self._now: Scenario = _freshly_read(world.scenario, [])
         self._fixed = {str(i): o for i, o in enumerate(world.scenario.field.obstacles)}
         self._added: dict[str, Any] = {}
+
+    @cached_property
+    def _now(self) -> Scenario:
+        """The scenario as it stands; read when the first change comes."""
+        return _freshly_read(self.world.scenario, [])
 
     def set(self, t: int, key: str, value: Any) -> None:
         """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""
@@ -124,15 +130,17 @@ class Interventions:
             raise InputError(key, value, "expected another name: the scenario's own can only be removed")
         text = _text(value)
         read = _freshly_read(self._now, [f"field.{OBSTACLES}=[{text}]"]).field.obstacles
+        if any(o.path is not None for o in read):
+            raise InputError(f"{key}.path", value, "expected no path: only obstacles of the scenario go")
         bodies.remove(key)
         bodies.add(key, make_obstacles(read, self.world.field), Pose.identity(), is_machine=False)
         self._added[name] = text
 
     def _keep_fixed(self) -> None:
         """The solids of the scenario that are left, in place: every sensor holds the same object."""
-        named = named_obstacles(tuple(self._fixed.values()), self.world.field)
-        self.world.bodies.set_obstacles(named)
-        left = merge(*named.values())
+        things = things_of(tuple(self._fixed.values()), self.world.field)
+        self.world.bodies.set_things(things)
+        left = merge(*(thing.in_world for thing in things if thing.way is None))
         for field in dataclasses.fields(Solids):
             setattr(self.world.obstacles, field.name, getattr(left, field.name))
 

@@ -1,9 +1,9 @@
 """The field of a scenario: its parts made by their levels, or taken from a field folder, and put together."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,16 +15,19 @@ from swath.field.edge import TrackEdge, make_boundary, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Solids
+from swath.field.obstacles import Thing, things_of
 from swath.field.projection import Origin
 from swath.field.raster import Raster
-from swath.field.solids import merge, named_obstacles
+from swath.field.solids import merge
 from swath.field.stand.maps import Maps
 from swath.field.stand.maps import Params as MapsParams
 from swath.field.terrain.dem import Dem
 from swath.field.terrain.dem import Params as DemParams
-from swath.field_io.folder import FieldFolder, read
 from swath.scenario.resolved import FieldSection
 from swath.signals import F64
+
+if TYPE_CHECKING:
+    from swath.field_io.folder import FieldFolder
 
 FAR_M = (
     100_000.0  # no field is so far from the zero of its own metres: such a map counts from a zone's corner
@@ -33,25 +36,25 @@ FAR_M = (
 
 @dataclass(frozen=True)
 class Ground:
-    """field; obstacles: on it, by name; driven: the real pass that the first edge follows, (n, 2) world [m],
+    """field; things: its obstacles; driven: the real pass that the first edge follows, (n, 2) world [m],
     if it does
     origin: where on Earth the world's origin lies, of an imported field or of maps in a known system
     """
 
     field: Field
-    named_obstacles: Mapping[str, Solids]
+    things: tuple[Thing, ...]
     driven: F64 | None
     origin: Origin | None = None
 
     @cached_property
     def obstacles(self) -> Solids:
-        """All obstacles together: one object, whoever asks."""
-        return merge(*self.named_obstacles.values())
+        """All obstacles that stand, together: one object, whoever asks."""
+        return merge(*(thing.in_world for thing in self.things if thing.way is None))
 
 
 def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
     """The field and what stands on it. base: folder that relative file names start from."""
-    folder = None if section.folder is None else read(section.folder)
+    folder = None if section.folder is None else _read(section.folder)
     mapped = _origin_of_maps(section, base) if folder is None else None
     setup = _setup(folder, stream, base, mapped)
     stand = section.stand.make(setup) if section.stand is not None else _stand_of(folder, setup)
@@ -62,7 +65,7 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
         section.terrain.make(setup) if section.terrain is not None else _terrain_of(folder),
         stand,
         {name: make_edge(edge, setup, name) for name, edge in section.edges.items()},
-        crop=load_crop(stand.crop),
+        crop=load_crop(stand.crop, setup.folder),
         stream=stream,
         boundary=region,
     )
@@ -73,7 +76,13 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
     origin = mapped if folder is None else folder.origin
     if mapped is not None:
         origin = replace(mapped, height=float(getattr(field.terrain, "datum", 0.0)))
-    return Ground(field, named_obstacles(section.obstacles, field), driven, origin)
+    return Ground(field, things_of(section.obstacles, field), driven, origin)
+
+
+def _read(path: Path) -> "FieldFolder":
+    from swath.field_io.folder import read
+
+    return read(path)
 
 
 def _origin_of_maps(section: FieldSection, base: Path) -> Origin | None:
@@ -107,7 +116,7 @@ def _origin_of_maps(section: FieldSection, base: Path) -> Origin | None:
     return Origin(first.epsg, float(round(0.5 * (west + east))), float(round(0.5 * (south + north))))
 
 
-def _setup(folder: FieldFolder | None, stream: Stream, base: Path, mapped: Origin | None) -> FieldSetup:
+def _setup(folder: "FieldFolder | None", stream: Stream, base: Path, mapped: Origin | None) -> FieldSetup:
     if folder is None and mapped is not None:
         corner = (mapped.easting, mapped.northing)
         return FieldSetup(stream=stream, folder=base, origin=corner, to_local=mapped.to_local)
@@ -122,12 +131,12 @@ def _setup(folder: FieldFolder | None, stream: Stream, base: Path, mapped: Origi
     )
 
 
-def _terrain_of(folder: FieldFolder | None) -> Dem:
+def _terrain_of(folder: "FieldFolder | None") -> Dem:
     assert folder is not None  # the reader asks for a terrain where there is no folder
     return Dem.from_raster(folder.terrain)
 
 
-def _stand_of(folder: FieldFolder | None, setup: FieldSetup) -> Maps:
+def _stand_of(folder: "FieldFolder | None", setup: FieldSetup) -> Maps:
     assert folder is not None
-    params = MapsParams(row_azimuth_deg=float(np.degrees(folder.row_azimuth)))
+    params = MapsParams(crop=folder.crop, row_azimuth_deg=float(np.degrees(folder.row_azimuth)))
     return Maps.from_rasters(params, setup, folder.stems, folder.height)

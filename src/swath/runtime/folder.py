@@ -14,7 +14,15 @@ from pathlib import Path
 from swath.core.errors import InputError
 from swath.core.whole_file import PART
 
-RUN_FILES = ("summary.json", "report.html", "replay.html", "tracks.parquet", "run.mcap", "scenario.yaml")
+RUN_FILES = (
+    "summary.json",
+    "report.html",
+    "replay.html",
+    "tracks.parquet",
+    "metadata.yaml",
+    "run.mcap",
+    "scenario.yaml",
+)
 LOCK = "run.lock"
 
 

@@ -23,6 +23,7 @@ from swath.runtime.changes import Interventions, Restart, Script
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
 from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.kept import KeptFields
 from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.world import World
@@ -53,12 +54,14 @@ def run_job(
     hooks: Sequence[RunHook] = (),
     begun: Callable[[], None] | None = None,
     allow: Sequence[str] = (),
+    fields: KeptFields | None = None,
 ) -> JobResult:
     """Run a scenario into a folder.
 
     events: changes on the way, as an earlier run's summary.json has them; hooks: go along, in this order
     begun: called once the world is assembled, before the first tick
     allow: code that changes on the way may name beside the scenario's own, as `file.py:Class` or an FMU
+    fields: of runs before, of which this one may have the same
 
     The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C, SIGTERM
     and crashes leave a valid folder marked incomplete; the exception goes on.
@@ -66,33 +69,39 @@ def run_job(
     with stoppable():
         while True:
             try:
-                return _run_once(scenario, out, progress, events, hooks, begun, allow)
+                summary = _run_once(scenario, out, progress, events, hooks, begun, allow, fields)
             except Restart:
                 begun = None
+            else:
+                return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
+
+
+def run_unrecorded(scenario: Scenario, fields: KeptFields | None = None) -> dict[str, Any]:
+    """Run a scenario without a folder; returns what summary.json would hold. fields: as in `run_job`"""
+    with stoppable():
+        return _run_once(scenario, None, fields=fields)
 
 
 def _run_once(
     scenario: Scenario,
-    out: Path,
-    progress: bool,
-    events: Sequence[Mapping[str, Any]],
-    hooks: Sequence[RunHook],
-    begun: Callable[[], None] | None,
-    allow: Sequence[str],
-) -> JobResult:
-    world = assemble(scenario)
+    out: Path | None,
+    progress: bool = False,
+    events: Sequence[Mapping[str, Any]] = (),
+    hooks: Sequence[RunHook] = (),
+    begun: Callable[[], None] | None = None,
+    allow: Sequence[str] = (),
+    fields: KeptFields | None = None,
+) -> dict[str, Any]:
+    world = assemble(scenario, fields=fields)
     try:
-        _spare_what_is_read(world, out)
         pacer = make_pacer(world)
-        with occupied(out, scenario.name):
-            write_whole(out / "scenario.yaml", scenario.resolved())
+        with _folder(out, world):
             running = _Running(world, out, pacer, hooks, allow)
             if begun is not None:
                 begun()
-            summary = _drive(running, progress, events)
+            return _drive(running, progress, events)
     finally:
         world.close()
-    return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
 
 
 def _drive(running: "_Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -118,6 +127,18 @@ def _machines(world: World) -> str:
     return "; ".join(f"{name}: {sheet}" for name, sheet in names.items())
 
 
+@contextmanager
+def _folder(out: Path | None, world: World) -> Iterator[None]:
+    """Inside the block the run has the folder, with its scenario in it."""
+    if out is None:
+        yield
+        return
+    _spare_what_is_read(world, out)
+    with occupied(out, world.scenario.name):
+        write_whole(out / "scenario.yaml", world.scenario.resolved())
+        yield
+
+
 def _spare_what_is_read(world: World, out: Path) -> None:
     """A run must not be written over the recording that it plays."""
     for machine in world.machines.values():
@@ -135,33 +156,35 @@ class _Running:
     def __init__(
         self,
         world: World,
-        out: Path,
+        out: Path | None,
         pacer: Pacer | None,
         hooks: Sequence[RunHook],
         allow: Sequence[str],
     ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
-        recorded = {name: machine.recorded() for name, machine in world.machines.items()}
+        recorded = world.recorded()
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)
         self.recorder = Recorder(
-            out,
+            out or Path(),
             list(recorded.values()),
             extra={name: self.evaluation.columns(name) for name in recorded},
-            detail=world.scenario.run.record,
-            scenario=world.scenario.resolved(),
+            detail="none" if out is None else world.scenario.run.record,
+            scenario="" if out is None else world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
         rest = self.pacer.rest if self.pacer is not None else lambda duration: None
-        run = ActiveRun(
-            self.world, self.out, self.recorder, self.evaluation, self.observers, self.changes, rest
-        )
         for hook in self.hooks:
-            hook.begin(run)
+            assert self.out is not None
+            hook.begin(
+                ActiveRun(
+                    self.world, self.out, self.recorder, self.evaluation, self.observers, self.changes, rest
+                )
+            )
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events))
 
@@ -173,7 +196,8 @@ class _Running:
         with unstopped():
             self.recorder.close()
             summary = self._summary(wall_s, incomplete)
-            write_summary(self.out, summary)
+            if self.out is not None:
+                write_summary(self.out, summary)
         for hook in self.hooks:
             hook.finish(summary)
         return summary
@@ -221,12 +245,15 @@ class _Running:
 @contextmanager
 def _progress_bar(world: World, wanted: bool) -> Iterator[Progress | None]:
     """A rich bar over the driven distance, on stderr; nothing where there is no terminal."""
+    if not wanted:
+        yield None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
-    if not wanted or not console.is_terminal:
+    if not console.is_terminal:
         yield None
         return
     text, at = TextColumn("{task.description}"), TextColumn("{task.fields[at]}")

@@ -6,19 +6,24 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes
+import numpy as np
+
+from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes, HasRange
 from swath.core.frames import Pose
 from swath.core.graph import EndOfRun, Graph
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
-from swath.field.site_setup import Bodies
+from swath.field.site_setup import TRAILER, Bodies
 from swath.field.track import EdgeShape
 from swath.machine.machine_sheet import MachineSheet
+from swath.machine.towing import pose_of
 from swath.record.messages import RecordedMachine
 from swath.scenario.resolved import MachineSection
 from swath.scenario.scenario import Scenario
 from swath.signals import F64
+
+EDGE_STEP = 0.5  # between the points of a drawn edge [m]
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,21 @@ class Machine:
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""
         outputs = {f"{slot}.{p.name}": p.signal for slot, part in self.parts.items() for p in part.outputs}
+        scanners = {
+            slot: (1.0 / self.section.slots[slot].common.rate_hz, *part.range_limits)
+            for slot, part in self.parts.items()
+            if isinstance(part, HasRange)
+        }
         return RecordedMachine(
-            self.name, self.sheet, self.edge_side, self.mountings, self.origin, outputs, self.edge
+            self.name,
+            self.sheet,
+            self.edge_side,
+            self.mountings,
+            self.origin,
+            outputs,
+            self.edge,
+            self.start,
+            scanners,
         )
 
 
@@ -105,6 +123,24 @@ class World:
     def leader(self) -> Machine:
         """The first machine."""
         return next(iter(self.machines.values()))
+
+    def recorded(self) -> dict[str, RecordedMachine]:
+        """What the recording needs to know of each machine, by name, with the lines that a viewer draws."""
+        found = {}
+        for name, machine in self.machines.items():
+            is_first = machine is self.leader
+            way = machine.edge.point_at(np.arange(0.0, machine.edge.length + EDGE_STEP, EDGE_STEP))
+            lines = {"edge": self._on_ground(way)}
+            if is_first and self.field.boundary is not None:
+                for i, ring in enumerate(self.field.boundary.rings):
+                    lines[f"boundary {i}"] = self._on_ground(np.vstack([ring, ring[:1]]))
+            found[name] = dataclasses.replace(machine.recorded(), lines=lines, is_first=is_first)
+        return found
+
+    def _on_ground(self, points: F64) -> F64:
+        """World points (n, 2) with the height of the ground, (n, 3), those outside of its map left out."""
+        made = np.column_stack([points, self.field.terrain.height(points[:, 0], points[:, 1])])
+        return np.asarray(made[np.isfinite(made[:, 2])])
 
     @cached_property
     def driving(self) -> tuple[str, ...]:
@@ -143,9 +179,13 @@ class World:
                     raise EndOfRun(f"{machine.name}.{slot}: {reason}")
 
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
-        """Observer of the graph: the bodies of the machines stand where the machines do."""
+        """Observer of the graph: the bodies of the machines and their trailers stand where these do."""
         if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
-            self.bodies.place(slot.partition(".")[0], state.pose)
+            name = slot.partition(".")[0]
+            along = state.pose.rotation[:, 0] * state.speed + state.pose.rotation[:, 1] * state.lateral_speed
+            self.bodies.place(name, state.pose, along)
+            if (trailer := outputs.get("trailer")) is not None:
+                self.bodies.place(name + TRAILER, pose_of(trailer))
 
 
 _KINDS: dict[type, bool] = {}

@@ -54,7 +54,7 @@ class Catalogue:
 
 PARTS = {
     "edge": "swath.field.edge:Edge",
-    "obstacles": "swath.field.solids:Obstacle",
+    "obstacles": "swath.field.obstacles:Obstacle",
     "boundary": "swath.field.edge:Boundary",
     "evaluators": "swath.judge.catalogue:load_evaluators",
 }

@@ -11,7 +11,9 @@ from swath.scenario.versions import lift_machines
 
 NO_BREAK = "\N{NO-BREAK SPACE}"  # between key and value
 # Keys of every slot that are the same by default in all of them, said once; rate_hz has no such default.
-_SHARED = {name: f.default for name, f in SlotCommon.model_fields.items() if not f.is_required()}
+_SHARED = {
+    n: f.default for n, f in SlotCommon.model_fields.items() if not f.is_required() and f.default is not None
+}
 
 
 def defaults(scenario: Scenario) -> dict[str, Any]:

@@ -5,8 +5,9 @@ from typing import Any
 
 from swath.scenario.resolved import FieldSection, LevelChoice
 from swath.scenario.section_reader import NAME, SectionReader
+from swath.scenario.sections import FieldCommon
 
-FIELD_KEYS = ("folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary")
+FIELD_KEYS = ("folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary", "seed")
 
 
 def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
@@ -19,6 +20,8 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
     if folder is not None and not isinstance(folder, str):
         reader.note(("field", "folder"), folder, "expected a path")
         folder = None
+    own = {k: v for k, v in data.items() if k in FieldCommon.model_fields}
+    common = reader.check(FieldCommon, own, ("field",))
     levels = {name: _ground(reader, name, data, folder is not None) for name in levels_of}
     edges = _edges(reader, data)
     obstacles = _obstacles(reader, data.get("obstacles", []))
@@ -32,6 +35,7 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
         edges,
         obstacles,
         boundary,
+        None if common is None else common.seed,
     )
 
 

@@ -13,11 +13,11 @@ from swath.scenario.machine_types import slots_of
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.section_reader import NAME, SectionReader
 from swath.scenario.sections import MachineCommon, SlotCommon, StartAlongEdge, StartPose
-from swath.scenario.slots import SlotKind
+from swath.scenario.slots import PEER, SlotKind
 from swath.scenario.versions import SECTIONS
 
 MOST_MACHINES = 50
-MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side", "field_edge")
+MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side", "field_edge", "peer")
 
 
 def machine_names(reader: SectionReader, data: dict[str, Any]) -> list[str]:
@@ -55,6 +55,7 @@ def read_machines(reader: SectionReader, data: dict[str, Any]) -> dict[str, Mach
     if not reader.errors:
         for machine in machines.values():
             _check_sources(reader, machine, machines)
+            _check_peer(reader, machine, machines)
     return machines
 
 
@@ -74,7 +75,7 @@ def _machine(reader: SectionReader, name: str, data: dict[str, Any]) -> MachineS
         choice = read_slot(reader, name, slot, kind, data.get(slot, {}), unasked.get(slot, kind.level))
         if choice is not None:
             chosen[slot] = choice
-    slots = {slot: replace(c, wires=_wires(name, c, chosen)) for slot, c in chosen.items()}
+    slots = {slot: replace(c, wires=_wires(name, c, chosen, common.peer)) for slot, c in chosen.items()}
     off = tuple(slot for slot in unasked if is_off(data.get(slot)))
     return MachineSection(name, common, sheet, start, slots, off)
 
@@ -158,13 +159,19 @@ def _check_sources(
                 reader.note((machine.name, slot, "wires", port), choice.common.wires[port], text)
 
 
-def _wires(machine: str, choice: SlotChoice, slots: Mapping[str, SlotChoice]) -> dict[str, tuple[str, str]]:
+def _wires(
+    machine: str, choice: SlotChoice, slots: Mapping[str, SlotChoice], peer: str | None
+) -> dict[str, tuple[str, str]]:
     """Input port -> (full slot name, output): those of the kind, with what the scenario wrote on top.
 
-    Where a machine has one slot of a kind, its name does not matter.
+    Where a machine has one slot of a kind, its name does not matter. peer: the machine it works with
     """
     wires = {}
     for port, (kind, output) in choice.kind.wires.items():
+        if kind.startswith(PEER):
+            if peer is not None:
+                wires[port] = (f"{peer}.{kind.removeprefix(PEER)}", output)
+            continue
         instances = [slot for slot, other in slots.items() if other.kind.name == kind]
         source = instances[0] if len(instances) == 1 else kind
         wires[port] = (f"{machine}.{source}", output)
@@ -172,6 +179,17 @@ def _wires(machine: str, choice: SlotChoice, slots: Mapping[str, SlotChoice]) ->
         source, _, output = text.rpartition(".")
         wires[port] = (source if "." in source else f"{machine}.{source}", output)
     return wires
+
+
+def _check_peer(
+    reader: SectionReader, machine: MachineSection, machines: Mapping[str, MachineSection]
+) -> None:
+    """The machine that one works with must be there, and one that hears another must name it."""
+    peer, others = machine.common.peer, [name for name in machines if name != machine.name]
+    if peer is not None and peer not in others:
+        reader.note((machine.name, "peer"), peer, f"expected another machine{near_miss(peer, others)}")
+    if peer is None and machine.has("peer_link"):
+        reader.note((machine.name, "peer_link"), None, "expected the key `peer`: the machine it hears")
 
 
 def is_off(entry: Any) -> bool:

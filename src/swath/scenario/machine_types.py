@@ -24,7 +24,7 @@ MACHINE_TYPES: Mapping[str, Mapping[str, str]] = {
     "combine": _HARVESTER,
     "forage_harvester": _HARVESTER,
     "tractor": _VEHICLE,
-    "tractor_with_trailer": _VEHICLE,
+    "tractor_with_trailer": {**_VEHICLE, "motion": "articulated"},
     "truck": _VEHICLE,
 }
 

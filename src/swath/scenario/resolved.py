@@ -43,7 +43,7 @@ class SlotChoice(LevelChoice):
 
     def plain(self) -> dict[str, Any]:
         """As it would be written in a file."""
-        common = self.common.model_dump(mode="json")
+        common = self.common.model_dump(mode="json", exclude_none=True)
         common["wires"] = {name: ".".join(self.wires[name]) for name in self.common.wires}
         return {"level": self.level, **common, **_plain(self.params)}
 
@@ -105,6 +105,7 @@ class RealTimeSection:
 class FieldSection:
     """The field. folder: an imported field, from which terrain and stand come unless written here;
     edges: the initial edges of the crop by name, `edge` where there is the one of `field.edge`.
+    seed: of the field alone, None = that of the run
     """
 
     folder: Path | None
@@ -113,10 +114,12 @@ class FieldSection:
     edges: Mapping[str, Any]
     obstacles: tuple[Any, ...] = ()
     boundary: Any = None
+    seed: int | None = None
 
     def plain(self) -> dict[str, Any]:
         """As it would be written in a file."""
         written = {
+            "seed": self.seed,
             "folder": None if self.folder is None else str(self.folder),
             "terrain": None if self.terrain is None else self.terrain.plain(),
             "stand": None if self.stand is None else self.stand.plain(),

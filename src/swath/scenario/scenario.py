@@ -10,6 +10,7 @@ what was expected, the file and the line.
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,10 @@ class Scenario:
 
     def resolved(self) -> str:
         """YAML text of the whole scenario; reading it again gives an equal scenario."""
+        return self._text
+
+    @cached_property
+    def _text(self) -> str:
         return dump(self.plain())
 
     def locate(self, error: InputError) -> InputError:

@@ -14,6 +14,7 @@ from swath.core.units import split_unit
 from swath.documents.validation import schema_of
 from swath.scenario.catalogue import CATALOGUE, Catalogue
 from swath.scenario.sections import (
+    FieldCommon,
     Head,
     Limit,
     MachineCommon,
@@ -243,6 +244,7 @@ def _field(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
             },
             "obstacles": {"type": "array", "items": obstacle},
             "boundary": boundary,
+            **adopt(FieldCommon, "field.common", defs)["properties"],
         },
         "additionalProperties": False,
     }

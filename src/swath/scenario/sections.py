@@ -6,6 +6,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from swath.documents.hints import NAME_PATTERN, WIRE_PATTERN
 from swath.documents.validation import STRICT
+from swath.scenario.faults import ByField, FaultSection
 
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
 
@@ -170,6 +171,16 @@ class StartPose(BaseModel):
     ] = 0.0
 
 
+class FieldCommon(BaseModel):
+    """What the field takes beside its parts."""
+
+    model_config = STRICT
+    seed: Annotated[
+        int | None,
+        Field(ge=0, lt=1 << 63, description="of terrain and stand alone; default: that of the run"),
+    ] = None
+
+
 class SlotCommon(BaseModel):
     """What every slot of a machine takes beside its level's own keys."""
 
@@ -181,6 +192,13 @@ class SlotCommon(BaseModel):
         dict[str, Annotated[str, Field(pattern=WIRE_PATTERN)]],
         Field(description="input: slot.output, or machine.slot.output; overrides the slot's own"),
     ] = {}
+    fault: Annotated[
+        FaultSection | None, Field(description="what goes wrong with what it sends: docs/faults.md")
+    ] = None
+    mount_error: Annotated[
+        ByField | None,
+        Field(description="keys of the sensor's `mount`: how far off it really sits, unknown to control"),
+    ] = None
 
 
 class MachineCommon(BaseModel):
@@ -198,4 +216,7 @@ class MachineCommon(BaseModel):
     ] = "left"
     field_edge: Annotated[
         str | None, Field(description="name of the edge that it follows, of field.edges; default: the first")
+    ] = None
+    peer: Annotated[
+        str | None, Field(description="name of the machine that it works with: its slot `peer_link` hears it")
     ] = None

@@ -18,18 +18,27 @@ from swath.signals import (
     EngineState,
     FeedReading,
     Fix,
+    GroundSpeed,
     HeaderState,
+    HeapState,
     Image,
     Inertial,
     LossReading,
     MachineLoad,
     MachineState,
+    Objects,
     Odometry,
+    PeerState,
     Scan,
     ScanTruth,
     SpeedCommand,
+    Station,
     SteerCommand,
     SteerState,
+    TrailerState,
+    UnloadCommand,
+    UnloadState,
+    WheelState,
     YieldReading,
 )
 
@@ -61,6 +70,7 @@ class SlotKind:
 
 
 _STATE = {"state": ("motion", "state")}
+PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
 
 SLOTS: tuple[SlotKind, ...] = (
     SlotKind(
@@ -75,7 +85,9 @@ SLOTS: tuple[SlotKind, ...] = (
             "drive": ("powertrain", "engine"),
             "load": ("process", "load"),
             "header": ("header", "height"),
+            "cargo": ("heap", "heap"),
         },
+        more=(Port("trailer", TrailerState), Port("wheels", WheelState)),
     ),
     SlotKind(
         "header",
@@ -92,8 +104,29 @@ SLOTS: tuple[SlotKind, ...] = (
         "constant",
         10.0,
         (Port("load", MachineLoad),),
-        {**_STATE, "flow": ("header", "flow"), "engine": ("powertrain", "engine")},
+        {
+            **_STATE,
+            "flow": ("header", "flow"),
+            "engine": ("powertrain", "engine"),
+            "unload": ("unload", "unload"),
+        },
         link_adapter="swath.machine.process.straw_laying:LaidStraw",
+    ),
+    SlotKind(
+        "unload",
+        ("swath.machine.unload",),
+        "auger",
+        20.0,
+        (Port("unload", UnloadState),),
+        {**_STATE, "load": ("process", "load"), "command": ("cooperate", "command")},
+    ),
+    SlotKind(
+        "heap",
+        ("swath.machine.heap",),
+        "height_map",
+        5.0,
+        (Port("heap", HeapState),),
+        {"trailer": ("motion", "trailer")},
     ),
     SlotKind(
         "powertrain",
@@ -139,7 +172,17 @@ SLOTS: tuple[SlotKind, ...] = (
         "error",
         50.0,
         (Port("odometry", Odometry),),
-        {**_STATE, "steering": ("steering", "steering")},
+        {**_STATE, "steering": ("steering", "steering"), "wheels": ("motion", "wheels")},
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
+        "ground_speed",
+        ("swath.sensing.ground_speed",),
+        "radar",
+        10.0,
+        (Port("speed", GroundSpeed),),
+        _STATE,
         is_plural=True,
         is_exchangeable=True,
     ),
@@ -164,6 +207,23 @@ SLOTS: tuple[SlotKind, ...] = (
         is_exchangeable=True,
     ),
     SlotKind(
+        "peer_link",
+        ("swath.sensing.peer_link",),
+        "ideal",
+        10.0,
+        (Port("peer", PeerState),),
+        {
+            **_STATE,
+            "peer_state": (PEER + "motion", "state"),
+            "peer_trailer": (PEER + "motion", "trailer"),
+            "peer_load": (PEER + "process", "load"),
+            "peer_heap": (PEER + "heap", "heap"),
+            "peer_unload": (PEER + "unload", "unload"),
+            "peer_station": (PEER + "cooperate", "station"),
+        },
+        is_exchangeable=True,
+    ),
+    SlotKind(
         "edge",
         ("swath.control.edge", "swath.sensing.edge"),
         "likelihood_ratio",
@@ -174,6 +234,22 @@ SLOTS: tuple[SlotKind, ...] = (
             "scan": ("lidar", "scan"),
             "odometry": ("odometry", "odometry"),
             "inertial": ("imu", "inertial"),
+        },
+        is_control=True,
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
+        "objects",
+        ("swath.control.objects", "swath.sensing.objects"),
+        "cluster",
+        10.0,
+        (Port("objects", Objects),),
+        {
+            **_STATE,
+            "scan": ("lidar", "scan"),
+            "odometry": ("odometry", "odometry"),
+            "edge": ("edge", "edge"),
         },
         is_control=True,
         is_plural=True,
@@ -191,12 +267,36 @@ SLOTS: tuple[SlotKind, ...] = (
         is_exchangeable=True,
     ),
     SlotKind(
+        "cooperate",
+        ("swath.control.cooperate",),
+        "one_spot",
+        20.0,
+        (),
+        {
+            "peer": ("peer_link", "peer"),
+            "odometry": ("odometry", "odometry"),
+            "load": ("process", "load"),
+            "heap": ("heap", "heap"),
+            "unload": ("unload", "unload"),
+        },
+        more=(Port("station", Station), Port("command", UnloadCommand)),
+        is_control=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
         "steer",
         ("swath.control.steer",),
         "preview",
         50.0,
         (Port("command", SteerCommand),),
-        {**_STATE, "edge": ("edge", "edge"), "odometry": ("odometry", "odometry")},
+        {
+            **_STATE,
+            "edge": ("edge", "edge"),
+            "odometry": ("odometry", "odometry"),
+            "inertial": ("imu", "inertial"),
+            "station": ("cooperate", "station"),
+            "ground": ("ground_speed", "speed"),
+        },
         is_control=True,
         is_exchangeable=True,
     ),
@@ -213,6 +313,8 @@ SLOTS: tuple[SlotKind, ...] = (
             "feed": ("crop_flow", "feed"),
             "engine": ("powertrain", "engine"),
             "ahead": ("ahead", "ahead"),
+            "station": ("cooperate", "station"),
+            "objects": ("objects", "objects"),
         },
         is_control=True,
         is_exchangeable=True,
@@ -227,7 +329,7 @@ SLOTS: tuple[SlotKind, ...] = (
     ),
 )
 SLOT_NAMES = tuple(s.name for s in SLOTS)
-TRUTH = (MachineState, ScanTruth)  # what control never sees
+TRUTH = (MachineState, ScanTruth, TrailerState, WheelState)  # what control never sees
 
 
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:

@@ -25,19 +25,23 @@ _POSE = (
     TrackColumn("yaw_rad", "rad", "from east, > 0 left", _angle(2)),
 )
 _STATE = (
-    Message("nav_msgs/Odometry", frame="`map` -> `machine/base`"),
+    Message("nav_msgs/Odometry", frame="`map` -> `machine/base_link`"),
     Message(
         "sensor_msgs/NavSatFix",
         "the truth at 10 Hz, of a field on Earth, where no slot publishes a Fix",
         "/machine/slot/fix",
-        "`machine/base`",
+        "`machine/base_link`",
     ),
-    Message("tf2_msgs/TFMessage", "", "/tf", "`map` -> `machine/base`"),
+    Message("tf2_msgs/TFMessage", "", "/tf", "`machine/odom` -> `machine/base_link`"),
     Message(
         "tf2_msgs/TFMessage",
-        "mountings, start pose",
+        "mountings",
         "/tf_static",
-        "`machine/base` -> `machine/sensor`, `map` -> `machine/odom`",
+        "`machine/base_link` -> `machine/sensor`, `map` -> `machine/odom`",
+    ),
+    Message("std_msgs/String", "URDF of the first machine, for viewers", "/robot_description"),
+    Message(
+        "visualization_msgs/MarkerArray", "edge and boundary of the field", "/machine/field_markers", "`map`"
     ),
 )
 
@@ -62,6 +66,18 @@ class MachineState(Signal, about=About("world", _STATE, is_thinned=True, track_o
         ),
     ]
     distance: Annotated[float, Quantity("m", "travelled path length", column="distance_m")]
+
+
+@frozen
+class WheelState(Signal):
+    """Truth about the driven wheels, of a motion level that is asked for it."""
+
+    speed: Annotated[float, Quantity("m/s", "of their rims, what a sensor at the axle counts")]
+    slip: Annotated[
+        float, Quantity("", "faster than the ground passes, share of its speed", column="wheel_slip")
+    ]
+    traction: Annotated[float, Quantity("N", "that they pull, all together")]
+    load: Annotated[float, Quantity("N", "that presses them to the ground")]
 
 
 @frozen

@@ -13,7 +13,7 @@ _NAN = float("nan")
 class Odometry(
     Signal,
     about=About(
-        messages=(Message("nav_msgs/Odometry", frame="`machine/odom` -> `machine/base`"),), track_order=4
+        messages=(Message("nav_msgs/Odometry", frame="`machine/odom` -> `machine/base_link`"),), track_order=4
     ),
 ):
     """Measured motion."""

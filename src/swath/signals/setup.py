@@ -10,6 +10,49 @@ from swath.core.frames import Pose
 
 
 @dataclass(frozen=True)
+class Hitch:
+    """What is towed. x: of the pin ahead of the fixed axle; drawbar: from the pin back to the axle [m]"""
+
+    x: float
+    drawbar: float
+
+
+@dataclass(frozen=True)
+class OpenBox:
+    """A box that grain is poured into. x: its middle ahead of the origin of what carries it: the middle of
+    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m]
+    """
+
+    x: float
+    length: float
+    width: float
+    depth: float
+    floor: float
+
+    @property
+    def rim(self) -> float:
+        """Height of the rim above the ground [m]."""
+        return self.floor + self.depth
+
+
+@dataclass(frozen=True)
+class Pipe:
+    """An unloading pipe. x, y, z: its pivot in the machine frame [m]; length [m]: pivot to mouth, outward and
+    level; swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
+    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad]
+    """
+
+    x: float
+    y: float
+    z: float
+    length: float
+    swing: float
+    rate: float
+    exit_speed: float
+    fall: float
+
+
+@dataclass(frozen=True)
 class MachineGeometry:
     """Data-sheet geometry. Machine frame: origin at the middle of the fixed axle on the ground.
 
@@ -20,6 +63,7 @@ class MachineGeometry:
     knife_x: knife ahead of the fixed axle [m]; header_y: centre of the header, leftward [m]
     header_height: of its body above the knife [m]; header_depth: of its body behind the knife [m]
     body: rear end x, front end x, half width, bottom z, top z of the chassis box [m]
+    hitch, box, pipe: what it tows, pours grain into and out of, None where it has none
     """
 
     wheelbase: float
@@ -33,6 +77,9 @@ class MachineGeometry:
     header_depth: float
     body: tuple[float, float, float, float, float]
     steers_ahead: bool = field(default=False, kw_only=True)
+    hitch: Hitch | None = field(default=None, kw_only=True)
+    box: OpenBox | None = field(default=None, kw_only=True)
+    pipe: Pipe | None = field(default=None, kw_only=True)
 
     @property
     def has_header(self) -> bool:

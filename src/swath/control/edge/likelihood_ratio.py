@@ -17,7 +17,7 @@ from swath.control.edge.block_track import BlockTrack, Search
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.near_line import LineFit, NearLine
 from swath.control.edge.profile import crop_sign
-from swath.control.inclination import Inclination
+from swath.control.inclination import CRAB, Inclination
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -40,7 +40,7 @@ class Params:
     """search_m: standard deviation of where the edge is expected beside the header end, at the start
     hold_m: how far beyond the last place seen the edge is held
     reference_m: where ahead of the knife it is reported
-    crab: side slip per side slope [1], about 1 / the tyres' cornering stiffness over load
+    crab: side slip per side slope, or per lateral acceleration in g [1]
     upright_m: height of the crop where it stands upright, as the driver sees it; where it is lower the stand
     leans, perhaps out over the edge, which one scanner cannot tell: the edge is not sure there; 0 = not known
     slip_percent: by which the wheels turn faster than the ground passes, 2 to 6 % on stubble (uncited)
@@ -49,7 +49,7 @@ class Params:
     search_m: Annotated[float, Gt(0.1), Le(10)] = 1.5
     hold_m: Annotated[float, Ge(0), Le(20)] = 5.0
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
-    crab: Annotated[float, Ge(0), Le(1)] = 0.27
+    crab: Annotated[float, Ge(0), Le(1)] = CRAB
     upright_m: Annotated[float, Ge(0), Le(5)] = 0.0
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
 
@@ -100,9 +100,10 @@ class LikelihoodRatio(KeepsState):
         return {"edge": self._report(t + dt, speed, yaw_rate)}
 
     def _moved(self, speed: float, yaw_rate: float, seconds: float) -> tuple[float, float, float]:
-        """Where the machine stands some seconds after `_at`: along its heading, and down the slope."""
+        """Where the machine stands some seconds after `_at`: along its heading, and aside by crab."""
         x, u, heading = self._at
-        course = heading + 0.5 * yaw_rate * seconds - self._p.crab * self._rise()[1]
+        crab = self._inclination.crab(self._p.crab, self._sign * speed * yaw_rate)
+        course = heading + 0.5 * yaw_rate * seconds - self._sign * crab
         way = speed * seconds
         return x + way * cos(course), u + way * sin(course), heading + yaw_rate * seconds
 

@@ -1,28 +1,24 @@
 """Drive at one speed, as long as the crop edge is seen."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from swath.control.speed.edge_guard import EdgeGuard, Guard
+from swath.control.speed.guards import GUARD_INPUTS, Guarded, Guards
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import KMH
-from swath.signals import CropEdge, Odometry, SpeedCommand
+from swath.signals import Odometry, SpeedCommand
 from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)
-class Params:
-    """speed_kmh: wanted forward speed; a combine with a 12 m header in wheat works at 4 to 8 km/h
-
-    guard: where the edge is not confidently seen
-    """
+class Params(Guarded):
+    """speed_kmh: wanted forward speed; a combine with a 12 m header in wheat works at 4 to 8 km/h."""
 
     speed_kmh: Annotated[float, Ge(0), Le(40)] = 7.0
-    guard: Guard = field(default_factory=Guard)
 
 
 class ConstantSpeed(KeepsState):
@@ -30,12 +26,12 @@ class ConstantSpeed(KeepsState):
 
     kept = ("_guard",)
 
-    inputs = (Port("odometry", Odometry, optional=True), Port("edge", CropEdge, optional=True))
+    inputs = (Port("odometry", Odometry, optional=True), *GUARD_INPUTS)
     outputs = (Port("command", SpeedCommand),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._speed = params.speed_kmh * KMH
-        self._guard = EdgeGuard(params.guard)
+        self._guard = Guards(params, setup.machine)
 
     def reset(self, stream: Stream) -> Outputs:
         """The command at t = 0."""
@@ -44,7 +40,7 @@ class ConstantSpeed(KeepsState):
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The command that is valid at t + dt."""
-        speed = self._guard.limit(self._speed, inputs["edge"], inputs["odometry"], dt)
+        speed = self._guard.limit(self._speed, inputs, dt)
         return {"command": SpeedCommand(t + dt, speed)}
 
     def end_reason(self, t: int) -> str:

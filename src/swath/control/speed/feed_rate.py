@@ -9,14 +9,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.speed.edge_guard import EdgeGuard
+from swath.control.speed.guards import GUARD_INPUTS, Guards
 from swath.control.speed.throughput_target import Common, has_crop, ramped, room
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import KMH
-from swath.signals import CropEdge, EngineState, FeedReading, Odometry, SpeedCommand
+from swath.signals import EngineState, FeedReading, Odometry, SpeedCommand
 from swath.signals.setup import ControlSetup
 
 APART = 0.05  # command and wish may differ by this share before the integration waits
@@ -41,14 +41,14 @@ class FeedRate(KeepsState):
     inputs = (
         Port("feed", FeedReading, optional=True),
         Port("engine", EngineState, optional=True),
-        Port("edge", CropEdge, optional=True),
+        *GUARD_INPUTS,
         Port("odometry", Odometry, optional=True),
     )
     outputs = (Port("command", SpeedCommand),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._p = params
-        self._guard = EdgeGuard(params.guard)
+        self._guard = Guards(params, setup.machine)
 
     def reset(self, stream: Stream) -> Outputs:
         """Entry speed."""
@@ -71,7 +71,7 @@ class FeedRate(KeepsState):
         apart = wanted - self._speed
         if abs(apart) <= APART * self._speed or apart * self._free < 0.0:
             self._base *= 1.0 + h / p.reset_s * self._free
-        speed = self._guard.limit(self._speed, inputs.get("edge"), inputs.get("odometry"), dt)
+        speed = self._guard.limit(self._speed, inputs, dt)
         return {"command": SpeedCommand(t + dt, speed)}
 
     def end_reason(self, t: int) -> str:

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.speed.edge_guard import EdgeGuard
+from swath.control.speed.guards import GUARD_INPUTS, Guards
 from swath.control.speed.throughput_target import Common, has_crop, ramped, room
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
@@ -49,13 +49,13 @@ class LookAhead(KeepsState):
         Port("feed", FeedReading, optional=True),
         Port("engine", EngineState, optional=True),
         Port("ahead", CropAhead, optional=True),
-        Port("edge", CropEdge, optional=True),
+        *GUARD_INPUTS,
     )
     outputs = (Port("command", SpeedCommand),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._p = params
-        self._guard = EdgeGuard(params.guard)
+        self._guard = Guards(params, setup.machine)
         self._knife = setup.machine.knife_x
 
     def reset(self, stream: Stream) -> Outputs:
@@ -78,7 +78,7 @@ class LookAhead(KeepsState):
         self._learn(t + dt, odometry.speed, inputs["feed"], h)
         wanted = self._wanted(inputs["feed"], inputs["engine"])
         self._speed = ramped(p, self._speed, wanted, h)
-        speed = self._guard.limit(self._speed, inputs["edge"], odometry, dt)
+        speed = self._guard.limit(self._speed, inputs, dt)
         return {"command": SpeedCommand(t + dt, speed)}
 
     def end_reason(self, t: int) -> str:

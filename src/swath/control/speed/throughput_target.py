@@ -1,11 +1,11 @@
 """What both throughput controls share: how fast the wanted speed may change, and the error they work on."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Gt, Le
 
-from swath.control.speed.edge_guard import Guard
+from swath.control.speed.guards import Guarded
 from swath.core.errors import InputError
 from swath.core.units import KMH, PERCENT
 from swath.signals import EngineState, FeedReading
@@ -15,10 +15,9 @@ CROP_SHARE = 0.1  # below this share of the wanted throughput there is no crop i
 
 
 @dataclass(frozen=True, kw_only=True)
-class Common:
+class Common(Guarded):
     """throughput_kg_s: wanted, grain and straw; engine_load_percent: the load that is not to be exceeded
     entry_speed_kmh: as long as no crop comes; min_speed_kmh, max_speed_kmh: bounds
-    guard: where the edge is not confidently seen
     ramp_kmh_s: largest change up, 0.2-0.4 in practice (uncited estimate); slow_kmh_s: largest change down
     """
 
@@ -29,7 +28,6 @@ class Common:
     max_speed_kmh: Speed = 10.0
     ramp_kmh_s: Speed = 0.3
     slow_kmh_s: Speed = 1.0
-    guard: Guard = field(default_factory=Guard)
 
     def __post_init__(self) -> None:
         if self.min_speed_kmh > self.max_speed_kmh:

@@ -3,7 +3,7 @@
 from collections import deque
 from typing import NamedTuple
 
-from swath.core.component import KeepsState, State
+from swath.core.component import KeepsState
 
 
 class Place(NamedTuple):
@@ -14,25 +14,36 @@ class Place(NamedTuple):
     heading: float
 
 
-class ActuatorModel:
-    """Path curvature that follows the commands after a dead time [s] with a first-order lag [s]."""
+class ActuatorModel(KeepsState):
+    """Path curvature that follows the commands after a dead time [s] with a first-order lag [s].
 
-    def __init__(self, dead_time: float, lag: float, period: float) -> None:
+    What is driven less what was commanded is learned over a `distance` [m]: understeer, wheel slip, an offset
+    of the steering angle. 0 = never.
+
+    curvature: driven now; deficit: by which the commands exceed what is driven in the long run [1/m]
+    """
+
+    kept = ("curvature", "deficit", "_pending", "_model")
+
+    def __init__(self, dead_time: float, lag: float, period: float, distance: float = 0.0) -> None:
         self._share = period / (lag + period)
         self._period = period
         self._pending: deque[float] = deque(maxlen=max(1, round(dead_time / period)))
         self._more = round(lag / period)
+        self._rate = 1.0 / distance if distance > 0.0 else 0.0
         self.reset()
 
     def reset(self) -> None:
         """Everything at rest, straight ahead."""
         self._pending.extend([0.0] * (self._pending.maxlen or 1))
-        self.curvature = 0.0
+        self.curvature, self.deficit, self._model = 0.0, 0.0, 0.0
 
-    def push(self, command: float, measured: float) -> None:
-        """A period passed with `command` [1/m] given at its start; `measured` is the curvature driven now."""
+    def push(self, command: float, measured: float, travel: float) -> None:
+        """A period of `travel` [m] passed with `command` [1/m] given at its start; `measured` is driven."""
+        self._model += self._share * (self._pending[0] - self._model)
         self._pending.append(command)
         self.curvature = measured
+        self.deficit += min(1.0, travel * self._rate) * (self._model - measured - self.deficit)
 
     def ahead(self, speed: float, slip: float) -> Place:
         """Where the machine will stand when the next command has taken hold: dead time and lag later.
@@ -43,21 +54,12 @@ class ActuatorModel:
         x = y = heading = 0.0
         curvature = self.curvature
         for command in [*self._pending, *([self._pending[-1]] * self._more)]:
-            curvature += self._share * (command - curvature)
+            curvature += self._share * (command - self.deficit - curvature)
             turn = speed * self._period * curvature
             x += speed * self._period
             y += speed * self._period * (heading + 0.5 * turn + slip)
             heading += turn
         return Place(x, y, heading)
-
-    def save(self) -> State:
-        """Pending commands and the present curvature."""
-        return {"pending": list(self._pending), "curvature": self.curvature}
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        self._pending.extend(state["pending"])
-        self.curvature = state["curvature"]
 
 
 class SlipObserver(KeepsState):

@@ -27,13 +27,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
+from swath.control.inclination import CRAB, Inclination
 from swath.control.steer.plant_model import ActuatorModel, Place, SlipObserver
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import CM, DEG
-from swath.signals import CropEdge, Odometry, SteerCommand
+from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup
 
 CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the slip observer rests
@@ -47,7 +48,9 @@ class Params:
     lookahead_m, lookahead_s: preview distance d is the greater of lookahead_m and lookahead_s times speed
     approach_deg: steepest angle at which a far edge is approached
     dead_time_s, lag_s: of the steering, bridged by prediction
+    trim_m: distance over which it is learnt how far the machine understeers, 0 = never
     slip_m: distance over which side slip is learnt, 0 = never; slip_step_cm: errors beyond are no slip
+    crab: side slip that is expected, per side slope or lateral acceleration in g [1]
     rate_deg_s: limit of the wanted steering angle's rate; share_of_lock: of the steering angle that is used
     hold_s: after losing the edge the bend driven last is held for so long, then the law lets go, the wheels
     stay where they are and a person must steer; engage_s: time to blend in when an edge is found
@@ -59,8 +62,10 @@ class Params:
     approach_deg: Annotated[float, Gt(0), Le(45)] = 12.0
     dead_time_s: Annotated[float, Ge(0), Le(2)] = 0.15
     lag_s: Annotated[float, Ge(0), Le(2)] = 0.2
+    trim_m: Annotated[float, Ge(0), Le(1000)] = 12.0
     slip_m: Annotated[float, Ge(0), Le(1000)] = 6.0
     slip_step_cm: Annotated[float, Gt(0), Le(100)] = 10.0
+    crab: Annotated[float, Ge(0), Le(1)] = CRAB
     rate_deg_s: Annotated[float, Gt(0), Le(90)] = 15.0
     share_of_lock: Annotated[float, Gt(0), Le(1)] = 0.8
     hold_s: Annotated[float, Ge(0), Le(10)] = 1.0
@@ -70,9 +75,13 @@ class Params:
 class Preview(KeepsState):
     """The header end is aimed along the edge, with prediction over the delay and a slip observer."""
 
-    kept = ("_command", "_held", "_engaged", "_lost", "_slip", "_actuator")
+    kept = ("_command", "_held", "_engaged", "_lost", "_observer", "_slip", "_actuator", "_inclination")
 
-    inputs = (Port("edge", CropEdge), Port("odometry", Odometry))
+    inputs = (
+        Port("edge", CropEdge),
+        Port("odometry", Odometry),
+        Port("inertial", Inertial, history=True, optional=True),
+    )
     outputs = (Port("command", SteerCommand),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
@@ -84,15 +93,19 @@ class Preview(KeepsState):
         self._wheelbase = machine.wheelbase
         self._limit = tan(params.share_of_lock * machine.max_steer) / machine.wheelbase
         self._rate = params.rate_deg_s * DEG / machine.wheelbase
-        self._actuator = ActuatorModel(params.dead_time_s, params.lag_s, setup.period)
-        self._slip = SlipObserver(params.slip_m, params.slip_step_cm * CM, 4.0 * DEG)
+        self._actuator = ActuatorModel(params.dead_time_s, params.lag_s, setup.period, params.trim_m)
+        self._observer = SlipObserver(params.slip_m, params.slip_step_cm * CM, 4.0 * DEG)
+        self._inclination = Inclination(setup.mountings.get("inertial"))
+        self._slip = 0.0  # direction of travel to the left of what the steering explains [rad]
         self._command, self._held = 0.0, 0.0
         self._engaged, self._lost = 0.0, float("inf")
 
     def reset(self, stream: Stream) -> Outputs:
         """Straight ahead, not engaged, until an edge is seen."""
         self._actuator.reset()
-        self._slip.reset()
+        self._observer.reset()
+        self._inclination.clear()
+        self._slip = 0.0
         self._command, self._held = 0.0, 0.0
         self._engaged, self._lost = 0.0, float("inf")
         return {"command": SteerCommand(0, 0.0, False)}
@@ -101,13 +114,17 @@ class Preview(KeepsState):
         """The wanted curvature from the newest edge and odometry, valid at t + dt."""
         edge, odometry = inputs["edge"], inputs["odometry"]
         seconds = dt / NS
-        self._actuator.push(self._command, self._measured(odometry))
+        speed = odometry.speed if isfinite(odometry.speed) else 0.0
+        self._actuator.push(self._command, self._measured(odometry), max(speed, 0.0) * seconds)
+        self._inclination.take(inputs.get("inertial"), speed)
+        expected = -self._inclination.crab(self._p.crab, speed * self._actuator.curvature * speed)
+        self._slip = self._observer.slip + expected
         if edge is not None and _is_usable(edge) and odometry.speed > 0.0:
             self._engaged, self._lost = self._engaged + seconds, 0.0
             wanted = self._follow(edge, odometry.speed, (t + dt - edge.t) / NS, seconds)
         else:
             self._engaged, self._lost = 0.0, self._lost + seconds
-            self._slip.restart()
+            self._observer.restart()
             wanted = self._held if self._lost <= self._p.hold_s else 0.0
         step = self._rate * seconds
         wanted = min(max(wanted, -self._limit), self._limit)
@@ -128,12 +145,13 @@ class Preview(KeepsState):
         now = self._moved(speed * max(age, 0.0))
         if speed > CRAWL:
             error, angle = self._target(edge, now)
-            self._slip.update(error, angle - self._direction(self._actuator.curvature), speed * seconds)
-        error, angle = self._target(edge, _chain(now, self._actuator.ahead(speed, self._slip.slip)))
+            drift = angle - self._direction(self._actuator.curvature) - (self._slip - self._observer.slip)
+            self._observer.update(error, drift, speed * seconds)
+        error, angle = self._target(edge, _chain(now, self._actuator.ahead(speed, self._slip)))
         preview = max(p.lookahead_m, p.lookahead_s * speed)
         steepest = p.approach_deg * DEG
         approach = min(max(atan(error / preview), -steepest), steepest)
-        wanted = self._curvature(angle + approach - self._slip.slip)
+        wanted = self._curvature(angle + approach - self._slip) + self._actuator.deficit
         self._held += min(1.0, seconds / 0.5) * (wanted - self._held)
         blend = 1.0 if p.engage_s <= 0.0 else min(1.0, self._engaged / p.engage_s)
         return self._command + blend * (wanted - self._command)
@@ -141,7 +159,7 @@ class Preview(KeepsState):
     def _moved(self, distance: float) -> Place:
         """Where the machine stands after `distance` [m] at the curvature driven now."""
         heading = distance * self._actuator.curvature
-        return Place(distance, distance * (0.5 * heading + self._slip.slip), heading)
+        return Place(distance, distance * (0.5 * heading + self._slip), heading)
 
     def _direction(self, curvature: float) -> float:
         """E's direction of travel against the machine's heading [rad] at a curvature [1/m]."""

@@ -35,6 +35,8 @@ class ContactWatch:
     METRICS = (
         Metric("contact_count", "", "times that the machine touched an obstacle or another machine", "Safety",
                "lower", "contacts", "", decimals=0),
+        Metric("least_clearance_m", "m", "least distance to an obstacle or machine, a lower bound above 5 m",
+               "Safety", "higher", "least clearance"),
     )  # fmt: skip
     COLUMNS = ("clearance_m",)
     EVENTS = ("contact",)
@@ -44,7 +46,7 @@ class ContactWatch:
         self.setup = setup
         self._next = 0
         self._count = 0
-        self._clearance = float("nan")
+        self._clearance, self._least = float("nan"), float("inf")
         self._touched: dict[str, _Touch] = {}  # by the other body
         self._events: list[Event] = []
         self._reason = ""
@@ -57,8 +59,9 @@ class ContactWatch:
                 self._look(signal)
 
     def metrics(self) -> dict[str, float]:
-        """How often it touched something."""
-        return {"contact_count": float(self._count)}
+        """How often it touched something, and how near it came where there is something."""
+        least = {"least_clearance_m": self._least} if self._least < float("inf") else {}
+        return {"contact_count": float(self._count), **least}
 
     def columns(self) -> tuple[Column, ...]:
         """Distance to the nearest body."""
@@ -79,6 +82,7 @@ class ContactWatch:
 
     def _look(self, state: MachineState) -> None:
         distance, _ = self.setup.bodies.clearance(self.setup.name)
+        self._least = min(self._least, distance)
         self._clearance = distance if distance <= FAR_M else float("nan")
         for contact in self.setup.bodies.contacts(self.setup.name) if distance == 0.0 else []:
             if contact.second not in self._touched:

@@ -5,14 +5,14 @@ from math import fsum
 
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.signals import CropFlow, MachineLoad, Signal
+from swath.signals import CropFlow, MachineLoad, Signal, UnloadState
 
 
 class MassBalance:
     """Recounts the field and compares with what all its machines account for."""
 
     OF_FIELD = True
-    SIGNALS = (CropFlow, MachineLoad)
+    SIGNALS = (CropFlow, MachineLoad, UnloadState)
     METRICS = (
         Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
                "losses and on the ground| / left the field", "Harvest", "lower", decimals=-1,
@@ -24,6 +24,7 @@ class MassBalance:
         self._in_transit: dict[str, list[float]] = {}  # machine -> grain, straw between header and process
         self._shed: dict[str, float] = {}
         self._loads: dict[str, MachineLoad] = {}
+        self._unloads: dict[str, UnloadState] = {}
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note what a header took in and what a machine holds."""
@@ -38,12 +39,15 @@ class MassBalance:
                 name = slot.partition(".")[0]
                 self._loads[name] = signal
                 self._in_transit[name] = [0.0, 0.0]
+            elif isinstance(signal, UnloadState):
+                self._unloads[slot.partition(".")[0]] = signal
 
     def metrics(self) -> dict[str, float]:
         """The error as it stands now."""
         missing = self.setup.field.recount()
         held = [self.accounted(name) for name in self._in_transit]
-        on_ground = self.setup.field.ground_grain_kg
+        boxes = [box.gained for box in self.setup.bodies.boxes.values()]
+        on_ground = fsum([self.setup.field.ground_grain_kg, *boxes])
         grain = balance_error(float(missing.grain), fsum(h[0] for h in held) + on_ground)
         straw = balance_error(float(missing.straw), fsum(h[1] for h in held))
         return {"mass_balance_error": max(grain, straw)}
@@ -58,6 +62,8 @@ class MassBalance:
         if (load := self._loads.get(name)) is not None:
             grain += load.tank_grain - load.tank_start + load.lost_grain + load.held_grain
             straw += load.dropped_straw + load.held_straw
+            if (unload := self._unloads.get(name)) is not None:  # drawn, and not yet booked by the process
+                grain += load.unloaded_grain - unload.drawn + unload.held
         return grain, straw
 
 

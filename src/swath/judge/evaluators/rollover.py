@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from math import acos, cos, degrees, radians, sqrt
-from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -15,13 +14,6 @@ from swath.signals import MachineState, Signal
 TIPPED = radians(20.0)  # one side's wheels are a metre up, the header's end is in the ground
 PERIOD = NS // 50  # of looking [ns]
 NEAR = np.array([[1.5, 0.0], [-1.5, 0.0], [0.0, 1.5], [0.0, -1.5]])  # where the ground is looked up [m]
-
-
-@runtime_checkable
-class KnowsGround(Protocol):
-    """A field that knows its ground. ground_height: at x, y [m]."""
-
-    def ground_height(self, x: Any, y: Any) -> Any: ...
 
 
 class Rollover:
@@ -43,7 +35,6 @@ class Rollover:
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
-        self._field = setup.field if isinstance(setup.field, KnowsGround) else None
         self._next = 0
         self._events: list[Event] = []
 
@@ -70,11 +61,9 @@ class Rollover:
     def _tilt(self, state: MachineState) -> float:
         """Angle between the machine's vertical axis and the normal of the ground under it [rad]."""
         up = state.pose.rotation[:, 2]
-        normal = np.array([0.0, 0.0, 1.0])
-        if self._field is not None:
-            x, y = (state.pose.position[:2] + NEAR).T
-            east, west, north, south = np.asarray(self._field.ground_height(x, y)).tolist()
-            normal = np.array([(west - east) / 3.0, (south - north) / 3.0, 1.0])
+        x, y = (state.pose.position[:2] + NEAR).T
+        east, west, north, south = np.asarray(self.setup.field.ground_height(x, y)).tolist()
+        normal = np.array([(west - east) / 3.0, (south - north) / 3.0, 1.0])
         return acos(min(max(float(product(up, normal)) / sqrt(float(product(normal, normal))), -1.0), 1.0))
 
     def _note(self, state: MachineState, tilt: float) -> None:

@@ -25,7 +25,7 @@ from swath.link.can import guidance, j1939
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, check_bus
 from swath.scenario.slots import kind_of
-from swath.signals import CropEdge, Odometry, SteerCommand
+from swath.signals import CropEdge, GroundSpeed, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 
 ASK_AGAIN = 0.5  # s
@@ -108,7 +108,7 @@ class CanSteering:
             raise InputError("cycle_ms", params.cycle_ms, expected)
         inside = params.box == "inside"
         self._law = params.make_law(setup.control, setup.base) if inside else None
-        wanted = {"edge": CropEdge, "odometry": Odometry}
+        wanted = {"edge": CropEdge, "odometry": Odometry, "ground": GroundSpeed}
         self.inputs = tuple(p for p in setup.inputs if wanted.get(p.name) is p.signal)
         self.outputs = (Port("command", SteerCommand),)
         self._node: Node | None = None
@@ -151,7 +151,7 @@ class CanSteering:
             if not self._p.lock_step:
                 self._hear(heard, end)
         if end >= (self._cycle + 1) * self._p.period:
-            self._send_cycle(node, end, odometry, inputs.get("edge"))
+            self._send_cycle(node, end, inputs)
             if self._p.lock_step:
                 self._await_answer(node, end)
         if not self._p.lock_step and self._guidance.is_overdue(end):
@@ -212,12 +212,15 @@ class CanSteering:
         self._guidance.hear(message, t)
         return True
 
-    def _send_cycle(self, node: Node, t: int, odometry: Odometry | None, edge: CropEdge | None) -> None:
+    def _send_cycle(self, node: Node, t: int, inputs: Inputs) -> None:
         wheelbase = self._control.machine.wheelbase
+        odometry: Odometry | None = inputs.get("odometry")
+        ground: GroundSpeed | None = inputs.get("ground")
         speed = None if odometry is None else odometry.speed
-        line, quality = guidance.edge_values(edge, t, self._cycle)
+        line, quality = guidance.edge_values(inputs.get("edge"), t, self._cycle)
+        over_ground = (speed, self._distance) if ground is None else (ground.speed, ground.distance)
         node.send(guidance.WHEEL, guidance.speed_values("Wheel", speed, self._distance))
-        node.send(guidance.GROUND, guidance.speed_values("Ground", speed, self._distance))
+        node.send(guidance.GROUND, guidance.speed_values("Ground", *over_ground))
         node.send(guidance.STATUS, guidance.status_values(self._guidance, odometry, wheelbase))
         node.send(guidance.EDGE_LINE, line)
         node.send(guidance.EDGE_QUALITY, quality)

@@ -4,6 +4,7 @@ Plain ctypes with arrays made once: only the functions that are used must be the
 """
 
 import ctypes
+import re
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,6 +26,10 @@ _TYPES: dict[str, Any] = {
     "Float64": ctypes.c_double,
     **{f"{u}Int{n}": getattr(ctypes, f"c_{u.lower()}int{n}") for u in ("", "U") for n in (8, 16, 32, 64)},
 }
+_BOOLEANS: dict[int, Any] = {1: ctypes.c_byte, 2: ctypes.c_int, 3: ctypes.c_bool}
+_MISSING = re.compile(
+    r"^(?P<file>(?P<name>lib[^/\s]+?)\.so\.?(?P<version>\d*)[\d.]*): cannot open shared object"
+)
 _LOGS: dict[str, "deque[str]"] = {}
 
 
@@ -65,13 +70,12 @@ def make_groups(variables: Sequence[Variable], major: int) -> list[Group]:
         if not group[0].is_number:
             raise FmuError(f"variable {group[0].name} is of type {kind}, expected a number or a boolean")
         if kind == "Enumeration":
-            kind = "Integer" if major == 2 else "Int64"
-        boolean = ctypes.c_int if major == 2 else ctypes.c_bool
+            kind = "Int64" if major == 3 else "Integer"
         refs = [r for v in group for r in v.refs]
         start, count = made[-1].stop if made else 0, sum(v.size for v in group)
-        values = (_TYPES.get(kind, boolean) * count)()
+        values = (_TYPES.get(kind, _BOOLEANS[major]) * count)()
         args: tuple[Any, ...] = ((ctypes.c_uint * len(refs))(*refs), ctypes.c_size_t(len(refs)), values)
-        args = args if major == 2 else (*args, ctypes.c_size_t(count))
+        args = (*args, ctypes.c_size_t(count)) if major == 3 else args
         is_discrete = variability == "discrete"
         made.append(Group(kind, group[0].kind, values, args, start, start + count, is_discrete))
     return made
@@ -86,13 +90,15 @@ class Library:
     def __init__(self, description: Description, folder: Path, name: str) -> None:
         assert description.library is not None
         self.prefix, self.name = f"fmi{description.major}", name
+        if description.major == 1:  # its functions are named after the model
+            self.prefix = f"{Path(description.library).stem}_fmi"
         self.messages: deque[str] = deque(maxlen=KEPT_MESSAGES)
         self.is_dead = False
         _LOGS[name] = self.messages
         try:
             self._dll = ctypes.CDLL(str(folder / description.library))
         except OSError as error:
-            raise FmuError(f"its binary {description.library} cannot be loaded: {error}") from error
+            raise FmuError(f"its binary {description.library} {why_not_loaded(str(error))}") from error
 
     def function(self, name: str) -> Any:
         """A function of the FMU by its name without prefix. FmuError where the binary has none."""
@@ -135,19 +141,34 @@ def log_categories(description: Description) -> tuple[Any, Any] | None:
     return (ctypes.c_size_t(len(found)), (ctypes.c_char_p * len(found))(*found)) if found else None
 
 
+def why_not_loaded(text: str) -> str:
+    """What the loader said of a binary, with the package in which a missing system library is."""
+    found = _MISSING.match(text)
+    if found is None:
+        return f"cannot be loaded: {text}"
+    name, version = found["name"], found["version"]
+    package = f"{name}{'-' if name[-1].isdigit() and version else ''}{version}".lower().replace("_", "-")
+    return (
+        f"needs the system library {found['file']}, which is not on this machine; on Debian and Ubuntu it is "
+        f"in the package {package}"
+    )
+
+
 @cache
-def callbacks2() -> Any:
-    """The callbacks that all instances of FMI 2 share (FMI 2.0.4, section 2.1.5)."""
-    from fmpy import calloc, fmi2, free
+def callbacks(major: int) -> Any:
+    """The callbacks that all instances of FMI 1 or 2 share (FMI 2.0.4, section 2.1.5)."""
+    from fmpy import calloc, fmi1, fmi2, free
+
+    module, prefix = (fmi1, "fmi1Callback") if major == 1 else (fmi2, "fmi2Callback")
 
     def log(_: Any, name: bytes | None, status: int, __: Any, message: bytes | None) -> None:
         if status >= WARNING and (kept := _LOGS.get(_text(name))) is not None:
             kept.append(_text(message))
 
-    made = fmi2.fmi2CallbackFunctions()
-    made.logger = fmi2.fmi2CallbackLoggerTYPE(log)
-    made.allocateMemory = ctypes.cast(calloc, fmi2.fmi2CallbackAllocateMemoryTYPE)
-    made.freeMemory = ctypes.cast(free, fmi2.fmi2CallbackFreeMemoryTYPE)
+    made = getattr(module, prefix + "Functions")()
+    made.logger = getattr(module, prefix + "LoggerTYPE")(log)
+    made.allocateMemory = ctypes.cast(calloc, getattr(module, prefix + "AllocateMemoryTYPE"))
+    made.freeMemory = ctypes.cast(free, getattr(module, prefix + "FreeMemoryTYPE"))
     try:
         from fmpy.logging import addLoggerProxy
 

@@ -15,6 +15,7 @@ from swath.link.fmi.ssp import SUFFIXES, read_system
 
 Row = tuple[str, str, str]  # what was looked at, result (ok, note or bad), what was found
 SHOWN_FAULTS = 20
+NOT_SAVED = "cannot be saved, nor can a run with it"
 
 
 def check_fmu(
@@ -43,7 +44,7 @@ def _check(fmu: Description, step_s: float, duration_s: float, timeout_s: float)
     if fmu.needs_tool:
         rows.append(("tool", "note", "it says that it needs the tool that exported it"))
     if fmu.one_per_process:
-        rows.append(("process", "note", "one instance per process; further ones get their own"))
+        rows.append(("process", "note", "one instance per process: it gets its own"))
     if fmu.library is None:
         has = ", ".join(fmu.platforms) or "none"
         rows.append(("binary", "bad", f"none for this system; it has: {has}"))
@@ -106,7 +107,13 @@ class _Trial:
 
     def _state(self) -> tuple[str, str]:
         if not self.fmu.saves_state:
-            return "note", "cannot be saved, nor can a run with it"
+            return "note", NOT_SAVED
+        try:
+            return "ok", self._saved()
+        except FmuError as error:
+            return "note", f"{NOT_SAVED}, though it says so: {error}"
+
+    def _saved(self) -> str:
         t = self.count * self.step_s
         how = "as bytes" if self.fmu.serializes else "in memory only"
         state = self.unit.save()
@@ -114,12 +121,14 @@ class _Trial:
         self.unit.load(state)
         if self.unit.step(t, self.step_s, self.numbers) != ahead:
             raise FmuError(f"saved {how}, but going back gives other outputs")
-        return "ok", f"saved {how}, going back gives the same outputs"
+        return f"saved {how}, going back gives the same outputs"
 
     def _again(self) -> tuple[str, str]:
-        if self.unit.start({}) == self.first:
-            return "ok", "same outputs as at first"
-        return "note", "other outputs than at first"
+        said = set(self.unit.notes)
+        is_same = self.unit.start({}) == self.first
+        if new := [note for note in self.unit.notes if note not in said]:
+            return "note", "; ".join(new)
+        return ("ok", "same outputs as at first") if is_same else ("note", "other outputs than at first")
 
     def _look(self, values: Sequence[float], t: float) -> None:
         left = iter(values)

@@ -45,7 +45,7 @@ class ChildProcess:
         timeout_s: float,
         notes: Sequence[str] = (),
     ) -> None:
-        self.notes = notes
+        self.notes = [*notes]
         self._spec = (replace(description, package=None), name, tuple(inputs), tuple(outputs))
         self._remove: Any = None  # the unpacked files, here so that it is done even if the child dies
         self.folder: Path | None = None
@@ -54,13 +54,33 @@ class ChildProcess:
         self._pipe: Connection | None = None
 
     def start(self, starts: Mapping[str, Any]) -> list[float]:
-        """Start the process if there is none, and the FMU in it; outputs at t = 0."""
+        """Start the process if there is none, and the FMU in it; outputs at t = 0.
+
+        A start after the first gets a new process where the FMU allows one instance per process, or fails to
+        start again in the old one.
+        """
+        is_first = self.child is None
+        if not is_first and self._spec[0].one_per_process:
+            self.close()
+        try:
+            return self._start(starts)
+        except FmuError:
+            if is_first:
+                raise
+            self.close()
+        found = self._start(starts)
+        self._note("it cannot be started again in one process and got a new one")
+        return found
+
+    def _start(self, starts: Mapping[str, Any]) -> list[float]:
         if self.child is None:
             folder = self.folder = unpack(self._spec[0].file)
             self._remove = weakref.finalize(self, shutil.rmtree, folder, True)
             self._launch()
             self._ask("make", *self._spec, folder, doing="being loaded", extra_s=START_TIMEOUT_S)
         found: list[float] = self._ask("start", dict(starts), doing="initialising", extra_s=START_TIMEOUT_S)
+        for note in self._ask("told", doing="being asked"):
+            self._note(note)
         return found
 
     def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
@@ -94,6 +114,10 @@ class ChildProcess:
                 child.wait()
         if self._remove is not None:
             self._remove()
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
 
     def _launch(self) -> None:
         ours, theirs = socket.socketpair()

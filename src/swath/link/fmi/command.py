@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath import __version__
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""
@@ -117,7 +119,11 @@ def run_export(args: argparse.Namespace) -> int:
         raise scenario.locate(error) from error
     rows = [(v.name, v.causality, v.kind, v.unit, v.description) for v in variables]
     table("", ("variable", "causality", "type", "unit", "description"), rows)
-    print(f"{args.out}  FMI {args.fmi}; the importer needs a Python with swath (docs/fmu-export.md)")
+    print(
+        f"{args.out}  FMI {args.fmi}, for Linux and Windows on x86-64: the importer needs a Python with "
+        f"swath {__version__}; one that is no Python program starts with PYTHONHOME and "
+        "LD_PRELOAD=libpython3.so (Windows: python3.dll in PATH), see docs/fmu-export.md"
+    )
     return 0
 
 

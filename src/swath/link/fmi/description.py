@@ -15,7 +15,7 @@ from swath.link.fmi.repair import repaired
 from swath.link.fmi.units import BASE, Unit, known_unit
 
 KINDS = {"Real": "real", "Boolean": "bool", "String": "string", "Integer": "int", "Enumeration": "int"}
-UNREADABLE = "expected an FMU of FMI 2 or 3, its description cannot be read"
+UNREADABLE = "expected an FMU of FMI 1, 2 or 3, its description cannot be read"
 _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
 
 
@@ -89,7 +89,7 @@ class Description:
 
     @property
     def major(self) -> int:
-        """2 or 3."""
+        """1, 2 or 3."""
         return int(self.version.partition(".")[0])
 
     def of(self, *causalities: str) -> list[Variable]:
@@ -150,6 +150,8 @@ def read_fmu(file: Path, key: str = "file") -> Description:
 def _described(file: Path, key: str, names: list[str], fmpy: Any) -> Description:
     model, faults = _model(file, key)
     side = model.coSimulation
+    if side is not None and model.fmiMajorVersion == 1:
+        _read_capabilities(file, side)
     if side is None:
         has = "model exchange" if model.modelExchange is not None else "scheduled execution"
         raise InputError(key, str(file), f"expected an FMU for co-simulation, this one is for {has} only")
@@ -209,7 +211,7 @@ def _variables(model: Any, units: dict[str | None, Unit | None], faults: list[st
         found[v.name] = _variable(v, units)
         if v.start is not None and found[v.name].start is None:
             faults.append(f"the start value of {v.name}, {v.start!r}, is no number")
-    return found | _arrays(found) if model.fmiMajorVersion == 2 else found
+    return found if model.fmiMajorVersion == 3 else found | _arrays(found)
 
 
 def _variable(v: Any, units: dict[str | None, Unit | None]) -> Variable:
@@ -252,7 +254,7 @@ def _truth(word: str) -> float:
 
 
 def _arrays(scalars: dict[str, Variable]) -> dict[str, Variable]:
-    """Arrays of FMI 2: all of `name[i]` or `name[i,j]`, rows first, as one variable `name`."""
+    """Arrays of FMI 1 and 2: all of `name[i]` or `name[i,j]`, rows first, as one variable `name`."""
     groups: dict[str, list[tuple[tuple[int, ...], Variable]]] = {}
     for variable in scalars.values():
         if (match := _INDEXED.match(variable.name)) and variable.is_number:
@@ -300,6 +302,18 @@ def _clocks(file: Path) -> tuple[Clock, ...]:
     return tuple(found)
 
 
+def _read_capabilities(file: Path, side: Any) -> None:
+    """What FMI 1 says of co-simulation, which fmpy does not read."""
+    from xml.etree import ElementTree
+
+    with zipfile.ZipFile(file) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    side.needsExecutionTool = root.find("Implementation/CoSimulation_Tool") is not None
+    for node in root.iterfind("Implementation/*/Capabilities"):
+        for name in ("canHandleVariableCommunicationStepSize", "canBeInstantiatedOnlyOncePerProcess"):
+            setattr(side, name, node.get(name) in ("true", "1"))
+
+
 def _number(value: Any) -> float | None:
     try:
         return None if value is None else float(value)
@@ -332,6 +346,9 @@ def need_library(description: Description, key: str = "file") -> str:
     import fmpy
 
     has = ", ".join(description.platforms) or "none"
-    wanted = fmpy.platform if description.major == 2 else fmpy.platform_tuple
-    text = f"expected an FMU with a binary for {wanted}, this one has {has}"
+    wanted = fmpy.platform_tuple if description.major == 3 else fmpy.platform
+    text = (
+        f"expected an FMU with a binary for {wanted}, this one has {has}: export it for this system, or run "
+        "it where it can and connect it over ROS 2 or CAN (docs/ros2.md, docs/hil.md)"
+    )
     raise InputError(key, str(description.file), text)

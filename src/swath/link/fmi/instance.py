@@ -1,4 +1,4 @@
-"""A running FMU: started, stepped, saved, closed. What FMI 2 and 3 have in common.
+"""A running FMU: started, stepped, saved, closed. What the versions of FMI have in common.
 
 Numbers go in and come out as flat lists, in the order of the variables given, arrays element by element.
 """
@@ -36,10 +36,13 @@ class Instance(ABC):
 
     folder: where the caller unpacked it and removes it; None = the instance does both
     remembered: attributes that belong to the state beside the FMU's own
+    END, FREE: functions that end and free an instance
     """
 
     notes: Sequence[str] = ()
     remembered: ClassVar[tuple[str, ...]] = ()
+    END: ClassVar[str] = "Terminate"
+    FREE: ClassVar[str] = "FreeInstance"
 
     def __init__(
         self,
@@ -160,6 +163,10 @@ class Instance(ABC):
     @abstractmethod
     def _advance(self, t: float, h: float, inputs: Numbers) -> None: ...
 
+    def told(self) -> list[str]:
+        """The notes."""
+        return [*self.notes]
+
     def outputs(self) -> list[float]:
         """All outputs now."""
         found: list[float] = []
@@ -184,7 +191,7 @@ class Instance(ABC):
             one, values = ctypes.c_size_t(1), (ctypes.c_char_p * 1)(str(value).encode("utf-8"))
             args = ((ctypes.c_uint * 1)(variable.refs[0]), one, values)
             self.library.call(
-                "SetString", self.handle, *args, *(() if self.description.major == 2 else (one,))
+                "SetString", self.handle, *args, *((one,) if self.description.major == 3 else ())
             )
 
     def _load(self) -> None:
@@ -204,8 +211,8 @@ class Instance(ABC):
             self.library.function(self._state_name("Free{}"))(self.handle, ctypes.byref(state))
         self._kept.clear()
         if self.is_running:
-            self.library.function("Terminate")(self.handle)
-        self.library.function("FreeInstance")(self.handle)
+            self.library.function(self.END)(self.handle)
+        self.library.function(self.FREE)(self.handle)
         self.handle, self.is_running = None, False
 
     def _state_call(self, name: str, *args: Any) -> None:

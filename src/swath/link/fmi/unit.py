@@ -1,15 +1,12 @@
 """An FMU made ready to run: in this process, or in one of its own."""
 
-import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from swath.link.fmi.child_process import ChildProcess
 from swath.link.fmi.description import Description, Variable, need_library
-from swath.link.fmi.instance import Instance, Steps
+from swath.link.fmi.instance import Steps
 from swath.link.fmi.make_instance import make_instance
-
-_LIVE: dict[str, weakref.WeakSet[Instance]] = {}  # in this process, of FMUs that allow one, by token
 
 
 class Unit(Protocol):
@@ -39,15 +36,12 @@ def make_unit(
     """One FMU. own: in a process of its own, whose answers may take timeout_s.
 
     Foreign code runs when it is started, not here. An FMU that allows one instance per process gets its own
-    process when there is one already. InputError without a binary for this system.
+    process. InputError without a binary for this system.
     """
     need_library(fmu)
-    live = _LIVE.setdefault(fmu.token, weakref.WeakSet())
-    notes = []
-    if fmu.one_per_process and not own and any(not unit.is_closed for unit in live):
-        own, notes = True, ["it allows one instance per process; this one runs in its own process"]
+    if fmu.one_per_process and not own:
+        note = "it allows one instance per process and runs in its own process"
+        return ChildProcess(fmu, name, inputs, outputs, timeout_s, [note])
     if own:
-        return ChildProcess(fmu, name, inputs, outputs, timeout_s, notes)
-    unit = make_instance(fmu, name, inputs, outputs)
-    live.add(unit)
-    return unit
+        return ChildProcess(fmu, name, inputs, outputs, timeout_s)
+    return make_instance(fmu, name, inputs, outputs)

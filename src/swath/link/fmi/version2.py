@@ -5,7 +5,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from swath.link.fmi.calls import DISCARD, PENDING, WARNING, FmuError, callbacks2
+from swath.link.fmi.calls import DISCARD, PENDING, WARNING, FmuError, callbacks
 from swath.link.fmi.instance import Instance, Numbers, is_close
 
 CO_SIMULATION = 1
@@ -14,7 +14,12 @@ MOST_RETRIES = 1000
 
 
 class Instance2(Instance):
-    """An FMU of FMI 2 in this process."""
+    """An FMU of FMI 2 in this process.
+
+    IS_NEW_STEP: last argument of DoStep; SAYS_ENDED: a discarded step can tell that the simulation ended
+    """
+
+    IS_NEW_STEP, SAYS_ENDED = 0, True
 
     def _instantiate(self) -> int | None:
         make = self.library.function("Instantiate")
@@ -24,7 +29,7 @@ class Instance2(Instance):
             CO_SIMULATION,
             self.description.token.encode(),
             (self.folder / "resources").as_uri().encode(),
-            ctypes.byref(callbacks2()),
+            ctypes.byref(callbacks(2)),
             0,
             0,
         )
@@ -46,7 +51,7 @@ class Instance2(Instance):
                 return
             if status != DISCARD:
                 raise self.library.failed("DoStep", status)
-            if self._status("GetBooleanStatus", TERMINATED, ctypes.c_int()):
+            if self.SAYS_ENDED and self._status("GetBooleanStatus", TERMINATED, ctypes.c_int()):
                 raise FmuError(f"it ended the simulation at {at:g} s of its own accord")
             reached = self._status("GetRealStatus", LAST_SUCCESSFUL_TIME, ctypes.c_double())
             if reached is None or not at < reached:
@@ -54,11 +59,11 @@ class Instance2(Instance):
             if is_close(reached, end):
                 return
             at, left = reached, end - reached
-        raise FmuError(f"fmi2DoStep returned early {MOST_RETRIES} times within one step")
+        raise FmuError(f"{self.library.prefix}DoStep returned early {MOST_RETRIES} times within one step")
 
     def _do_step(self, t: float, h: float) -> int:
         function = self.library.function("DoStep")
-        status: int = function(self.handle, ctypes.c_double(t), ctypes.c_double(h), 0)
+        status: int = function(self.handle, ctypes.c_double(t), ctypes.c_double(h), self.IS_NEW_STEP)
         while status == PENDING:
             time.sleep(0.0)
             found = ctypes.c_int(PENDING)

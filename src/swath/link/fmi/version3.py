@@ -18,6 +18,15 @@ class Instance3(Instance):
     _discrete: tuple[float, ...] | None
 
     def _instantiate(self) -> int | None:
+        self._has_events = self.description.has_events
+        made = self._try_to_instantiate()
+        if made is None and self._has_events:
+            self._has_events = False
+            made = self._try_to_instantiate()
+            self.notes = ("it says that it has an event mode but starts only without it",)
+        return made
+
+    def _try_to_instantiate(self) -> int | None:
         make = self.library.function("InstantiateCoSimulation")
         make.restype = ctypes.c_void_p
         self._logger = logger3(self.library)
@@ -27,7 +36,7 @@ class Instance3(Instance):
             f"{self.folder / 'resources'}/".encode(),
             ctypes.c_bool(False),
             ctypes.c_bool(False),
-            ctypes.c_bool(self.description.has_events),
+            ctypes.c_bool(self._has_events),
             ctypes.c_bool(self.description.returns_early),
             None,
             ctypes.c_size_t(0),
@@ -51,7 +60,7 @@ class Instance3(Instance):
         self._next_event = math.inf
         self._ticks = (0,) * len(self.description.clocks)
         self._discrete = None
-        if self.description.has_events:
+        if self._has_events:
             self._update(0.0)
 
     def _advance(self, t: float, h: float, inputs: Numbers) -> None:
@@ -64,7 +73,7 @@ class Instance3(Instance):
                 stop = end if is_close(stop, end) else stop
                 at, needs_event = self._do_step(at, h if at == t and stop == end else stop - at)
             is_due = _is_past(min(self._next_event, self._next_tick()), at)
-            if needs_event or (self.description.has_events and is_due):
+            if needs_event or (self._has_events and is_due):
                 self.library.call("EnterEventMode", self.handle)
                 self._update(at)
             if is_close(at, end):
@@ -83,14 +92,14 @@ class Instance3(Instance):
         to = reached.value if early.value else at + h
         if ends.value:
             raise FmuError(f"it ended the simulation at {to:g} s of its own accord")
-        asks = event.value and self.description.has_events
+        asks = event.value and self._has_events
         if early.value and not to > at and not asks:
             raise FmuError(f"fmi3DoStep returned at once at {at:g} s and asked for no event")
         return to, asks
 
     def _set_inputs(self, t: float, inputs: Numbers) -> None:
         """Continuous inputs as they are; discrete ones at an event when they changed, if there are events."""
-        has_events = self.description.has_events
+        has_events = self._has_events
         self.set([g for g in self._inputs if not (has_events and g.is_discrete)], inputs)
         discrete = [g for g in self._inputs if has_events and g.is_discrete]
         values = tuple(x for g in discrete for x in inputs[g.start : g.stop])

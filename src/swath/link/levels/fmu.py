@@ -23,7 +23,7 @@ from swath.signals.setup import LinkSetup
 
 @dataclass(frozen=True)
 class Params:
-    """file: the FMU (FMI 2 or 3, co-simulation), or a system of several (.ssp, .ssd)
+    """file: the FMU (FMI 1, 2 or 3, co-simulation), or a system of several (.ssp, .ssd)
     inputs: variable of the FMU -> port.field that feeds it; where the names fit, it need not be written.
     `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s]
     outputs: port.field -> variable of the FMU, likewise
@@ -111,6 +111,8 @@ def _notes(fmu: Description, step: int) -> list[str]:
     own = round((fmu.default_step or 0.0) * 1e9)
     if own and step % own and not fmu.variable_step:
         notes.append(f"it was made for steps of {own * 1e-6:g} ms and takes {step * 1e-6:g} ms; see step_ms")
+    if not fmu.saves_state:
+        notes.append("its state cannot be saved, nor can a run with it")
     if fmu.needs_tool:
         notes.append("it says that it needs the tool that exported it")
     return notes
@@ -119,7 +121,7 @@ def _notes(fmu: Description, step: int) -> list[str]:
 LEVEL = Level(
     make_part,
     Params,
-    summary="a co-simulation FMU (FMI 2 or 3), or a system of several (SSP)",
+    summary="a co-simulation FMU (FMI 1, 2 or 3), or a system of several (SSP)",
     cost="the FMU's own, and about 20 us per step; 50 us in a process of its own",
     tolerance="the FMU's own; masses reach it without loss",
     is_link=True,

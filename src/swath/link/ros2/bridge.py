@@ -67,7 +67,10 @@ class Bridge(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """The entry of the bridge in summary.json."""
-        return {"ros2": {"messages": self._publisher.count if self._publisher is not None else 0}}
+        if self._publisher is None:
+            return {"ros2": {"messages": 0}}
+        left_out = {"left_out": self._publisher.left_out} if self._publisher.left_out else {}
+        return {"ros2": {"messages": self._publisher.count, **left_out}}
 
     def close(self) -> None:
         """Shut the node down."""

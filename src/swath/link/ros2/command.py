@@ -1,4 +1,4 @@
-"""`swath ros2`: a recorded run as ROS 2 topics."""
+"""`swath ros2`: a recorded run as ROS 2 topics, and swath's own message types."""
 
 import argparse
 from pathlib import Path
@@ -9,7 +9,7 @@ from swath.terminal.options import add_ros2_network
 
 def add(parsers: Any) -> None:
     """Add the command and its verb."""
-    parser = parsers.add_parser("ros2", help="a recorded run as ROS 2 topics")
+    parser = parsers.add_parser("ros2", help="a recorded run as ROS 2 topics; swath's message types")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     play = verbs.add_parser("play", help="publish a recorded run at its pace", description=_DESCRIPTION)
     play.add_argument("source", type=Path, metavar="RUN", help="a run folder, or its run.mcap")
@@ -18,6 +18,10 @@ def add(parsers: Any) -> None:
     )
     add_ros2_network(play)
     play.set_defaults(run=run_play)
+    text = "write swath_msgs, the package of swath's own message types, for colcon to build"
+    package = verbs.add_parser("package", help=text, description=text)
+    package.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="where to (default: here)")
+    package.set_defaults(run=run_package)
 
 
 def run_play(args: argparse.Namespace) -> int:
@@ -29,6 +33,17 @@ def run_play(args: argparse.Namespace) -> int:
         raise InputError("--factor", args.factor, "expected 0.01 to 100")
     file = find_recording(args.source)
     print(f"{play(file, factor=args.factor)} messages of {file}")
+    return 0
+
+
+def run_package(args: argparse.Namespace) -> int:
+    """Write the package, print its folder."""
+    from swath.link.ros2.message_package import write_package
+
+    files = write_package(args.out)
+    print(
+        f"{files[0].parent}  {len(files) - 2} message types; build it with `colcon build` in your workspace"
+    )
     return 0
 
 

@@ -8,9 +8,11 @@ wheels lack tf2_msgs and ackermann_msgs, swath_msgs exists in recordings only) a
     ackermann_msgs/AckermannDriveStamped         sensor_msgs/JointState: steering angle and its rate
     swath_msgs/<Class>                           sensor_msgs/JointState: fields by name
 
-An installed type with other fields than the recording's (an old distribution's Marker) is left out.
+An installed type with other fields than the recording's (an old distribution's Marker) is left out: a warning
+names it. `/clock` is left to whoever publishes the recording, who keeps its pace.
 """
 
+import logging
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -20,6 +22,7 @@ from swath.link.ros2.middleware import has_type, latched_qos, stream_qos, type_o
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
+CLOCK = "/clock"
 TRANSFORM_TOPICS = {"/tf": "/transforms", "/tf_static": "/transforms_static"}
 
 Substitute = Callable[[Any, Any], Iterator[Any]]
@@ -29,7 +32,7 @@ Route = Callable[[Any, bytes], None]
 class Publisher:
     """A tap of the recording (`McapFile.taps`). node: of rclpy; store: the recording's message types.
 
-    count: messages published so far
+    count: messages published so far; left_out: topics that are not published -> why
     """
 
     def __init__(self, node: Any, store: Any) -> None:
@@ -37,6 +40,7 @@ class Publisher:
         self._routes: dict[str, Route | None] = {}
         self._publishers: dict[str, Any] = {}
         self.count = 0
+        self.left_out: dict[str, str] = {}
 
     def __call__(self, topic: str, t: int, message: Any, data: bytes, is_latched: bool) -> None:
         """Publish one message."""
@@ -58,13 +62,18 @@ class Publisher:
 
     def _route(self, topic: str, message: Any, is_latched: bool) -> Route | None:
         msgtype = message.__msgtype__
+        if topic == CLOCK:
+            return None
         if has_type(msgtype):
-            if not _is_alike(type_of(msgtype), message):
+            wanted = [name for name, _ in self._store.fielddefs[msgtype][1]]
+            if list(type_of(msgtype).get_fields_and_field_types()) != wanted:
+                self._leave_out(topic, f"the installed {msgtype} has other fields")
                 return None
             publisher = self._publisher(topic, msgtype, is_latched)
             return lambda _, data: self._send(publisher, data)
         found = _substitute_of(msgtype, message)
         if found is None:
+            self._leave_out(topic, f"{msgtype} is not installed, and no standard message replaces it")
             return None
         other, make = found
         publisher = self._publisher(TRANSFORM_TOPICS.get(topic, topic), other, is_latched)
@@ -74,6 +83,10 @@ class Publisher:
                 self._send(publisher, bytes(self._store.serialize_cdr(made, other)))
 
         return send
+
+    def _leave_out(self, topic: str, why: str) -> None:
+        self.left_out[topic] = why
+        logging.getLogger(__name__).warning("swath: %s is not published: %s", topic, why)
 
     def _publisher(self, topic: str, msgtype: str, is_latched: bool) -> Any:
         if topic not in self._publishers:
@@ -122,11 +135,6 @@ def _joint_state(store: Any, header: Any, names: list[str], position: Any, veloc
     velocity = none if velocity is None else velocity
     made = store.types[JOINT_STATE]
     return made(header=header, name=names, position=position, velocity=velocity, effort=none)
-
-
-def _is_alike(kind: Any, message: Any) -> bool:
-    """True when an installed type has the fields of the recording's: distributions differ in a few."""
-    return list(kind.get_fields_and_field_types()) == [n for n in vars(message) if not n.startswith("__")]
 
 
 def _is_frame(name: str) -> bool:

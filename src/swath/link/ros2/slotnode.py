@@ -1,5 +1,6 @@
 """The swath side of a slot played by a ROS 2 node: sends every step, collects the answer with its stamp."""
 
+import logging
 import time
 from functools import partial
 from typing import Any
@@ -16,6 +17,7 @@ from swath.signals.setup import LinkSetup
 JOINT_STATE, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 DEPTH = 10
 POLL_S = 0.5
+PATIENCE_S = 5.0  # without a node, until it is said which one is waited for
 UNKNOWN = "_UNKNOWN_"  # in the name of a node of which only an end is known yet
 
 
@@ -73,18 +75,23 @@ class SlotNode:
         """
         topics = list(self._wanted)
         self._answers.clear()
+        told_at = time.monotonic() + PATIENCE_S
         while True:
             listens = self._asking.get_subscription_count() > 0
             talks = all(self._node.count_publishers(topic) > 0 for topic in topics)
             if listens and talks:
                 break
-            if time.monotonic() > deadline:
-                missing = self.step_topic if not listens else topics[0]
-                what = "listens on" if not listens else "publishes on"
+            now = time.monotonic()
+            what = f"publishes on {topics[0]}" if listens else f"listens on {self.step_topic}"
+            if now > deadline:
                 raise NodeSilent(
-                    f"{self._setup.name}: no node {what} {missing}; one must play this slot (docs/ros2.md), "
+                    f"{self._setup.name}: no node {what}; one must play this slot (docs/ros2.md), "
                     "with the same ROS_DOMAIN_ID"
                 )
+            if now > told_at:
+                told_at = deadline
+                text = "swath: %s: no node %s yet, waiting for it for %.0f s more"
+                logging.getLogger(__name__).warning(text, self._setup.name, what, deadline - now)
             time.sleep(0.01)
         self._names = self._speakers()
         while any(UNKNOWN in name for name in self._names) and time.monotonic() < deadline:

@@ -20,7 +20,8 @@ from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
-from swath.signals import EngineState, MachineState, SpeedCommand, SteerState
+from swath.machine.towing import ports_of, tow, towed_by, with_trailer
+from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
 
 
 @dataclass(frozen=True)
@@ -31,22 +32,24 @@ class Params:
 
 
 class Kinematic(KeepsState):
-    """Rear-steered vehicle without slip. The steering angle is held over a step."""
+    """Rear-steered vehicle without slip, its trailer behind it. The steering angle is held over a step."""
 
-    kept = ("_x", "_y", "_yaw", "_speed", "_distance")
+    kept = ("_x", "_y", "_yaw", "_speed", "_distance", "_towed")
 
     inputs = (
         Port("steering", SteerState),
         Port("speed", SpeedCommand),
         Port("drive", EngineState, optional=True),
+        Port("cargo", HeapState, optional=True),
     )
-    outputs = (Port("state", MachineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self._params, self._start = params, setup.start
         self._wheelbase = setup.machine.wheelbase
         self._follower = TerrainFollower(setup.field, setup.machine)
         self._loop = SpeedLoop(dynamics_of(setup.machine))
+        self._towed = towed_by(setup)
+        self.outputs = ports_of(self._towed)
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand at the start pose."""
@@ -54,6 +57,8 @@ class Kinematic(KeepsState):
         self._yaw = self._start.euler()[2]
         self._speed = self._params.start_speed_kmh * KMH
         self._distance = 0.0
+        if self._towed is not None:
+            self._towed.place(self._x, self._y, self._yaw)
         return self._output(0, 0.0)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -68,13 +73,15 @@ class Kinematic(KeepsState):
         self._y += chord * sin(self._yaw + half)
         self._yaw += turn
         self._distance += abs(travel)
+        tow(self._towed, inputs, self._x, self._y, self._yaw)
         return self._output(t + dt, steer)
 
     def _output(self, t: int, steer: float) -> Outputs:
         self._follower.at(self._x, self._y, self._yaw)
         pose = self._follower.pose()
         yaw_rate = self._speed * tan(steer) / self._wheelbase
-        return {"state": MachineState(t, pose, self._speed, 0.0, yaw_rate, steer, self._distance)}
+        state = MachineState(t, pose, self._speed, 0.0, yaw_rate, steer, self._distance)
+        return with_trailer(self._towed, state, self._yaw)
 
 
 LEVEL = Level(

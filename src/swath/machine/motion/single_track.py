@@ -4,7 +4,7 @@ One tyre per axle; lateral speed of the centre of gravity and yaw rate as in the
 the drive's closed loop. Equations, signs and validation: docs/motion.md.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Annotated
 
@@ -20,7 +20,18 @@ from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
-from swath.signals import EngineState, MachineLoad, MachineState, SpeedCommand, SteerState
+from swath.machine.towing import ports_of, tow, towed_by, with_trailer
+from swath.machine.traction import pull, stiffness_of, wheels_of
+from swath.machine.tyre import GRAVITY
+from swath.signals import (
+    EngineState,
+    HeapState,
+    MachineLoad,
+    MachineState,
+    SpeedCommand,
+    SteerState,
+    WheelState,
+)
 
 GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 
@@ -31,17 +42,19 @@ class Params:
 
     stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
     rolling_resistance: over load; start_speed_kmh: speed at t = 0; substep_ms: longest integration step
+    wheel_slip: say what the driven wheels pull and slip, for odometry; the machine itself drives as without
     """
 
     stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
     friction: Annotated[float, Ge(0.05), Le(1.5)] | None = None
     rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
+    wheel_slip: bool = False
     substep_ms: Annotated[float, Gt(0), Le(20)] = 20.0
 
 
 class SingleTrack:
-    """Single-track model on terrain, steered behind or ahead of the fixed axle.
+    """Single-track model on terrain, steered behind or ahead of the fixed axle; it does not feel its trailer.
 
     Steering angle and slopes are held over a step. Lengths behind the fixed axle are below 0 where the
     steered axle is ahead of it; the equations are the same.
@@ -52,11 +65,12 @@ class SingleTrack:
         Port("speed", SpeedCommand),
         Port("drive", EngineState, optional=True),
         Port("load", MachineLoad, optional=True),
+        Port("cargo", HeapState, optional=True),
     )
-    outputs = (Port("state", MachineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         d = dynamics_of(setup.machine)
+        self._along = stiffness_of(setup.machine) if params.wheel_slip else 0.0
         self._params, self._start = params, setup.start
         self._wheelbase, self._track = -setup.machine.steered_x, setup.machine.front_track
         self._sense = -1.0 if setup.machine.steers_ahead else 1.0
@@ -68,6 +82,9 @@ class SingleTrack:
         self._loop = SpeedLoop(d)
         self._compile()
         self._weigh(d)
+        self._towed = towed_by(setup)
+        wheels = (Port("wheels", WheelState),) if params.wheel_slip else ()
+        self.outputs = (*ports_of(self._towed), *wheels)
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, tyres without slip."""
@@ -75,7 +92,9 @@ class SingleTrack:
         x, y = float(self._start.position[0]), float(self._start.position[1])
         self._go_to(x, y, self._start.euler()[2], 0.0, 0.0, 0.0, 0.0, 0.0)
         self._speed = self._params.start_speed_kmh * KMH
-        return self._output(0, 0.0, self._q.read())
+        if self._towed is not None:
+            self._towed.place(x, y, self._start.euler()[2])
+        return self._output(0, 0.0, self._q.read(), 0.0)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate over dt in equal substeps."""
@@ -84,7 +103,7 @@ class SingleTrack:
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
         count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
         h = dt / NS / count
-        q = self._q.read()
+        q, before = self._q.read(), self._speed
         for _ in range(count):
             middle, _ = self._loop.advance(self._speed, wanted, 0.5 * h)
             end, _ = self._loop.advance(self._speed, wanted, h)
@@ -95,7 +114,8 @@ class SingleTrack:
             q = self._q.read()
             self._follower.at(q[0], q[1], q[2])
             self._speed = end
-        return self._output(t + dt, steer, q)
+        tow(self._towed, inputs, q[0], q[1], q[2])
+        return self._output(t + dt, steer, q, (self._speed - before) / (dt / NS))
 
     @property
     def axle_loads(self) -> tuple[float, float]:
@@ -106,13 +126,16 @@ class SingleTrack:
     def save(self) -> State:
         """Place, heading, lateral speed of the centre of gravity, yaw rate, slips, distance, speed, grain."""
         state = dict(zip(self._q.names, self._q.read(), strict=True))
-        return {**state, "speed": self._speed, "grain": self._grain}
+        towed = None if self._towed is None else self._towed.save()
+        return {**state, "speed": self._speed, "grain": self._grain, "towed": towed}
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         self._speed = state["speed"]
         self._fill(state["grain"])
         self._go_to(*(state[name] for name in self._q.names))
+        if self._towed is not None:
+            self._towed.load(state["towed"])
 
     def _compile(self) -> None:
         """Memory that is shared with the compiled step: the state `_q`, what is held, what stays."""
@@ -154,10 +177,17 @@ class SingleTrack:
             self._weigh(loaded(d, machine.masses.tank, grain) if grain > 0.0 else d)
         self._grain = grain
 
-    def _output(self, t: int, steer: float, q: tuple[float, ...]) -> Outputs:
-        _, _, _, side, turn, _, _, distance = q
+    def _output(self, t: int, steer: float, q: tuple[float, ...], accel: float) -> Outputs:
+        _, _, yaw, side, turn, _, _, distance = q
         lateral = side + self._ahead * turn
-        return {"state": MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)}
+        state = MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)
+        found = with_trailer(self._towed, state, yaw)
+        if not self._params.wheel_slip:
+            return found
+        dynamics = replace(dynamics_of(self._machine), rolling_resistance=self._rolling)
+        force = pull(state, accel, self._grain, dynamics)
+        load = self.axle_loads[0] if t > 0 else GRAVITY * dynamics.mass * self._behind / self._wheelbase
+        return {**found, "wheels": wheels_of(t, self._speed, force, load, self._along)}
 
 
 def _either(given: float | None, sheet: float) -> float:

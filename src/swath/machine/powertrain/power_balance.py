@@ -8,11 +8,9 @@ from swath.core.component import KeepsState, Outputs, Port
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import Drivetrain, Engine, drivetrain_of
-from swath.machine.machine_sheet import Dynamics, dynamics_of
-from swath.machine.tyre import GRAVITY
+from swath.machine.machine_sheet import dynamics_of
+from swath.machine.traction import pull
 from swath.signals import EngineState, MachineLoad, MachineState
-
-FIRM_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
 
 
 @dataclass(frozen=True)
@@ -54,14 +52,6 @@ def powers(load: MachineLoad, propulsion: float, width: float, drivetrain: Drive
         propulsion=propulsion,
         auxiliary=c.auxiliary,
     )
-
-
-def pull(state: MachineState, accel: float, grain: float, dynamics: Dynamics) -> float:
-    """Force at the wheels [N]: rolling resistance, grade, acceleration [m/s2]; grain in the tank [kg]."""
-    mass = dynamics.mass + grain
-    rise = float(state.pose.rotation[2, 0])  # of the forward axis, -sin(pitch)
-    rolling = dynamics.rolling_resistance * min(max(state.speed / FIRM_SPEED, -1.0), 1.0)
-    return mass * (GRAVITY * (rolling + rise) + accel)
 
 
 def propulsion_power(force: float, speed: float, efficiency: float) -> float:

@@ -22,7 +22,7 @@ from swath.machine.process.rotor import Rotor, coupled
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.machine.process.transport import Conveyor, Masses, Mixer, flow_delay
 from swath.machine.process.unloading_pipe import UnloadingPipe
-from swath.signals import CropFlow, EngineState, MachineLoad, MachineState
+from swath.signals import CropFlow, EngineState, MachineLoad, MachineState, UnloadState
 
 TOTALS = ("tank", "lost", "straw", "unloaded")
 PARTS = ("_spread", "_header", "_feeder", "_rotor", "_shoe", "_returns", "_elevator", "_lift")
@@ -37,7 +37,7 @@ class Params:
     threshability: factor on threshing and separation; 1 = dry wheat, 0.8 = moist straw in the evening (then
     losses are 2 to 4 times as high)
     tank_start_percent: grain in the tank at the start; unload_at_percent: level at which the tank is emptied
-    while driving, none = never
+    while driving, none = never; a slot `unload` empties it instead
     """
 
     straw: Literal["swath", "chop"] = "swath"
@@ -78,6 +78,7 @@ class ThreshingProcess(KeepsState):
         Port("flow", CropFlow, history=True),
         Port("state", MachineState),
         Port("engine", EngineState, optional=True),
+        Port("unload", UnloadState, optional=True),
     )
     outputs = (Port("load", MachineLoad),)
 
@@ -120,13 +121,15 @@ class ThreshingProcess(KeepsState):
         fed = self._feed(inputs["flow"], h, ratio, flows)
         pan = self._thresh(fed, h, ratio, flows)
         clean = self._clean(pan, h, ratio, inputs["state"], flows)
-        self._store(clean, h, ratio, flows)
+        unload: UnloadState | None = inputs.get("unload")
+        self._store(clean, h, ratio, flows, unload)
         self._totals["tank"].add(flows.tank)
         for loss in (flows.unthreshed, flows.separation, flows.cleaning):
             self._totals["lost"].add(loss)
         self._totals["straw"].add(flows.straw)
         self._outlet.drop(flows.straw, inputs["state"])
-        self._pipe.pour(flows.unloaded, inputs["state"])
+        if unload is None:
+            self._pipe.pour(flows.unloaded, inputs["state"])
         return {"load": self._load(t + dt, h, flows)}
 
     def _feed(self, cut: tuple[CropFlow, ...], h: float, ratio: float, flows: Flows) -> Masses:
@@ -171,14 +174,18 @@ class ThreshingProcess(KeepsState):
         flows.straw += chaff - self._back[1]
         return [grain - flows.cleaning - self._back[0]]
 
-    def _store(self, clean: Masses, h: float, ratio: float, flows: Flows) -> None:
-        """Elevator and tank."""
+    def _store(self, clean: Masses, h: float, ratio: float, flows: Flows, unload: UnloadState | None) -> None:
+        """Elevator and tank; what an auger of its own slot drew is booked."""
         t, w = self._drivetrain.transport, self._drivetrain
         delay = flow_delay(self._elevator.held()[0] + clean[0], t.elevator, t.grain_feed, t.exponent)
         (flows.tank,) = self._lift.advance(
             self._elevator.advance(clean, h * ratio / delay), h, t.elevator_lag
         )
         flows.chopper = flows.straw if self._p.straw == "chop" else 0.0
+        if unload is not None:
+            flows.unloaded = max(unload.drawn - self._totals["unloaded"].value, 0.0)
+            self._totals["unloaded"].add(flows.unloaded)
+            return
         if self._p.unload_at_percent is None:
             return
         content = self._content()

@@ -33,7 +33,7 @@ def static_mounting(log: Log, scans: str, machine: str) -> Pose | None:
             for link in message.transforms:
                 parent = link.header.frame_id.lstrip("/")
                 links[link.child_frame_id.lstrip("/")] = (parent, pose_of_transform(link.transform))
-    return chain(links, frame, (f"{machine}/base", *BASES))
+    return chain(links, frame, (f"{machine}/base_link", f"{machine}/base", *BASES))
 
 
 def chain(links: Mapping[str, tuple[str, Pose]], frame: str, ends: Any) -> Pose | None:

@@ -114,14 +114,29 @@ function strawRows(rows, laid, stations, machine, ground) {
   }
 }
 
-const THING_PAINT = { box: [0.45, 0.48, 0.52], ellipsoid: [0.50, 0.47, 0.43], post: [0.85, 0.33, 0.05] };
+const THING_PAINT = { box: [0.45, 0.48, 0.52], ellipsoid: [0.50, 0.47, 0.43], post: [0.85, 0.33, 0.05], rod: [0.40, 0.35, 0.30] };
+const WHAT_PAINT = {
+  person: [0.95, 0.45, 0.05], animal: [0.52, 0.36, 0.22], vehicle: [0.15, 0.30, 0.55], tree: [0.20, 0.42, 0.16],
+  hedge: [0.22, 0.40, 0.18], building: [0.62, 0.52, 0.44],
+};
+
+// Where a thing that goes is at a time, of rows t, x, y, z, yaw.
+function placeOn(way, t) {
+  let k = 0;
+  while (k + 2 < way.length && way[k + 1][0] <= t) k++;
+  const a = way[k], b = way[Math.min(k + 1, way.length - 1)];
+  const share = b[0] > a[0] ? Math.min(1, Math.max(0, (t - a[0]) / (b[0] - a[0]))) : 0;
+  const at = [1, 2, 3].map((i) => a[i] + share * (b[i] - a[i]));
+  return poseMatrix(at, 0, 0, share < 1 ? a[4] : b[4]);
+}
 
 class Things {
   constructor(gl, data) {
     this.items = data.things.map((thing) => {
-      const [a, b, c] = thing.half, paint = THING_PAINT[thing.kind], shape = new Shape();
+      const [a, b, c] = thing.half, paint = WHAT_PAINT[thing.what] || THING_PAINT[thing.kind], shape = new Shape();
       if (thing.kind === "box") shape.box(-a, a, -b, b, -c, c, paint);
       else if (thing.kind === "ellipsoid") shape.ellipsoid(thing.half, paint);
+      else if (thing.kind === "rod") shape.rod([0, 0, -c], [0, 0, c], a, paint, 16);
       else {
         shape.rod([0, 0, -c], [0, 0, c], a, paint, 16);
         for (const z of [0.55, 0.8]) shape.rod([0, 0, z * c], [0, 0, (z + 0.1) * c], a * 1.04, [0.95, 0.95, 0.93], 16);
@@ -137,6 +152,6 @@ class Things {
 
   parts(t) {
     const there = this.items.filter((thing) => t >= thing.from && (thing.to === null || t < thing.to));
-    return [[this.mesh, IDENTITY], ...there.map((thing) => [thing.shape, thing.body])];
+    return [[this.mesh, IDENTITY], ...there.map((thing) => [thing.shape, thing.way ? times(placeOn(thing.way, t), thing.body) : thing.body])];
   }
 }

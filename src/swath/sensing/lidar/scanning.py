@@ -70,6 +70,11 @@ class ScanningLidar(KeepsState, ABC):
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
 
     @property
+    def range_limits(self) -> tuple[float, float]:
+        """Least and greatest range of the data sheet [m]."""
+        return self.sheet.range_min, self.sheet.range_max
+
+    @property
     def notes(self) -> list[str]:
         """What the user of a run should know of the scanner."""
         return self.scanner.notes

@@ -10,7 +10,7 @@ from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.signals import MachineState, Odometry, SteerState
+from swath.signals import MachineState, Odometry, SteerState, WheelState
 
 Share = Annotated[float, Ge(0), Le(30)]
 Angle = Annotated[float, Ge(0), Le(10)]
@@ -20,7 +20,8 @@ Angle = Annotated[float, Ge(0), Le(10)]
 class Params:
     """Errors of the three sensors; each constant error is drawn once per run, N(0, sd).
 
-    slip_percent: the wheels turn faster than the ground passes: 2 to 6 % on stubble (uncited)
+    slip_percent: the wheels turn faster than the ground passes: 2 to 6 % on stubble (uncited); where the
+    motion says itself how its wheels slip (`wheel_slip`), that counts instead
     speed_scale_percent: sd of the calibration error; speed_noise_m_s: sd per sample
     gyro_bias_deg_s: sd of the constant bias; gyro_noise_deg_s: sd per sample (a 0.014 deg/s/sqrt(Hz) MEMS
     gyro read at 50 Hz gives 0.07 deg/s plus vibration)
@@ -39,7 +40,11 @@ class Params:
 class ErrorOdometry(KeepsState):
     """Truth, scaled, biased and noisy."""
 
-    inputs = (Port("state", MachineState), Port("steering", SteerState))
+    inputs = (
+        Port("state", MachineState),
+        Port("steering", SteerState),
+        Port("wheels", WheelState, optional=True),
+    )
     outputs = (Port("odometry", Odometry),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -50,7 +55,8 @@ class ErrorOdometry(KeepsState):
         p = self._p
         draw = stream.at(0).standard_normal(3)
         self._normals = Normals(stream)
-        self._scale = (1 + p.speed_scale_percent * PERCENT * draw[0]) * (1 + p.slip_percent * PERCENT)
+        self._error = 1 + p.speed_scale_percent * PERCENT * draw[0]
+        self._scale = self._error * (1 + p.slip_percent * PERCENT)
         self._gyro_bias = p.gyro_bias_deg_s * DEG * draw[1]
         self._steer_bias = p.steer_bias_deg * DEG * draw[2]
         return {"odometry": Odometry(0, 0.0, self._gyro_bias, self._steer_bias)}
@@ -60,11 +66,13 @@ class ErrorOdometry(KeepsState):
         p = self._p
         state: MachineState = inputs["state"]
         steering: SteerState = inputs["steering"]
+        wheels: WheelState | None = inputs.get("wheels")
+        speed = state.speed * self._scale if wheels is None else wheels.speed * self._error
         noise = self._normals.at(t + dt, 3)
         return {
             "odometry": Odometry(
                 t + dt,
-                float(state.speed * self._scale + p.speed_noise_m_s * noise[0]),
+                float(speed + p.speed_noise_m_s * noise[0]),
                 float(state.yaw_rate + self._gyro_bias + p.gyro_noise_deg_s * DEG * noise[1]),
                 float(steering.angle + self._steer_bias + p.steer_noise_deg * DEG * noise[2]),
             )

@@ -1,4 +1,4 @@
-"""`swath test`: list, run, work, report, again."""
+"""`swath test`: list, run, work, report, compare, again."""
 
 import argparse
 import os
@@ -42,6 +42,12 @@ def add(parsers: Any) -> None:
     report = verbs.add_parser("report", help="judge stored results against the present limits; runs nothing")
     report.add_argument("folder", type=Path)
     report.set_defaults(run=_report)
+    versus = verbs.add_parser("compare", help="two results pair by pair; exit code 1: something is worse")
+    versus.add_argument("old", metavar="OLD", help="a folder of results, or FOLDER:CANDIDATE")
+    versus.add_argument("new", metavar="NEW", help="another, or the same with another candidate")
+    versus.add_argument("--metric", action="append", default=[], metavar="NAME", help="not the usual ones")
+    versus.add_argument("--within", type=float, metavar="M", help="a difference up to this does not matter")
+    versus.set_defaults(run=_compare)
     again = verbs.add_parser("again", help="one run once more as a full run folder; is the digest the same?")
     again.add_argument("folder", type=Path)
     again.add_argument("name", metavar="RUN", help="the run, or the beginning of its name")
@@ -111,6 +117,28 @@ def _report(args: argparse.Namespace) -> int:
     from swath.tools.function_test.session import open_session
 
     return _finish(args.folder, open_session(args.folder, same_code=False), again=True)
+
+
+def _compare(args: argparse.Namespace) -> int:
+    from swath.terminal.tables import table
+    from swath.tools.function_test.compare import BETTER, SAME_BYTES, SAME_VERDICT, VERDICTS, WORSE, compare
+
+    found = compare(args.old, args.new, args.metric)
+    kinds = (SAME_BYTES, SAME_VERDICT, BETTER, WORSE)
+    counts = [(case, *(str(what.count(kind)) for kind in kinds)) for case, what in found.by_case().items()]
+    table("", ("case", *kinds), counts)
+    rows = []
+    for name, d in found.differences.items():
+        equal = args.within is not None and d.within <= args.within
+        said = f"equal within {args.within:g}" if equal else found.says(name)
+        interval, rest = f"{d.low:+.4g} to {d.high:+.4g}", (f"{d.within:.3g}", f"{d.smallest:.3g}")
+        rows.append((name, str(d.count), f"{d.estimate:+.4g}", interval, said, *rest))
+    columns = ("new - old", "pairs", "difference", "95 %", "", "lies within", "would have been seen")
+    table("", columns, rows)
+    same = found.outcomes.count(SAME_BYTES)
+    alone = f"; {found.alone} runs have no partner" if found.alone else ""
+    print(f"{same} of {len(found.pairs)} pairs are the same bytes; verdicts: {found.says(VERDICTS)}{alone}")
+    return 1 if found.is_worse else 0
 
 
 def _again(args: argparse.Namespace) -> int:

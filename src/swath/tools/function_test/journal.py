@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.whole_file import write_whole
+from swath.documents.packed import readable
 
 Result = dict[str, Any]
 PRIVATE = ("cpu_s", "worker")  # of a line: not in the table
@@ -89,3 +90,16 @@ def write_table(folder: Path, results: Iterable[Mapping[str, Any]]) -> Path:
     sink = pa.BufferOutputStream()
     pq.write_table(pa.table(columns), sink, compression="zstd")
     return write_whole(folder / TABLE, sink.getvalue().to_pybytes())
+
+
+def read_table(path: Path) -> list[Result]:
+    """The rows of a results.parquet. InputError for another file."""
+    import pyarrow.parquet as pq
+
+    with readable("results", "a results.parquet", path):
+        rows: list[Result] = pq.read_table(path).to_pylist()
+        for row in rows:
+            row |= {name: json.loads(row[name]) for name in ("point", "expect", "incidents")}
+            names = [name for name in row if name.startswith("metric.")]
+            row["metrics"] = {name.removeprefix("metric."): row.pop(name) for name in names}
+    return rows

@@ -1,12 +1,11 @@
 """One run of a function test, in this process: what comes out is a line of a journal."""
 
-import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 from swath.core.errors import SwathError, shortened
-from swath.runtime.job import run_job
+from swath.runtime.job import run_unrecorded
+from swath.runtime.kept import KeptFields
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.plan import PlannedRun
 
@@ -18,14 +17,14 @@ def scenario_of(run: PlannedRun) -> Scenario:
     return load_scenario(run.scenario, sets=run.sets, flags={f"seed {run.seed}": f"seed={run.seed}"})
 
 
-def do_run(run: PlannedRun) -> dict[str, Any]:
+def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     """Drive and judge. The verdict is `pass`, `fail`, or `error` where the run could not be made or crashed.
 
-    reason: the first limit that failed, or the error
+    fields: of the runs before; reason: the first limit that failed, or the error
     """
     started = time.process_time()
     try:
-        found = _result(run, _summary(scenario_of(run)))
+        found = _result(run, run_unrecorded(scenario_of(run), fields))
     except SwathError as error:
         found = no_result(run, str(error))
     except Exception as error:  # a user's own part may raise anything; one run must not end the others
@@ -43,11 +42,6 @@ def no_result(run: PlannedRun, why: str) -> dict[str, Any]:
 def _about(run: PlannedRun) -> dict[str, Any]:
     point = dict(run.point)
     return {"id": run.id, "case": run.case, "candidate": run.candidate, "point": point, "seed": run.seed}
-
-
-def _summary(scenario: Scenario) -> dict[str, Any]:
-    with tempfile.TemporaryDirectory(prefix="swath-test-") as folder:
-        return run_job(scenario, Path(folder) / "run").summary
 
 
 def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:

@@ -42,6 +42,7 @@ class Plan:
     """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name;
     seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
+    code: hash of the code that its results come from, "" = this
     """
 
     cases: str
@@ -51,6 +52,7 @@ class Plan:
     drawn: int = 0
     draw_seed: int = 1
     sets: tuple[str, ...] = ()
+    code: str = ""
 
     @cached_property
     def found(self) -> list[Case]:
@@ -61,7 +63,7 @@ class Plan:
         """Every run, in order: case, seed, point, candidate, so that an early look has seen all points."""
         number = 0
         for case in self.found:
-            base = _base(case)
+            base = _base(case, self.code or code_hash())
             points = case.drawn(self.drawn, self.draw_seed) if self.drawn else case.grid()
             seeds = case.seeds if self.seeds is None else list(range(1, self.seeds + 1))
             changed = {name: [*self.sets, *sets] for name, sets in self.candidates.items()}
@@ -96,15 +98,15 @@ class Plan:
 
     def plain(self) -> dict[str, Any]:
         """As it stands in plan.json, with the code that it was made with."""
-        return {"format": "swath test plan 1", "code": code_hash(), **asdict(self)}
+        return {"format": "swath test plan 1", **asdict(self), "code": self.code or code_hash()}
 
 
-def plan_of(data: Mapping[str, Any]) -> Plan:
-    """The plan that `plain` gave. InputError where it was made with other code."""
-    if data.get("code") != code_hash():
+def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
+    """The plan that `plain` gave. same_code: InputError where it was made with other code"""
+    if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
-    keys = {k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed")}
+    keys = {k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "code")}
     return Plan(**keys, tags=tuple(data["tags"]), sets=tuple(data["sets"]))
 
 
@@ -116,7 +118,7 @@ def code_hash() -> str:
     return _sha(f"{p.relative_to(root).as_posix()} {_file_hash(p)}" for p in files)
 
 
-def _base(case: Case) -> str:
+def _base(case: Case, code: str) -> str:
     """Hash of a case's scenario and of what it names."""
     fixed = [f"{key}={json.dumps(value)}" for key, value in case.file.set.items()]
     try:
@@ -125,7 +127,7 @@ def _base(case: Case) -> str:
         raise InputError(
             f"{case.name}: {error.key}", error.value, error.expected, file=case.document.file
         ) from error
-    return _sha([code_hash(), json.dumps(_with_contents(scenario.plain()), sort_keys=True, default=str)])
+    return _sha([code, json.dumps(_with_contents(scenario.plain()), sort_keys=True, default=str)])
 
 
 def _contents_of_sets(sets: Sequence[str]) -> str:

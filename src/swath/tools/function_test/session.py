@@ -7,6 +7,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
+from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of, judged_again
 from swath.tools.function_test.journal import Journal, Result, finished, results_of, write_table
 from swath.tools.function_test.one_run import do_run
@@ -40,10 +41,10 @@ class Session:
 
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process."""
-        journal = Journal(self.journals, f"share-{share}-of-{of}")
+        journal, fields = Journal(self.journals, f"share-{share}-of-{of}"), KeptFields()
         for run in self.left():
             if int(run.id, 16) % of == share - 1:
-                result = do_run(run)
+                result = do_run(run, fields)
                 journal.add(result)
                 done(result)
         journal.close()
@@ -115,19 +116,10 @@ def open_session(folder: Path, *, same_code: bool = True) -> Session:
     file = folder / PLAN
     try:
         data: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        if same_code:
-            return Session(folder, plan_of(data))
-        return Session(folder, stored_plan(data))
+        return Session(folder, plan_of(data, same_code=same_code))
     except FileNotFoundError:
         raise InputError(
             "folder", str(folder), f"expected the folder of a function test, with {PLAN}"
         ) from None
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(PLAN, None, f"expected a plan: {error}", file=file) from error
-
-
-def stored_plan(data: dict[str, Any]) -> Plan:
-    """The plan of a folder, whatever code it was made with."""
-    from swath.tools.function_test.plan import code_hash
-
-    return plan_of({**data, "code": code_hash()})

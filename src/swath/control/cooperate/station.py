@@ -1,0 +1,208 @@
+"""Keeping a station beside the machine that unloads: what all fill strategies share.
+
+The middle of the own box is to lie `spot` behind the point where the stream of the other one comes down,
+which the link tells, and the own path runs parallel to the other one's. The tractor drives outside of the path
+of its trailer by what that tracks off in a bend; what is left at the box is taken out slowly.
+"""
+
+from dataclasses import dataclass
+from math import atan2, copysign, cos, hypot, sin, sqrt
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from swath.control.cooperate.peer_track import PeerTrack
+from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.core.schedule import NS
+from swath.signals import HeapState, Odometry, PeerState, UnloadState
+from swath.signals import Station as Wanted
+from swath.signals.setup import ControlSetup
+
+SLOW_INTEGRAL = 20.0  # time constant of what takes out the rest of the box's lateral error [s]
+MOST_INTEGRAL = 0.3  # of it [m]
+NEAR = 0.4  # it works while box and machine are nearer to their paths than this [m]
+LONGEST_WAIT = 6.0  # for the auger to stop before a full cart leaves [s]
+LEAVING = 8.0  # time in which a machine that leaves comes to rest [s]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """margin_m: of the rim above the grain at the walls with which the box counts as full
+    compensate: whether the age of messages is made up for; hold_s: silence through which the station is kept
+    by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
+    """
+
+    margin_m: Annotated[float, Ge(0), Le(1)] = 0.02
+    compensate: bool = True
+    hold_s: Annotated[float, Ge(0), Le(60)] = 2.5
+    clear_m: Annotated[float, Gt(0), Le(50)] = 3.0
+
+
+@dataclass(frozen=True)
+class BoxView:
+    """What a fill strategy knows. half, width: half the length, and the width of the box [m]
+
+    places [m ahead of the middle], heights [m above the floor]: profile of the grain; freeboard: rim above
+    the grain at the walls beside each place, less the margin [m]
+    """
+
+    half: float
+    width: float
+    places: tuple[float, ...]
+    heights: tuple[float, ...]
+    freeboard: tuple[float, ...]
+
+    def has_room(self, place: float) -> bool:
+        """Whether grain poured there stays in the box."""
+        at_end = abs(place) > self.half - 0.5 * self.width - 0.3
+        beside = [
+            free for free, at in zip(self.freeboard, self.places, strict=True) if abs(at - place) <= 0.3
+        ]
+        if at_end:
+            beside.append(self.freeboard[-1 if place > 0.0 else 0])
+        return min(beside) > 0.0
+
+    @property
+    def reach(self) -> float:
+        """Farthest place from the middle where it is worth to pour: half a width from an end, and a
+        quarter of a metre [m].
+        """
+        return max(self.half - 0.5 * self.width, 0.0) + 0.25
+
+    def open_places(self) -> list[tuple[float, float]]:
+        """Height of the grain and place, of those places within reach that have room [m]."""
+        pairs = zip(self.heights, self.places, strict=True)
+        return [(high, place) for high, place in pairs if abs(place) <= self.reach and self.has_room(place)]
+
+
+class StationKeeper(KeepsState):
+    """A fill strategy gives `aim`; everything else is here."""
+
+    kept = (
+        "_track", "_hitch_angle", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside", "_memory",
+        "_seen",
+    )  # fmt: skip
+    inputs = (
+        Port("peer", PeerState),
+        Port("odometry", Odometry),
+        Port("heap", HeapState),
+        Port("unload", UnloadState, optional=True),
+    )
+    outputs = (Port("station", Wanted),)
+
+    def __init__(self, keep: Shared, setup: ControlSetup) -> None:
+        if setup.machine.box is None:
+            raise InputError("level", type(self).__name__, "expected a machine whose data sheet has a `box`")
+        self._keep, self._box, self._hitch = keep, setup.machine.box, setup.machine.hitch
+        self._track = PeerTrack(compensated=keep.compensate)
+
+    def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
+        """Where grain is to come down, ahead of the middle of the box [m], and whether the box is full."""
+        raise NotImplementedError
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Nothing to keep yet."""
+        self._track.reset()
+        self._hitch_angle = self._integral = self._spot = self._aside = 0.0
+        self._is_full = self._waits = False
+        self._full_at, self._seen = -1.0, 0.0
+        self._memory: dict[str, float] = {}
+        return {"station": self._idle(0)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """The station at t + dt."""
+        now, h = t + dt, dt / NS
+        peer: PeerState = inputs["peer"]
+        own: Odometry = inputs["odometry"]
+        self._fold(own, h)
+        self._track.update(now, dt, peer, own)
+        if not peer.is_heard or peer.impact_x != peer.impact_x:
+            return {"station": self._idle(now)}
+        before = self._spot
+        view = self._view(inputs["heap"])
+        spot, is_full = self.aim(now / NS, view)
+        self._waits = self._is_full or not view.has_room(self._spot)
+        if not self._is_full:
+            self._spot, self._is_full = spot, is_full
+            self._full_at = now / NS
+        shift = (self._spot - before) / h if abs(self._spot - before) < 0.5 * h else 0.0
+        return {"station": self._station(now, h, peer, shift)}
+
+    def _fold(self, own: Odometry, h: float) -> None:
+        """Angle of the trailer against the machine, by rolling without slip."""
+        if self._hitch is not None:
+            c, s, v, r = cos(self._hitch_angle), sin(self._hitch_angle), own.speed, own.yaw_rate
+            self._hitch_angle += h * ((-v * s + self._hitch.x * r * c) / self._hitch.drawbar - r)
+
+    def _middle(self) -> tuple[float, float]:
+        """Middle of the own box in the own frame [m]."""
+        if self._hitch is None:
+            return self._box.x, 0.0
+        back = self._box.x - self._hitch.drawbar
+        return self._hitch.x + back * cos(self._hitch_angle), back * sin(self._hitch_angle)
+
+    def _off_tracking(self, curvature: float) -> float:
+        """How far the trailer runs inside of the machine's path of a curvature, > 0 left [m]."""
+        if self._hitch is None or abs(curvature) < 1e-6:
+            return 0.0
+        radius = 1.0 / abs(curvature)
+        inner = sqrt(max(radius**2 + self._hitch.x**2 - self._hitch.drawbar**2, 0.0))
+        return copysign(radius - inner, curvature)
+
+    def _station(self, now: int, h: float, peer: PeerState, shift: float) -> Wanted:
+        track = self._track
+        k, y = track.curvature, peer.impact_y
+        scale = max(1.0 - k * y, 0.2)
+        bend = k / scale
+        away = self._leave(now / NS, h, peer, y)
+        aside, _, along = on_arc(k, *track.to_peer(*self._middle()))
+        lateral, tangent, _ = on_arc(k, *track.to_peer(0.0, 0.0))
+        if away == 0.0 and abs(y - aside) < NEAR and abs(y - self._off_tracking(bend) - lateral) < NEAR:
+            gain = h / SLOW_INTEGRAL
+            self._integral = min(max(self._integral + gain * (y - aside), -MOST_INTEGRAL), MOST_INTEGRAL)
+        left = y - self._off_tracking(bend) - lateral + self._integral + copysign(self._aside, y)
+        heading = atan2(sin(track.heading + tangent), cos(track.heading + tangent))
+        # within a step of the link the impact's own way is part of the other one's speed
+        ahead, speed = scale * (peer.impact_x - self._spot - along), track.speed * scale - shift
+        rate = track.acceleration * scale if track.age < 1.0 else 0.0
+        if away > 0.0:
+            ahead, rate, speed = 0.0, 0.0, max(self._seen * (1.0 - away / LEAVING), 0.0)
+        else:
+            self._seen = speed
+        return Wanted(now, True, ahead, left, heading, bend, speed, rate, self._spot, self._waits)
+
+    def _leave(self, now: float, h: float, peer: PeerState, y: float) -> float:
+        """Time [s] since it began to leave, full and no longer poured on, or in silence; 0 while it stays."""
+        since = 0.0
+        if self._is_full and self._track.age < self._keep.hold_s:
+            if peer.is_pouring and now - self._full_at < LONGEST_WAIT and "left" not in self._memory:
+                return 0.0
+            self._memory.setdefault("left", now)
+            since = now - self._memory["left"] + 1e-3
+        elif self._track.age > self._keep.hold_s:
+            since = self._track.age - self._keep.hold_s
+        if since > 0.0:
+            self._aside = min(self._aside + 0.5 * h * max(self._seen, 0.5), self._keep.clear_m)
+        elif self._aside > 0.0:
+            self._aside = max(self._aside - 0.5 * h, 0.0)
+        return since
+
+    def _view(self, heap: HeapState) -> BoxView:
+        box, count = self._box, len(heap.profile)
+        places = tuple(((i + 0.5) / count - 0.5) * box.length for i in range(count))
+        free = tuple((heap.freeboard - self._keep.margin_m).tolist())
+        return BoxView(0.5 * box.length, box.width, places, tuple(heap.profile.tolist()), free)
+
+    def _idle(self, t: int) -> Wanted:
+        return Wanted(t, False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self._spot, self._waits)
+
+
+def on_arc(curvature: float, x: float, y: float) -> tuple[float, float, float]:
+    """A point against the path of a machine at (0, 0) that drives an arc: distance to its left [m],
+    direction of the path there [rad], way along it [m].
+    """
+    direction = atan2(curvature * x, 1.0 - curvature * y)
+    across = (2.0 * y - curvature * (x * x + y * y)) / (1.0 + hypot(curvature * x, 1.0 - curvature * y))
+    return across, direction, direction / curvature if abs(curvature) > 1e-6 else x

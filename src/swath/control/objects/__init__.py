@@ -1,0 +1,1 @@
+"""Objects: what is no crop, from what the sensors measure."""

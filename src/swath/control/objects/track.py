@@ -1,0 +1,97 @@
+"""Follows things over the ground from scan to scan: an alpha-beta filter each, nearest first."""
+
+from dataclasses import dataclass
+from math import hypot
+
+from swath.core.component import KeepsState
+
+GATE = 0.8  # a heap belongs to the thing that is expected no farther from it [m]
+FASTEST = 4.0  # and this much more per second since it was seen [m/s]
+ALPHA, BETA = 0.5, 0.15  # of the place and the velocity, for scans some 0.1 s apart
+BELIEF, DOUBT = (
+    0.4,
+    0.1,
+)  # a scan that shows a thing takes this share of the way to 1, one that does not, to 0
+
+
+@dataclass(frozen=True)
+class Heap:
+    """x, y: its middle; length, width: along the machine's axes; top: above the ground under the axle [m]"""
+
+    x: float
+    y: float
+    length: float
+    width: float
+    top: float
+
+
+@dataclass
+class Track:
+    """A thing that is followed. place, velocity: at t [s]; hits: scans that showed it."""
+
+    number: int
+    t: float
+    place: tuple[float, float]
+    velocity: tuple[float, float]
+    heap: Heap
+    hits: int = 1
+    confidence: float = BELIEF
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Where it is expected at a time [s]."""
+        dt = t - self.t
+        return self.place[0] + dt * self.velocity[0], self.place[1] + dt * self.velocity[1]
+
+    def take(self, t: float, heap: Heap) -> None:
+        """It was seen there."""
+        dt = max(t - self.t, 1e-3)
+        x, y = self.at(t)
+        dx, dy = heap.x - x, heap.y - y
+        self.place = x + ALPHA * dx, y + ALPHA * dy
+        vx, vy = self.velocity
+        self.velocity = vx + BETA / dt * dx, vy + BETA / dt * dy
+        self.t, self.heap, self.hits = t, heap, self.hits + 1
+        self.confidence += BELIEF * (1.0 - self.confidence)
+
+
+class Tracks(KeepsState):
+    """confirm: scans that show a thing before it counts; keep: seconds without being seen."""
+
+    kept = ("_tracks", "_number")
+
+    def __init__(self, confirm: int, keep: float) -> None:
+        self._confirm, self._keep = confirm, keep
+        self.clear()
+
+    def clear(self) -> None:
+        """Nothing followed."""
+        self._tracks: list[Track] = []
+        self._number = 0
+
+    def confirmed(self) -> list[Track]:
+        """Those that count."""
+        return [track for track in self._tracks if track.hits >= self._confirm]
+
+    def update(self, t: float, heaps: list[Heap]) -> None:
+        """The heaps of a scan at t [s]: each to the nearest thing that was expected there, or a new one."""
+        away = []
+        for i, track in enumerate(self._tracks):
+            x, y = track.at(t)
+            gate = GATE + FASTEST * (t - track.t)
+            near = [(hypot(h.x - x, h.y - y), i, j) for j, h in enumerate(heaps)]
+            away += [row for row in near if row[0] <= gate]
+        taken: set[int] = set()
+        used: set[int] = set()
+        for _, i, j in sorted(away):
+            if i not in taken and j not in used:
+                self._tracks[i].take(t, heaps[j])
+                taken.add(i)
+                used.add(j)
+        for i, track in enumerate(self._tracks):
+            if i not in taken:
+                track.confidence *= 1.0 - DOUBT
+        self._tracks = [track for track in self._tracks if t - track.t <= self._keep]
+        for j, heap in enumerate(heaps):
+            if j not in used:
+                self._number += 1
+                self._tracks.append(Track(self._number, t, (heap.x, heap.y), (0.0, 0.0), heap))

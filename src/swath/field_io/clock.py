@@ -1,0 +1,96 @@
+"""Times of a log: seconds, date-times, or a date and a time of day, as people and monitors write them."""
+
+import re
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+EPOCH = datetime(2000, 1, 1)
+DAY = 86400.0
+MILLISECONDS = 1e11  # a number of seconds above it is in milliseconds: 1e11 s are 3000 years
+LEAST_SHARE = 0.5  # of the rows with a time: with less the clock is not used
+LEAST_STEPS = 0.2  # different times per row: with less it holds dates only
+_TIME = re.compile(r"(\d{1,2})[:h](\d{2})(?:[:.](\d{2})(?:[.,](\d+))?)?\s*([ap])?\.?m?\.?", re.IGNORECASE)
+_DATE = re.compile(r"(\d{1,4})[-/. ](\d{1,2})[-/. ](\d{1,4})")
+
+
+def seconds_of(cells: Sequence[Any], dates: Sequence[Any] | None = None) -> Array:
+    """Seconds since 2000 of cells with a date-time, or of a time of day with the date beside it; nan = none.
+
+    A time of day without any date counts on over midnight. Zones are left out: a log has one.
+    """
+    texts = [str(c).strip() for c in cells]
+    try:
+        return np.array([_iso(t) for t in texts])
+    except ValueError:
+        pass
+    of_day = np.array([_time_of_day(t) for t in texts])
+    held = [_DATE.search(t) for t in texts]
+    if not any(held) and dates is not None:
+        held = [_DATE.search(str(d)) for d in dates]
+    if any(held):
+        return of_day + _days([None if m is None else (m[0], *m.groups()) for m in held])
+    known = np.flatnonzero(np.isfinite(of_day))
+    nights = np.cumsum(np.diff(of_day[known], prepend=of_day[known[:1]]) < -0.5 * DAY)
+    of_day[known] += DAY * nights
+    return of_day
+
+
+def _iso(text: str) -> float:
+    if len(text) < 12:
+        raise ValueError(text)
+    return (datetime.fromisoformat(text).replace(tzinfo=None) - EPOCH).total_seconds()
+
+
+def _time_of_day(text: str) -> float:
+    found = _TIME.search(text)
+    if found is None:
+        return np.nan
+    hour, minute, second = int(found[1]), int(found[2]), int(found[3] or 0)
+    if found[5]:
+        hour = hour % 12 + (12 if found[5].lower() == "p" else 0)
+    if hour > 24 or minute > 59 or second > 60:
+        return np.nan
+    return 3600.0 * hour + 60.0 * minute + second + float(f"0.{found[4] or 0}")
+
+
+def _days(dates: Sequence[tuple[str, ...] | None]) -> Array:
+    """Seconds of the midnights of (text, first, second, third). 4 digits first are the year; else the day is
+    first where a first number above 12 or points between them say so, else the month.
+    """
+    known = [d for d in dates if d is not None]
+    year_first = any(len(d[1]) == 4 for d in known)
+    day_first = any(int(d[1]) > 12 for d in known) or (
+        any("." in d[0] for d in known) and not any(int(d[2]) > 12 for d in known)
+    )
+    made: dict[tuple[str, ...], float] = {}
+    for found in set(known):
+        a, b, c = (int(part) for part in found[1:])
+        year, month, day = (a, b, c) if year_first else (c, b, a) if day_first else (c, a, b)
+        try:
+            made[found] = (datetime(year + (2000 if year < 100 else 0), month, day) - EPOCH) / timedelta(
+                seconds=1
+            )
+        except ValueError:
+            made[found] = np.nan
+    return np.array([np.nan if d is None else made[d] for d in dates])
+
+
+def usable(time: Array) -> tuple[Array | None, str]:
+    """A clock whose missing times lie between those of their rows, None for one that is none; and a note."""
+    known = np.isfinite(time)
+    count = len(time)
+    if known.sum() < LEAST_SHARE * count:
+        return None, f"clock not used: {count - int(known.sum()):,} of {count:,} rows hold no time"
+    different = len(np.unique(time[known]))
+    if different < LEAST_STEPS * count:
+        return None, f"clock not used: {different:,} different times in {count:,} rows"
+    if known.all():
+        return time, ""
+    row = np.arange(count, dtype=float)
+    note = f"{count - int(known.sum()):,} rows without a time: taken between their neighbours"
+    return np.asarray(np.interp(row, row[known], time[known])), note

@@ -1,0 +1,97 @@
+"""From columns to records in driven order: which machine, when, how long, how fast."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field_io.columns import ColumnMap
+from swath.field_io.table import Table
+
+Array = NDArray[np.float64]
+TOP_SPEED = 15.0  # m/s, of a machine
+NEXT = 6  # records ahead among which one of the same machine follows, whichever others are between
+NEAR = 25.0  # m, to it
+LEAST_FOLLOWED = 0.5  # of the records of a log in driving order
+
+
+def declared_machines(
+    table: Table, found: ColumnMap, rows: Any = slice(None)
+) -> tuple[tuple[str, ...], NDArray[np.int64], list[str]]:
+    """Names of the machines in some rows, the index of that of each row, (n,), and what was assumed."""
+    one = ("1",), np.zeros(len(table.row_number[rows]), dtype=np.int64)
+    if "machine" not in found.columns:
+        return *one, []
+    texts = np.array(table.texts(found.columns["machine"].column))[rows]
+    names, machine = np.unique(texts, return_inverse=True)
+    if len(names) > 50:
+        return *one, [f"{len(names)} machine names: column not used"]
+    shown = tuple("".join(c if c.isprintable() else "?" for c in str(n)[:60]) for n in names)
+    return shown, machine.astype(np.int64), []
+
+
+def time_of(
+    values: dict[str, Array], found: ColumnMap, machine: NDArray[np.int64], order: NDArray[np.int64]
+) -> tuple[Array, str]:
+    """Time of each record [s], in file order."""
+    if "time" in found.columns:
+        return values["time"] - values["time"].min(), ""
+    step = np.nan_to_num(values["duration"], nan=1.0) if "duration" in found.columns else np.ones(len(order))
+    sorted_time = np.cumsum(step[order])
+    first = np.r_[True, np.diff(machine[order]) != 0]
+    start = np.maximum.accumulate(np.where(first, sorted_time, 0.0))
+    time = np.empty(len(order))
+    time[order] = sorted_time - start
+    note = "" if "duration" in found.columns else "no time: records taken as 1 s apart"
+    return time, note or "no clock: time counts from the first record of each machine"
+
+
+def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple[float, Array]:
+    """Nominal period of the log and time since the record before [s].
+
+    Logs round their clock (to 1e-5 days = 0.864 s in some), so steps below 1.8 periods count as one.
+    """
+    step = np.diff(time, prepend=time[:1])
+    usual = step[(step > 0.0) & (step < 2.5)]
+    period = float(usual.mean()) if len(usual) else 1.0
+    period = 1.0 if abs(period - 1.0) < 0.08 else period
+    if np.isfinite(logged).mean() > 0.5:
+        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, 5.0)
+    one = (step < 1.8 * period) | (np.diff(machine, prepend=-1) != 0)
+    return period, np.clip(np.where(one, period, step), period, 5.0)
+
+
+def speed_of(
+    values: dict[str, Array],
+    found: ColumnMap,
+    duration: Array,
+    machine: NDArray[np.int64],
+    east: Array,
+    north: Array,
+) -> Array:
+    """Ground speed [m/s]: logged, else logged distance over time, else from positions."""
+    if "speed" in found.columns:
+        return values["speed"]
+    step = np.hypot(np.diff(east, prepend=east[:1]), np.diff(north, prepend=north[:1]))
+    step = np.where(np.diff(machine, prepend=-1) != 0, 0.0, step)
+    if "distance" in found.columns:
+        step = np.where(np.isfinite(values["distance"]), values["distance"], step)
+    return np.clip(step / duration, 0.0, TOP_SPEED)
+
+
+def check_order(time: Array, machine: NDArray[np.int64], east: Array, north: Array) -> None:
+    """Raise InputError where the records in the order of their times are no track of any machine."""
+    order = np.lexsort((time, machine))
+    x, y = east[order], north[order]
+    nearest = np.full(len(x) - NEXT, np.inf)
+    for ahead in range(1, NEXT + 1):
+        step = np.hypot(x[ahead:] - x[:-ahead], y[ahead:] - y[:-ahead])
+        nearest = np.minimum(nearest, step[: len(nearest)])
+    followed = float((nearest < NEAR).mean())
+    if followed < LEAST_FOLLOWED:
+        raise InputError(
+            "log",
+            f"{100 * (1 - followed):.0f} % of the records are far from those that follow",
+            "expected records in driving order; --as map makes stand and yield of them, without passes",
+        )

@@ -1,0 +1,108 @@
+"""Grain handed over on the go: how well the station is kept, how much is caught, and what is spilled."""
+
+from collections.abc import Mapping
+from math import cos, fsum, hypot, sin
+
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.signals import HeapState, MachineState, Signal, Station, TrailerState, UnloadState
+from swath.signals.setup import MachineGeometry
+
+GROUP = "Unloading"
+
+
+class Unloading:
+    """Pairs a machine that pours with the one that keeps a station beside it, by the truth of both.
+
+    A deviation is that of the point where the stream comes down from where it was wanted in the box, along
+    and across, judged while grain flows.
+    """
+
+    OF_FIELD = True
+    SIGNALS = (MachineState, TrailerState, UnloadState, Station, HeapState)
+    METRICS = (
+        Metric("unloaded_kg", "kg", "grain that came down in a box", GROUP, "", "", "", 1),
+        Metric("spill_share", "1", "grain that missed a box or ran over its rim, of what left the tank",
+               GROUP, "lower", "spilled", "%", 3),
+        Metric("box_level", "1", "grain in the fullest box, of the largest heap on its rim", GROUP, "higher",
+               "", "%", 1),
+        Metric("unloading_s", "s", "time with grain flowing from a pipe", GROUP, "", "", "", 1),
+        Metric("station_along_mean_m", "m", "mean |deviation| along while grain flows", GROUP, "lower"),
+        Metric("station_along_max_m", "m", "largest |deviation| along while grain flows", GROUP, "lower"),
+        Metric("station_across_mean_m", "m", "mean |deviation| across while grain flows", GROUP, "lower"),
+        Metric("station_across_max_m", "m", "largest |deviation| across while grain flows", GROUP, "lower"),
+        Metric("station_mean_m", "m", "mean distance from the wanted point while grain flows", GROUP,
+               "lower"),
+    )  # fmt: skip
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self._latest: dict[tuple[str, type[Signal]], Signal] = {}
+        self._times: dict[str, int] = {}  # machine -> time of its pipe's last sample
+        self._along: list[float] = []
+        self._across: list[float] = []
+        self._flowing = 0.0
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Keep the newest; judge at every sample of a pipe."""
+        name = slot.partition(".")[0]
+        for signal in outputs.values():
+            self._latest[name, type(signal)] = signal
+            if isinstance(signal, UnloadState):
+                since = (signal.t - self._times.get(name, signal.t)) / NS
+                self._times[name] = signal.t
+                if signal.flow > 0.0:
+                    self._flowing += since
+                    self._judge(name, signal)
+
+    def metrics(self) -> dict[str, float]:
+        """Nothing where no machine has a pipe with an auger."""
+        pipes = [s for s in self._latest.values() if isinstance(s, UnloadState)]
+        if not pipes:
+            return {}
+        drawn, caught = fsum(s.drawn for s in pipes), fsum(s.caught for s in pipes)
+        levels = [s.level for s in self._latest.values() if isinstance(s, HeapState)]
+        found = {
+            "unloaded_kg": caught,
+            "spill_share": fsum(s.missed for s in pipes) / drawn if drawn > 0.0 else float("nan"),
+            "box_level": max(levels, default=float("nan")),
+            "unloading_s": self._flowing,
+        }
+        for way, rows in (("along", self._along), ("across", self._across)):
+            found[f"station_{way}_mean_m"] = fsum(rows) / len(rows) if rows else float("nan")
+            found[f"station_{way}_max_m"] = max(rows, default=float("nan"))
+        away = [hypot(a, b) for a, b in zip(self._along, self._across, strict=True)]
+        found["station_mean_m"] = fsum(away) / len(away) if away else float("nan")
+        return found
+
+    def _judge(self, name: str, unload: UnloadState) -> None:
+        state = self._latest.get((name, MachineState))
+        for (other, kind), station in self._latest.items():
+            if kind is Station and isinstance(station, Station) and station.is_active:
+                middle = self._middle(other)
+                if isinstance(state, MachineState) and middle is not None:
+                    x, y, yaw = middle
+                    px, py, _ = state.pose.apply([unload.impact_x, unload.impact_y, 0.0]).tolist()
+                    dx, dy = px - x, py - y
+                    self._along.append(abs(cos(yaw) * dx + sin(yaw) * dy - station.spot))
+                    self._across.append(abs(cos(yaw) * dy - sin(yaw) * dx))
+
+    def _middle(self, name: str) -> tuple[float, float, float] | None:
+        """Middle of a machine's box and its heading, in the world."""
+        geometry: MachineGeometry = self.setup.machines[name].geometry
+        carrier, box = self._latest.get((name, TrailerState)), geometry.box
+        if box is None:
+            return None
+        if isinstance(carrier, TrailerState):
+            x, y, yaw = carrier.x, carrier.y, carrier.yaw
+        else:
+            state = self._latest.get((name, MachineState))
+            if not isinstance(state, MachineState):
+                return None
+            x, y, _ = state.pose.position.tolist()
+            yaw = state.pose.euler()[2]
+        return x + box.x * cos(yaw), y + box.x * sin(yaw), yaw
+
+
+LEVEL = Level(Unloading, None, summary="grain handed over on the go: station, fill and spill")

@@ -1,0 +1,1 @@
+"""Levels of a heap of grain in an open box."""

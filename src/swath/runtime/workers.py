@@ -1,0 +1,173 @@
+"""Worker processes that a job may kill: the job is named, no other is lost or blamed.
+
+Each worker has one job in hand. A worker that dies costs its job a strike and is replaced; the job is tried
+once more, after those that are there already.
+"""
+
+import multiprocessing as mp
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import inf
+from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, TypeVar
+
+from swath.core.errors import SwathError
+
+STRIKES = 2  # workers that a job may kill before it counts as an error
+AHEAD = 4  # jobs for each worker that are begun before those before them are through, where order counts
+T = TypeVar("T")
+R = TypeVar("R")
+Begin = Callable[[], Callable[[T], R]]
+
+
+@dataclass(frozen=True)
+class Lost:
+    """What comes of a job that ended its workers. exit_code: of the last one"""
+
+    exit_code: int | None
+
+    def __str__(self) -> str:
+        return f"ended its process {STRIKES} times, exit code {self.exit_code}"
+
+
+@dataclass
+class _Job(Generic[T]):
+    number: int
+    what: T
+    strikes: int = 0
+
+
+class _Worker(Generic[T, R]):
+    """A process with a pipe to it. job: what it has in hand; is_starting: it has not said that it began"""
+
+    def __init__(self, begin: Begin[T, R]) -> None:
+        context = mp.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, begin), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.job: _Job[T] | None = None
+        self.is_starting = True
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is to come of it."""
+        return self.is_starting or self.job is not None
+
+    def give(self, job: _Job[T]) -> None:
+        self.job = job
+        with suppress(OSError):  # it has just died, which `receive` finds
+            self.pipe.send(job.what)
+
+    def receive(self) -> tuple[R] | None:
+        """What it sent; None when the process died before."""
+        with suppress(EOFError, OSError):
+            return (self.pipe.recv(),) if self.pipe.poll() else None
+        return None
+
+    def stop(self) -> None:
+        self.pipe.close()
+        self.process.join(timeout=2.0)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+
+
+class _Queue(Generic[T]):
+    """Jobs that are to be done; those that lost a worker wait until no other may begin."""
+
+    def __init__(self, jobs: Iterable[T]) -> None:
+        self._new, self._next = enumerate(jobs), deque[_Job[T]]()
+        self.suspects = deque[_Job[T]]()
+        self._begun = 0
+
+    def has(self, most: float, wanted: int = 1) -> bool:
+        """Whether there are so many; of new ones, `most` are taken at all."""
+        while len(self._next) < wanted and self._begun < most:
+            if (found := next(self._new, None)) is None:
+                break
+            self._begun += 1
+            self._next.append(_Job(*found))
+        return len(self._next) + len(self.suspects) >= wanted
+
+    def take(self) -> _Job[T]:
+        """The next one, if it has one."""
+        return (self._next or self.suspects).popleft()
+
+
+def in_workers(
+    jobs: Iterable[T], begin: Begin[T, R], workers: int, *, in_order: bool = False
+) -> Iterator[tuple[T, R | Lost]]:
+    """Do jobs on worker processes, each with what comes of it, as they end or in order.
+
+    begin: called in each worker, gives the function that does a job; all of these can be pickled
+    Jobs are taken from the iterable when a worker is free. SwathError where no worker can begin.
+    """
+    queue, pool = _Queue(jobs), list[_Worker[T, R]]()
+    through: dict[int, tuple[T, R | Lost]] = {}
+    count = 0
+    try:
+        while True:
+            most = count + AHEAD * workers if in_order else inf
+            pool = [worker for worker in pool if worker.is_busy or worker.process.is_alive()]
+            for worker in pool:
+                if not worker.is_busy and queue.has(most):
+                    worker.give(queue.take())
+            while len(pool) < workers and queue.has(most, 1 + len([w for w in pool if w.is_starting])):
+                pool.append(_Worker(begin))
+            while (number := count if in_order else next(iter(through), -1)) in through:
+                count += 1
+                yield through.pop(number)
+            for worker in _ready(pool):
+                found, job = worker.receive(), worker.job
+                worker.job, worker.is_starting = None, False
+                if found is None:
+                    pool.remove(worker)
+                    worker.stop()
+                if job is None:
+                    _check_begun(worker, found)
+                elif found is not None:
+                    through[job.number] = job.what, found[0]
+                elif job.strikes + 1 < STRIKES:
+                    queue.suspects.append(replace(job, strikes=job.strikes + 1))
+                else:
+                    through[job.number] = job.what, Lost(worker.process.exitcode)
+            if not through and not any(w.is_busy for w in pool) and not queue.has(inf):
+                return
+    finally:
+        for worker in pool:
+            worker.stop()
+
+
+def _ready(pool: Sequence[_Worker[T, R]]) -> list[_Worker[T, R]]:
+    """Workers that have something to tell or died; waits for the first."""
+    busy = [w for w in pool if w.is_busy]
+    signs = wait([w.pipe for w in busy] + [w.process.sentinel for w in busy]) if busy else []
+    return [w for w in busy if w.pipe in signs or w.process.sentinel in signs]
+
+
+def _check_begun(worker: _Worker[T, R], found: object) -> None:
+    if found is None:
+        raise SwathError(
+            f"a worker process ended before it began (exit code {worker.process.exitcode}): a script that "
+            "starts processes needs `if __name__ == '__main__':` around what it does"
+        )
+
+
+def _serve(pipe: Connection, begin: Begin[Any, Any]) -> None:
+    """What a worker does until its pipe is closed. Ctrl-C is the driver's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.setdefault("SWATH_THREADS", "1")  # one core a job, as many jobs as cores
+    work = begin()
+    with suppress(OSError):  # the driver is gone
+        pipe.send(True)
+        while True:
+            try:
+                job = pipe.recv()
+            except EOFError:
+                return
+            pipe.send(work(job))

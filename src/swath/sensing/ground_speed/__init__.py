@@ -1,0 +1,1 @@
+"""Ground speed levels: speed over ground without wheels."""

@@ -1,0 +1,1 @@
+"""Objects from the truth: exact, or with errors."""

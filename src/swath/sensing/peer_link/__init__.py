@@ -1,0 +1,1 @@
+"""Levels of the link between machines that work together."""

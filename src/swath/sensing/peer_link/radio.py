@@ -1,0 +1,97 @@
+"""Peer link level `radio`: messages that come late, get lost, end with the range, and carry position errors.
+
+The rate of the slot (`rate_hz`) is that of the messages.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+from math import exp, hypot, sqrt
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from swath.core.component import Inputs, Outputs
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.field.site_setup import SiteSetup
+from swath.sensing.peer_link.ideal import IdealLink, silence
+from swath.signals import PeerState
+
+
+@dataclass(frozen=True)
+class Params:
+    """delay_ms: from the time that a message is valid for to its arrival; loss_percent: of the messages
+    range_m: beyond it nothing arrives; position_sd_cm: of the relative position, each axis, correlated over
+    correlation_s; ahead_error_m, left_error_m: calibration errors of antennas and box
+    silent_from_s, silent_for_s: nothing arrives in that time, to try it out
+    """
+
+    delay_ms: Annotated[float, Ge(0), Le(5000)] = 100.0
+    loss_percent: Annotated[float, Ge(0), Le(100)] = 0.0
+    range_m: Annotated[float, Gt(0), Le(1e5)] = 500.0
+    position_sd_cm: Annotated[float, Ge(0), Le(1000)] = 1.5
+    correlation_s: Annotated[float, Gt(0), Le(1e4)] = 60.0
+    ahead_error_m: Annotated[float, Ge(-5), Le(5)] = 0.0
+    left_error_m: Annotated[float, Ge(-5), Le(5)] = 0.0
+    silent_from_s: Annotated[float, Ge(0)] | None = None
+    silent_for_s: Annotated[float, Ge(0)] = 1e9
+
+
+class RadioLink(IdealLink):
+    """A queue of messages under way."""
+
+    kept = ("_last", "_queue", "_newest", "_error")
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        super().__init__(params, setup)
+        self._p = params
+        self._share = exp(-setup.period / params.correlation_s)
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Nothing under way."""
+        self._stream = stream
+        self._queue: deque[tuple[int, PeerState]] = deque()
+        self._newest: PeerState | None = None
+        sd = self._p.position_sd_cm * 0.01
+        ex, ey = stream.at(0).standard_normal(2).tolist()
+        self._error = (sd * ex, sd * ey)
+        return super().reset(stream)
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Send the message of now, if it gets through, and hand over the newest that has arrived."""
+        now = t + dt
+        draw = self._stream.at(now)
+        ex, ey = draw.standard_normal(2).tolist()
+        message = self._with_error(self.message(now, inputs), ex, ey)
+        if self._gets_through(now, message, float(draw.random())):
+            self._queue.append((now + round(self._p.delay_ms * 1e6), message))
+        while self._queue and self._queue[0][0] <= now:
+            self._newest = self._queue.popleft()[1]
+        if self._newest is None:
+            return {"peer": silence(now)}
+        age = self._newest.age + (now - self._newest.t) / NS
+        return {"peer": replace(self._newest, t=now, age=age)}
+
+    def _gets_through(self, now: int, message: PeerState, draw: float) -> bool:
+        p, lost = self._p, draw * 100.0 < self._p.loss_percent
+        since = -1.0 if p.silent_from_s is None else now / NS - p.silent_from_s
+        is_silent = p.silent_from_s is not None and 0.0 <= since < p.silent_for_s
+        return not lost and not is_silent and hypot(message.x, message.y) <= p.range_m
+
+    def _with_error(self, message: PeerState, dx: float, dy: float) -> PeerState:
+        """First-order Gauss-Markov errors on top of those of calibration."""
+        p, keep = self._p, self._share
+        fresh = p.position_sd_cm * 0.01 * sqrt(1.0 - keep * keep)
+        ex, ey = keep * self._error[0] + fresh * dx, keep * self._error[1] + fresh * dy
+        self._error = ex, ey
+        return replace(message, x=message.x + ex + p.ahead_error_m, y=message.y + ey + p.left_error_m)
+
+
+LEVEL = Level(
+    RadioLink,
+    Params,
+    summary="rate, delay, loss and range of a radio, errors of position and calibration",
+    cost="0.1 ms per message",
+    tolerance="equal to ideal with every number at 0",
+)

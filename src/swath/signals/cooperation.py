@@ -1,0 +1,127 @@
+"""What machines that work side by side tell each other, and how grain goes from one to the other."""
+
+from typing import Annotated
+
+from swath.core.frozen import frozen
+from swath.core.signal import About, Quantity, Signal
+from swath.signals.arrays import F64
+
+_NAN = float("nan")
+NO_PROFILE = "no box, or not measured"
+
+
+@frozen
+class TrailerState(Signal, about=About("world")):
+    """Truth about what a machine tows. Origin: middle of its axle, on the ground; x towards the hitch."""
+
+    x: Annotated[float, Quantity("m", "east of the axle's middle", column="trailer_x_m")]
+    y: Annotated[float, Quantity("m", "north of it", column="trailer_y_m")]
+    z: Annotated[float, Quantity("m", "height of it", column="trailer_z_m")]
+    yaw: Annotated[float, Quantity("rad", "from east, > 0 left", column="trailer_yaw_rad")]
+    pitch: Annotated[float, Quantity("rad", "> 0 nose down")]
+    roll: Annotated[float, Quantity("rad", "> 0 left side up")]
+    hitch_angle: Annotated[float, Quantity("rad", "its heading less that of the machine")]
+    mass: Annotated[float, Quantity("kg", "with its load")]
+    axle_load: Annotated[float, Quantity("N", "its axle on the ground")]
+    drawbar_load: Annotated[float, Quantity("N", "down on the hitch pin")]
+    drawbar_pull: Annotated[
+        float, Quantity("N", "along the drawbar, > 0 pulled", nan="the level knows no forces")
+    ]
+
+
+@frozen
+class HeapState(Signal, about=About()):
+    """Grain in an open box: how much, and how its surface lies along the middle line."""
+
+    grain: Annotated[float, Quantity("kg", "in the box", column="heap_grain_kg")]
+    level: Annotated[
+        float, Quantity("", "over the largest heap that stands on the rim, 0..1", column="heap_level")
+    ]
+    spilled: Annotated[float, Quantity("kg", "ran over the rim since the start", column="heap_spilled_kg")]
+    highest: Annotated[float, Quantity("m", "highest point of the surface above the floor")]
+    profile: Annotated[
+        F64,
+        Quantity(
+            "m", "surface above the floor along the middle line, rear to front", shape=("station",),
+            nan=NO_PROFILE,
+        ),
+    ]  # fmt: skip
+    freeboard: Annotated[
+        F64,
+        Quantity(
+            "m", "rim above the grain at the walls beside each station, the least", shape=("station",),
+            nan=NO_PROFILE,
+        ),
+    ]  # fmt: skip
+
+
+@frozen
+class UnloadCommand(Signal, about=About()):
+    """What the unloading auger is to do."""
+
+    angle: Annotated[
+        float, Quantity("rad", "wanted swing of the pipe, 0 folded back", column="unload_command_rad")
+    ]
+    is_running: Annotated[bool, Quantity("", "the auger turns", column="unload_command")]
+
+
+@frozen
+class UnloadState(Signal, about=About()):
+    """The unloading auger, and where its stream comes down (truth)."""
+
+    angle: Annotated[float, Quantity("rad", "swing of the pipe, 0 folded back", column="unload_angle_rad")]
+    flow: Annotated[float, Quantity("kg/s", "out of the mouth", column="unload_flow_kg_s")]
+    drawn: Annotated[float, Quantity("kg", "taken from the tank since the start")]
+    held: Annotated[float, Quantity("kg", "in the auger and in the air")]
+    caught: Annotated[float, Quantity("kg", "came down in a box since the start", column="caught_kg")]
+    missed: Annotated[
+        float, Quantity("kg", "came down on the ground or on a machine since the start", column="missed_kg")
+    ]
+    impact_x: Annotated[float, Quantity("m", "where the stream passes the height of a rim, ahead")]
+    impact_y: Annotated[float, Quantity("m", "the same, leftward")]
+
+
+@frozen
+class PeerState(Signal, about=About()):
+    """What a machine knows of the one it works with, from the newest message.
+
+    Relative pose: of the other one's origin in the own frame, at the time the message is valid for, which
+    was `age` ago. Its box and where its stream comes down are in the other one's frame.
+    """
+
+    is_heard: Annotated[bool, Quantity("", "a message has ever come", column="peer_heard")]
+    age: Annotated[float, Quantity("s", "of the newest message", nan="none yet", column="peer_age_s")]
+    x: Annotated[float, Quantity("m", "of the other one, ahead", nan="none yet", column="peer_x_m")]
+    y: Annotated[float, Quantity("m", "leftward", nan="none yet", column="peer_y_m")]
+    heading: Annotated[float, Quantity("rad", "> 0 turned left", nan="none yet")]
+    speed: Annotated[float, Quantity("m/s", "of the other one", nan="none yet")]
+    yaw_rate: Annotated[float, Quantity("rad/s", "of the other one, > 0 left", nan="none yet")]
+    acceleration: Annotated[float, Quantity("m/s2", "of the other one", nan="none yet")] = _NAN
+    box_x: Annotated[float, Quantity("m", "middle of its box, ahead of its origin", nan="no box")] = _NAN
+    box_y: Annotated[float, Quantity("m", "leftward", nan="no box")] = _NAN
+    box_heading: Annotated[float, Quantity("rad", "of its box against it", nan="no box")] = _NAN
+    box_length: Annotated[float, Quantity("m", "of its box", nan="no box")] = _NAN
+    box_width: Annotated[float, Quantity("m", "of its box", nan="no box")] = _NAN
+    rim_height: Annotated[float, Quantity("m", "of its box above the ground", nan="no box")] = _NAN
+    impact_x: Annotated[float, Quantity("m", "where its stream comes down, ahead", nan="no pipe")] = _NAN
+    impact_y: Annotated[float, Quantity("m", "leftward", nan="no pipe")] = _NAN
+    tank_level: Annotated[float, Quantity("", "of its tank, 0..1", nan="no tank")] = _NAN
+    is_pouring: Annotated[bool, Quantity("", "grain leaves its pipe")] = False
+    is_full: Annotated[bool, Quantity("", "it takes no grain now")] = False
+
+
+@frozen
+class Station(Signal, about=About()):
+    """Where a machine that keeps beside another one wants to be, in its own frame now."""
+
+    is_active: Annotated[bool, Quantity("", "there is a station to keep", column="station_active")]
+    ahead: Annotated[float, Quantity("m", "wanted place ahead of where it is", column="station_ahead_m")]
+    left: Annotated[float, Quantity("m", "wanted path to the left", column="station_left_m")]
+    heading: Annotated[float, Quantity("rad", "of the wanted path, > 0 bears left")]
+    curvature: Annotated[float, Quantity("1/m", "of the wanted path, > 0 left")]
+    speed: Annotated[float, Quantity("m/s", "of the wanted place")]
+    acceleration: Annotated[float, Quantity("m/s2", "of the wanted place")]
+    spot: Annotated[
+        float, Quantity("m", "where in the box grain is to come down, ahead of its middle", column="spot_m")
+    ]
+    is_full: Annotated[bool, Quantity("", "no grain now: the box is full there", column="station_full")]

@@ -1,0 +1,205 @@
+"""Two run folders compared: scenarios, exact samples, metrics, events."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.schedule import NS
+from swath.documents.yaml_document import read_document
+from swath.record.digest import encode
+from swath.record.read.feed import Timed, exact_samples
+from swath.record.read.files import Log, open_log
+from swath.record.samples import MSGTYPE, SUFFIX
+from swath.replay.charts import events_of
+from swath.replay.machines import Columns, derived
+from swath.replay.writer import tracks_of
+from swath.signals import Signal
+from swath.signals.flat import flat_fields, read
+from swath.terminal.tables import number
+
+ROUNDING = 1e-12  # relative; metrics nearer than that are told as equal
+VARY = ("real_time_factor", "wall_s")  # by the clock on the wall
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder as read. label: its name, with its parents where both have the same."""
+
+    folder: Path
+    label: str
+    summary: Mapping[str, Any]
+    scenario: Mapping[str, Any]
+    tracks: Mapping[str, Columns]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Where an output first differs. t [ns]; what: its field or what else; values: of the field, as text."""
+
+    slot: str
+    t: int
+    what: str
+    values: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What differs. settings, metrics: rows of text; differences: by slot, the earliest first
+
+    is_exact: both folders hold every sample
+    """
+
+    first: Run
+    second: Run
+    settings: list[tuple[str, str, str]]
+    differences: list[Difference]
+    is_exact: bool
+    metrics: list[tuple[str, str, str, str]]
+    events: list[tuple[str, str]]
+
+    @property
+    def is_same(self) -> bool:
+        """Both have the same digest: not a bit differs."""
+        return self.first.summary.get("digest") == self.second.summary.get("digest") is not None
+
+    @property
+    def headline(self) -> str:
+        """The result in one sentence."""
+        if self.is_same:
+            return f"same digest: {self.first.label} and {self.second.label} are equal to the last bit"
+        if not self.is_exact:
+            return "different digests; where they begin is not known: a run.mcap with all samples is missing"
+        if not self.differences:
+            return "different digests, the same recorded samples"
+        at = self.differences[0]
+        return f"different from {at.t / NS:.3f} s on: {at.slot}, {at.what}"
+
+    def difference_rows(self) -> list[tuple[str, ...]]:
+        """Rows of a table."""
+        return [(d.slot, f"{d.t / NS:.3f}", d.what, *d.values) for d in self.differences]
+
+
+def compare(first: Path, second: Path) -> Comparison:
+    """Compare two run folders. Raises InputError where one is none."""
+    a, b = _read(first, second), _read(second, first)
+    logs = [_log(first), _log(second)]
+    is_same = a.summary.get("digest") == b.summary.get("digest") is not None
+    differences: list[Difference] = []
+    is_exact = is_same
+    if not is_same and logs[0] is not None and logs[1] is not None:
+        outputs = [_exact_topics(log) for log in logs if log is not None]
+        is_exact = bool(outputs[0] and outputs[1])
+        for topic in [t for t in outputs[0] if t in outputs[1]]:
+            found = _first_difference(topic, logs[0], logs[1])
+            differences += [found] if found else []
+        order = list(a.summary.get("cost", ()))  # of the slots within a tick
+        differences.sort(
+            key=lambda d: (d.t, order.index(slot) if (slot := d.slot.rpartition(".")[0]) in order else 0)
+        )
+    return Comparison(
+        a, b, _settings(a, b), differences, is_exact, _metrics(a, b), [*_events(a), *_events(b)]
+    )
+
+
+def _read(folder: Path, other: Path) -> Run:
+    for name in ("scenario.yaml", "summary.json", "tracks.parquet"):
+        if not (folder / name).is_file():
+            raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    tracks = {name: derived(columns) for name, columns in tracks_of(folder).items()}
+    label = folder.name if folder.name != other.name else str(folder)
+    return Run(folder, label, summary, read_document(folder / "scenario.yaml").data, tracks)
+
+
+def _log(folder: Path) -> Log | None:
+    return open_log(folder / "run.mcap") if (folder / "run.mcap").is_file() else None
+
+
+def _exact_topics(log: Log) -> list[str]:
+    return [topic for topic, kind in log.topics().items() if kind == MSGTYPE]
+
+
+def _first_difference(topic: str, a: Log, b: Log) -> Difference | None:
+    """Of one output; a run that is longer than the other does not differ by that alone."""
+    slot = topic.removesuffix(SUFFIX).strip("/").replace("/", ".")
+    for one, other in zip_longest(*(exact_samples(log.messages((topic,))) for log in (a, b))):
+        if one is None or other is None:
+            return None
+        if one[0] != other[0]:
+            return Difference(slot, min(one[0], other[0]), "time of the sample", _times(one, other))
+        for name in dict.fromkeys([*flat_fields(type(one[1])), *flat_fields(type(other[1]))]):
+            values = (_value(one[1], name), _value(other[1], name))
+            if encode(values[0]) != encode(values[1]):
+                return Difference(slot, one[0], name, (_shown(*values), _shown(*reversed(values))))
+    return None
+
+
+def _times(one: Timed, other: Timed) -> tuple[str, str]:
+    return f"{one[0] / NS:.4f}", f"{other[0] / NS:.4f}"
+
+
+def _value(sample: Signal, name: str) -> Any:
+    return read(sample, name) if name in flat_fields(type(sample)) else None
+
+
+def _shown(value: Any, other: Any) -> str:
+    """A number; of an array the first one that differs; enough digits to tell it from the other."""
+    if isinstance(value, np.ndarray) and isinstance(other, np.ndarray):
+        if value.shape != other.shape:
+            return f"{value.shape} numbers"
+        at = np.flatnonzero((value != other).ravel() & ~(np.isnan(value) & np.isnan(other)).ravel())
+        return _shown(value.ravel()[at[0]].item(), other.ravel()[at[0]].item()) if len(at) else "-"
+    if isinstance(value, float):
+        return f"{value:.6g}" if f"{value:.6g}" != f"{other:.6g}" else f"{value!r}"
+    return str(value)
+
+
+def _settings(a: Run, b: Run) -> list[tuple[str, str, str]]:
+    one, other = dict(_flat(a.scenario, "")), dict(_flat(b.scenario, ""))
+    keys = dict.fromkeys([*one, *other])
+    return [(k, one.get(k, "-"), other.get(k, "-")) for k in keys if one.get(k) != other.get(k)]
+
+
+def _flat(node: Any, path: str) -> Iterator[tuple[str, str]]:
+    if isinstance(node, Mapping) and node:
+        for key, value in node.items():
+            yield from _flat(value, f"{path}.{key}" if path and path != "machines" else str(key))
+    else:
+        yield path, str(node)
+
+
+def _metrics(a: Run, b: Run) -> list[tuple[str, str, str, str]]:
+    """Metrics that differ; of several machines with the machine's name."""
+    one, other = _numbers(a.summary), _numbers(b.summary)
+    rows = []
+    for name in dict.fromkeys([*one, *other]):
+        x, y = one.get(name), other.get(name)
+        if x is None or y is None:
+            rows.append((name, number(x), number(y), ""))
+        elif abs(y - x) > ROUNDING * max(abs(x), abs(y)):
+            rows.append((name, number(x), number(y), f"{y - x:+.3g}"))
+    return rows
+
+
+def _numbers(summary: Mapping[str, Any]) -> dict[str, float]:
+    own = {
+        **summary,
+        **{f"{m}.{k}": v for m, part in summary.get("machines", {}).items() for k, v in part.items()},
+    }
+    kinds = (int, float)
+    return {
+        k: v
+        for k, v in own.items()
+        if isinstance(v, kinds) and not isinstance(v, bool) and k not in (*VARY, "seed")
+    }
+
+
+def _events(run: Run) -> list[tuple[str, str]]:
+    found = events_of(run.summary, run.tracks)
+    return [(run.label, f"{e['t_s']:.2f} s {e['machine']} {e['text']}") for e in found]

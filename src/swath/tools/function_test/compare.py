@@ -1,0 +1,116 @@
+"""`swath test compare`: the runs of two results, pair by pair."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.judge.catalogue import load_evaluators
+from swath.tools.function_test.journal import TABLE, Result, read_table
+from swath.tools.function_test.paired import Difference, difference, holm, paired_values, verdict_test
+
+VERDICTS = "verdicts"
+METRICS = (
+    "lateral_rms_m", "lateral_bias_m", "edge_rmse_m", "edge_bias_m", "detection_availability",
+    "sure_wrong_share",
+)  # fmt: skip
+SAME_BYTES, SAME_VERDICT, BETTER, WORSE = "same bytes", "same verdict", "now passes", "now fails"
+Key = tuple[str, str, int, str]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Pairs of results, old and new. metrics: compared; alone: runs that only one of the two has"""
+
+    pairs: Sequence[tuple[Result, Result]]
+    metrics: Sequence[str]
+    alone: int
+
+    @cached_property
+    def outcomes(self) -> list[str]:
+        """Of each pair."""
+        return [outcome(old, new) for old, new in self.pairs]
+
+    @cached_property
+    def differences(self) -> dict[str, Difference]:
+        """Of each metric, pooled over all pairs that have it."""
+        values = {name: paired_values(self.pairs, name) for name in self.metrics}
+        return {name: difference(found) for name, found in values.items() if found}
+
+    @cached_property
+    def shown(self) -> set[str]:
+        """Metrics, and `verdicts`, whose difference is shown; one of them falsely in 1 of 20 at most."""
+        changed = [self.outcomes.count(what) for what in (BETTER, WORSE)]
+        p = {name: d.p for name, d in self.differences.items()}
+        return holm({**p, VERDICTS: verdict_test(*changed)})
+
+    def says(self, name: str) -> str:
+        """`better`, `worse`, `changed` (of a metric where neither direction is better), or nothing shown."""
+        if name not in self.shown:
+            return "no difference shown"
+        if name == VERDICTS:
+            return "worse" if self.outcomes.count(WORSE) > self.outcomes.count(BETTER) else "better"
+        good = _direction(name)
+        if not good:
+            return "changed"
+        return "better" if (self.differences[name].estimate > 0.0) == (good == "higher") else "worse"
+
+    @property
+    def is_worse(self) -> bool:
+        """True when something is shown to be worse."""
+        return any(self.says(name) == "worse" for name in self.shown)
+
+    def by_case(self) -> dict[str, list[str]]:
+        """Outcomes of the pairs of each case."""
+        found: dict[str, list[str]] = {}
+        for (old, _), what in zip(self.pairs, self.outcomes, strict=True):
+            found.setdefault(old["case"], []).append(what)
+        return found
+
+
+def outcome(old: Result, new: Result) -> str:
+    """What a pair comes to, most alike first."""
+    if old["digest"] and old["digest"] == new["digest"]:
+        return SAME_BYTES
+    passed = old["verdict"] == "pass", new["verdict"] == "pass"
+    return SAME_VERDICT if passed[0] == passed[1] else BETTER if passed[1] else WORSE
+
+
+def compare(old: str, new: str, metrics: Sequence[str] = ()) -> Comparison:
+    """The pairs of two results, each `FOLDER` or `FOLDER:CANDIDATE`. InputError where there are none.
+
+    metrics: to compare, named before the results are looked at; () = METRICS. Runs pair by case, point and
+    seed, and by candidate where neither side names one.
+    """
+    a, b = _results(old), _results(new)
+    keys = [key for key in a if key in b]
+    if not keys:
+        raise InputError("compare", new, f"expected runs of the same cases, points and seeds as in {old}")
+    alone = len(a) + len(b) - 2 * len(keys)
+    return Comparison([(a[key], b[key]) for key in keys], metrics or METRICS, alone)
+
+
+def _results(source: str) -> dict[Key, Result]:
+    """Results by case, point, seed and candidate, the latter empty where one is named."""
+    folder, _, candidate = (source, "", "") if Path(source).is_dir() else source.rpartition(":")
+    table = Path(folder) / TABLE
+    if not table.is_file():
+        raise InputError("compare", source, f"expected the folder of a function test, with {TABLE}")
+    rows = read_table(table)
+    if candidate and candidate not in (there := sorted({row["candidate"] for row in rows})):
+        raise InputError("compare", source, f"expected a candidate of {', '.join(there)}")
+    return {
+        (row["case"], json.dumps(row["point"], sort_keys=True), row["seed"],
+         "" if candidate else row["candidate"]): row
+        for row in sorted(rows, key=lambda row: (row["case"], row["seed"], row["id"]))
+        if not candidate or row["candidate"] == candidate
+    }  # fmt: skip
+
+
+def _direction(metric: str) -> str:
+    known: dict[str, Any] = load_evaluators().metrics
+    found = known.get(metric.rpartition(".")[2])
+    return "" if found is None else str(found.better)

@@ -1,0 +1,1 @@
+"""What a run harvested, as the yield log of a monitor."""

@@ -1,0 +1,50 @@
+"""`swath yield-log`: what a run harvested, as the yield log of a monitor."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from swath.terminal.options import add_no_code
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser(
+        "yield-log", help="what a run harvested, as the yield log of a monitor", description=_DESCRIPTION
+    )
+    parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="F", help="X.csv, or a folder for ISOXML task data"
+    )
+    parser.add_argument("--machine", metavar="NAME", help="which machine (default: the first that harvests)")
+    parser.add_argument(
+        "--interval-s", type=float, default=1.0, metavar="S", help="of the records (default 1)"
+    )
+    parser.add_argument(
+        "--sensor-delay-s", type=float, default=0.0, metavar="S",
+        help="from the tank's inlet to the sensor, on top of the machine's own delay (default 0)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--at", metavar="LAT,LON", help="where a field without a place on Earth lies (default 52,9)"
+    )
+    add_no_code(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the log, print where it is."""
+    from swath.tools.yield_log.records import place, records_of
+    from swath.tools.yield_log.write import write_csv, write_isoxml
+
+    log = records_of(
+        args.run_folder, machine=args.machine, interval=args.interval_s, delay=args.sensor_delay_s,
+        at=place(args.at),
+    )  # fmt: skip
+    file = write_csv(log, args.out) if args.out.suffix.lower() == ".csv" else write_isoxml(log, args.out)
+    print(f"{file}  {len(log.time)} records, {log.grain_kg:.1f} kg")
+    return 0
+
+
+_DESCRIPTION = """Writes position, speed, header width, grain flow, moisture and header state of a run as CSV
+or ISOXML (ISO 11783-10) that farm software reads, and `swath field import`. The flow is what arrives in the
+tank, so it lags the cut by the delay of the machine's process; a sensor further on adds its own."""

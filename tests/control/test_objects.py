@@ -1,0 +1,137 @@
+"""What level `cluster` makes of a scan, and how a speed law stops before objects."""
+
+import numpy as np
+import pytest
+
+from swath.control.objects.cluster import Cluster, Params, canopy_top
+from swath.control.speed.obstacle_stop import ObstacleStop, Stop
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.schedule import NS
+from swath.signals import CropEdge, Odometry, Scan, beam_directions, objects_of
+from swath.signals.setup import ControlSetup
+from tests.field.test_solids import MACHINE
+
+HIGH, STEP, SPEED = 3.6, NS // 10, 2.0
+MOUNTING = Pose.from_euler([1.5, 0.0, HIGH], pitch=0.1)
+CANOPY, STUBBLE, EDGE_Y = 0.8, 0.15, 3.0
+GRID = np.meshgrid(np.radians(np.arange(-15, 16, 1.0)), np.radians(np.arange(-50, 50, 0.25)), indexing="ij")
+ELEVATION, AZIMUTH = (a.ravel() for a in GRID)
+
+
+def scan_of(things, t=0, seed=1, tilt=0.0):
+    """A scan of crop right of EDGE_Y and stubble left of it, with upright cylinders (x, y, radius, top)."""
+    eye = MOUNTING.position
+    way = MOUNTING.turn(beam_directions(AZIMUTH, ELEVATION))
+    rng = np.random.default_rng(seed)
+    far = np.full(len(way), np.nan)
+    for surface, is_crop in ((STUBBLE, False), (CANOPY, True)):
+        down = way[:, 2] - tilt * way[:, 0]
+        s = (surface + rng.normal(0.0, 0.05, len(way)) + tilt * eye[0] - eye[2]) / down
+        y = eye[1] + s * way[:, 1]
+        hit = (s > 0.0) & ((y < EDGE_Y) == is_crop) & (s < 60.0)
+        far = np.where(hit & ~(far < s), s, far)
+    for x, y, radius, top in things:
+        a = way[:, 0] ** 2 + way[:, 1] ** 2
+        b = way[:, 0] * (eye[0] - x) + way[:, 1] * (eye[1] - y)
+        root = b * b - a * ((eye[0] - x) ** 2 + (eye[1] - y) ** 2 - radius**2)
+        s = (-b - np.sqrt(np.maximum(root, 0.0))) / a
+        hit = (root > 0.0) & (s > 0.0) & (eye[2] + s * way[:, 2] < top) & ~(far < s)
+        far = np.where(hit, s, far)
+    return Scan(t, np.zeros(len(far)), AZIMUTH, ELEVATION, far[:, None].astype(np.float32), far[:, None])
+
+
+def cluster(**params):
+    setup = ControlSetup(MACHINE, {"scan": MOUNTING}, "left", 0.1)
+    part = Cluster(Params(**params), setup)
+    part.reset(Stream(1, "combine.objects"))
+    return part
+
+
+EDGE = CropEdge(0, EDGE_Y, 0.0, 0.0, 5.0, 0.9, CANOPY, STUBBLE)
+
+
+def drive(part, things, steps, *, tilt=0.0, edge=EDGE, velocity=(0.0, 0.0)):
+    """Samples while the machine drives on, things at their places at the start and their velocity."""
+    found = []
+    for k in range(1, steps + 1):
+        t, gone = k * STEP, k * 0.1
+        now = [(x + gone * (velocity[0] - SPEED), y + gone * velocity[1], r, h) for x, y, r, h in things]
+        inputs = {"scan": scan_of(now, t, k, tilt), "odometry": Odometry(t, SPEED, 0.0, 0.0), "edge": edge}
+        found.append(part.step(t - STEP, STEP, inputs)["objects"])
+    return found
+
+
+@pytest.mark.parametrize(("x", "y"), [(15.0, 0.0), (18.0, 5.0), (12.0, -4.0)])
+def test_a_person_is_placed_and_followed(x, y):
+    found = drive(cluster(), [(x, y, 0.25, 1.75)], 10)
+    last = found[-1]
+    assert len(last.x) == 1
+    assert (last.x[0], last.y[0]) == pytest.approx((x - 2.0, y), abs=0.3)
+    assert last.confidence[0] > 0.9
+    assert abs(last.velocity_x[0]) < 0.4
+    assert len({float(s.number[0]) for s in found[3:]}) == 1
+
+
+def test_a_walk_gives_its_velocity():
+    last = drive(cluster(), [(20.0, 4.0, 0.25, 1.75)], 25, velocity=(-0.5, -1.2))[-1]
+    assert (last.velocity_x[0], last.velocity_y[0]) == pytest.approx((-0.5, -1.2), abs=0.3)
+
+
+@pytest.mark.parametrize("tilt", [-0.05, 0.0, 0.05])
+def test_crop_edge_and_slope_are_no_objects(tilt):
+    assert all(len(sample.x) == 0 for sample in drive(cluster(), [], 8, tilt=tilt))
+
+
+def test_what_is_lower_than_the_crop_is_seen_on_the_cut_side_alone():
+    deer = 1.0
+    assert len(drive(cluster(), [(12.0, 6.0, 0.3, deer)], 5)[-1].x) == 1
+    assert len(drive(cluster(), [(12.0, -2.0, 0.3, deer)], 5)[-1].x) == 0
+
+
+def test_a_wall_does_not_move_the_canopy():
+    x = np.repeat(np.arange(1.0, 20.0, 0.1), 10)
+    z = CANOPY + 0.02 * x
+    z[(x > 8.0) & (x < 10.0)] = 4.0
+    base, slope = canopy_top(x, z)
+    assert (base, slope) == pytest.approx((CANOPY, 0.02), abs=0.03)
+
+
+def stop(x, y, speed, *, vy=0.0, confidence=1.0, **params):
+    law = ObstacleStop(Stop(**params), MACHINE)
+    seen = objects_of(0, [[1, 0, x, y, 0, 0.5, 0.5, 1.7, 0, vy, confidence, np.nan]])
+    return law.limit(2.0, seen, Odometry(0, speed, 0.0, 0.0), STEP)
+
+
+KNIFE, LEFT = MACHINE.knife_x, MACHINE.header_end("left")[1]
+
+
+def test_it_stops_before_what_is_in_the_way_and_not_for_what_is_beside():
+    near, far = KNIFE + 2.0, KNIFE + 40.0
+    assert stop(near, 0.0, 2.0) == 0.0
+    assert stop(far, 0.0, 2.0) == 2.0
+    assert stop(near, LEFT + 5.0, 2.0) == 2.0
+    assert stop(near, 0.0, 2.0, confidence=0.2) == 2.0
+    assert stop(KNIFE - 3.0, 0.0, 2.0) == 2.0  # past
+
+
+def test_who_walks_into_the_way_counts_before_he_is_there():
+    assert stop(KNIFE + 7.0, LEFT + 3.0, 2.0) == 2.0
+    assert stop(KNIFE + 7.0, LEFT + 3.0, 2.0, vy=-1.2) < 2.0
+
+
+def test_the_machine_stands_at_the_gap_and_waits():
+    """Closed loop with a drive that brakes as the law counts on and a delay as it counts on."""
+    p = Stop()
+    law = ObstacleStop(p, MACHINE)
+    place, speed, commands = 0.0, 2.0, [2.0] * round(p.react_s / 0.1)
+    for _ in range(400):
+        seen = objects_of(0, [[1, 0, KNIFE + 15.0 - place, 0, 0, 0.5, 0.5, 1.7, 0, 0, 1, np.nan]])
+        commands.append(law.limit(2.0, seen, Odometry(0, speed, 0.0, 0.0), STEP))
+        speed = max(commands.pop(0), speed - p.brake_m_s2 * 0.1, 0.0)
+        place += 0.1 * speed
+    assert speed == 0.0
+    assert p.gap_m - 0.6 < 15.0 - 0.25 - place < p.gap_m + 0.4
+    free = objects_of(0, [])
+    waits = [law.limit(2.0, free, Odometry(0, 0.0, 0.0, 0.0), STEP) for _ in range(30)]
+    assert waits.index(2.0) == pytest.approx(10 * p.hold_s, abs=1)

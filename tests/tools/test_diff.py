@@ -1,0 +1,61 @@
+"""Two runs beside each other: what is named, the first difference, the page."""
+
+import pytest
+
+import swath
+from swath.commands.main import main
+from swath.core.errors import InputError
+from swath.tools.diff.compare import compare
+
+SETS = {
+    "run.distance_m": 2,
+    "field.stand.stems_per_m2": 100,
+    "combine.lidar": "off",
+    "combine.edge.level": "truth",
+    "combine.motion.start_speed_kmh": 7,
+}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    changes = {"a": {}, "again": {}, "slower": {"combine.speed.speed_kmh": 4}}
+    for name, change in changes.items():
+        swath.run("straight", folder / name, sets={**SETS, **change}, report=False)
+    return folder
+
+
+def test_equal_runs_have_the_same_digest(runs):
+    found = compare(runs / "a", runs / "again")
+    assert found.is_same
+    assert found.headline == "same digest: a and again are equal to the last bit"
+    assert (found.settings, found.differences, found.metrics) == ([], [], [])
+
+
+def test_the_first_difference_is_where_the_change_acts(runs):
+    found = compare(runs / "a", runs / "slower")
+    assert found.settings == [("combine.speed.speed_kmh", "7", "4")] or found.settings == [
+        ("combine.speed.speed_kmh", "7.0", "4.0")
+    ]
+    first = found.differences[0]
+    assert (first.slot, first.what) == ("combine.speed.command", "speed")
+    assert abs(float(first.values[0]) - 7 / 3.6) < 1e-4
+    slots = [d.slot for d in found.differences]
+    assert slots.index("combine.speed.command") < slots.index("combine.motion.state")
+    names = {row[0] for row in found.metrics}
+    assert {"simulated_s", "mean_throughput_t_h"} & names
+    assert "real_time_factor" not in names
+
+
+def test_the_command_prints_and_writes_the_page(runs, capsys):
+    assert main(["diff", str(runs / "a"), str(runs / "slower")]) == 0
+    said = capsys.readouterr().out
+    assert "combine.speed.speed_kmh" in said
+    page = (runs / "slower" / "diff.html").read_text()
+    assert "combine.speed.command" in page
+    assert page.count("<img") == 2
+
+
+def test_what_is_no_run_is_refused(runs, tmp_path):
+    with pytest.raises(InputError, match=r"expected a run folder, it has no scenario.yaml"):
+        compare(runs / "a", tmp_path)
