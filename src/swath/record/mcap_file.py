@@ -12,7 +12,7 @@ from swath.record.bag_metadata import Topic, write_metadata
 from swath.record.message_factory import MessageFactory
 from swath.record.templates import Draft, Template
 
-CHUNK_BYTES = 256 * 1024
+CHUNK_BYTES = 512 * 1024
 LATCHED = (
     "- history: keep_last\n  depth: 1\n  reliability: reliable\n  durability: transient_local\n"
     "  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n"
