@@ -98,7 +98,7 @@ def test_a_gap_is_held_and_the_end_of_the_crop_is_told():
 
 @pytest.mark.parametrize(
     ("made", "most"),
-    [({}, 1.0), ({"usual": 0.85}, 0.2), ({"usual": 0.6}, 1.0), ({"usual": 0.85, "upright_m": 0.6}, 1.0)],
+    [({}, 1.0), ({"usual": 0.85}, 0.2), ({"usual": 0.5}, 1.0), ({"usual": 0.85, "upright_m": 0.5}, 1.0)],
 )
 def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
     edges, _ = drive(stand={"tip": 0.6}, metres=10.0, **made)
