@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from swath.control.edge.canopy_rays import CLASSES, DUST, LAYER, LOWEST, Ground
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
+from swath.control.edge.populations import Populations
 from swath.core.random import Stream
 from swath.signals import Odometry
 from tests.control.closed_loop import Course, setup_of
@@ -17,19 +19,22 @@ from tests.control.test_edge_hostile import check, odometry, scans, stamped
 PERIOD, SPEED = 40_000_000, 2.0
 
 
-def detector(side="left", **params):
-    made = LikelihoodRatio(Params(slip_percent=0.0, **params), setup_of(side, 0.04, mounting(side)))
+def detector(side="left", usual=0.0, **params):
+    setup = replace(setup_of(side, 0.04, mounting(side)), crop_height=usual)
+    made = LikelihoodRatio(Params(slip_percent=0.0, **params), setup)
     made.reset(Stream(1, "edge"))
     return made
 
 
-def drive(course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None):
+def drive(
+    course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None, **made
+):
     """(edges, their errors [m], > 0 to the left) of a machine that drives along its course."""
     sign = 1.0 if side == "left" else -1.0
     course = course or Course(y=6.0 * sign)
     inside = inside or (lambda x, y: -sign * course.left_of(x, y))
     scanner = Scanner(Stand(inside, **(stand or {})), mounting(side))
-    level, rng = detector(side), np.random.default_rng(seed)
+    level, rng = detector(side, **made), np.random.default_rng(seed)
     pose, edges, errors = [0.0, course.y - 6.0 * sign + y * sign, 0.0], [], []
     for k in range(round(metres / (speed * 0.04))):
         yaw_rate = speed / (course.radius + course.y) if pose[0] > course.bend_at else 0.0
@@ -89,6 +94,36 @@ def test_a_gap_is_held_and_the_end_of_the_crop_is_told():
     assert not edges[-1].is_found
     last = max(k for k, e in enumerate(edges) if e.is_found)
     assert 14.5 < last * SPEED * 0.04 + edges[last].reference_x < 23.0
+
+
+@pytest.mark.parametrize(
+    ("made", "most"),
+    [({}, 1.0), ({"usual": 0.85}, 0.2), ({"usual": 0.5}, 1.0), ({"usual": 0.85, "upright_m": 0.5}, 1.0)],
+)
+def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
+    edges, _ = drive(stand={"tip": 0.6}, metres=10.0, **made)
+    assert 0.5 * most < edges[-1].confidence <= most
+
+
+def test_puffs_are_no_ground():
+    ground = Ground()
+    u = np.linspace(-3.0, -0.5, 40)
+    ground.take(u, np.full(40, 0.1))
+    ground.take(u, np.full(40, 1.7))
+    assert ground.level == pytest.approx(0.1, abs=0.03)
+
+
+def test_a_puff_above_the_crop_is_worth_nothing():
+    populations, rng = Populations(), np.random.default_rng(1)
+    crop, stubble = np.zeros(CLASSES), np.zeros(CLASSES)
+    np.add.at(crop, ((0.75 + 0.05 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
+    np.add.at(stubble, ((0.1 + 0.05 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
+    stubble[30:DUST] += 10.0
+    stubble[DUST] += 100.0
+    populations.begin(crop, stubble)
+    worth = populations.ratios()
+    assert not worth[30 : DUST + 1].any()
+    assert worth[int((0.75 - LOWEST) / LAYER)] > 2.0
 
 
 def test_told_deviations_hold():

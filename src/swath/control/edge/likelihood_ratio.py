@@ -28,11 +28,10 @@ from swath.signals.setup import ControlSetup
 
 TOLERANCE = 0.10  # m, of the confidence
 FLOOR = 0.025  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
-RAGGED, EVEN = 1.5, 0.025  # of the scatter [m] beyond that of an even edge: bites, swing
+RAGGED, EVEN = 2.0, 0.025  # of the scatter [m] beyond that of an even edge: bites, swing
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 RAMP = 0.25  # of the way from a ramp to its feet
 UNSURE = 0.45  # greatest confidence of an edge that is held, not seen
-LEANING = 0.3  # the same of a stand that may lean out
 LEANS, DENSE = 0.92, 0.9  # of the upright crop's height, in a stand that stops this share of the rays
 LEANS_THIN, THIN = 0.82, 0.5  # the same of one that shows less of its tops
 LATE = 0.4  # s: an older scan shows no edge
@@ -155,12 +154,11 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         shift = self._blocks.feet.shift(crop, stopped, line.spread, dust)
         ragged = max(0.0, sqrt(self._blocks.scatter) - EVEN)
-        sd = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), BENT * edge.bend, FLOOR) / steep
+        known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), BENT * edge.bend, FLOOR)
+        sd = hypot(known, self._overhang(crop, stopped)) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
         if line.seen_to < 0.0 or not isfinite(crop):
             sure = min(sure, UNSURE)
-        if self._may_lean_out(crop, stopped):
-            sure = min(sure, LEANING)
         return CropEdge(
             t=now,
             offset=sign * (canopy + shift / steep),
@@ -176,14 +174,17 @@ class LikelihoodRatio(KeepsState):
             is_held=line.gap > 1.0,
         )
 
-    def _may_lean_out(self, crop: float, stopped: float) -> bool:
-        """Whether the crop [m] is too low to stand upright, and no ramp shows that it leans inward.
+    def _overhang(self, crop: float, stopped: float) -> float:
+        """How far tops may hang over the edge [m]: 0 where the crop [m] stands, or a ramp shows it leans in.
 
-        stopped: share of the rays in the crop that it stopped
+        Stems of length h whose tops are at z lean by acos(z / h). stopped: share of the rays in the crop that
+        it stopped
         """
         dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
         limit = LEANS_THIN + dense * (LEANS - LEANS_THIN)
-        return crop < limit * self._upright and self._blocks.feet.lean[0] < 0.5
+        if not crop < limit * self._upright or self._blocks.feet.lean[0] >= 0.5:
+            return 0.0
+        return sqrt(self._upright**2 - crop**2)
 
     def _no_edge(self, now: int) -> CropEdge:
         nan = float("nan")

@@ -50,9 +50,16 @@ class Mixture(EdgeDetector):
         crop, stubble = density(z, self._mixture)
         worth = np.clip(stubble - crop, -MOST, MOST)
         score = np.cumsum(worth)[:-1]
-        gain = float(score.max() - max(0.0, score[-1] + worth[-1]))
         score[: min_points - 1] = score[n - min_points :] = -np.inf
+        first = int(np.argmax(score)) + 1
+        low, high = z[:first], z[first:]
+        gain = _normal(z) - _normal(low) - _normal(high) if high.mean() > low.mean() else 0.0
         return score, max(gain, 0.0)
+
+
+def _normal(z: F64) -> float:
+    """Negative log-likelihood [nat] of heights (n,) under their own normal, up to a constant per height."""
+    return 0.5 * len(z) * log(float(z.var()) + FLOOR**2)
 
 
 def fit_mixture(z: F64, before: F64) -> F64:
