@@ -5,7 +5,7 @@
         cooperate: {level: examples/my_fill_strategy.py:TwoSpots, hold_s: 60}
 
 `StationKeeper` keeps the station beside the combine; a strategy says where in the box grain comes down. This
-one fills two places in turn, each for `hold_s`, and is done when neither has room. Without `StationKeeper` any
+one fills two places in turn, each for `hold_s`, and is done when neither has room. Without `StationKeeper` a
 class will do whose output `station` is a `Station`: `docs/cart.md`.
 """
 

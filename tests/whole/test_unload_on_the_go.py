@@ -1,11 +1,16 @@
 """A cart beside a combine: the rows of docs/cart.md, on level ground with kinematic machines."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from swath.judge.evaluators.unloading import Unloading
+from swath.record.digest import Digest
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
+from swath.scenario.scenario import load_scenario
 from swath.signals import HeapState, MachineState, TrailerState, UnloadState
 from tests.whole.cart_rig import SCENARIO, Run
 
@@ -140,3 +145,48 @@ def test_a_strategy_of_the_users_own():
     assert set(np.unique(run["spot"])) == {-1.5, 0.0, 1.5}
     assert run["caught"][-1] > 500.0
     assert run["missed"][-1] == 0.0
+
+
+def digest_of(world, **keys):
+    digest = Digest()
+    drive(world, [digest], **keys)
+    return digest
+
+
+def test_the_same_digest_for_other_threads_and_after_save_and_load(monkeypatch):
+    """With scanner and radio, the pipe swinging out; grain flows in `test_a_saved_run_goes_on_the_same`."""
+    scenario = load_scenario("unload-on-the-go", sets=["run.distance_m=0.8"])
+    monkeypatch.setenv("SWATH_THREADS", "1")
+    reference = digest_of(assemble(scenario)).hex
+    monkeypatch.setenv("SWATH_THREADS", "2")
+    world = assemble(scenario)
+    digest = digest_of(world, until_s=0.6)
+    state = pickle.loads(pickle.dumps({"world": world.save(), "digest": digest.save()}))
+    fresh, second = assemble(scenario), Digest()
+    fresh.load(state["world"])
+    second.load(state["digest"])
+    drive(fresh, [second], resume=True)
+    assert second.hex == reference
+
+
+def test_a_scanner_meets_walls_and_grain():
+    """Straight down from above the box: the rim of the wall, the level grain; both where they are."""
+    run = Run("cart.heap.start_percent=50", seconds=0.1)
+    solids = run.world.bodies.others("combine")
+    trailer, box = run.of("cart", TrailerState), run.world.machines["cart"].sheet.box
+    corners = [m.corners + c for m, c in zip(solids.mesh_shape, solids.mesh_centre, strict=True)]
+    heights = np.concatenate([c.reshape(-1, 3)[:, 2] for c in corners])
+    assert heights == pytest.approx(box.floor + 0.5 * box.depth, abs=1e-3)
+    walls = solids.box_centre[:, 2] + solids.box_half[:, 2]
+    assert np.sum(np.abs(walls - box.rim) < 1e-9) == 4
+    assert np.abs(solids.mesh_centre[0][:2] - [trailer.x, trailer.y + box.x]).max() < 0.01
+
+
+@pytest.mark.parametrize(("over_crop", "swings"), [("false", False), ("true", True)])
+def test_the_pipe_keeps_off_standing_crop(over_crop, swings):
+    """Crop on the left, where the pipe is, as in the first rounds: it stays folded unless told otherwise."""
+    edge = "field.edge={shape: straight, length_m: 1200, crop_side: left}"
+    start = "cart.start={x_m: -15, y_m: -1.5, heading_deg: 90}"
+    pipe = f"combine.cooperate.over_crop={over_crop}"
+    run = Run(edge, start, pipe, "combine.edge_side=right", seconds=3)
+    assert (run["angle"].max() > 0.1) == swings

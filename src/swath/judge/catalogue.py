@@ -15,7 +15,16 @@ from swath.record.tracks import column_names
 
 KIND = "evaluator"
 # In lists and reports; groups of a user's own come last.
-GROUPS = ("Safety", "Edge detection", "Steering", "Harvest", "Header height", "Crop and engine", "Run")
+GROUPS = (
+    "Safety",
+    "Edge detection",
+    "Steering",
+    "Harvest",
+    "Header height",
+    "Crop and engine",
+    "Unloading",
+    "Run",
+)
 REGISTRY = Registry({KIND: ("swath.judge.evaluators",)})
 Scope = Literal["machine", "field", "run"]
 

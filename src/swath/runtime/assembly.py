@@ -162,7 +162,7 @@ def _build_machine(section: MachineSection, site: _Site) -> Machine:
     site.bodies.add(section.name, machine_body(sheet), start)
     if sheet.hitch is not None and sheet.trailer is not None:
         towed = section.name + TRAILER
-        behind = start @ Pose.from_euler((sheet.hitch.x - sheet.hitch.drawbar, 0.0, 0.0))
+        behind = Pose(start.apply([sheet.hitch.x - sheet.hitch.drawbar, 0.0, 0.0]), start.rotation)
         site.bodies.add(towed, trailer_body(sheet.hitch, sheet.trailer.width, sheet.box), behind)
         site.bodies.hitch(section.name, towed)
     parts: dict[str, Any] = {}

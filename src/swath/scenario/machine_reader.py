@@ -187,12 +187,10 @@ def _wires(
 def _check_peer(
     reader: SectionReader, machine: MachineSection, machines: Mapping[str, MachineSection]
 ) -> None:
-    """The machine that one works with must be there, and one that hears another must name it."""
+    """The machine that one works with must be there."""
     peer, others = machine.common.peer, [name for name in machines if name != machine.name]
     if peer is not None and peer not in others:
         reader.note((machine.name, "peer"), peer, f"expected another machine{near_miss(peer, others)}")
-    if peer is None and machine.has("peer_link"):
-        reader.note((machine.name, "peer_link"), None, "expected the key `peer`: the machine it hears")
 
 
 def is_off(entry: Any) -> bool:

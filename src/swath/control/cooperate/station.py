@@ -27,7 +27,7 @@ STEADY = 0.004  # and the trailer swings slower than this against the machine [r
 SMOOTHED, MOST_DRIFT = 3.0, 0.03  # of how the stream moves across: time constant [s], fastest [m/s]
 MOST_LEAN = 0.12  # grain is poured so far to the side that is lower, at most [m]
 LONGEST_WAIT = 6.0  # for the auger to stop before a full cart leaves [s]
-LEAVING = 8.0  # time in which a machine that leaves comes to rest [s]
+LEAVING = 16.0  # time in which a machine that leaves comes to rest [s]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG, PERCENT
@@ -37,7 +37,7 @@ class Params:
 class Heap(KeepsState):
     """Grain in the open box of a machine. A level gives `cell`, the side of the cells of its surface [m]."""
 
-    kept = ("_surface", "_caught", "_spilled", "_shown")
+    kept = ("_surface", "_caught", "_spilled", "_shown", "_visible")
     cell = 0.1
     inputs = (Port("trailer", TrailerState, optional=True),)
     outputs = (Port("heap", HeapState),)
@@ -61,6 +61,7 @@ class Heap(KeepsState):
         self._surface = Surface(self.box, self.slope, self.cell)
         self._surface.level(self.start)
         self._caught, self._spilled, self._shown = Total(), Total(), -1.0
+        self._visible = self._surface.heights.copy()
 
     @property
     def grain(self) -> float:
@@ -112,7 +113,15 @@ class Heap(KeepsState):
         volume = self.grain / self.density
         if abs(volume - self._shown) < 0.1:
             return
-        self._shown = volume
+        self._shown, self._visible = volume, self._surface.heights.copy()
+        self._draw()
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment; sensors see the surface that they saw then."""
+        super().load(state)
+        self._draw()
+
+    def _draw(self) -> None:
         self._bodies.show(self._body, merge(box_walls(self.box), self._surface_solids()))
 
     def _surface_solids(self) -> Any:
@@ -123,5 +132,5 @@ class Heap(KeepsState):
         columns = np.linspace(0, len(s.y) - 1, max(2, min(len(s.y), 13))).round().astype(int)
         x, y = np.array(s.x[rows]), np.array(s.y[columns])
         x[[0, -1]], y[[0, -1]] = [-0.5 * box.length, 0.5 * box.length], [-0.5 * box.width, 0.5 * box.width]
-        heights: F64 = s.heights[np.ix_(rows, columns)]
+        heights: F64 = self._visible[np.ix_(rows, columns)]
         return height_surface(x + box.x, y, box.floor + heights)

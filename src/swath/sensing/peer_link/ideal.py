@@ -5,6 +5,7 @@ from math import atan2, cos, nan, sin
 from typing import Any, ClassVar
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -44,7 +45,9 @@ class IdealLink(KeepsState):
     outputs = (Port("peer", PeerState),)
 
     def __init__(self, params: object, setup: SiteSetup) -> None:
-        self._bodies, self._peer = setup.bodies, setup.peer
+        if setup.peer is None:
+            raise InputError("peer", None, "expected the key `peer` of the machine: the one that it hears")
+        self._peer = setup.peer
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing heard yet."""
@@ -82,7 +85,7 @@ class IdealLink(KeepsState):
         return rate
 
     def _box(self, inputs: Inputs) -> dict[str, Any]:
-        if self._peer is None or self._peer.box is None:
+        if self._peer.box is None:
             return {}
         box, hitch, trailer = self._peer.box, self._peer.hitch, inputs.get("peer_trailer")
         x, y, angle = box.x, 0.0, 0.0
