@@ -5,14 +5,14 @@ import swath
 result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
-`run` and `load_scenario` are in swath/api.py, which is imported when one of them is used.
+`run`, `scan`, `load_scenario` and `read_field` are in swath/api.py, which is imported when one is used.
 """
 
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
-_OFFERED = ("load_scenario", "run")
+_OFFERED = ("load_scenario", "read_field", "run", "scan")
 
 
 def __getattr__(name: str) -> Any:
