@@ -5,8 +5,8 @@ import swath
 result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
-`run`, `batch`, `detect` and `load_scenario` are in swath/api.py, which is imported when one of them is used;
-so is `Env`, a scenario as an environment of gymnasium.
+`run`, `batch`, `scan`, `detect`, `load_scenario` and `read_field` are in swath/api.py, which is imported when
+one of them is used; so is `Env`, a scenario as an environment of gymnasium.
 """
 
 from importlib import import_module
@@ -17,7 +17,9 @@ _OFFERED = {
     "batch": "swath.api",
     "detect": "swath.api",
     "load_scenario": "swath.api",
+    "read_field": "swath.api",
     "run": "swath.api",
+    "scan": "swath.api",
     "Env": "swath.environment",
 }
 

@@ -16,17 +16,23 @@ from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import only_code
+from swath.core.registry import level_here
 from swath.documents.hints import unknown_key
+from swath.documents.packed import read_arrays
 from swath.documents.yaml_document import Document
+from swath.field_io.folder import FieldFolder
+from swath.field_io.folder import read as read_folder
 from swath.judge.limits import is_failed
 from swath.replay.writer import ReplayWriter
+from swath.report.notebook import picture, run_html
 from swath.report.report import ReportWriter
-from swath.runtime.folder import choose_run_folder, remove_empty
+from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
+from swath.tools.scan.scan import scan_job
 
 Sets = Mapping[str, Any] | Sequence[str]
 
@@ -48,9 +54,67 @@ def load_scenario(
 
 def _text(value: Any) -> str:
     """A value as after `--set`: text as it is, arrays, numbers of numpy and paths too."""
-    if isinstance(value, str | Path):
-        return str(value)
-    return json.dumps(value, default=lambda v: v.tolist() if hasattr(v, "tolist") else str(v))
+    if isinstance(value, type):
+        return level_here(value)
+    return str(value) if isinstance(value, str | Path) else json.dumps(value, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    """A class as the level that stands for it; arrays and numbers of numpy as numbers; else text."""
+    if isinstance(value, type):
+        return level_here(value)
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+@dataclass(frozen=True, repr=False)
+class RunResult(JobResult):
+    """A finished run; a notebook shows its metrics and how it steered."""
+
+    def _repr_html_(self) -> str:
+        return run_html(repr(self), self.summary, self.folder)
+
+
+@dataclass(frozen=True)
+class ScanResult:
+    """One scan. files: what was written; data: the arrays of scan.npz by name."""
+
+    files: tuple[Path, ...]
+    data: Mapping[str, Any]
+
+    def _repr_html_(self) -> str:
+        return "".join(picture(file.read_bytes()) for file in self.files if file.suffix == ".png")
+
+
+def read_field(path: str | Path) -> FieldFolder:
+    """A field folder, as `swath field import` makes one; a notebook shows its overview."""
+    return read_folder(path)
+
+
+def scan(
+    scenario: str | Path | Scenario,
+    out: str | Path | None = None,
+    *,
+    at_s: float = 0.0,
+    sets: Sets = (),
+    seed: int | None = None,
+    camera: bool = False,
+) -> ScanResult:
+    """One scan of a scenario after `at_s` of driving, as `swath scan` makes it.
+
+    out: default: a new folder in `runs`; sets, seed: as in `load_scenario`; camera: the image too
+    Raises InputError.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario, sets=sets, seed=seed)
+    folder = choose_scan_folder(scenario.name, scenario.seed, None if out is None else Path(out))
+    try:
+        files = scan_job(scenario, folder, at_s=at_s, camera=camera)
+    except InputError as error:
+        remove_empty(folder)
+        raise scenario.locate(error) from error
+    table = next((file for file in files if file.name == "scan.npz"), None)
+    data = {} if table is None else read_arrays(table, "scan", "a scan.npz")
+    return ScanResult(tuple(files), data)
 
 
 def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = True) -> list[Any]:
@@ -77,11 +141,11 @@ def run(
     report: bool = True,
     progress: bool = False,
     code: bool = True,
-) -> JobResult:
+) -> RunResult:
     """Run a scenario into a folder, as `swath run` does; a given one may hold an earlier run of it.
 
     out: default: a new folder in `runs`; sets, seed, code: as in `load_scenario`; report: write report.html
-    and replay.html; progress: a bar on a terminal
+    and replay.html; progress: a bar on a terminal or in a notebook
     Raises InputError; a limit that fails raises nothing, see `exit_code`.
     """
     with nullcontext() if code else only_code(()):
@@ -92,7 +156,8 @@ def run(
         hooks = [ReportWriter(), ReplayWriter()] if report and scenario.run.record != "none" else []
         folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
         try:
-            return run_job(scenario, folder, progress=progress, hooks=hooks)
+            made = run_job(scenario, folder, progress=progress, hooks=hooks)
+            return RunResult(made.summary, made.exit_code, made.folder)
         except InputError as error:
             remove_empty(folder)
             raise scenario.locate(error) from error

@@ -19,6 +19,10 @@ class SwathError(Exception):
     def __init__(self, text: str = "") -> None:
         super().__init__(shortened(text))
 
+    def _render_traceback_(self) -> list[str]:
+        """What IPython shows instead of the frames: the error, and the other mistakes."""
+        return [f"{type(self).__name__}: {error}" for error in (self, *getattr(self, "others", ()))]
+
     def __reduce__(self) -> tuple[Any, ...]:
         state = {key: value if _can_be_pickled(value) else _shown(value) for key, value in vars(self).items()}
         return _restored, (type(self), self.args, state)

@@ -76,6 +76,8 @@ class Registry:
 
     def get(self, kind: str, level: str, *, base: Path | None = None) -> Level:
         """The level, from a built-in file, an entry point, or `file.py:Class` (relative to `base`)."""
+        if level in HERE:
+            return _level_of_class(HERE[level])
         if ".py:" in level:
             return _from_file(kind, level, base or Path.cwd())
         linked = [self._links] if self._links and kind in self._linkable else []
@@ -116,6 +118,19 @@ def _level_files(package: str) -> tuple[str, ...]:
 def _entry_points() -> tuple[EntryPoint, ...]:
     """Levels of other installed packages."""
     return tuple(entry_points(group=GROUP))
+
+
+HERE: dict[str, Any] = {}
+"""Classes of this process by the level that stands for them: those that a notebook or script hands over."""
+
+
+def level_here(component: type) -> str:
+    """The level that stands for a class in this process: `here:Name`. A later class of that name takes its
+    place, as a cell that is run again does.
+    """
+    name = f"here:{component.__name__}"
+    HERE[name] = component
+    return name
 
 
 def _from_file(kind: str, reference: str, base: Path) -> Level:

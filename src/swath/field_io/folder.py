@@ -3,6 +3,8 @@
 docs/field-folder.md describes the files.
 """
 
+import base64
+import html
 import json
 import os
 import shutil
@@ -69,6 +71,12 @@ class FieldFolder:
     grain: Raster
     obstacles: tuple[tuple[dict[str, Any], dict[str, Any]], ...]
     info: dict[str, Any]
+
+    def _repr_html_(self) -> str:
+        """Of a notebook: the overview."""
+        file = self.path / PICTURE
+        data = base64.b64encode(file.read_bytes()).decode() if file.is_file() else ""
+        return f'<b>{html.escape(self.path.name)}</b><br/><img src="data:image/png;base64,{data}"/>'
 
     @property
     def crop(self) -> str:

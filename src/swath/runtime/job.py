@@ -255,7 +255,7 @@ def _progress_bar(world: World, wanted: bool) -> Iterator[Progress | None]:
     from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
-    if not console.is_terminal:
+    if not (console.is_terminal or console.is_jupyter):
         yield None
         return
     text, at = TextColumn("{task.description}"), TextColumn("{task.fields[at]}")

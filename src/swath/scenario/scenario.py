@@ -8,6 +8,7 @@ what was expected, the file and the line.
 """
 
 import dataclasses
+import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,6 +59,11 @@ class Scenario:
     def is_paced(self) -> bool:
         """True when it is to run in step with the clock on the wall."""
         return self.realtime is not None and self.realtime.common.pace == "real_time"
+
+    def _repr_html_(self) -> str:
+        """Of a notebook: what it is, and all of it to unfold."""
+        text = html.escape(self.resolved())
+        return f"<details><summary>{html.escape(repr(self))}</summary><pre>{text}</pre></details>"
 
     def plain(self) -> dict[str, Any]:
         """Plain data with every default filled in and every path absolute."""
