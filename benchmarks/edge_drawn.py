@@ -34,7 +34,8 @@ SECOND = {  # beside the one at the left end: at the right end, across the heade
         "level": "plants", "mount": {"at": "right_end", "z_m": 3.0, "pitch_deg": 14, "yaw_deg": -30},
     },
     "combine.edge": {
-        "level": "two_scanners", "wires": {"left": "lidar_left.scan", "right": "lidar_right.scan"},
+        "level": f"{Path(__file__).parents[1] / 'examples' / 'two_scanners.py'}:TwoScanners",
+        "wires": {"left": "lidar_left.scan", "right": "lidar_right.scan"},
     },
 }  # fmt: skip
 
@@ -143,7 +144,7 @@ ROWS = {
     "stand leans 30 to 45 deg out": Row(
         lambda rng: lean(rng.uniform(30, 45), -rng.uniform(70, 110)), "never sure, <= 5 km/h", unsure
     ),
-    "the same, two scanners": Row(
+    "the same, examples/two_scanners.py": Row(
         lambda rng: {**lean(rng.uniform(30, 45), -rng.uniform(70, 110)), **SECOND}, "95 % <= 15 cm",
         within(15.0),
     ),
@@ -186,7 +187,7 @@ def table(runs: list[Run]) -> list[list[str]]:
         if not mine:
             continue
         held = sum(row.holds(r) for r in mine)
-        seen = np.concatenate([np.reshape(r["samples"], (-1, 3)) for r in mine])
+        seen = samples_of(mine)
         share = np.mean(np.abs(seen[:, 0]) < 1.96 * seen[:, 1]) if len(seen) else np.nan
         columns = [np.array([r[key] for r in mine], dtype=float) for key in ("p95", "worst", "wrong")]
         both = [f"{np.nanmedian(c):.1f} ({np.nanmax(c):.1f})" for c in columns]
@@ -194,9 +195,15 @@ def table(runs: list[Run]) -> list[list[str]]:
     return lines
 
 
+def samples_of(runs: list[Run]) -> np.ndarray:
+    """(error [m], its standard deviation [m], confidence), (n, 3), of detectors that tell a deviation."""
+    seen = np.concatenate([np.reshape(np.array(r["samples"], dtype=float), (-1, 3)) for r in runs])
+    return seen[np.isfinite(seen[:, 1])]
+
+
 def reliability(runs: list[Run]) -> tuple[list[float], list[float]]:
     """(share of the errors that shall lie within k standard deviations, share that does), pooled."""
-    seen = np.concatenate([np.reshape(r["samples"], (-1, 3)) for r in runs])
+    seen = samples_of(runs)
     ratio = np.abs(seen[:, 0]) / seen[:, 1]
     ks = np.linspace(0.1, 3.0, 30)
     return [erf(k / np.sqrt(2.0)) for k in ks], [float(np.mean(ratio < k)) for k in ks]
@@ -206,7 +213,7 @@ def figure(runs: list[Run], path: Path) -> None:
     """Reliability of the standard deviation and of the confidence."""
     import matplotlib.pyplot as plt
 
-    seen = np.concatenate([np.reshape(r["samples"], (-1, 3)) for r in runs])
+    seen = samples_of(runs)
     fig, (left, right) = plt.subplots(1, 2, figsize=(9, 4.2), layout="constrained")
     left.plot([0, 1], [0, 1], color="0.7")
     left.plot(*reliability(runs), marker="o", markersize=3)

@@ -99,6 +99,7 @@ class Watch:
     def __init__(self, world: World) -> None:
         machine = world.leader
         self.edge: EdgeShape = machine.edge
+        self.teeth = next(e.teeth for e in world.field.edges.values() if e.shape is machine.edge)
         self.end = (*machine.sheet.header_end(machine.edge_side), 0.0)
         self.overlap = machine.overlap
         self.distance = float(world.scenario.run.distance_m)
@@ -119,9 +120,12 @@ class Watch:
         return np.asarray(self.edge.signed_distance(x, y))
 
     def numbers(self, back_at: float = float("nan")) -> dict[str, Any]:
-        """Lateral errors rms, p95, worst and from `back_at` [m] on, late [cm]; of the edge samples found
-        [share], edge (RMS) [cm], wrong = longest way sure and wrong [m], sure = share of the confident ones;
-        speed (mean) [km/h]; samples = one (error [m], standard deviation, confidence) per metre; driven [m].
+        """An edge is where it stands with its teeth, but without its gaps, which are not to be followed.
+
+        Lateral errors against the edge without either: rms, p95, worst and from `back_at` [m] on, late [cm].
+        Of the edge: found [share], edge (RMS) [cm], wrong = longest way sure and wrong [m], sure = share of
+        the confident samples; samples = one (error [m], standard deviation, confidence) per metre.
+        speed (mean) [km/h], driven [m].
         """
         poses = [(pose.apply(self.end), at) for pose, at in self.poses.values()]
         late = np.array([at for _, at in poses]) > BEGIN
@@ -131,6 +135,9 @@ class Watch:
         told = [(e, *self.poses[e.t]) for e in self.edges if e.t in self.poses and self.poses[e.t][1] > BEGIN]
         found = [(e, at, pose.apply([e.reference_x, e.offset, 0.0])) for e, pose, at in told if e.is_found]
         error = self.inside([p for *_, p in found]) if found else np.zeros(0)
+        if found and self.teeth is not None:
+            x, y = np.array([p[:2] for *_, p in found], dtype=float).T
+            error = error - self.teeth.depth(self.edge.project(x, y)[0])
         wrong = [e.confidence >= 0.5 and abs(v) > 0.3 for (e, *_), v in zip(found, error, strict=True)]
         metres = [int(at) for _, at, _ in found]
         first = [k for k, at in enumerate(metres) if k == 0 or at > metres[k - 1]]

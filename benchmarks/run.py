@@ -6,6 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import batch
 import cutting
 import drive
 import fmi
@@ -20,6 +21,7 @@ BENCHMARKS = {
     "rays": rays.main,
     "cutting": cutting.main,
     "drive": drive.main,
+    "batch": batch.main,
     "machine": machine.main,
     "lidar": lidar.main,
     "replay": replay.main,

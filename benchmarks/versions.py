@@ -29,6 +29,7 @@ from _harness import machine, write_json
 RUN = "import sys, runpy; from importlib.util import find_spec as f;" \
       "m = 'swath.commands.main' if f('swath.commands.main') else 'swath.cli';" \
       "sys.argv[0] = 'swath'; runpy.run_module(m, run_name='__main__')"  # fmt: skip
+NOW = "now"
 EMPIRICAL = ("combine.lidar.level=empirical",)
 
 
@@ -36,7 +37,7 @@ EMPIRICAL = ("combine.lidar.level=empirical",)
 class Row:
     """What is measured: a whole run, or with `more` [m] a simulated second between two runs.
 
-    short: distance [m] of the shorter run, None = that of the scenario
+    short: distance [m] of the shorter run, None = that of the scenario; only_now: arguments of this version
     """
 
     title: str
@@ -45,6 +46,7 @@ class Row:
     short: float | None = None
     more: float = 0.0
     sets: tuple[str, ...] = ()
+    only_now: tuple[str, ...] = ()
 
 
 ROWS = (
@@ -52,7 +54,9 @@ ROWS = (
     Row("simulated second, plants", "straight", "1/3", 10.0, 30.0),
     Row("simulated second, empirical", "straight", "1/5", 10.0, 50.0, EMPIRICAL),
     Row("before and after, alone", "straight", "1.5 s of 5.2", 0.1),
-)
+    Row("simulated second, empirical, recorded before, not now", "straight", "1/8", 10.0, 50.0, EMPIRICAL,
+        ("--set=run.record=none", "--no-replay")),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -78,19 +82,31 @@ class Version:
 
 def measure(row: Row, version: Version, folder: Path) -> float:
     """CPU seconds of a row: of the run, or per simulated second between the shorter and the longer one."""
-    found = [(version.cpu_s(arguments), simulated_s(folder)) for arguments in commands(row, folder)]
+    found = [
+        (version.cpu_s(arguments), simulated_s(folder))
+        for arguments in commands(row, folder, is_now=version.name == NOW)
+    ]
     if len(found) == 1:
         return found[0][0]
     (cpu, seconds), (cpu_more, seconds_more) = found
     return (cpu_more - cpu) / (seconds_more - seconds)
 
 
-def commands(row: Row, folder: Path) -> Iterator[list[str]]:
+def commands(row: Row, folder: Path, *, is_now: bool) -> Iterator[list[str]]:
     """Arguments of the runs of a row."""
     lengths = [row.short, row.short + row.more] if row.more and row.short is not None else [row.short]
     for length in lengths:
         sets = [*row.sets, *([] if length is None else [f"run.distance_m={length:g}"])]
-        yield ["run", row.scenario, "--out", str(folder), "--quiet", *(f"--set={text}" for text in sets)]
+        more = row.only_now if is_now else ()
+        yield [
+            "run",
+            row.scenario,
+            "--out",
+            str(folder),
+            "--quiet",
+            *(f"--set={text}" for text in sets),
+            *more,
+        ]
 
 
 def simulated_s(folder: Path) -> float:
@@ -147,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     here = Path(__file__).resolve().parent.parent
     versions = [
         Version("before", options.base.resolve(), options.base_python),
-        Version("now", here, sys.executable),
+        Version(NOW, here, sys.executable),
     ]
     found = interleaved(rows, versions, options.rounds)
     show(rows, versions, found)

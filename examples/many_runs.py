@@ -11,9 +11,10 @@ import itertools
 import json
 import os
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
+
+import swath
 
 SCENARIO = "straight"
 SETS = {
@@ -26,40 +27,35 @@ METRICS = ["edge_rmse_m", "lateral_rms_m", "lateral_p95_m", "header_use"]
 OUT = Path("runs/many")
 
 
-def run_one(folder: Path, sets: dict[str, float], seed: int) -> dict[str, float]:
-    done = folder / "summary.json"
-    if done.is_file():
-        summary = json.loads(done.read_text(encoding="utf-8"))
-        if not summary["incomplete"]:
-            return summary
-    import swath  # in the worker: every process has an engine of its own
-
-    # no report, and of the recording only the standard messages: half the time of a short run
-    return swath.run(
-        SCENARIO, folder, sets={**sets, "run.record": "standard"}, seed=seed, report=False
-    ).summary
-
-
-def cases() -> list[tuple[Path, dict[str, float], int]]:
+def entries() -> list[dict[str, Any]]:
+    """An entry for `swath.batch` for every combination; of the recording only the standard messages."""
     found = []
     for values in itertools.product(*SETS.values()):
         sets = dict(zip(SETS, values, strict=True))
         name = "_".join(f"{key.rpartition('.')[2]}-{value:g}" for key, value in sets.items())
-        found += [(OUT / f"{name}_seed-{seed}", sets, seed) for seed in SEEDS]
+        sets["run.record"] = "standard"
+        for seed in SEEDS:
+            folder = OUT / f"{name}_seed-{seed}"
+            found.append({"scenario": SCENARIO, "sets": sets, "seed": seed, "out": folder})
     return found
 
 
+def summary_in(folder: Path) -> dict[str, Any] | None:
+    """The summary of a run that is whole."""
+    file = folder / "summary.json"
+    summary = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {"incomplete": True}
+    return None if summary["incomplete"] else summary
+
+
 def main() -> None:
-    os.environ.setdefault("SWATH_THREADS", "1")  # one core a run, as many runs as cores
-    todo, rows = cases(), []
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        jobs = {pool.submit(run_one, *case): case for case in todo}
-        for count, job in enumerate(as_completed(jobs), 1):
-            folder, sets, seed = jobs[job]
-            summary = job.result()
-            rows.append({**sets, "seed": seed} | {m: summary[m] for m in METRICS})
-            print(f"{count}/{len(todo)}  {folder.name}", file=sys.stderr)
-    rows.sort(key=lambda row: [row[key] for key in (*SETS, "seed")])
+    todo = [entry for entry in entries() if summary_in(entry["out"]) is None]
+    for run in swath.batch(todo, processes=os.cpu_count() or 1):
+        print(f"{run.index + 1}/{len(todo)}  {run.entry['out'].name}  {run.error or ''}", file=sys.stderr)
+    rows = []
+    for entry in entries():
+        summary = summary_in(entry["out"]) or {}
+        varied = {key: entry["sets"][key] for key in SETS}
+        rows.append({**varied, "seed": entry["seed"], **{m: summary.get(m) for m in METRICS}})
     with (OUT / "table.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
@@ -68,7 +64,7 @@ def main() -> None:
     print(OUT / "table.csv", OUT / "table.png", sep="\n")
 
 
-def draw(rows: list[dict[str, float]]) -> None:
+def draw(rows: list[dict[str, Any]]) -> None:
     """How well it steered over the first key, a colour per value of the second, a point per run."""
     from matplotlib.figure import Figure
 

@@ -65,20 +65,25 @@ def test_many_runs_goes_on_where_it_stopped(tmp_path, monkeypatch):
     many = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(many)
     monkeypatch.setattr(many, "OUT", tmp_path)
-    cases = many.cases()
-    assert len(cases) == len({folder for folder, _, _ in cases}) == 12
-    folder, sets, seed = cases[0]
-    calls = []
+    entries = many.entries()
+    assert len(entries) == len({entry["out"] for entry in entries}) == 12
+    asked = []
 
-    def fake(scenario, out, **more):
-        calls.append((scenario, more["sets"]["combine.speed.speed_kmh"], more["seed"]))
-        out.mkdir(exist_ok=True)
-        (out / "summary.json").write_text(json.dumps({"incomplete": len(calls) == 1, "lateral_rms_m": 0.02}))
-        return type("Result", (), {"summary": {}})
+    def fake(todo, **more):
+        """Runs of which the first is stopped."""
+        for index, entry in enumerate(todo):
+            asked.append(entry)
+            entry["out"].mkdir()
+            summary = {"incomplete": index == 0, "lateral_rms_m": 0.02}
+            (entry["out"] / "summary.json").write_text(json.dumps(summary))
+            yield swath.api.BatchRun(index, entry)
 
-    monkeypatch.setattr(swath, "run", fake, raising=False)
-    for _ in range(3):  # stopped, made, there already
-        many.run_one(folder, sets, seed)
-    assert calls == [("straight", 5, 1)] * 2
-    many.draw([{**sets, "seed": seed, "lateral_rms_m": 0.02}])
+    monkeypatch.setattr(swath, "batch", fake, raising=False)
+    many.main()
+    assert asked == entries
+    entries[0]["out"].joinpath("summary.json").unlink()
+    entries[0]["out"].rmdir()
+    many.main()
+    assert asked[12:] == entries[:1]
+    assert len((tmp_path / "table.csv").read_text().splitlines()) == 13
     assert (tmp_path / "table.png").stat().st_size > 5000

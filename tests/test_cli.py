@@ -45,6 +45,7 @@ class Job:
         if begun is not None:
             begun()
         out.mkdir(parents=True, exist_ok=True)
+        (out / "report.html").touch()
         (out / "scenario.yaml").write_text(scenario.resolved())
         (out / "summary.json").write_text("{}")
         limit = {"subject": "combine", "name": "lateral_rms_m", "limit": {"max": 0.05}}
@@ -161,7 +162,12 @@ def test_run(job, capsys, code):
 
 
 def test_a_run_says_which_defaults_it_uses(job, capsys):
-    main(["run", "small.yaml", "--set", "combine.lidar.sub_rays=7"])
+    main(["run", "small.yaml"])
+    said = capsys.readouterr().out
+    assert said.splitlines()[0].startswith("defaults in use in ")
+    assert "--defaults prints them" in said.splitlines()[0]
+    assert "echo percentile" not in said
+    main(["run", "small.yaml", "--defaults", "--set", "combine.lidar.sub_rays=7"])
     said = capsys.readouterr().out
     assert said.splitlines()[0].startswith("defaults in use, not written in small")
     (lidar,) = [line for line in said.splitlines() if line.startswith("lidar plants")]
@@ -219,7 +225,8 @@ def test_a_mistake_in_the_users_own_level_is_the_users(job, capsys, tmp_path):
 
 def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
     def stopped(scenario, out, progress, events=(), hooks=(), begun=None, allow=()):
-        out.mkdir(parents=True)
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "report.html").touch()
         (out / "summary.json").write_text("{}")
         raise KeyboardInterrupt
 
@@ -252,7 +259,11 @@ def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
     assert main(["field", "import", "log.csv", "--out", "field", *flags]) == 0
     assert asked[0][:2] == ("log.csv", "field")
     assert str(asked[0][2]["dem"]) == "d.tif"
-    assert asked[0][2]["settings"] == {"grain_g_per_stem": 1.1, "header_width_m": 9.0}
+    assert asked[0][2]["settings"] == {
+        "grain_g_per_stem": 1.1,
+        "header_width_m": 9.0,
+        "as_map": False,
+    }
     assert main(["field", "show", "field"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said == ["3 records", "drive along one of its passes: swath run field", "field/overview.png"]

@@ -21,7 +21,7 @@ from swath.documents.yaml_document import Document
 from swath.judge.limits import is_failed
 from swath.replay.writer import ReplayWriter
 from swath.report.report import ReportWriter
-from swath.runtime.folder import choose_run_folder
+from swath.runtime.folder import choose_run_folder, remove_empty
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
@@ -36,13 +36,36 @@ def load_scenario(
 ) -> Scenario:
     """A bundled scenario by name, a file, or the scenario of a run folder, with changes.
 
-    sets: {"combine.speed.speed_kmh": 5}, or texts as after `--set`; seed: instead of the scenario's
+    sets: {"combine.speed.speed_kmh": 5}, or texts as after `--set`; a text is read as there
+    seed: instead of the scenario's
     code: False refuses Python files and FMUs that it names; reading a Python file runs it (SECURITY.md)
     Raises swath.core.errors.InputError, which names key, value, what was expected, file and line.
     """
-    texts = [f"{k}={json.dumps(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
+    texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
     with nullcontext() if code else only_code(()):
         return _load(source, sets=texts, flags={} if seed is None else {"seed": f"seed={seed}"})
+
+
+def _text(value: Any) -> str:
+    """A value as after `--set`: text as it is, arrays, numbers of numpy and paths too."""
+    if isinstance(value, str | Path):
+        return str(value)
+    return json.dumps(value, default=lambda v: v.tolist() if hasattr(v, "tolist") else str(v))
+
+
+def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = True) -> list[Any]:
+    """What a detector says of the stored scans of a run: every sample that its slot sends, in order.
+
+    No world is built. recording: a run folder or a run.mcap with `run.record: exact`; sets: another level, or
+    parameters, of the slot, such as {"combine.edge.level": "mine.py:MyDetector"}; slot: of control, of the
+    first machine
+    Raises InputError.
+    """
+    from swath.tools.stored_scans import detect_stored
+
+    texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
+    with nullcontext() if code else only_code(()):
+        return detect_stored(Path(recording), texts, slot)
 
 
 def run(
@@ -66,11 +89,12 @@ def run(
             scenario = load_scenario(scenario, sets=sets, seed=seed)
         else:
             _check_alone(sets, seed)
-        hooks = [ReportWriter(), ReplayWriter()] if report else []
+        hooks = [ReportWriter(), ReplayWriter()] if report and scenario.run.record != "none" else []
         folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
         try:
             return run_job(scenario, folder, progress=progress, hooks=hooks)
         except InputError as error:
+            remove_empty(folder)
             raise scenario.locate(error) from error
 
 

@@ -2,9 +2,11 @@
 
 from collections import deque
 
+import numpy as np
+
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.signals import CropAhead, EngineState, FeedReading, Odometry
+from swath.signals import CropAhead, EngineState, FeedReading, FieldMap, Odometry
 from tests.control.closed_loop import setup_of
 
 H = 0.1
@@ -47,7 +49,11 @@ class Bench:
         if self.sight > 0.0:
             amount = self.seen * self.crop(self.x + self.sight)
             ahead = CropAhead(t, KNIFE + self.sight, 1.0, amount)
+        places = [2.0 * k for k in range(1, 1 + int(self.sight / 2.0))]
+        grain = np.array([self.crop(self.x + place) for place in places])
+        sure = np.zeros(len(places))
         inputs = {
+            "map": FieldMap(t, KNIFE + np.array(places), grain, sure, sure, float("nan")) if places else None,
             "feed": feed,
             "engine": engine_at(self.reading / self.strength),
             "odometry": Odometry(t, self.speed, 0.0, 0.0),

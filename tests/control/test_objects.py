@@ -135,3 +135,13 @@ def test_the_machine_stands_at_the_gap_and_waits():
     free = objects_of(0, [])
     waits = [law.limit(2.0, free, Odometry(0, 0.0, 0.0, 0.0), STEP) for _ in range(30)]
     assert waits.index(2.0) == pytest.approx(10 * p.hold_s, abs=1)
+
+
+def test_what_gets_under_the_lowest_beam_is_kept():
+    """The machine closes in on a person until the lowest beam goes over his head, which is at 6.4 m."""
+    found = drive(cluster(), [(12.0, 0.0, 0.25, 1.75)], 31)
+    place = 12.0 - 31 * 0.1 * SPEED
+    assert HIGH - (place - 0.25 - 1.5) * np.tan(np.radians(15.0) + 0.1) > 1.9
+    assert len(found[-1].x) == 1
+    assert found[-1].confidence[0] > 0.5
+    assert found[-1].x[0] == pytest.approx(place, abs=0.5)

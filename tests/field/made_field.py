@@ -34,7 +34,7 @@ def made_field(*, terrain=None, stand=None, edge=None, boundary=None, seed=7, pa
     terrain = terrain or plane.Params()
     stand = stand or uniform.Params()
     ground = plane.Plane if isinstance(terrain, plane.Params) else formula.Formula
-    plants = uniform.Uniform if isinstance(stand, uniform.Params) else maps.Maps
+    plants = maps.Maps if isinstance(stand, maps.Params) else uniform.Uniform
     grown = plants(stand, setup)
     return make_field(
         ground(terrain, setup),

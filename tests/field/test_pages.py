@@ -256,3 +256,19 @@ def test_density_maps_that_cannot_be_are_refused(tmp_path):
             library=library(),
             stream=STREAM,
         )
+
+
+def test_pages_that_nobody_asks_for_go_out_of_memory_and_come_back_as_they_were():
+    field = made_field()
+    field.cut([(1.0, -1.0), (4.0, -1.0), (4.0, 3.0), (1.0, 3.0)], 0.15)
+    key = min(field.store.recut)
+    codes, first = field.store.codes_of(key).copy(), field.recount()
+    counts = []
+    for x in range(0, 700, 8):
+        field.ensure(float(x), 0.0, 20.0)
+        counts.append(len(field.store.keys))
+    assert key not in field.store.keys
+    assert max(counts[-20:]) <= max(counts[30:50])  # no more however far it goes on
+    field.ensure(0.0, 0.0, 10.0)
+    np.testing.assert_array_equal(field.store.codes_of(key), codes)
+    assert field.recount() == first

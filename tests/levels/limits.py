@@ -40,6 +40,29 @@ LIMITS = {
             "yaw gain within 0.2 %, offset after 30 deg within 1.6 %", ((-0.002, 0.002), (-0.016, 0.016))
         ),
         "multibody": Limit("within 0.1 to 3 % of hand calculation", 0.03),
+        "articulated": Limit("trailer within 5 cm of kinematic", 0.05),
+    },
+    "unload": {
+        "ideal": Limit("tank volume over flow exact", 0.01),
+        "auger": Limit("equal to ideal without ramps", 0.01),
+    },
+    # volume over that of the closed form when the first grain runs over the rim, one spot
+    "heap": {
+        "height_map": Limit("first grain over the rim within 2 % of the closed forms", 0.02),
+        "cones": Limit("first grain over the rim within 4 % of height_map", 0.04),
+        "volume": Limit("holds up to 30 % more than one spot of height_map", 0.31),
+    },
+    "peer_link": {
+        "ideal": Limit("exact", EXACT),
+        "radio": Limit("equal to ideal with every number at 0", EXACT),
+    },
+    # of the largest heap, poured along the places that a strategy wants; unloader: s after its limits
+    "cooperate": {
+        "one_spot": Limit("fills 77 %", (0.71, 0.78)),
+        "front_to_back": Limit("fills 95 % and more", (0.95, 0.99)),
+        "oscillate": Limit("fills 95 % and more", (0.95, 0.99)),
+        "by_profile": Limit("fills 94 % and more", (0.935, 0.99)),
+        "unloader": Limit("stops within a step", 0.05),
     },
     "header": {
         "fixed_height": Limit("no losses, no lifting", 0.0),
@@ -69,6 +92,21 @@ LIMITS = {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal with every error at 0", EXACT),
     },
+    "ground_speed": {
+        "ideal": Limit("exact", EXACT),
+        "radar": Limit("equal to ideal without noise on level ground", 1e-9),
+    },
+    "field_map": {
+        "ideal": Limit("exact", EXACT),
+        "error": Limit("equal to ideal at correlation 1 without kernel and cells", EXACT),
+        "file": Limit("bit for bit the map's values", EXACT),
+        "earlier_pass": Limit("share 0.82 exp(-d / 60 m) of what was measured d beside", 1e-9),
+    },
+    "objects": {
+        "truth": Limit("exact", EXACT),
+        "error": Limit("equal to truth with every number at 0", EXACT),
+        "cluster": Limit("place of a person within 0.3 m", 0.3),
+    },
     "gnss": {
         "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart
         "error": Limit("equal to ideal with every error at 0", 1e-5),
@@ -81,17 +119,26 @@ LIMITS = {
         "likelihood_ratio": Limit("within 0.05 m RMS of the true edge at 50 to 700 stems/m2", 0.05),
         "max_likelihood": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "otsu": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "threshold": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "mixture": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
+        "consensus": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "truth": Limit("15.6 mm cells", 0.0157),
     },
     "ahead": {"penetration": Limit("extinction unbiased in a random stand", 0.08)},
     "steer": {
         "constant": Limit("exact", 1e-9),
         "preview": Limit("2 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.02),
+        "pure_pursuit": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
+        "stanley": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
+        "station": Limit("against its differential equation within 2 cm", 0.02),
     },
     "speed": {
         "constant": Limit("exact", 1e-6),
         "feed_rate": Limit("no error in steady state", 1e-3),
         "look_ahead": Limit("as good as the sight", 0.01),
+        "station": Limit("against its differential equation within 2 cm", 0.02),
+        "map_ahead": Limit("as good as the map", 0.01),
+        "joined_ahead": Limit("no worse than the better of both once learned", 0.01),
     },
     "steering": {
         "actuator": Limit("exact solution of its equations at any step", EXACT),

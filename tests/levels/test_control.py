@@ -1,5 +1,7 @@
 """Control: a straight edge to detect and to steer along, even crop to drive into, a stand to look through."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import KMH
 from swath.scenario.catalogue import CATALOGUE
-from swath.signals import MachineState
+from swath.signals import MachineState, Odometry, Station
 from tests.control.closed_loop import Loop, setup_of
 from tests.control.edge_drive import drive, errors
 from tests.control.feed_rig import STEP, Bench
@@ -59,6 +61,9 @@ def test_extinction_of_a_random_stand(level, limit, extinction, ragged):
 def test_error_along_a_straight_edge(level, limit):
     """An open loop stays on the line on which it starts; a closed one is given an edge known to 3 cm."""
     found = CATALOGUE.registry.get("steer", level)
+    if level == "station":
+        assert largest_difference(found, aside=1.0) < limit
+        return
     loop = Loop(speed=7 * KMH, law=found.component, law_params=found.params())
     error = loop.run(60)
     assert np.sqrt(np.mean(error[error[:, 0] > 10.0, 1] ** 2)) < limit
@@ -68,8 +73,49 @@ def test_error_along_a_straight_edge(level, limit):
 def test_speed_in_even_crop(level, limit):
     """36 kg/s on 12 m of 1.6 kg/m2, or the speed that was set."""
     wanted = 36.0 / (12.0 * EVEN)
+    if level == "station":
+        assert closes_up(CATALOGUE.registry.get("speed", level)) < limit
+        return
     by_flow = "throughput_kg_s" in keys_of("speed", level)
     params = {"throughput_kg_s": 36.0} if by_flow else {"speed_kmh": wanted / KMH}
     found = CATALOGUE.registry.get("speed", level)
     bench = Bench(found.component, found.params(**params), even(EVEN), sight=10.0)
     assert bench.run(100.0)[-1][2] == pytest.approx(wanted, rel=limit)
+
+
+def largest_difference(found, aside, speed=2.0, h=0.01):
+    """A kinematic machine that starts `aside` of its path, against e'' + 2 z e' / d + e / d^2 = 0, [m]."""
+    law = found.component(found.params(), setup_of())
+    law.reset(Stream(1, "steer"))
+    d, e, heading, worst = 4.0, aside, 0.0, 0.0
+    root = math.sqrt(1.0 - 0.9**2)
+    for i in range(1500):
+        station = Station(i, True, 0.0, e, -heading, 0.0, speed, 0.0, 0.0, False)
+        curvature = law.step(i, 1, {"station": station, "odometry": Odometry(i, speed, 0.0, 0.0)})[
+            "command"
+        ].curvature
+        middle = heading + 0.5 * speed * h * curvature
+        e -= speed * h * math.sin(middle)
+        heading += speed * h * curvature
+        s = speed * h * (i + 1) / d
+        exact = aside * math.exp(-0.9 * s) * (math.cos(root * s) + 0.9 / root * math.sin(root * s))
+        worst = max(worst, abs(e - exact))
+    return worst
+
+
+def closes_up(found, behind=1.0, h=0.01):
+    """A drive with a lag of 1 s, 1 m behind its place, against T d'' + d' + k d = 0, [m]."""
+    law = found.component(found.params(), setup_of())
+    law.reset(Stream(1, "speed"))
+    gap, speed, worst = behind, 1.2, 0.0
+    half = math.sqrt(0.4 - 0.25)
+    for i in range(2000):
+        station = Station(i, True, gap, 0.0, 0.0, 0.0, 1.2, 0.0, 0.0, False)
+        wanted = law.step(i, 1, {"station": station})["command"].speed
+        faster = wanted + (speed - wanted) * math.exp(-h)
+        gap += h * (1.2 - 0.5 * (speed + faster))
+        speed = faster
+        t = h * (i + 1)
+        exact = behind * math.exp(-0.5 * t) * (math.cos(half * t) + 0.5 / half * math.sin(half * t))
+        worst = max(worst, abs(gap - exact))
+    return worst

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swath.core.schedule import NS
 from swath.record.message_factory import definition
 from swath.record.recorder import Recorder
 from swath.record.scan_messages import is_laser_scan
@@ -62,9 +63,12 @@ def of_kind(samples, kind):
 
 def test_scans_come_back_as_they_were(recorded):
     folder, samples = recorded
-    scans = of_kind(samples, Scan)
+    seen, scans = of_kind(samples, Scan), []
+    for scan in seen:  # five a second, beside the exact samples of all
+        if not scans or scan.t // (NS // 5) > scans[-1].t // (NS // 5):
+            scans.append(scan)
     messages = read_mcap(folder / "run.mcap")["/combine/lidar/scan"]
-    assert len(messages) == len(scans) == 51
+    assert (len(seen), len(messages)) == (51, len(scans)) == (51, 11)
     for (log_time, message), scan in zip(messages, scans, strict=True):
         assert log_time == scan.t
         first_beam = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
@@ -226,7 +230,7 @@ def test_an_exception_leaves_whole_files(tmp_path):
 
     with pytest.raises(KeyboardInterrupt), Recorder(tmp_path, [machine()]) as recorder:
         drive([recorder, stop], ground, seconds=3.0)
-    assert len(read_mcap(tmp_path / "run.mcap")["/combine/lidar/scan"]) == 26
+    assert len(read_mcap(tmp_path / "run.mcap")["/combine/lidar/scan"]) == 6
     assert read_tracks(tmp_path / "tracks.parquet")["t_s"][-1] == pytest.approx(1.0, abs=0.03)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["metadata.yaml", "run.mcap", "tracks.parquet"]
 

@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from docs.make.cases import PAGE, PICTURES, page
 
 from swath.commands.main import main
 from swath.core.errors import InputError
@@ -14,6 +15,7 @@ from swath.tools.function_test.case import find_cases, read_case
 from swath.tools.function_test.cells import cells_of, judged_again, margin
 from swath.tools.function_test.journal import Journal, finished, results_of, write_table
 from swath.tools.function_test.junit import write_junit
+from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.plan import Plan, plan_of
 from swath.tools.function_test.pool import run_all
@@ -89,9 +91,17 @@ def test_looking_early_claims_falsely_in_less_than_one_of_twenty():
     assert verdict(20, 40, 0.95, 0.95, is_complete=False) == BROKEN
 
 
+def test_the_page_of_the_catalogue_is_that_of_its_files_and_every_case_has_a_picture():
+    cases = find_cases("catalogue")
+    assert PAGE.read_text(encoding="utf-8") == page(cases), "run: python -m docs.make.cases"
+    assert {p.stem for p in PICTURES.iterdir()} == {case.name for case in cases}, (
+        "python -m docs.make.cases --draw"
+    )
+
+
 def test_the_bundled_cases_can_be_read_and_their_scenarios_too():
     cases = find_cases("catalogue")
-    assert len(cases) >= 5
+    assert len(cases) >= 40
     Plan("catalogue", seeds=1).check()
     for case in cases:
         for name, varied in case.file.vary.items():
@@ -244,3 +254,34 @@ def test_the_page_and_the_junit_file_name_what_failed(case_file, tmp_path):
     assert os.path.getsize(write_junit(tmp_path / "junit.xml", cells)) > 100
     (failure,) = ET.parse(tmp_path / "junit.xml").findall(".//failure")
     assert failure.get("message") == "combine.distance_m: 2 is more than <1>"
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ("", ""),
+        ("field.stand.stems_per_m2=60", "60 stems per m2 are at or beyond the end of its table"),
+        ("field.stand.wind={speed_m_s: 4}", "the stand has wind"),
+        ("field.stand={level: uniform, crop: maize}", "there is no table of maize"),
+        ("field.stand.lean_deg=30", "leans"),
+        ("expect={edge_rmse_m: {max: 0.05}}", "its bias is that large"),
+        ("expect={edge_rmse_m: {max: 0.08}}", ""),
+    ],
+)
+def test_the_cheap_level_is_left_where_it_cannot_carry_a_limit(case_file, change, why):
+    plan = Plan(str(case_file), sets=(change,) if change else ())
+    for run in plan.runs():
+        assert why in run.why_dear and bool(why) == bool(run.why_dear)
+        scenario = scenario_of(run)
+        assert scenario.machines["combine"].slots["lidar"].level == ("plants" if why else "empirical")
+
+
+def test_a_level_for_all_is_taken_where_it_can_be(tmp_path, case_file):
+    text = case_file.read_text(encoding="utf-8").replace(", combine.lidar.level: empirical", "")
+    case_file.write_text(text, encoding="utf-8")
+    levels = {
+        wanted: {scenario_of(run).machines["combine"].slots["lidar"].level
+                 for run in Plan(str(case_file), level=wanted).runs()}
+        for wanted in ("", "plants", "empirical")
+    }  # fmt: skip
+    assert levels == {"": {"plants"}, "plants": {"plants"}, "empirical": {"empirical"}}

@@ -49,7 +49,7 @@ def test_the_replay_shows_all_machines_and_both_scanners(finished):
     ]
     assert [(s["machine"], s["slot"]) for s in values["scanners"]] == [(0, "lidar"), (1, "lidar")]
     assert [s["machine"] for s in values["straw"]] == [0, 1]
-    assert "tractor: the trailer is not drawn, no part of the run moves it" in values["notes"]
+    assert [m["trailer"] is not None for m in values["machines"]] == [False, False, True]
     taken = (arrays["cut_when"] > 0) & (arrays["cut_when"] < 65535)
     area = float(taken.sum()) * (values["area"]["tile"] / values["area"]["cells"]) ** 2
     west, east = (finished.summary["machines"][name]["area_cut_m2"] for name in ("west", "east"))

@@ -1,6 +1,7 @@
 """The command line. Everything heavy is imported by the command that needs it."""
 
 import argparse
+import gc
 import os
 import sys
 import traceback
@@ -10,7 +11,7 @@ from typing import Any, NoReturn
 
 from swath import __version__
 from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
-from swath.core.errors import SwathError, shortened
+from swath.core.errors import InputError, SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
 from swath.core.stopping import Terminated, stoppable
@@ -58,6 +59,8 @@ COMMANDS = (
     migrate,
     completion,
 )
+SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
+MOST_SAID = 20  # of the mistakes in one file
 RENAMED = {  # command lines of version 0.1.0: what to type instead
     ("cards",): "swath sheets",
     ("replay", "build"): "swath height-map build SOURCE --out FILE.npz",
@@ -107,6 +110,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
+    gc.set_threshold(50_000, 20, 100)  # of what a start imports nothing goes: looking for it takes a tenth
+    _name_unknown_settings()
     try:
         with stoppable():
             code = _dispatch(list(sys.argv[1:] if argv is None else argv))
@@ -122,7 +127,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (SwathError, OSError) as error:
         if debug:
             traceback.print_exc()
-        return _say(str(error), BAD_INPUT)
+        others = error.others if isinstance(error, InputError) else ()
+        for each in (error, *others[: MOST_SAID - 1]):
+            _say(str(each), BAD_INPUT)
+        if len(others) >= MOST_SAID:
+            _say(f"and {len(others) - MOST_SAID + 1} more", BAD_INPUT)
+        return BAD_INPUT
     except Exception as error:
         if debug:
             traceback.print_exc()
@@ -178,6 +188,16 @@ def make_parser() -> tuple[argparse.ArgumentParser, list[str]]:
         command.add(parsers)
     parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)
+
+
+def _name_unknown_settings() -> None:
+    """A note on stderr for every variable of the environment that looks like a setting and is none."""
+    import difflib
+
+    for name in sorted(n for n in os.environ if n.startswith("SWATH_") and n not in SETTINGS):
+        near = difflib.get_close_matches(name, SETTINGS, 1)
+        hint = f", did you mean {near[0]}?" if near else f"; there are {', '.join(SETTINGS)}"
+        print(f"swath: {shortened(name, 80)} in the environment is no setting{hint}", file=sys.stderr)
 
 
 def _say(text: str, code: int) -> int:

@@ -39,7 +39,8 @@ def add(parsers: Any) -> None:
         metavar="CODE",
         help="file.py:Class or FMU that may be set while it runs; may be given several times",
     )
-    parser.add_argument("--no-defaults", action="store_true", help="do not print the default values in use")
+    parser.add_argument("--defaults", action="store_true", help="print all default values in use")
+    parser.add_argument("--no-defaults", action="store_true", help=argparse.SUPPRESS)  # of version 0.1
     parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
@@ -48,7 +49,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Exit code: 0 all limits pass, 1 a limit fails."""
     from swath.core.errors import InputError
-    from swath.runtime.folder import choose_run_folder
+    from swath.runtime.folder import choose_run_folder, remove_empty
 
     if args.paused and not args.ros2:
         raise InputError(
@@ -65,7 +66,12 @@ def run(args: argparse.Namespace) -> int:
     events = read_events(args.events) if args.events is not None else []
     if not args.quiet and (code := code_of(scenario)):
         print(f"code of the scenario, run with your rights: {', '.join(map(str, code))}", flush=True)
-    begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario)
+    pages = (
+        []
+        if scenario.run.record == "none"
+        else [ReportWriter(), *([] if args.no_replay else [ReplayWriter()])]
+    )
+    begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:
         with _bridge(args) as bridges:
             result = run_job(
@@ -73,11 +79,12 @@ def run(args: argparse.Namespace) -> int:
                 out,
                 progress=not args.quiet,
                 events=events,
-                hooks=[*bridges, ReportWriter(), *([] if args.no_replay else [ReplayWriter()])],
+                hooks=[*bridges, *pages],
                 begun=begun,
                 allow=args.allow,
             )
     except InputError as error:
+        remove_empty(out)
         raise scenario.locate(error) from error
     except KeyboardInterrupt as error:
         kept = f"; what was recorded is in {out}" if (out / "summary.json").is_file() else ""
@@ -91,15 +98,20 @@ def run(args: argparse.Namespace) -> int:
     return int(result.exit_code)
 
 
-def print_defaults(scenario: Any) -> None:
-    """Print every default value in use, a paragraph per slot."""
+def print_defaults(scenario: Any, *, whole: bool = True) -> None:
+    """Print every default value in use, a paragraph per slot; or in one line how many slots have some."""
     from swath.scenario.defaults import paragraphs as by_slot
     from swath.terminal.tables import paragraphs
 
     items = by_slot(scenario)
-    if items:
+    if items and whole:
         print(f"defaults in use, not written in {scenario.name} (meanings: swath levels SLOT):", flush=True)
         paragraphs(items)
+    elif items:
+        print(
+            f"defaults in use in {len(items)} places; --defaults prints them, the report marks them",
+            flush=True,
+        )
 
 
 @contextmanager

@@ -13,16 +13,15 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print a bundled scenario as it is, or name and summary of all."""
-    from swath.documents.data_sheets import find_sheet
+    from swath.documents.data_sheets import find_sheet, sheet_names
     from swath.documents.yaml_document import read_document
-    from swath.scenario.scenario import scenario_names
     from swath.terminal.tables import table
 
     if args.name is not None:
         print(find_sheet("scenarios", args.name).read_text(encoding="utf-8"), end="")
         return 0
     rows = []
-    for name in scenario_names():
+    for name in sheet_names("scenarios"):
         data = read_document(find_sheet("scenarios", name)).data
         limits = ", ".join(data.get("expect", {}))
         rows.append((name, data.get("summary", ""), limits))

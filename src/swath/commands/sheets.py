@@ -1,6 +1,7 @@
 """`swath sheets`: the bundled data sheets of sensors, machines and crops, to look at and to copy."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 KINDS = ("sensors", "machines", "crops", "obstacles")
@@ -11,16 +12,24 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "sheets", help="data sheets of sensors, machines and crops; print one to make your own of it"
     )
-    parser.add_argument("name", nargs="?", metavar="NAME", help="print this data sheet, e.g. sick-lms111")
+    parser.add_argument(
+        "words", nargs="*", metavar="NAME", help="print this data sheet, e.g. sick-lms111; or: check FILE ..."
+    )
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print a data sheet as it is and what its tags mean, or the names of all."""
+    """Print a data sheet as it is and what its tags mean, check own ones, or print the names of all."""
+    from swath.core.errors import InputError
     from swath.documents.data_sheets import TAGS, find_sheet, read_sheet, sheet_names
 
-    if args.name is not None:
-        print(find_sheet(_kind_of(args.name), args.name).read_text(encoding="utf-8"), end="")
+    if args.words[:1] == ["check"] and len(args.words) > 1:
+        return max(_check(file) for file in args.words[1:])
+    if len(args.words) > 1:
+        raise InputError("sheets", " ".join(args.words), "expected one NAME, or check FILE")
+    if args.words:
+        (name,) = args.words
+        print(find_sheet(_kind_of(name), name).read_text(encoding="utf-8"), end="")
         print("# tags: " + "; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items()))
         return 0
     from swath.terminal.tables import table
@@ -28,12 +37,36 @@ def run(args: argparse.Namespace) -> int:
     rows = []
     for kind, name in [(folder, name) for folder in KINDS for name in sheet_names(folder)]:
         sheet = read_sheet(kind, name)
-        tags = [str(entry["tag"]) for entry in sheet.numbers().values()]
+        tags = [str(entry.get("tag", "U")) for entry in sheet.numbers().values()]
         counts = ", ".join(f"{sum(tag.startswith(t) for tag in tags)} {t}" for t in TAGS)
         rows.append((kind, name, str(sheet.value("name")), counts))
     table("", ("kind", "data sheet", "what it is", "numbers by tag"), rows)
     print("; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items()))
     print("Your own: swath sheets NAME > mine.yaml, change it, and give the file's name for the sheet's.")
+    return 0
+
+
+def _check(file: str) -> int:
+    """Read an own data sheet whole; exit code 2 and all its mistakes where it cannot be."""
+    from swath.core.errors import InputError
+    from swath.documents.data_sheets import KINDS as WORDS
+    from swath.documents.data_sheets import read_sheet
+    from swath.documents.yaml_document import read_document
+    from swath.field.crop_sheet import load_crop
+    from swath.machine.machine_sheet import load_machine
+    from swath.sensing.lidar_sheet import load_lidar
+
+    path = Path(file).resolve()
+    said = str((read_document(path).data or {}).get("format", ""))
+    kind = next((kind for kind, word in WORDS.items() if said.startswith(f"swath {word}")), None)
+    if kind is None:
+        formats = ", ".join(f"format: swath {word} 2" for word in WORDS.values())
+        raise InputError("format", said or None, f"expected one of {formats}", file=file)
+    load: Any = {"sensors": load_lidar, "machines": load_machine, "crops": load_crop}[kind]
+    load(str(path))
+    entries = read_sheet(kind, str(path)).numbers().values()
+    plain = sum("source" not in entry for entry in entries)
+    print(f"{file}: a {WORDS[kind]} with {len(entries)} numbers, {plain} of them without a source")
     return 0
 
 

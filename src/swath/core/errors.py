@@ -28,8 +28,10 @@ class InputError(SwathError):
     """A value from outside that cannot be used.
 
     Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out, and each is
-    shortened to its share of LONGEST.
+    shortened to its share of LONGEST. others: what else is wrong in the same document, in the order found.
     """
+
+    others: "tuple[InputError, ...]" = ()
 
     def __init__(
         self,

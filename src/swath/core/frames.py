@@ -48,6 +48,12 @@ class Pose:
         """Points [m], shape (..., 3), of the inner frame in the outer frame."""
         return self.turn(points) + self.position
 
+    def point(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """One point [m] of the inner frame in the outer frame, as plain numbers: quicker than `apply`."""
+        px, py, pz = self.position.tolist()
+        (a, b, c), (d, e, f), (g, h, i) = self.rotation.tolist()
+        return a * x + b * y + c * z + px, d * x + e * y + f * z + py, g * x + h * y + i * z + pz
+
     def turn(self, directions: Any) -> Array:
         """Directions, shape (..., 3), of the inner frame in the outer frame."""
         return np.asarray(product(np.asarray(directions, dtype=float), self.rotation.T))

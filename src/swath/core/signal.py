@@ -80,6 +80,7 @@ class About:
     frame: `base` (machine), `sensor`, `optical` (of a camera) or `world`
     messages: () = one `swath_msgs/<Class>` with all its fields in that frame
     is_thinned: messages come at the rate of tracks.parquet, not sample by sample
+    is_bulky: beside exact samples, messages in the file come five times a second
     samples: recorded bit for bit with `record: exact`, only with `full` (large truth, for metrics and
     pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit
     track_order: place of its columns in every tracks.parquet; None = at the end, of machines that publish it
@@ -89,6 +90,7 @@ class About:
     frame: Frame = "base"
     messages: tuple[Message, ...] = ()
     is_thinned: bool = False
+    is_bulky: bool = False
     samples: Literal["exact", "full", "messages"] = "exact"
     track_order: int | None = None
     time_column: str = ""

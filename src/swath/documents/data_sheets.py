@@ -3,7 +3,8 @@
     format: swath sensor 2
     divergence_mrad: {value: 4.7, tag: S, source: "maker's manual 8013796"}
 
-The key carries the unit. A remark on what exactly is meant goes to `note`. The tags are `TAGS`.
+The key carries the unit. A remark on what exactly is meant goes to `note`. The tags are `TAGS`. A plain
+number is as good: `divergence_mrad: 4.7` rests on nothing that is said. The bundled sheets have none.
 """
 
 import copy
@@ -58,11 +59,15 @@ def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A data sheet as written (`document`), and its plain values without tags and sources (`values`)."""
+    """A data sheet as written (`document`), and its plain values without tags and sources (`values`).
+
+    mistakes: against the form of its entries; `check` tells them with the others
+    """
 
     path: Path
     document: Document
     values: dict[str, Any]
+    mistakes: tuple[InputError, ...] = ()
 
     def __contains__(self, key: str) -> bool:
         return self.value(key) is not None
@@ -96,9 +101,15 @@ class Sheet:
         return self.build(kind)
 
     def check(self, *entries: Entry) -> None:
-        """Raise InputError unless the sheet has these keys, within their limits, and no others."""
+        """Raise InputError unless the sheet has these keys, within their limits, and no others.
+
+        It is the first mistake; its `others` are the rest, those against the form of an entry included.
+        """
         _, errors = validate(model_of(entries), self.values, (), self.document)
+        mistaken = {mistake.key for mistake in self.mistakes}
+        errors = [*self.mistakes, *(e for e in errors if e.key not in mistaken)]
         if errors:
+            errors[0].others = tuple(errors[1:])
             raise errors[0]
 
     def build(self, kind: type[T], prefix: str = "") -> T:
@@ -115,19 +126,25 @@ class Sheet:
         for key, value in values.items():
             self.number(key)
             section, _, name = key.rpartition(".")
-            (data[section] if section else data)[name]["value"] = float(value)
+            node = data
+            for part in key_path(section) if section else ():
+                node = node[part]
+            if isinstance(node[name], dict):
+                node[name]["value"] = float(value)
+            else:
+                node[name] = float(value)
         document = replace(self.document, data=data)
-        return Sheet(self.path, document, plain_values(document))
+        return Sheet(self.path, document, *plain_values(document))
 
     def numbers(self) -> dict[str, dict[str, Any]]:
-        """Dotted key -> its entry {value, tag, source} of everything that has a source, in file order."""
-        return {".".join(map(str, path)): entry for path, entry in _cited(self.document.data, ())}
+        """Dotted key -> entry {value, tag, source} of every number, in file order; a plain one is {value}."""
+        return {".".join(map(str, path)): entry for path, entry in _entries(self.document.data, ())}
 
 
 def read_sheet(kind: str, name: str, base: Path | None = None) -> Sheet:
     """A bundled data sheet by name or the user's own file (relative to `base`). kind: as in `KINDS`.
 
-    Raises InputError for what is no data sheet of that kind and for a number without tag or source.
+    Raises InputError for what is no data sheet of that kind.
     """
     path = find_sheet(kind, name, base)
     document = read_document(path)
@@ -140,47 +157,38 @@ def read_sheet(kind: str, name: str, base: Path | None = None) -> Sheet:
         raise document.error(("format",), None, text)
     if given != wanted:
         raise document.error(("format",), given, f"expected {wanted}")
-    return Sheet(path, document, plain_values(document))
+    return Sheet(path, document, *plain_values(document))
 
 
-def plain_values(document: Document) -> dict[str, Any]:
-    """The values of a data sheet without tags and sources. InputError for a number without them."""
-    return {key: _plain(value, (key,), document) for key, value in document.data.items()}
+def plain_values(document: Document) -> tuple[dict[str, Any], tuple[InputError, ...]]:
+    """The values of a data sheet without tags and sources, and what is wrong with its entries."""
+    mistakes: list[InputError] = []
+    values = {key: _plain(value, (key,), document, mistakes) for key, value in document.data.items()}
+    return values, tuple(mistakes)
 
 
-def _plain(node: Any, path: KeyPath, document: Document) -> Any:
-    if isinstance(node, dict):
-        if not {"value", "tag", "source"} & set(node):
-            return {key: _plain(value, (*path, key), document) for key, value in node.items()}
-        return _checked(node, path, document)
-    if _has_number(node):
-        raise document.error(path, node, f"every number needs a tag and a source: {FORM}")
-    return node
-
-
-def _checked(entry: dict[str, Any], path: KeyPath, document: Document) -> Any:
-    if "value" not in entry:
-        raise document.error(path, None, f"expected {FORM}")
-    for key in entry:
-        if key not in ("value", "tag", "source", "note"):
-            hint = ": the key carries the unit, a remark goes to `note`" if key == "unit" else ""
-            raise document.error((*path, key), entry[key], f"unknown key, expected {FORM}{hint}")
-    tag = entry.get("tag")
-    if not isinstance(tag, str) or not set(tag.split("/")) <= set(TAGS) or not entry.get("source"):
+def _plain(node: Any, path: KeyPath, document: Document, mistakes: list[InputError]) -> Any:
+    if not isinstance(node, dict):
+        return node
+    if not {"value", "tag", "source"} & set(node):
+        return {key: _plain(value, (*path, key), document, mistakes) for key, value in node.items()}
+    if "value" not in node:
+        mistakes.append(document.error(path, None, f"expected a number, or {FORM}"))
+    for key in set(node) - {"value", "tag", "source", "note"}:
+        hint = ": the key carries the unit, a remark goes to `note`" if key == "unit" else ""
+        mistakes.append(document.error((*path, key), node[key], f"unknown key, expected {FORM}{hint}"))
+    tag = node.get("tag", "U")
+    if not isinstance(tag, str) or not set(tag.split("/")) <= set(TAGS):
         tags = ", ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items())
-        raise document.error(path, entry, f"every number needs a tag and a source: {FORM} (tags: {tags})")
-    return entry["value"]
+        mistakes.append(document.error((*path, "tag"), tag, f"expected one of {tags}"))
+    return node.get("value")
 
 
-def _has_number(value: Any) -> bool:
-    if isinstance(value, list):
-        return any(map(_has_number, value))
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _cited(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
+def _entries(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
     if isinstance(node, dict) and "value" in node:
         yield path, node
     elif isinstance(node, dict):
         for key, value in node.items():
-            yield from _cited(value, (*path, key))
+            yield from _entries(value, (*path, key))
+    elif isinstance(node, int | float | list) and not isinstance(node, bool):
+        yield path, {"value": node}

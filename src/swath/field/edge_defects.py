@@ -106,8 +106,9 @@ class BrokenEdge:
 
     @cached_property
     def _plain_within(self) -> float:
-        """Distance from the edge [m] within which neighbours have neighbouring nearest points on it: the least
-        radius of its arcs; -inf where it has corners or turns by more than a right angle, or is closed.
+        """Distance from the edge [m] within which neighbours have neighbouring nearest points on it.
+
+        The least radius of its arcs; -inf where it has corners, turns more than a right angle, or is closed.
         """
         pieces = self.shape.pieces
         turned = [abs(p.curvature) * p.length for p in pieces]

@@ -37,6 +37,7 @@ class Field:
 
     library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world
     turned by `stand_yaw` [rad] about z; edges: of the crop at the start, by name
+    crop_height: usual one of the crop, standing upright [m]
     grain: on the ground; wind: what sways the stand; the library and the pages know nothing of it
     Pages come into memory by `ensure`, and by themselves where any verb touches the field.
     """
@@ -50,6 +51,7 @@ class Field:
         *,
         stream: Stream,
         boundary: Region | None = None,
+        crop_height: float = 0.0,
         straw_exponent: float = 1.0,
         straw_density: float = 25.0,
         page_limit: int = 1024,
@@ -61,7 +63,7 @@ class Field:
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw)
-        self.straw_density = straw_density
+        self.straw_density, self.crop_height = straw_density, crop_height
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
         self.maker = PageMaker(terrain, stand, edges, boundary, library, seed)
@@ -163,9 +165,7 @@ class Field:
         return self._stands(*(np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y)))
 
     def standing_along(self, starts: Array, step: Array, count: int) -> NDArray[np.bool_]:
-        """As `standing`, compiled: at the middles of `count` steps (2,) from each of the starts (n, 2) on, in the
-        world [m]; shape (n, count).
-        """
+        """As `standing`, compiled, at middles of `count` steps (2,) from starts (n, 2) on [m]: (n, count)."""
         cell = self.maker.cell
         u, v = self._points(starts[:, 0], starts[:, 1])
         du, dv = (float(a) for a in self.to_stand(step[0], step[1]))
@@ -300,16 +300,18 @@ def make_field(
     stream: Stream,
     boundary: Region | None = None,
     page_limit: int = 1024,
+    is_cut: bool = True,
 ) -> Field:
     """A field from resolved levels. The library is made from the crop when none is given.
 
     edges: one, which gets the name `edge`, or several by name. Raises InputError when an edge does not pass
-    through the boundary, the terrain's map, or any crop.
+    through the boundary, the terrain's map, or any crop, unless nothing is cut (`is_cut`).
     """
     from swath.field.prototypes import make_library
 
     named = named_edges(edges)
-    check_edges(named, terrain, stand, boundary)
+    if is_cut:
+        check_edges(named, terrain, stand, boundary)
     if library is None:
         library = make_library(
             crop,
@@ -326,6 +328,7 @@ def make_field(
         library,
         stream=stream,
         boundary=boundary,
+        crop_height=crop.stand.height,
         straw_exponent=crop.yields.straw_exponent,
         straw_density=crop.yields.swath_density,
         page_limit=page_limit,

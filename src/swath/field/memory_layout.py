@@ -54,9 +54,10 @@ class Shape(IntEnum):
     TRIANGLE = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlantLibrary:
-    """Tile prototypes with their plants, primitives and search index. Read-only after making.
+    """Tile prototypes with their plants, primitives and search index. Read-only after making, so that what
+    was made of it can be kept.
 
     tile_size T [m]; tile_count K; density_max: stems/m2 in the prototypes; row_spacing [m], 0 = no rows
     height_max: top of the tallest primitive [m]

@@ -5,7 +5,7 @@ that was changed is never lost: when it goes out of memory its codes and straw s
 """
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pa
 Key = tuple[int, int]
 Codes = int | NDArray[np.uint8]
 N = PAGE_NODES + 1
+IDLE = 160  # pages that are made before one that nobody asked for goes out of memory
 TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
 GROUND_POOLS = ("ground", "straw", "tile_plane", "tile_bump")
 SLOT_POOLS = (*GROUND_POOLS, "tile_stand", "tile_top", "tile_prototype", "cut_slot")  # one row per page
@@ -67,6 +68,8 @@ class PageStore:
         self.pages = _empty_pages()
         self.code_max = np.zeros((0, PAGE_TILES, PAGE_TILES), np.uint8)  # highest code per tile
         self.keys: dict[Key, int] = {}  # slot of every page in memory, oldest use first
+        self._used: dict[Key, int] = {}  # pages made before the last use of each of them
+        self._made = self.dropped = 0  # pages, so far
         self.recut: set[Key] = set()  # pages whose codes are not those of the start
         self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
         self.packed: dict[Key, Change] = {}  # changed pages that are not in memory
@@ -75,7 +78,7 @@ class PageStore:
         self._free_cut: list[int] = []
 
     def need(self, keys: Sequence[Key]) -> None:
-        """Bring pages into memory; forget the ones unused for longest when there are too many."""
+        """Bring pages into memory; forget those unused for long, and for longest when there are too many."""
         missing = []
         for key in keys:
             slot = self.keys.pop(key, None)
@@ -83,19 +86,29 @@ class PageStore:
                 missing.append(key)
             else:
                 self.keys[key] = slot
+                self._used[key] = self._made
         if not missing:
             return
-        wanted = len(self.keys) + len(missing)
-        if wanted > self.limit:
-            keep = set(keys)
-            old = [k for k in self.keys if k not in keep]
-            for key in old[: wanted - self.limit]:
-                self._drop(key)
+        excess = len(self.keys) + len(missing) - self.limit
+        for key in self._unused(set(keys) if excess > 0 else (), excess):
+            self._drop(key)
+        self._made += len(missing)
+        self._used.update(dict.fromkeys(missing, self._made))
         self._widen(missing)
         for key in missing:
             self._insert(key)
         self.finish(missing)
         self.pages.revision += 1
+
+    def _unused(self, keep: Collection[Key], excess: int) -> list[Key]:
+        """Pages unused while IDLE others were made, `excess` at least, never those of `keep`."""
+        old: list[Key] = []
+        for key in self.keys:
+            if self._used[key] > self._made - IDLE and len(old) >= excess:
+                break
+            if key not in keep:
+                old.append(key)
+        return old
 
     def codes_of(self, key: Key) -> Codes:
         """Codes of a page in memory: one for all, or a view (512, 512)."""
@@ -218,6 +231,8 @@ class PageStore:
             self.recut.discard(key)
             self.straw_mass.pop(key, None)
         slot = self.keys.pop(key)
+        del self._used[key]
+        self.dropped += 1
         if p.cut_slot[slot] >= 0:
             self._free_cut.append(int(p.cut_slot[slot]))
         p.cut_slot[slot] = -1

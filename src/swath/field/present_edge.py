@@ -21,7 +21,7 @@ _HALF = round(SIDE_M / STEP_M)
 
 
 class Standing(Protocol):
-    """Whether crop stands at the middles of `count` steps (2,) from each start (n, 2) on, in the world [m]; shape (n, count)."""
+    """Whether crop stands at the middles of `count` steps (2,) from starts (n, 2) on: (n, count)."""
 
     def standing_along(self, starts: Array, step: Array, count: int, /) -> Bits: ...
 

@@ -73,16 +73,17 @@ def make_library(
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
     index = _Index(size, tile_count, columns, bins, _top(plants) / bins)
     pieces = _copies(plants, xy, tile, size)
-    pieces = pieces.take(index.order(pieces))
+    by_place = index.order(pieces)
     own = plants.own_reflectance()
     reflectance = np.zeros(len(Organ), np.float32)
     for name, value in crop.reflectance.items():
         reflectance[Organ[name.upper()]] = value
     if weeds is not None:
         reflectance[Organ.WEED] = weeds.reflectance["weed"]
-    shape = plants.shape[pieces.source]
-    radius, width = plants.radius[pieces.source], plants.width[pieces.source]
-    parts = ((pieces.a, 0, 3), (radius, 3, 4), (pieces.b, 4, 7), (width, 8, 11), (pieces.base, 12, 14))
+    source = pieces.source[by_place]
+    shape, radius = plants.shape[source], plants.radius[source]
+    a, b, width, base = pieces.a[by_place], pieces.b[by_place], plants.width[source], pieces.base[by_place]
+    parts = ((a, 0, 3), (radius, 3, 4), (b, 4, 7), (width, 8, 11), (base, 12, 14))
     rows = primitive_rows(len(shape))
     for values, first, after in parts:
         rows[:, first:after] = values.reshape(len(shape), -1)
@@ -99,19 +100,19 @@ def make_library(
         grain_kg=plants.grain_kg,
         straw_kg=plants.straw_kg,
         shape=shape,
-        organ=plants.organ[pieces.source],
+        organ=plants.organ[source],
         a=rows[:, 0:3],
         b=rows[:, 4:7],
         radius=rows[:, 3].copy() if (shape == Shape.TRIANGLE).any() else rows[:, 3],
         width=rows[:, 8:11],
-        owner=plants.owner[pieces.source],
+        owner=plants.owner[source],
         base=rows[:, 12:14],
         columns=columns,
         bins=bins,
         bin_height=_top(plants) / bins,
-        cells=_Cells(index, pieces),
+        cells=_Cells(index, pieces, by_place),
         reflectance=reflectance,
-        own_reflectance=own[pieces.source].astype(np.float32) if own.any() else np.zeros(0, np.float32),
+        own_reflectance=own[source].astype(np.float32) if own.any() else np.zeros(0, np.float32),
     )
 
 
@@ -307,13 +308,13 @@ class _Index:
 class _Cells:
     """The lists of all cells, made when they are first asked for: not every run casts rays at plants."""
 
-    def __init__(self, index: _Index, pieces: _Pieces) -> None:
-        self._todo: tuple[_Index, _Pieces] | None = (index, pieces)
+    def __init__(self, index: _Index, pieces: _Pieces, order: Ints) -> None:
+        self._todo: tuple[_Index, _Pieces, Ints] | None = (index, pieces, order)
 
     def __call__(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         if self._todo is not None:
-            index, pieces = self._todo
-            self._made, self._todo = index.fill(pieces), None
+            index, pieces, order = self._todo
+            self._made, self._todo = index.fill(pieces.take(order)), None
         return self._made
 
 

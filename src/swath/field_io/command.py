@@ -49,18 +49,17 @@ def add(parsers: Any) -> None:
 
 def run_import(args: argparse.Namespace) -> int:
     """Make the folder and say what came out."""
-    from rich.console import Console
-
     from swath.core.errors import InputError
     from swath.field_io.importer import Settings, import_log
     from swath.field_io.pass_scenario import write_pass_scenario
+    from swath.terminal.tables import wide_console
 
     keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s", "crop")
     given = {key: getattr(args, key) for key in keys}
     settings = Settings(**{k: v for k, v in given.items() if v is not None}, as_map=args.kind == "map")
     files = {"dem": args.dem, "boundary": args.boundary, "columns": args.columns}
     report = import_log(args.log, args.out, **files, settings=settings)
-    console = Console()
+    console = wide_console()
     console.print(report)
     try:
         write_pass_scenario(args.out)

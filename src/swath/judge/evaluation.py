@@ -44,6 +44,7 @@ class Evaluation:
         expect: Sequence[Expectation] = (),
     ) -> None:
         self.catalogue = catalogue
+        self.is_trial = False  # true of a run that is to end before anything is measured
         first = next(iter(setups.values()))
         self._setups = {**setups, FIELD: dataclasses.replace(first, name="", overlap=0.0, gaps=())}
         self.machines: dict[str, RecordedMachine] = dict(first.machines)
@@ -106,7 +107,8 @@ class Evaluation:
 
         metrics: by machine, and of `field` with those of the run; tracks: columns by machine
         """
-        return [entry_of(e, list(self._outcomes(e, metrics, tracks))) for e in self.expect]
+        outcomes = [(e, list(self._outcomes(e, metrics, tracks))) for e in self.expect]
+        return [entry_of(e, found, is_trial=self.is_trial) for e, found in outcomes]
 
     def _outcomes(
         self, e: Expectation, metrics: Mapping[str, Metrics], tracks: Mapping[str, Mapping[str, F64]]

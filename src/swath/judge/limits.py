@@ -1,8 +1,8 @@
 """Whether limits hold: on metrics, and on samples of the tracks, in the whole run or in windows of it.
 
 The result of a limit is a mapping as it stands in `summary.json` under `expect`: `subject` (a machine or
-`field`), `name`, `limit` (the keys min, max, hold, while), `window`, `value`, `result` (pass or fail) and,
-where it fails, the `reason`.
+`field`), `name`, `limit` (the keys min, max, hold, while), `window`, `value`, `result` (pass, fail or
+not measured) and, where it does not pass, the `reason`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,8 +31,11 @@ def window_of(limit: Limit) -> Window:
     return Window(limit.from_m, to_m, limit.from_s, to_s, limit.after or "", limit.before or "")
 
 
-def entry_of(expected: Expectation, outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """The entry of a limit: it passes when it does in every stretch of its window; the worst one counts."""
+def entry_of(expected: Expectation, outcomes: Sequence[Outcome], *, is_trial: bool = False) -> dict[str, Any]:
+    """The entry of a limit: it passes when it does in every stretch of its window; the worst one counts.
+
+    is_trial: of a run that was to end before anything is measured: what is not measured then does not fail
+    """
     limit = expected.limit
     value, reason = next((o for o in outcomes if o[1]), outcomes[-1] if outcomes else (None, ""))
     if not outcomes:
@@ -42,7 +45,8 @@ def entry_of(expected: Expectation, outcomes: Sequence[Outcome]) -> dict[str, An
     entry: dict[str, Any] = {"subject": expected.subject, "name": expected.name, "limit": plain}
     if limit.window:
         entry["window"] = limit.window
-    entry |= {"value": value, "result": "fail" if reason else "pass"}
+    failed = "not measured" if is_trial and reason == NOTHING else "fail"
+    entry |= {"value": value, "result": failed if reason else "pass"}
     return entry | {"reason": reason} if reason else entry
 
 

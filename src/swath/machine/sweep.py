@@ -16,10 +16,7 @@ Corners = list[Corner]
 
 def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Array:
     """World xy of a line across the machine, shape (2, 2): left end, right end [m]."""
-    px, py, _ = pose.position.tolist()
-    (ax, bx, _), (ay, by, _), _ = pose.rotation.tolist()
-    px, py = px + ax * x, py + ay * x
-    return np.array([[px + bx * left_y, py + by * left_y], [px + bx * right_y, py + by * right_y]])
+    return np.array([pose.point(x, left_y, 0.0)[:2], pose.point(x, right_y, 0.0)[:2]])
 
 
 class LinePath(KeepsState):

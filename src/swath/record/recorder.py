@@ -18,7 +18,7 @@ from swath.signals import Signal
 
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
-LARGE_PERIOD = NS // 5  # between two messages of a large truth, unless everything is wanted
+LARGE_PERIOD = NS // 5  # between two messages of a large truth or scan, unless everything is wanted
 
 
 class Recorder:
@@ -29,7 +29,8 @@ class Recorder:
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
     detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
-    them, `full`: of the large truth too, which else is seen five times a second
+    them, messages of scans then five times a second; `full`: samples of the large truth too, which else is
+    seen five times a second. Taps of the file see every scan.
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -59,6 +60,7 @@ class Recorder:
         self._detail = detail
         self._blocks: dict[tuple[str, str], Blocks | None] = {}
         self._is_closed = False
+        self._sinks: dict[tuple[str, str], tuple[str, str, Tracks | None, Messenger | None]] = {}
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
             if scenario:
@@ -66,18 +68,22 @@ class Recorder:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
-        name, _, part = slot.partition(".")
         if self.file is not None and t >= self._clock_due:
             self._tell_time(self.file, t)
         for output, signal in outputs.items():
-            if name in self.tracks:
-                self.tracks[name].take(t, f"{part}.{output}", signal)
-            if name not in self._messengers:
+            key = slot, output
+            sink = self._sinks.get(key)
+            if sink is None:
+                sink = self._sinks[key] = self._sink(slot, output)
+            part, source, tracks, messenger = sink
+            if tracks is not None:
+                tracks.take(t, source, signal)
+            if messenger is None:
                 continue
-            if self._is_due(slot, output, t, signal):
-                self._messengers[name].write(part, output, t, signal)
+            if self._is_due(key, t, signal):
+                messenger.write(part, output, t, signal)
             if self._detail != "standard":
-                self._add_exact(slot, output, t, signal)
+                self._add_exact(key, t, signal)
 
     def close(self) -> None:
         """Complete both files. Calling it again does nothing."""
@@ -110,24 +116,32 @@ class Recorder:
         stamp = file.make.header(t, "").stamp
         file.write("/clock", t, file.make("rosgraph_msgs/msg/Clock", clock=stamp))
 
-    def _add_exact(self, slot: str, output: str, t: int, signal: Signal) -> None:
+    def _sink(self, slot: str, output: str) -> tuple[str, str, Tracks | None, Messenger | None]:
+        """Slot and output without the machine's name, and what takes their samples."""
+        name, _, part = slot.partition(".")
+        return part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name)
+
+    def _add_exact(self, key: tuple[str, str], t: int, signal: Signal) -> None:
         """Add the sample as it is to its block."""
-        key = (slot, output)
         if key not in self._blocks:
+            slot, output = key
             is_wanted = signal.about.samples in ("exact", self._detail) and is_recordable(signal)
             topic = f"/{slot.replace('.', '/')}/{output}"
             self._blocks[key] = Blocks(self.file, topic) if is_wanted else None
         if (blocks := self._blocks[key]) is not None:
             blocks.add(t, signal)
 
-    def _is_due(self, slot: str, output: str, t: int, signal: Signal) -> bool:
-        is_large = signal.about.samples == "full" and self._detail != "full"
-        if not (signal.about.is_thinned or is_large):
+    def _is_due(self, key: tuple[str, str], t: int, signal: Signal) -> bool:
+        about, detail = signal.about, self._detail
+        is_large = about.samples == "full" and detail != "full"
+        if about.is_bulky and detail == "exact":
+            is_large = self.file is not None and not self.file.taps
+        if not (about.is_thinned or is_large):
             return True
-        if t < self._due.get((slot, output), 0):
+        if t < self._due.get(key, 0):
             return False
         period = LARGE_PERIOD if is_large else self._period
-        self._due[(slot, output)] = (t // period + 1) * period
+        self._due[key] = (t // period + 1) * period
         return True
 
 

@@ -34,12 +34,10 @@ class Blocks:
 
     def __init__(self, file: Any, topic: str) -> None:
         self.file, self.topic = file, topic + SUFFIX
-        self._rows: list[list[Any]] = []
-        self._times: list[tuple[int, int]] = []
+        self._samples: list[Any] = []
+        self._published: list[int] = []  # [ns]
         self._signal: type[Signal] | None = None
-        self._kinds: list[str] = []  # of the columns of the block
-        self._forms: list[Any] = []  # type, or type and shape of an array, of each column
-        self._size = self._row_size = 0  # [bytes]
+        self._most = 1  # samples that fill a block by their size
 
     def add(self, t: int, signal: Signal) -> None:
         """Add a sample published at t [ns]; a full block is written.
@@ -50,39 +48,50 @@ class Blocks:
             self.flush()
             self._signal = type(signal)
             self._names = leaf_names(signal)
-            self._get = [attrgetter(name) for name in self._names]
-        row = [get(signal) for get in self._get]
-        forms = [(v.dtype, v.shape) if isinstance(v, np.ndarray | np.generic) else type(v) for v in row]
-        if self._rows and (
-            forms != self._forms or t - self._times[0][0] >= BLOCK_NS or self._size >= BLOCK_BYTES
-        ):
+            self._values = attrgetter(*self._names, "t", "t")  # a tuple also of no field
+        if (at := self._published) and (t - at[0] >= BLOCK_NS or len(at) >= self._most):
             self.flush()
-        if not self._rows:
-            self._forms, self._kinds = forms, [_kind(value) for value in row]
-            self._row_size = sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
-        self._rows.append(row)
-        self._times.append((t, signal.t))
-        self._size += self._row_size
+        if not self._published:
+            row = self._values(signal)[:-2]
+            for value in row:
+                _kind(value)
+            size = sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
+            self._most = max(1, -(-BLOCK_BYTES // max(size, 1)))
+        self._samples.append(signal)
+        self._published.append(t)
 
     def flush(self) -> None:
-        """Write what has been added."""
-        if not self._rows or self._signal is None:
-            return
-        rows, times, self._rows, self._times, self._size = self._rows, self._times, [], [], 0
-        columns = [_column(c, k) for c, k in zip(zip(*rows, strict=True), self._kinds, strict=True)]
-        at = np.array(times, dtype=np.int64)
+        """Write what has been added, in blocks whose columns are each of one kind."""
+        samples, published = self._samples, self._published
+        self._samples, self._published = [], []
+        rows = [self._values(sample)[:-2] for sample in samples]
+        first = 0
+        for i in range(1, len(rows) + 1):
+            if i == len(rows) or _forms(rows[i]) != _forms(rows[first]):
+                self._write(rows[first:i], published[first:i], [s.t for s in samples[first:i]])
+                first = i
+
+    def _write(self, rows: list[tuple[Any, ...]], published: list[int], t: list[int]) -> None:
+        assert self._signal is not None
+        kinds = [_kind(value) for value in rows[0]]
+        columns = [_column(c, k) for c, k in zip(zip(*rows, strict=True), kinds, strict=True)]
         message = self.file.make(
             MSGTYPE,
-            header=self.file.make.header(times[-1][1], ""),
+            header=self.file.make.header(t[-1], ""),
             signal=self._signal.__name__,
-            published=np.ascontiguousarray(at[:, 0]),
-            t=np.ascontiguousarray(at[:, 1]),
+            published=np.array(published, dtype=np.int64),
+            t=np.array(t, dtype=np.int64),
             names=list(self._names),
-            kinds=list(self._kinds),
+            kinds=kinds,
             held=np.array([held for held, _ in columns], dtype=bool),
             data=np.frombuffer(b"".join(data for _, data in columns), dtype=np.uint8),
         )
-        self.file.write(self.topic, times[-1][0], message)
+        self.file.write(self.topic, published[-1], message)
+
+
+def _forms(row: tuple[Any, ...]) -> list[Any]:
+    """Type, or type and shape of an array, of each value."""
+    return [(v.dtype, v.shape) if isinstance(v, np.ndarray | np.generic) else type(v) for v in row]
 
 
 def unpack(message: Any) -> Iterator[tuple[int, Signal]]:

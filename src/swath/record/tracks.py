@@ -93,7 +93,7 @@ def header_end_columns(machine: RecordedMachine) -> tuple[Column, Column]:
     x, y = machine.geometry.header_end(machine.edge_side)
 
     def at(axis: int) -> Callable[[Latest], float]:
-        return lambda latest: float(latest[MachineState].pose.apply([x, y, 0.0])[axis])
+        return lambda latest: latest[MachineState].pose.point(x, y, 0.0)[axis]
 
     side = machine.edge_side
     return (

@@ -84,13 +84,14 @@ class Layers:
             own = thinned(self.tracks[name])
             charts = shown_charts(own, cuts=machine.cuts)
             names = list(dict.fromkeys([n for n in (*STATE, *columns_of(charts)) if n in own]))
-            placed = {**own, "x_m": own["x_m"] - self.origin[0], "y_m": own["y_m"] - self.origin[1]}
+            placed = dict(own)
+            for column, axis in (("x_m", 0), ("y_m", 1), ("trailer_x_m", 0), ("trailer_y_m", 1)):
+                if column in own:
+                    placed[column] = own[column] - self.origin[axis]
             self.arrays[f"track_{index}"] = np.stack([placed[n] for n in names]).astype(np.float32)
             edge = self._edge(machine, own) - self.origin
             self.arrays[f"edge_{index}"] = edge.astype(np.float32)
             described.append({**describe(machine), "columns": names, "charts": charts})
-            if machine.sheet.trailer is not None:
-                self.notes.append(f"{name}: the trailer is not drawn, no part of the run moves it")
         self.values["machines"] = described
 
     def _edge(self, machine: Machine, columns: Columns) -> F64:

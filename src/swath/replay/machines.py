@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.machine.machine_sheet import MachineSheet
 from swath.runtime.world import Machine
 from swath.sensing.camera.rays import RaysCamera
 from swath.signals import F64
@@ -15,7 +16,8 @@ POSE = ("t_s", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad")
 STATE = (
     *POSE, "speed_m_s", "steer_rad", "distance_m", "edge_t_s", "edge_offset_m", "edge_heading_rad",
     "edge_reference_m", "edge_true_m", "engaged", "header_lift_rad", "header_tilt_rad", "knife_height_m",
-    "tank_level",
+    "tank_level", "trailer_x_m", "trailer_y_m", "trailer_z_m", "trailer_yaw_rad", "unload_angle_rad",
+    "unload_flow_kg_s", "heap_level",
 )  # fmt: skip
 MOST_ROWS = 3000
 CUTTING_HEIGHT = 0.15  # where neither tracks nor scenario say one [m]
@@ -73,12 +75,23 @@ def describe(machine: Machine) -> dict[str, Any]:
             sheet.header_width, sheet.knife_x, sheet.header_y, sheet.header_height, sheet.header_depth
         ],
         "body": list(sheet.body),
+        "trailer": _trailer(sheet),
+        "box": None if sheet.box is None else vars(sheet.box),
+        "pipe": None if sheet.pipe is None else vars(sheet.pipe),
         "sensors": [
             {"slot": slot, **plain_pose(pose), **_frustum(machine.parts.get(slot))}
             for slot, pose in machine.mountings.items()
             if not slot.endswith(OPTICAL)
         ],
     }  # fmt: skip
+
+
+def _trailer(sheet: MachineSheet) -> dict[str, float] | None:
+    """Drawbar, width, radius of the tyres and where the trailer ends, of a machine that tows one [m]."""
+    t = sheet.trailer
+    if t is None:
+        return None
+    return {"drawbar": t.drawbar, "width": t.width, "track": t.track, "radius": t.radius}
 
 
 def plain_pose(pose: Pose) -> dict[str, Any]:

@@ -55,13 +55,16 @@ def as_image(fig: Any, *, kind: str = "svg", dpi: int = 150) -> str:
 
     kind: `svg` for lines, `png` for areas, `webp` for pictures of many small parts
     """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     out = BytesIO()
-    more: dict[str, Any] = {
-        "svg": {"metadata": {"Date": None}},
-        "png": {"metadata": {"Software": None}},
-        "webp": {"pil_kwargs": {"quality": 88, "method": 4}},
-    }
-    fig.savefig(out, format=kind, dpi=dpi, **more[kind])
+    fig.set_dpi(dpi)  # and printed by its canvas: `savefig` draws everything twice
+    if kind == "svg":
+        FigureCanvasSVG(fig).print_svg(out, metadata={"Date": None})
+    elif kind == "png":
+        fig.canvas.print_png(out, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
+    else:
+        fig.canvas.print_webp(out, pil_kwargs={"quality": 88, "method": 2})
     media = "image/svg+xml" if kind == "svg" else f"image/{kind}"
     return f"data:{media};base64,{base64.b64encode(out.getvalue()).decode()}"
 

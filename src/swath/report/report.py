@@ -226,7 +226,7 @@ def _map(data: ReportData, picture: FieldMap) -> page.Figure:
         places=[(e["x_m"], e["y_m"], e["kind"]) for e in data.summary.get("incidents", [])],
     )
     caption = "The field after the run, turned so that the run goes from left to right."
-    return page.Figure("Field map", plots.as_image(fig, kind="png", dpi=190), caption)
+    return page.Figure("Field map", plots.as_image(fig, kind="png", dpi=150), caption)
 
 
 def _outline(own: MachineReport) -> F64:
@@ -273,7 +273,7 @@ def _stand(stand: Stand, own: MachineReport, scan: KeptScan) -> page.Figure:
         f"The stems about the edge ahead of the machine at {scan.distance:.1f} m, every one as the "
         "rays met it, seen along the drive from above the cut ground, with the echoes of the last scan."
     )
-    return page.Figure("The stand", plots.as_image(fig, kind="webp", dpi=190), caption)
+    return page.Figure("The stand", plots.as_image(fig, kind="webp", dpi=150), caption)
 
 
 def _drive(own: MachineReport) -> page.Figure:

@@ -58,10 +58,11 @@ def assemble(
 def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
     base = _base(scenario)
     seed = scenario.seed if scenario.field.seed is None else scenario.field.seed
+    is_cut = any(machine.has("header") for machine in scenario.machines.values())
     if fields is None:
-        ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base)
+        ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base, is_cut=is_cut)
     else:
-        ground = fields.ground(scenario.field, seed, base)
+        ground = fields.ground(scenario.field, seed, base, is_cut=is_cut)
     bodies = Bodies()
     bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}
@@ -233,7 +234,8 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     """What the level of a slot is told: the site, or for control and links less."""
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
-    control = ControlSetup(place.sheet, _mountings(place, choice), section.common.edge_side, period)
+    mountings, height = _mountings(place, choice), site.field.crop_height
+    control = ControlSetup(place.sheet, mountings, section.common.edge_side, period, height)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base, fed)

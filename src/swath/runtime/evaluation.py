@@ -2,7 +2,7 @@
 
 from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluation import Evaluation
-from swath.judge.evaluator import EvaluatorSetup
+from swath.judge.evaluator import SETTLING_M, EvaluatorSetup
 from swath.runtime.world import World
 
 
@@ -22,4 +22,6 @@ def make_evaluation(world: World) -> Evaluation:
         )
         for name, machine in world.machines.items()
     }
-    return Evaluation(load_evaluators(world.scenario.evaluators), setups, world.scenario.expect)
+    made = Evaluation(load_evaluators(world.scenario.evaluators), setups, world.scenario.expect)
+    made.is_trial = world.scenario.run.distance_m <= SETTLING_M
+    return made

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +23,11 @@ from swath.field.stand.maps import Maps
 from swath.field.stand.maps import Params as MapsParams
 from swath.field.terrain.dem import Dem
 from swath.field.terrain.dem import Params as DemParams
-from swath.field_io.folder import FieldFolder, read
 from swath.scenario.resolved import FieldSection
 from swath.signals import F64
+
+if TYPE_CHECKING:
+    from swath.field_io.folder import FieldFolder
 
 FAR_M = (
     100_000.0  # no field is so far from the zero of its own metres: such a map counts from a zone's corner
@@ -49,9 +52,11 @@ class Ground:
         return merge(*(thing.in_world for thing in self.things if thing.way is None))
 
 
-def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
-    """The field and what stands on it. base: folder that relative file names start from."""
-    folder = None if section.folder is None else read(section.folder)
+def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bool = True) -> Ground:
+    """The field and what stands on it. base: folder that relative file names start from; is_cut: by some
+    machine, so that the edges must lie in it.
+    """
+    folder = None if section.folder is None else _read(section.folder)
     mapped = _origin_of_maps(section, base) if folder is None else None
     setup = _setup(folder, stream, base, mapped)
     stand = section.stand.make(setup) if section.stand is not None else _stand_of(folder, setup)
@@ -65,6 +70,7 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
         crop=load_crop(stand.crop, setup.folder),
         stream=stream,
         boundary=region,
+        is_cut=is_cut,
     )
     driven = None
     first = next(iter(section.edges.values()))
@@ -74,6 +80,12 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path) -> Ground:
     if mapped is not None:
         origin = replace(mapped, height=float(getattr(field.terrain, "datum", 0.0)))
     return Ground(field, things_of(section.obstacles, field), driven, origin)
+
+
+def _read(path: Path) -> "FieldFolder":
+    from swath.field_io.folder import read
+
+    return read(path)
 
 
 def _origin_of_maps(section: FieldSection, base: Path) -> Origin | None:
@@ -107,7 +119,7 @@ def _origin_of_maps(section: FieldSection, base: Path) -> Origin | None:
     return Origin(first.epsg, float(round(0.5 * (west + east))), float(round(0.5 * (south + north))))
 
 
-def _setup(folder: FieldFolder | None, stream: Stream, base: Path, mapped: Origin | None) -> FieldSetup:
+def _setup(folder: "FieldFolder | None", stream: Stream, base: Path, mapped: Origin | None) -> FieldSetup:
     if folder is None and mapped is not None:
         corner = (mapped.easting, mapped.northing)
         return FieldSetup(stream=stream, folder=base, origin=corner, to_local=mapped.to_local)
@@ -122,12 +134,12 @@ def _setup(folder: FieldFolder | None, stream: Stream, base: Path, mapped: Origi
     )
 
 
-def _terrain_of(folder: FieldFolder | None) -> Dem:
+def _terrain_of(folder: "FieldFolder | None") -> Dem:
     assert folder is not None  # the reader asks for a terrain where there is no folder
     return Dem.from_raster(folder.terrain)
 
 
-def _stand_of(folder: FieldFolder | None, setup: FieldSetup) -> Maps:
+def _stand_of(folder: "FieldFolder | None", setup: FieldSetup) -> Maps:
     assert folder is not None
     params = MapsParams(crop=folder.crop, row_azimuth_deg=float(np.degrees(folder.row_azimuth)))
     return Maps.from_rasters(params, setup, folder.stems, folder.height)

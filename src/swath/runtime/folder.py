@@ -4,6 +4,7 @@ While a run writes, its folder holds `run.lock`, which says what is run and keep
 was killed leaves that file behind; the lock itself goes with the process.
 """
 
+import atexit
 import json
 import os
 import sys
@@ -27,9 +28,10 @@ LOCK = "run.lock"
 
 
 def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
-    """The folder for a run; it is not made here.
+    """The folder for a run.
 
-    Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists. A given
+    Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists; it is made at
+    once, so that two runs of the same moment get two. A given
     `out` must be new, empty, or an earlier run of the scenario `name`, which may have been killed; InputError
     otherwise, and while another run writes into it.
     """
@@ -138,12 +140,24 @@ def _who(file: int) -> str:
 
 
 def _fresh(name: str) -> Path:
+    """A new empty folder, which no other run can take; it goes again where nothing is written into it."""
     first = Path("runs") / name
     path, count = first, 1
-    while path.exists():
-        count += 1
-        path = first.with_name(f"{first.name}-{count}")
-    return path
+    while True:
+        try:
+            path.mkdir(parents=True)
+        except FileExistsError:
+            count += 1
+            path = first.with_name(f"{first.name}-{count}")
+        else:
+            atexit.register(remove_empty, path.resolve())
+            return path
+
+
+def remove_empty(folder: Path) -> None:
+    """Remove a folder into which nothing was written."""
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def _is_free(path: Path) -> bool:

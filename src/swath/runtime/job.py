@@ -76,10 +76,12 @@ def run_job(
                 return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
 
 
-def run_unrecorded(scenario: Scenario, fields: KeptFields | None = None) -> dict[str, Any]:
-    """Run a scenario without a folder; returns what summary.json would hold. fields: as in `run_job`"""
+def run_unrecorded(
+    scenario: Scenario, fields: KeptFields | None = None, *, hooks: Sequence[RunHook] = ()
+) -> dict[str, Any]:
+    """Run a scenario without a folder; returns what summary.json would hold. The rest is as in `run_job`."""
     with stoppable():
-        return _run_once(scenario, None, fields=fields)
+        return _run_once(scenario, None, hooks=hooks, fields=fields)
 
 
 def _run_once(

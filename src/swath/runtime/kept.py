@@ -10,7 +10,7 @@ from swath.field.obstacles import things_of
 from swath.runtime.field_setup import Ground, build_field
 from swath.scenario.resolved import FieldSection
 
-MOST = 2  # fields in memory, some 100 MB each
+MOST = 4  # fields in memory
 
 
 class KeptFields:
@@ -21,12 +21,12 @@ class KeptFields:
     def __init__(self) -> None:
         self._grounds: OrderedDict[str, Ground] = OrderedDict()
 
-    def ground(self, section: FieldSection, seed: int, base: Path) -> Ground:
+    def ground(self, section: FieldSection, seed: int, base: Path, *, is_cut: bool = True) -> Ground:
         """As `build_field`, for the stream of a scenario's seed. What it gives before becomes its again."""
-        key = json.dumps([section.plain(), seed, str(base)], default=str)
+        key = json.dumps([section.plain(), seed, str(base), is_cut], default=str)
         kept = self._grounds.pop(key, None)
         if kept is None:
-            kept = build_field(section, stream=Stream(seed, "field"), base=base)
+            kept = build_field(section, stream=Stream(seed, "field"), base=base, is_cut=is_cut)
             kept.field.keep_pages()
             while len(self._grounds) >= MOST:
                 self._grounds.popitem(last=False)

@@ -8,7 +8,7 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.portable import product
 from swath.field.field import Field
-from swath.field.site_setup import Bodies, why_outside
+from swath.field.site_setup import TRAILER, Bodies, why_outside
 from swath.field.track import EdgeShape
 from swath.runtime.world import Machine
 from swath.scenario.resolved import MachineSection
@@ -60,7 +60,7 @@ def check_start(machines: Mapping[str, Machine], field: Field, bodies: Bodies) -
     for contact in bodies.contacts():
         at = f"({contact.point[0]:.1f}, {contact.point[1]:.1f})"
         expected = f"expected another place: it overlaps {contact.second} at {at} m"
-        raise InputError(f"{contact.first}.start", None, expected)
+        raise InputError(f"{contact.first.removesuffix(TRAILER)}.start", None, expected)
     for name, machine in machines.items():
         if machine.cuts and (why := why_outside(field, machine.sheet, machine.start)):
             raise InputError(f"{name}.start", None, f"expected a place in the field: {why}")

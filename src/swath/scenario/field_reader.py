@@ -40,10 +40,10 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
 
 
 def _edges(reader: SectionReader, data: dict[str, Any]) -> dict[str, Any]:
-    """The initial edges by name: the one of `edge`, or those of `edges`."""
+    """The initial edges by name: the one of `edge`, or those of `edges`; none where neither is written."""
     kind = reader.catalogue.part("edge")
     if "edges" not in data:
-        return {"edge": reader.check(kind, data.get("edge", {}), ("field", "edge"))}
+        return {"edge": reader.check(kind, data["edge"], ("field", "edge"))} if "edge" in data else {}
     path = ("field", "edges")
     if "edge" in data:
         reader.note(path, None, "expected either `edge` or `edges`")

@@ -9,7 +9,7 @@ from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
 from swath.documents.hints import near_miss, unknown_key
 from swath.documents.yaml_document import KeyPath, read_document
-from swath.scenario.machine_types import slots_of
+from swath.scenario.machine_types import BY_SECTION, slots_of
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.section_reader import NAME, SectionReader
 from swath.scenario.sections import MachineCommon, SlotCommon, StartAlongEdge, StartPose
@@ -94,7 +94,10 @@ def _slots_of_type(reader: SectionReader, sheet: Path, path: KeyPath) -> dict[st
         said = f"says {str(machine_type)[:40]}" if machine_type else "has none"
         reader.note(path, sheet.as_posix(), f"expected a data sheet with a `type` of {known}; it {said}")
         return {}
-    return slots_of(reader.catalogue.machine_types[machine_type], own if isinstance(own, dict) else {})
+    more = {slot: level for key, slots in BY_SECTION.items() if key in data for slot, level in slots.items()}
+    return slots_of(
+        {**reader.catalogue.machine_types[machine_type], **more}, own if isinstance(own, dict) else {}
+    )
 
 
 def _instances(

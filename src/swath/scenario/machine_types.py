@@ -28,6 +28,8 @@ MACHINE_TYPES: Mapping[str, Mapping[str, str]] = {
     "truck": _VEHICLE,
 }
 
+BY_SECTION: Mapping[str, Mapping[str, str]] = {"box": {"heap": "height_map"}}  # of the data sheet
+
 
 def slots_of(machine_type: Mapping[str, str], own: Mapping[str, str]) -> dict[str, str]:
     """Slot -> level of a machine of a type. own: what its data sheet adds, or takes away with `off`."""

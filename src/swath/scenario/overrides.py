@@ -14,16 +14,22 @@ from swath.scenario.versions import short_key
 def apply_overrides(
     document: Document, sets: Sequence[str], catalogue: Catalogue, flags: Mapping[str, str]
 ) -> None:
-    """Change the document in place, in order. Errors about these values will name the flag.
+    """Change the document in place. Errors about these values will name the flag.
 
     flags: further changes, by the flag that stands for them: {"--seed 3": "seed=3"}.
+    Their order does not matter: what holds for more comes first, a section before its level, a level before
+    its parameters; of the same key given twice the last one counts.
     Choosing another level drops the parameters that only the level before it knew.
     """
+    changes = []
     for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]:
         key, equals, value_text = text.partition("=")
         path = key_path(short_key(key.strip()))
         if not equals or "" in path:
             raise InputError(flag, None, "expected --set key.key=value")
+        changes.append((flag, path, value_text))
+    changes.sort(key=lambda change: (len(change[1]), change[1][-1] != "level"))
+    for flag, path, value_text in changes:
         value = parse_value(value_text, flag)
         if not isinstance(document.data, dict):
             raise document.error((), document.data, "expected a mapping of keys")

@@ -10,10 +10,12 @@ from swath.scenario.catalogue import Catalogue
 from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.field_reader import read_field
 from swath.scenario.machine_reader import is_off, machine_names, read_machines, read_slot
-from swath.scenario.resolved import MachineSection, RealTimeSection, SlotChoice
+from swath.scenario.resolved import FieldSection, MachineSection, RealTimeSection, SlotChoice
 from swath.scenario.section_reader import ScenarioError, SectionReader
-from swath.scenario.sections import Head, RealTime, Run, SlotCommon
+from swath.scenario.sections import Head, RealTime, Run, SlotCommon, StartAlongEdge
 from swath.scenario.versions import SECTIONS
+
+FAR_M = 1e5  # where an edge lies that nobody wrote
 
 
 def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:
@@ -30,12 +32,30 @@ def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:
     parts["run"] = reader.check(Run, data.get("run", {}), ("run",))
     parts["field"] = read_field(reader, data.get("field", {}))
     parts["machines"] = read_machines(reader, {name: data[name] for name in machines})
+    if parts["field"] is not None and not parts["field"].edges:
+        parts["field"] = _without_edge(reader, parts["field"], parts["machines"])
     parts["realtime"] = _realtime(reader, data["realtime"], parts["machines"]) if "realtime" in data else None
     parts["evaluators"], judged = read_evaluators(reader, data.get("evaluators", []))
     parts["expect"] = read_expect(reader, data.get("expect", {}), judged, machines, parts["machines"])
     if reader.errors:
         raise ScenarioError(reader.errors)
     return parts
+
+
+def _without_edge(
+    reader: SectionReader, field: FieldSection, machines: Mapping[str, MachineSection]
+) -> FieldSection:
+    """The field of machines that only drive: all of its crop stands, the edge lies far away."""
+    path, kind = ("field", "edge"), reader.catalogue.part("edge")
+    if any(machine.has("header") for machine in machines.values()):
+        reader.check(kind, {}, path)
+        return field
+    for name, machine in machines.items():
+        if isinstance(machine.start, StartAlongEdge):
+            expected = "expected x_m, y_m and heading_deg: the field has no edge"
+            reader.note((name, "start"), None, expected)
+    edge = {"shape": "straight", "x_m": -FAR_M, "y_m": -0.5 * FAR_M, "length_m": FAR_M, "crop_begins_m": None}
+    return replace(field, edges={"edge": reader.check(kind, edge, path)})
 
 
 def _realtime(

@@ -132,7 +132,8 @@ class SectionReader:
             return self._with_paths(value, path)
         if key in SHEETS:
             return self._sheet(SHEETS[key], value, path)
-        if key in ("file", "folder") or key.endswith(("_file", "_folder")):
+        is_table = key == "table" and value.endswith(".npz")
+        if is_table or key in ("file", "folder") or key.endswith(("_file", "_folder")):
             return self._existing(key, value, path)
         return value
 

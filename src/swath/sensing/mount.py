@@ -24,8 +24,8 @@ class Mount:
     at: the point the offsets count from. `edge_end`: the knife's end on the edge side, `left_end` and
     `right_end`: the knife's ends, y_m then counts outward, away from the machine; `axle`: the origin of the
     machine frame, y_m leftward
-    x_m, y_m, z_m [m]: forward, sideways, above ground; roll_deg, pitch_deg (> 0 nose down), yaw_deg
-    (> 0 outward; for `axle` > 0 to the left)
+    x_m, y_m, z_m [m]: forward, sideways, above ground
+    roll_deg: > 0 left side up; pitch_deg: > 0 nose down; yaw_deg: > 0 outward, for `axle` to the left
     """
 
     at: Literal["edge_end", "left_end", "right_end", "axle"] = "edge_end"

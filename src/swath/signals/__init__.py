@@ -23,6 +23,7 @@ from swath.signals.crop_sensors import LossReading as LossReading
 from swath.signals.crop_sensors import YieldReading as YieldReading
 from swath.signals.drivetrain import EngineState as EngineState
 from swath.signals.drivetrain import MachineLoad as MachineLoad
+from swath.signals.field_map import FieldMap as FieldMap
 from swath.signals.ground_speed import GroundSpeed as GroundSpeed
 from swath.signals.header import CropFlow as CropFlow
 from swath.signals.header import HeaderState as HeaderState

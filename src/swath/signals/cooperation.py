@@ -53,6 +53,7 @@ class HeapState(Signal, about=About()):
             nan=NO_PROFILE,
         ),
     ]  # fmt: skip
+    lean: Annotated[float, Quantity("m", "grain at the left wall above that at the right one, mean")] = 0.0
 
 
 @frozen

@@ -19,7 +19,7 @@ _SCAN = (
 
 
 @frozen
-class Scan(Signal, about=About("sensor", _SCAN)):
+class Scan(Signal, about=About("sensor", _SCAN, is_bulky=True)):
     """One sweep of a LiDAR, in beam order. t is the end of the sweep.
 
     The nominal direction of a beam is (cos e cos a, cos e sin a, sin e) with its elevation e and azimuth a.

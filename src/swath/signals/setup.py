@@ -105,12 +105,14 @@ class ControlSetup:
     edge_side: `left` or `right`, the end of the header that follows the edge. With `left` the cut ground lies
     to the left of the edge and the standing crop to its right; with `right` the other way round
     period [s] of the component
+    crop_height: usual one [m], standing upright, of the crop that the driver chose at the terminal; 0 = none
     """
 
     machine: MachineGeometry
     mountings: Mapping[str, Pose]
     edge_side: str
     period: float
+    crop_height: float = 0.0
 
     @property
     def mounting(self) -> Pose:

@@ -31,6 +31,9 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     for entry in summary.get("expect", []):
         if entry["result"] == "fail":
             print(f"fail    {entry['subject']}.{entry['name']}{window_text(entry)}: {entry['reason']}")
+    open_ = [e["name"] for e in summary.get("expect", []) if e["result"] == "not measured"]
+    if open_:
+        print(f"note    nothing measured in so short a run: {', '.join(open_)}")
     for event in summary.get("incidents", []):
         print(f"event   {incident_text(event)}")
     for note in summary.get("notes", []):
@@ -38,9 +41,9 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     if events := summary.get("events"):
         print(f"events  {len(events)}, listed in summary.json; repeat them with --events {out}")
     print(f"digest  {summary.get('digest', '-')}")
-    print(f"report  {out / 'report.html'}")
-    if (out / "replay.html").is_file():
-        print(f"replay  {out / 'replay.html'}")
+    for page in ("report", "replay"):
+        if (out / f"{page}.html").is_file():
+            print(f"{page}  {out / page}.html")
 
 
 def limit_text(entry: Mapping[str, Any]) -> str:

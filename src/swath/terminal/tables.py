@@ -3,16 +3,25 @@
 from collections.abc import Sequence
 from typing import Any
 
+PIPE_WIDTH = 1000  # columns of a pipe or file: lines stay whole
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, wide: bool = True) -> None:
-    """Print a table. `wide`: use 160 columns where there is no terminal, so that lines stay whole."""
-    from rich import box
+
+def wide_console() -> Any:
+    """A console on stdout as wide as the terminal; as wide as it takes where there is none."""
     from rich.console import Console
-    from rich.table import Table
 
     console = Console(highlight=False)
-    if wide and not console.is_terminal:
-        console.width = 160
+    if not console.is_terminal:
+        console.width = PIPE_WIDTH
+    return console
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table."""
+    from rich import box
+    from rich.table import Table
+
+    console = wide_console()
     made = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
     for column in columns:
         made.add_column(column, overflow="fold")

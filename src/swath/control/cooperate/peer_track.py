@@ -13,7 +13,8 @@ class PeerTrack(KeepsState):
     """Relative pose of the other machine's origin in the own frame, kept up by dead reckoning.
 
     The own odometry and the other one's last speed, acceleration and yaw rate carry it on between messages,
-    through their delay, and through silence. compensated: False takes every message as if it were of now.
+    through their delay, and through silence. compensated: False takes the place of every message as that of
+    now.
     x, y [m], heading [rad], speed [m/s], yaw_rate [rad/s], acceleration [m/s2]; age: of what it rests on [s],
     inf before the first message
     """
@@ -45,9 +46,10 @@ class PeerTrack(KeepsState):
             self.x, self.y, self.heading = peer.x, peer.y, peer.heading
             self.speed, self.yaw_rate, self.acceleration = peer.speed, peer.yaw_rate, peer.acceleration
             self._left = TRUSTED
-            if self._compensated:
-                self._carry_on(self.age, own)
-        elif self._compensated:
+            if not self._compensated:
+                self.acceleration = 0.0
+            self._carry_on(self.age, own)
+        else:
             self._carry_on(dt / NS, own)
 
     def to_own(self, x: float, y: float) -> tuple[float, float]:
@@ -65,11 +67,12 @@ class PeerTrack(KeepsState):
         pushed = min(h, self._left)
         self._left -= pushed
         faster = max(self.speed + self.acceleration * pushed, 0.0)
-        way = 0.5 * (self.speed + faster) * pushed + faster * (h - pushed)
+        way = 0.5 * (self.speed + faster) * pushed + faster * (h - pushed) if self._compensated else 0.0
         self.speed = faster
-        middle = self.heading + 0.5 * self.yaw_rate * h
+        turned = self.yaw_rate * h if self._compensated else 0.0
+        middle = self.heading + 0.5 * turned
         x, y = self.x + way * cos(middle), self.y + way * sin(middle)
-        heading = self.heading + self.yaw_rate * h
+        heading = self.heading + turned
         turn = own.yaw_rate * h
         x -= own.speed * h * cos(0.5 * turn)
         y -= own.speed * h * sin(0.5 * turn)

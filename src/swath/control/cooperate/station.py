@@ -1,7 +1,7 @@
 """Keeping a station beside the machine that unloads: what all fill strategies share.
 
-The middle of the own box is to lie `spot` behind the point where the stream of the other one comes down,
-which the link tells, and the own path runs parallel to the other one's. The tractor drives outside of the path
+The middle of the own box is to lie `spot` behind the point where the stream of the other one lands, as
+the link tells, and the own path runs parallel to the other one's. The tractor drives outside of the path
 of its trailer by what that tracks off in a bend; what is left at the box is taken out slowly.
 """
 
@@ -22,7 +22,10 @@ from swath.signals.setup import ControlSetup
 
 SLOW_INTEGRAL = 20.0  # time constant of what takes out the rest of the box's lateral error [s]
 MOST_INTEGRAL = 0.3  # of it [m]
-NEAR = 0.4  # it works while box and machine are nearer to their paths than this [m]
+NEAR = 0.12  # it works while the box is nearer to its path than this [m]
+STEADY = 0.004  # and the trailer swings slower than this against the machine [rad/s]
+SMOOTHED, MOST_DRIFT = 3.0, 0.03  # of how the stream moves across: time constant [s], fastest [m/s]
+MOST_LEAN = 0.12  # grain is poured so far to the side that is lower, at most [m]
 LONGEST_WAIT = 6.0  # for the auger to stop before a full cart leaves [s]
 LEAVING = 8.0  # time in which a machine that leaves comes to rest [s]
 
@@ -34,7 +37,7 @@ class Shared:
     by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
     """
 
-    margin_m: Annotated[float, Ge(0), Le(1)] = 0.02
+    margin_m: Annotated[float, Ge(0), Le(1)] = 0.01
     compensate: bool = True
     hold_s: Annotated[float, Ge(0), Le(60)] = 2.5
     clear_m: Annotated[float, Gt(0), Le(50)] = 3.0
@@ -81,8 +84,8 @@ class StationKeeper(KeepsState):
     """A fill strategy gives `aim`; everything else is here."""
 
     kept = (
-        "_track", "_hitch_angle", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside", "_memory",
-        "_seen",
+        "_track", "_hitch_angle", "_swing", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside",
+        "_memory", "_seen",
     )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
@@ -105,7 +108,7 @@ class StationKeeper(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """Nothing to keep yet."""
         self._track.reset()
-        self._hitch_angle = self._integral = self._spot = self._aside = 0.0
+        self._hitch_angle = self._lean = self._swing = self._integral = self._spot = self._aside = 0.0
         self._is_full = self._waits = False
         self._full_at, self._seen = -1.0, 0.0
         self._memory: dict[str, float] = {}
@@ -121,6 +124,7 @@ class StationKeeper(KeepsState):
         if not peer.is_heard or peer.impact_x != peer.impact_x:
             return {"station": self._idle(now)}
         before = self._spot
+        self._lean = float(inputs["heap"].lean)
         view = self._view(inputs["heap"])
         spot, is_full = self.aim(now / NS, view)
         self._waits = self._is_full or not view.has_room(self._spot)
@@ -134,7 +138,8 @@ class StationKeeper(KeepsState):
         """Angle of the trailer against the machine, by rolling without slip."""
         if self._hitch is not None:
             c, s, v, r = cos(self._hitch_angle), sin(self._hitch_angle), own.speed, own.yaw_rate
-            self._hitch_angle += h * ((-v * s + self._hitch.x * r * c) / self._hitch.drawbar - r)
+            self._swing = (-v * s + self._hitch.x * r * c) / self._hitch.drawbar - r
+            self._hitch_angle += h * self._swing
 
     def _middle(self) -> tuple[float, float]:
         """Middle of the own box in the own frame [m]."""
@@ -153,17 +158,21 @@ class StationKeeper(KeepsState):
 
     def _station(self, now: int, h: float, peer: PeerState, shift: float) -> Wanted:
         track = self._track
-        k, y = track.curvature, peer.impact_y
+        k = track.curvature
+        y, drift = self._stream(h, peer.impact_y)
+        y += min(max(2.0 * self._lean, -MOST_LEAN), MOST_LEAN)
         scale = max(1.0 - k * y, 0.2)
         bend = k / scale
         away = self._leave(now / NS, h, peer, y)
         aside, _, along = on_arc(k, *track.to_peer(*self._middle()))
         lateral, tangent, _ = on_arc(k, *track.to_peer(0.0, 0.0))
-        if away == 0.0 and abs(y - aside) < NEAR and abs(y - self._off_tracking(bend) - lateral) < NEAR:
+        if away == 0.0 and abs(y - aside) < NEAR and abs(self._swing) < STEADY:
             gain = h / SLOW_INTEGRAL
             self._integral = min(max(self._integral + gain * (y - aside), -MOST_INTEGRAL), MOST_INTEGRAL)
-        left = y - self._off_tracking(bend) - lateral + self._integral + copysign(self._aside, y)
-        heading = atan2(sin(track.heading + tangent), cos(track.heading + tangent))
+        late = drift / max(track.speed, 0.5)
+        y_path = y + late * (0.0 if self._hitch is None else self._hitch.drawbar)
+        left = y_path - self._off_tracking(bend) - lateral + self._integral + copysign(self._aside, y)
+        heading = atan2(sin(track.heading + tangent), cos(track.heading + tangent)) + late
         # within a step of the link the impact's own way is part of the other one's speed
         ahead, speed = scale * (peer.impact_x - self._spot - along), track.speed * scale - shift
         rate = track.acceleration * scale if track.age < 1.0 else 0.0
@@ -172,6 +181,13 @@ class StationKeeper(KeepsState):
         else:
             self._seen = speed
         return Wanted(now, True, ahead, left, heading, bend, speed, rate, self._spot, self._waits)
+
+    def _stream(self, h: float, y: float) -> tuple[float, float]:
+        """Where the stream comes down to the left [m], and how fast that moves as the grain rises [m/s]."""
+        smooth = self._memory.setdefault("smooth", y)
+        drift = min(max((y - smooth) / SMOOTHED, -MOST_DRIFT), MOST_DRIFT)
+        self._memory["smooth"] = smooth + (y - smooth) * h / SMOOTHED
+        return smooth + drift * SMOOTHED, drift
 
     def _leave(self, now: float, h: float, peer: PeerState, y: float) -> float:
         """Time [s] since it began to leave, full and no longer poured on, or in silence; 0 while it stays."""

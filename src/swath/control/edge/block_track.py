@@ -15,10 +15,8 @@ from swath.control.edge.populations import Populations, crop_excess, overlap_of
 from swath.core.component import KeepsState
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
-LEAST_GAIN, BEGIN_GAIN = (
-    6.0,
-    20.0,
-)  # nat of an edge over none, in a block; of two populations over one, at first
+LEAST_GAIN = 6.0  # nat of an edge over none, in a block
+BEGIN_GAIN = 20.0  # nat of two populations over one, at first
 LEAD = 5.0  # nat by which a place outside the gate shows that the edge broke off
 GATE, WIDENING, WIDEST = 0.28, 0.025, 0.8  # m, 1/m, m: + WIDENING times the square of the way unseen
 MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of rays that only crop stops
@@ -27,6 +25,7 @@ LEARNED = 0.15  # m beside the track: blocks further off teach nothing
 STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
 UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
 TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this share less this step is lodged
+RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
@@ -43,11 +42,12 @@ class BlockTrack(KeepsState):
 
     track, points: of the edge; populations: of the answers on both sides; feet: behind the canopy's edge
     height: of the crop, that rays were cut with [m]; agreed: share 0..1 of late blocks that fitted
+    scatter: of the blocks about the track, beyond their own variance [m2]
     """
 
     kept = (
-        "track", "points", "populations", "feet", "height", "agreed", "_block", "_scans", "_is_lodged",
-        "_usual", "_levels",
+        "track", "points", "populations", "feet", "height", "agreed", "scatter", "_block", "_scans",
+        "_is_lodged", "_usual", "_levels",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -61,7 +61,7 @@ class BlockTrack(KeepsState):
         for part in (self.track, self.points, self._block, self.populations, self.feet):
             part.clear()
         self._scans: list[RayAnswers] = []
-        self.height, self.agreed, self._is_lodged = HEIGHT, 0.0, False
+        self.height, self.agreed, self.scatter, self._is_lodged = HEIGHT, 0.0, 0.0, False
         self._usual = float("nan")  # height of the first metre of crop
         self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
 
@@ -135,6 +135,8 @@ class BlockTrack(KeepsState):
         x = edge.x - found.beside * float(np.sin(edge.angle))
         u = edge.u + found.beside * float(np.cos(edge.angle))
         self.points.add(x, u, found.variance, edge.way)
+        more = max(0.0, found.beside**2 - found.variance)
+        self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance)
         self.agreed += 0.2 * (1.0 - self.agreed)
         angle = edge.angle - heading

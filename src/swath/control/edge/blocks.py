@@ -60,9 +60,8 @@ class Block(KeepsState):
 
     def sides(self, edge: float) -> tuple[F64, F64]:
         """Counts of classes (CLASSES,) well inside the crop and well beside it, for an edge [m]."""
-        return _between(self.counts, edge + CLEAR, edge + WINDOW), _between(
-            self.counts, edge - WINDOW, edge - CLEAR
-        )
+        crop = _between(self.counts, edge + CLEAR, edge + WINDOW)
+        return crop, _between(self.counts, edge - WINDOW, edge - CLEAR)
 
 
 @dataclass(frozen=True)

@@ -2,21 +2,22 @@
 
 from dataclasses import dataclass
 from math import atan, tan
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.edge.canopy_offset import CanopyOffset
 from swath.control.edge.height_step import Gates, SplitRule, Step, find_step
-from swath.control.edge.line_fit import Line, Prior
+from swath.control.edge.line_fit import Line, LineFit, Prior, fit_line
 from swath.control.edge.profile import Profile, Reach, crop_sign, make_profile
 from swath.control.edge.tracking import EdgeTrack, Memory
+from swath.control.inclination import CRAB, Inclination
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG, MM
-from swath.signals import CropEdge, Odometry, Scan
+from swath.signals import CropEdge, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
 HEADROOM, ROOM = 1.25, 0.3  # [1], [m]: crop may stand this much above its 90th percentile, over uneven ground
@@ -64,13 +65,26 @@ class EdgeParams:
 
 
 class EdgeDetector(KeepsState):
-    """Scan and odometry in, crop edge out. Subclasses set `split`."""
+    """Scan and odometry in, crop edge out. Subclasses set `split`, and `fit` where the line is another's."""
 
-    kept = ("_track", "_canopy_offset", "_time", "_crop", "_stubble", "_ground")
+    kept: ClassVar[tuple[str, ...]] = (
+        "_track",
+        "_canopy_offset",
+        "_inclination",
+        "_time",
+        "_crop",
+        "_stubble",
+        "_ground",
+    )
 
     Params = EdgeParams
     split: SplitRule
-    inputs = (Port("scan", Scan, unit="m", shape=(None,)), Port("odometry", Odometry))
+    fit: LineFit = staticmethod(fit_line)
+    inputs = (
+        Port("scan", Scan, unit="m", shape=(None,)),
+        Port("odometry", Odometry),
+        Port("inertial", Inertial, history=True, optional=True),
+    )
     outputs = (Port("edge", CropEdge),)
 
     def __init__(self, params: EdgeParams, setup: ControlSetup) -> None:
@@ -91,7 +105,8 @@ class EdgeDetector(KeepsState):
         self._lost = round(p.lost_s * NS)
         memory = Memory(p.track_m, gate=p.gate_m, lost_s=p.lost_s, acquire_s=p.acquire_s, jump_s=p.jump_s)
         self._reference = p.reference_m or _footprint(setup) - 0.2 * p.track_m
-        self._track = EdgeTrack(memory, Prior(), self._reference)
+        self._track = EdgeTrack(memory, Prior(), self._reference, self.fit)
+        self._inclination = Inclination(setup.mountings.get("inertial"))
         self._time = 0
         self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0
 
@@ -99,6 +114,7 @@ class EdgeDetector(KeepsState):
         """No edge at t = 0: nothing was seen yet."""
         self._track.clear()
         self._canopy_offset.clear()
+        self._inclination.clear()
         self._time = 0
         self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0
         return {"edge": self._no_edge(0)}
@@ -107,6 +123,7 @@ class EdgeDetector(KeepsState):
         """Take a new scan, if there is one, and report the edge in the machine frame of t + dt."""
         scan, odometry = inputs["scan"], inputs["odometry"]
         speed, yaw_rate = _finite(odometry.speed), _finite(odometry.yaw_rate)
+        self._inclination.take(inputs.get("inertial"), speed)
         if scan is not None and scan.t > self._time:
             self._take(scan, speed, yaw_rate)
         return {"edge": self._report(t + dt, speed, yaw_rate)}
@@ -114,7 +131,8 @@ class EdgeDetector(KeepsState):
     def _take(self, scan: Scan, speed: float, yaw_rate: float) -> None:
         elapsed = (scan.t - self._time) / NS
         self._time = scan.t
-        self._track.move(speed * elapsed, self._sign * yaw_rate * elapsed, elapsed)
+        crab = -self._sign * self._inclination.crab(CRAB, speed * yaw_rate)
+        self._track.move(speed * elapsed, self._sign * yaw_rate * elapsed, elapsed, crab)
         self._canopy_offset.move(speed * elapsed)
         profile = make_profile(scan, self._mounting, self._sign, speed, yaw_rate, self._reach)
         line = self._track.line if self._track.is_found else None
@@ -134,9 +152,11 @@ class EdgeDetector(KeepsState):
         tops: tuple[float, ...] = (self._reach.high, *TOPS)
         if self._track.is_found and np.isfinite(self._crop):
             tops = (self._ground + HEADROOM * max(self._crop, 0.0) + ROOM,)
+        rise = self._sign * self._inclination.rise[1] if self._inclination.is_known else None
         best: Step | None = None
+        line = self._track.line
         for top in tops:
-            step = find_step(profile.below(top), self._track.line, self._centre, self.split, self._gates)
+            step = find_step(profile.below(top), line, self._centre, self.split, self._gates, rise)
             if step is not None and (best is None or step.separation > CLEARER * best.separation):
                 best = step
         return best

@@ -104,12 +104,18 @@ class _Split:
 
 
 def find_step(
-    profile: Profile, expected: Line | None, centre: float, split: SplitRule, gates: Gates
+    profile: Profile,
+    expected: Line | None,
+    centre: float,
+    split: SplitRule,
+    gates: Gates,
+    rise: float | None = None,
 ) -> Step | None:
     """The edge point of one profile, None when it shows no edge.
 
     expected: the edge as known so far; lateral distances are taken from it, so that a heading error does not
-    smear the step. centre [m]: u of the header end, where an edge is searched when none is known.
+    smear the step. centre [m]: u of the header end, where an edge is searched when none is known. rise: how
+    far an upright plant's top stands toward +u of its foot, per height [1]; None = as the stubble side says
     """
     line = expected or Line(0.0, centre, 0.0, 0.0)
     lateral = profile.u - line.at(profile.x)
@@ -125,7 +131,8 @@ def find_step(
     slope = _ground_slope(lateral, z, int(np.argmax(score)) + 1)
     level = z - slope * lateral
     canopy = _canopy(level, int(np.argmax(score)) + 1, profile.sensor[2])
-    x, lateral, upper, lower = _through(x, lateral, level, canopy, slope, line, profile.sensor)
+    aside = -slope if rise is None else rise
+    x, lateral, upper, lower = _through(x, lateral, level, canopy, aside, line, profile.sensor)
     order = np.argsort(lateral, kind="stable")
     x, level, lateral = x[order], level[order], lateral[order]
     met = np.where(level < canopy.limit, np.minimum(level, canopy.low), level)
@@ -188,7 +195,7 @@ def _through(
     lateral: F64,
     z: F64,
     canopy: _Canopy,
-    slope: float,
+    rise: float,
     line: Line,
     sensor: tuple[float, float, float],
 ) -> tuple[F64, F64, F64, F64]:
@@ -198,12 +205,12 @@ def _through(
     so must not depend on which of both it was, or rays that cross the edge at an angle, in a bend, would show
     it elsewhere than rays along it: stopped only after a mean free path, or free in the shadow of the stand.
     A ray that crosses is stopped mostly near that end of its way that lies deeper in the crop. In the frame
-    of a rolled machine the crop leans by the slope: laterals are those of the feet.
+    of a rolled machine the crop leans by the rise: laterals are those of the feet.
     """
     upper_x, upper = _crossing(x, lateral, z, canopy.top, line, sensor)
     lower_x, lower = _crossing(x, lateral, z, canopy.limit, line, sensor)
-    upper = upper + slope * (canopy.top - canopy.low)
-    lower = lower + slope * (canopy.limit - canopy.low)
+    upper = upper - rise * (canopy.top - canopy.low)
+    lower = lower - rise * (canopy.limit - canopy.low)
     share = np.where(upper > lower, 1.0 - MET, MET)
     at_x, at = share * upper_x + (1.0 - share) * lower_x, share * upper + (1.0 - share) * lower
     return at_x, at, upper, lower

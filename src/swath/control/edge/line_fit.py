@@ -1,5 +1,6 @@
 """The edge as a parabola over the machine's x axis, and its robust fit."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -46,6 +47,10 @@ class Prior:
 
     slope: float = 0.07
     bend: float = 0.02
+
+
+# x, u [m], variance [m2], (n,) each, x0 [m], prior, line to start from -> line, remaining weights (n,)
+LineFit = Callable[[F64, F64, F64, float, Prior, Line | None], tuple[Line, F64]]
 
 
 def fit_line(x: F64, u: F64, variance: F64, x0: float, prior: Prior, start: Line | None) -> tuple[Line, F64]:

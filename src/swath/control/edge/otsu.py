@@ -29,16 +29,20 @@ def otsu_threshold(z: F64) -> tuple[float, float]:
 
 
 def split_by_otsu(z: F64, min_points: int) -> tuple[F64, float]:
+    """`split_at` the threshold of these very heights."""
+    return split_at(otsu_threshold(z)[0] if len(z) > 1 else 0.0, z, min_points)
+
+
+def split_at(threshold: float, z: F64, min_points: int) -> tuple[F64, float]:
     """Log-odds of a step before each of the points 1..n-1 from the echoes it would leave on the wrong side.
 
-    z: heights in lateral order, stubble first [m], shape (n,). Shape (n - 1,), -inf where a side has fewer
-    than `min_points`. The gain [nat] is the log-likelihood of the best split over no step, both with an
-    echo's side as a coin of its observed chance.
+    threshold [m]; z: heights in lateral order, stubble first [m], shape (n,). Shape (n - 1,), -inf where a
+    side has fewer than `min_points`. The gain [nat] is the log-likelihood of the best split over no step,
+    both with an echo's side as a coin of its observed chance.
     """
     n = len(z)
     if n < 2 * min_points:
         return np.full(max(n - 1, 0), -np.inf), 0.0
-    threshold, _ = otsu_threshold(z)
     is_high = z > threshold
     high_before = np.cumsum(is_high)[:-1]
     low_after = (n - is_high.sum()) - (np.arange(1, n) - high_before)
@@ -68,6 +72,6 @@ LEVEL = Level(
     Otsu,
     EdgeParams,
     summary="step at a height threshold after Otsu, tracked over several scans",
-    cost="under 1 ms per scan",
+    cost="1 ms per scan",
     tolerance="offset within 0.05 m RMS of the true edge at 500 stems/m2; less in thin crop",
 )

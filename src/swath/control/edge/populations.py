@@ -56,11 +56,14 @@ class Populations(KeepsState):
         above = np.zeros(CLASSES)
         first, tall = self._first_layer(), self.counts[0, :LAYERS].copy()
         tall[:first] = 0.0
-        above[first : max(_end_of_peak(tall) + 2, first + 1)] = 1.0
+        top = max(_end_of_peak(tall) + 2, first + 1)
+        above[first:top] = 1.0
         above /= max(float(above.sum()), 1.0)
         crop = (1.0 - FRESH - STRANGE) * crop + FRESH * lately + STRANGE * above
         stubble = (1.0 - STRAY) * stubble + STRAY / CLASSES
-        return np.asarray(np.clip(log(crop / stubble), -MOST, MOST))
+        worth = np.clip(log(crop / stubble), -MOST, MOST)
+        worth[top : DUST + 1] = 0.0  # a puff above the crop says nothing of what is behind it
+        return np.asarray(worth)
 
     def overlap(self) -> float:
         """Bhattacharyya coefficient of both sides: 0 = nothing in common, 1 = alike."""

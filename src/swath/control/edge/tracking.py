@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swath.control.edge.height_step import Step
-from swath.control.edge.line_fit import Line, Prior, fit_line
+from swath.control.edge.line_fit import Line, LineFit, Prior, fit_line
 from swath.core.component import KeepsState
 from swath.signals import F64
 
@@ -44,8 +44,8 @@ class EdgeTrack(KeepsState):
 
     kept = ("_rows", "line", "is_found", "_unseen")
 
-    def __init__(self, memory: Memory, prior: Prior, x0: float) -> None:
-        self._memory, self._prior, self._x0 = memory, prior, x0
+    def __init__(self, memory: Memory, prior: Prior, x0: float, fit: LineFit = fit_line) -> None:
+        self._memory, self._prior, self._x0, self._fit_line = memory, prior, x0, fit
         self.clear()
 
     def clear(self) -> None:
@@ -55,10 +55,13 @@ class EdgeTrack(KeepsState):
         self.is_found = False
         self._unseen = 0.0
 
-    def move(self, distance: float, turn: float, dt: float) -> None:
-        """The machine drove `distance` [m], turned `turn` [rad] toward +u, within `dt` [s]."""
-        rows = self._rows
-        x, u = rows[:, X] - distance * np.cos(0.5 * turn), rows[:, U] - distance * np.sin(0.5 * turn)
+    def move(self, distance: float, turn: float, dt: float, crab: float = 0.0) -> None:
+        """The machine drove `distance` [m], turned `turn` [rad] toward +u, within `dt` [s].
+
+        crab: its direction of travel toward +u of its heading [rad]
+        """
+        rows, course = self._rows, 0.5 * turn + crab
+        x, u = rows[:, X] - distance * np.cos(course), rows[:, U] - distance * np.sin(course)
         cos, sin = np.cos(turn), np.sin(turn)
         rows[:, X], rows[:, U] = cos * x + sin * u, cos * u - sin * x
         rows[:, AGE] += dt
@@ -68,7 +71,8 @@ class EdgeTrack(KeepsState):
         self._rows = rows[fresh]
         self._unseen += dt
         if self.line is not None:
-            self.line = self.line.moved(distance, turn)
+            line = self.line.moved(distance, turn)
+            self.line = line._replace(offset=line.offset - distance * crab)
             if self._unseen > self._memory.forget_s:
                 self.line, self.is_found = None, False
 
@@ -107,7 +111,7 @@ class EdgeTrack(KeepsState):
         used = self._rows[self._rows[:, IS_USED] > 0.0]
         slope = 0.0 if self.line is None else self.line.slope_at(used[:, X])
         variance = SCANS_PER_SAMPLE * used[:, VARIANCE] + (LEVER * (used[:, SLOPE] - slope)) ** 2
-        self.line, _ = fit_line(used[:, X], used[:, U], variance, self._x0, self._prior, self.line)
+        self.line, _ = self._fit_line(used[:, X], used[:, U], variance, self._x0, self._prior, self.line)
 
     def _acquire(self) -> None:
         memory = self._memory
@@ -125,7 +129,9 @@ class EdgeTrack(KeepsState):
         if float(self._rows[:, AGE].max()) < span - 1e-6 or recent.sum() < max(3, memory.min_share * asked):
             return False
         points = self._rows[recent]
-        line, weight = fit_line(points[:, X], points[:, U], points[:, VARIANCE], self._x0, self._prior, near)
+        line, weight = self._fit_line(
+            points[:, X], points[:, U], points[:, VARIANCE], self._x0, self._prior, near
+        )
         reference = line if near is None else near
         agrees = (weight > 0.0) & (np.abs(points[:, U] - reference.at(points[:, X])) < memory.gate)
         if agrees.sum() < max(3, memory.min_share * asked):

@@ -7,13 +7,13 @@ than the crop it is in is not found: a fawn, a lying person.
 """
 
 from dataclasses import dataclass
-from math import cos, sin, tan
+from math import atan2, cos, hypot, sin, tan
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.objects.track import Heap, Tracks
+from swath.control.objects.track import Heap, Track, Tracks
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -26,6 +26,7 @@ STRIP = 2.5  # of the distance, over which the top of the canopy is taken [m]
 TOP_PERCENTILE = 90.0  # of the heights in a strip
 FEWEST = 20  # echoes that make a strip
 BEYOND = 0.7  # on the cut side of the edge everything is taken as cut [m]
+UNDER = 0.05  # a thing whose top lies less than this above the lowest beam can get lost [rad]
 FREE = 0.3  # ahead of the knife nothing is looked for, there the header moves [m]
 
 
@@ -85,7 +86,9 @@ class Cluster(KeepsState):
         if scan is not None and scan.t != self._seen:
             self._seen = scan.t
             points = self._points(scan, speed, (now - scan.t) / NS)
-            self._tracks.update(now / NS, self._heaps(points, inputs["edge"]))
+            lowest = float(scan.elevation.min())
+            heaps = self._heaps(points, inputs["edge"])
+            self._tracks.update(now / NS, heaps, lambda track: self._is_under(track, lowest))
         return {"objects": self._sample(now)}
 
     def _go(self, speed: float, turn: float, seconds: float) -> None:
@@ -93,6 +96,16 @@ class Cluster(KeepsState):
         middle = yaw + 0.5 * turn * seconds
         way = speed * seconds
         self._pose = x + way * cos(middle), y + way * sin(middle), yaw + turn * seconds
+
+    def _is_under(self, track: Track, lowest: float) -> bool:
+        """Whether a thing before the machine lies under the lowest beam, where the scanner is blind."""
+        px, py, yaw = self._pose
+        dx, dy, c, s = track.place[0] - px, track.place[1] - py, cos(yaw), sin(yaw)
+        x, y = c * dx + s * dy, -s * dx + c * dy
+        if x < self._knife:
+            return False
+        seen = self._mounting.inverse().apply(np.array([x, y, track.heap.top]))
+        return atan2(float(seen[2]), hypot(float(seen[0]), float(seen[1]))) < lowest + UNDER
 
     def _points(self, scan: Scan, speed: float, age: float) -> F64:
         """Echoes ahead (n, 3) [m], each where it is now, seen from the machine that drove on since."""

@@ -1,5 +1,6 @@
 """Follows things over the ground from scan to scan: an alpha-beta filter each, nearest first."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot
 
@@ -72,8 +73,11 @@ class Tracks(KeepsState):
         """Those that count."""
         return [track for track in self._tracks if track.hits >= self._confirm]
 
-    def update(self, t: float, heaps: list[Heap]) -> None:
-        """The heaps of a scan at t [s]: each to the nearest thing that was expected there, or a new one."""
+    def update(self, t: float, heaps: list[Heap], is_blind: Callable[[Track], bool]) -> None:
+        """The heaps of a scan at t [s]: each to the nearest thing that was expected there, or a new one.
+
+        is_blind: whether the scanner cannot see a thing where it was; it then stays there.
+        """
         away = []
         for i, track in enumerate(self._tracks):
             x, y = track.at(t)
@@ -88,7 +92,9 @@ class Tracks(KeepsState):
                 taken.add(i)
                 used.add(j)
         for i, track in enumerate(self._tracks):
-            if i not in taken:
+            if i not in taken and track.hits >= self._confirm and is_blind(track):
+                track.t, track.velocity = t, (0.0, 0.0)
+            elif i not in taken:
                 track.confidence *= 1.0 - DOUBT
         self._tracks = [track for track in self._tracks if t - track.t <= self._keep]
         for j, heap in enumerate(heaps):

@@ -52,6 +52,6 @@ LEVEL = Level(
     ConstantSpeed,
     Params,
     summary="one speed, less where the edge is not sure, none where it is lost",
-    cost="none",
+    cost="10 us per step",
     tolerance="exact",
 )

@@ -83,6 +83,6 @@ LEVEL = Level(
     FeedRate,
     Params,
     summary="constant measured throughput, held back by the engine's load",
-    cost="5 us per step",
+    cost="12 us per step",
     tolerance="no error in steady state; late by the travel from the knife to the sensor",
 )

@@ -87,15 +87,18 @@ class SlipObserver(KeepsState):
         """Keep the slip, forget the lateral error (the edge was lost)."""
         self._error: float | None = None
 
-    def update(self, error: float, drift: float, travel: float) -> None:
-        """A period's `travel` [m] with lateral `error` [m] and the drift [rad] expected without slip."""
+    def update(self, error: float, drift: float, travel: float, weight: float = 1.0) -> None:
+        """A period's `travel` [m] with lateral `error` [m] and the drift [rad] expected without slip.
+
+        weight: 0..1, of the error as evidence
+        """
         if self._error is None or self._pole == 0.0:
             self._error = error
             return
         self._error += (drift - self.slip) * travel
         missed = min(max(error - self._error, -self._clip), self._clip)
-        self._error += missed * min(1.0, 2.0 * self._pole * travel)
-        self.slip -= missed * self._pole**2 * travel
+        self._error += missed * min(1.0, 2.0 * self._pole * weight * travel)
+        self.slip -= missed * self._pole**2 * weight * travel
         self.slip = min(max(self.slip, -self._limit), self._limit)
         if abs(error - self._error) > 3.0 * self._clip:
             self._error = error

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.field.site_setup import Contact
+from swath.field.site_setup import TRAILER, Contact
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
 from swath.record.tracks import Column, Latest
 from swath.signals import MachineState, Signal
@@ -81,13 +81,17 @@ class ContactWatch:
         return self._reason if self.setup.contact_ends_run else ""
 
     def _look(self, state: MachineState) -> None:
-        distance, _ = self.setup.bodies.clearance(self.setup.name)
-        self._least = min(self._least, distance)
-        self._clearance = distance if distance <= FAR_M else float("nan")
-        for contact in self.setup.bodies.contacts(self.setup.name) if distance == 0.0 else []:
-            if contact.second not in self._touched:
-                self._begin(contact, state)
-            self._touched[contact.second].last = state
+        bodies, nearest = self.setup.bodies, float("inf")
+        for body in bodies.own(self.setup.name):
+            distance, _ = bodies.clearance(body)
+            nearest = min(nearest, distance)
+            for contact in bodies.contacts(body) if distance == 0.0 else []:
+                other = contact.second.removesuffix(TRAILER)
+                if other not in self._touched:
+                    self._begin(replace(contact, second=other), state)
+                self._touched[other].last = state
+        self._least = min(self._least, nearest)
+        self._clearance = nearest if nearest <= FAR_M else float("nan")
         for other, touch in list(self._touched.items()):
             if state.t - touch.last.t >= APART_S * NS:
                 self._end(self._touched.pop(other))

@@ -65,6 +65,6 @@ LEVEL = Level(
     FixedHeightHeader,
     Params,
     summary="takes all standing crop under the knife at one height",
-    cost="about 0.5 ms per step (12 m header, 50 Hz)",
+    cost="0.12 ms per step (12 m header, 50 Hz)",
     tolerance="no losses, no lifting, no following of the ground by the header",
 )

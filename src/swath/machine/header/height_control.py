@@ -220,6 +220,6 @@ LEVEL = Level(
     HeightControlHeader,
     Params,
     summary="knife over the ground by feelers, PI control and cylinders; stubble and losses follow",
-    cost="0.6 ms per step on level ground, 1.5 ms on rough (12 m header, 50 Hz, 6 sections)",
+    cost="0.4 ms per step on level ground, more on rough (12 m header, 50 Hz, 6 sections)",
     tolerance="stiff knife; its height is even within a section and rounded to 1 cm",
 )

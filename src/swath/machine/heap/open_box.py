@@ -104,7 +104,7 @@ class Heap(KeepsState):
         level = self.grain / self.density / self.largest
         return HeapState(
             t, self.grain, level, self._spilled.value, float(self._surface.heights.max()), profile,
-            self._surface.freeboard(self._count),
+            self._surface.freeboard(self._count), self._surface.lean,
         )  # fmt: skip
 
     def _show(self) -> None:
@@ -119,8 +119,8 @@ class Heap(KeepsState):
         from swath.field.solids import height_surface
 
         s, box = self._surface, self.box
-        rows = np.linspace(0, len(s.x) - 1, min(len(s.x), 25)).round().astype(int)
-        columns = np.linspace(0, len(s.y) - 1, min(len(s.y), 13)).round().astype(int)
+        rows = np.linspace(0, len(s.x) - 1, max(2, min(len(s.x), 25))).round().astype(int)
+        columns = np.linspace(0, len(s.y) - 1, max(2, min(len(s.y), 13))).round().astype(int)
         x, y = np.array(s.x[rows]), np.array(s.y[columns])
         x[[0, -1]], y[[0, -1]] = [-0.5 * box.length, 0.5 * box.length], [-0.5 * box.width, 0.5 * box.width]
         heights: F64 = s.heights[np.ix_(rows, columns)]

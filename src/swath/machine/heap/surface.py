@@ -82,6 +82,11 @@ class Surface(KeepsState):
         middle = 0.5 * (self.heights[:, half] + self.heights[:, (self._ny - 1) // 2])
         return np.asarray(np.interp(x, self.x, middle))
 
+    @property
+    def lean(self) -> float:
+        """How much higher grain stands at the left wall than at the right one, the mean [m]."""
+        return float((self.heights[:, -1] - self.heights[:, 0]).mean())
+
     def freeboard(self, count: int) -> F64:
         """Rim above the grain at the nearest walls, the least in each of `count` parts of the length [m]."""
         sides = np.maximum(self.heights[:, 0], self.heights[:, -1])

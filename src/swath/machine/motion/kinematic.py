@@ -88,6 +88,6 @@ LEVEL = Level(
     Kinematic,
     Params,
     summary="rolls where the wheels point, on the terrain",
-    cost="about 11 us per step, 29 us within a run",
+    cost="about 12 us per step",
     tolerance="against multibody up to 2.5 m/s: yaw gain 2 to 4 % high, offset after 30 deg -3 to +18 %",
 )

@@ -341,6 +341,6 @@ LEVEL = Level(
     Multibody,
     Params,
     summary="bodies, pendulum axle, four wheels with load shift on rough ground, grain in the tank (MuJoCo)",
-    cost="about 170 us per 5 ms step, 25 times real time at 200 Hz",
+    cost="about 210 us per 5 ms step, 24 times real time at 200 Hz",
     tolerance="loads, roll-out, crab within 0.1 to 3 % of hand calculation; no real machine measured",
 )

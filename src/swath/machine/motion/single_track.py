@@ -198,6 +198,6 @@ LEVEL = Level(
     SingleTrack,
     Params,
     summary="side slip, tyre relaxation, rolling resistance, side slopes, on the terrain",
-    cost="about 17 us per step, 40 us within a run",
+    cost="about 18 us per step",
     tolerance="against multibody up to 2.5 m/s: yaw gain within 0.2 %, offset after 30 deg within 1.6 %",
 )

@@ -121,6 +121,6 @@ LEVEL = Level(
     HydrostatPowertrain,
     Params,
     summary="torque curve, governor, fuel; the drive slows down when the engine is overloaded",
-    cost="about 15 us per step",
+    cost="about 30 us per step",
     tolerance="steady speeds equal to the torque balance; the powers per consumer are 30 % guesses",
 )

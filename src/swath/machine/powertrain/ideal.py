@@ -47,6 +47,6 @@ LEVEL = Level(
     IdealPowertrain,
     Params,
     summary="rated speed at all times, power and fuel added up",
-    cost="about 10 us per step",
+    cost="about 20 us per step",
     tolerance="equal to hydrostat within the governor's droop while the load stays below 1",
 )

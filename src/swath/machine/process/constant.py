@@ -92,6 +92,6 @@ LEVEL = Level(
     ConstantProcess,
     Params,
     summary="everything leaves at once, a constant share of the grain is lost",
-    cost="about 40 us per step",
+    cost="about 100 us per step, straw included",
     tolerance="no transport delay (10-15 s from knife to tank in the field), no load-dependent loss",
 )

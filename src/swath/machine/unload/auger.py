@@ -19,7 +19,7 @@ from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.unload.stream import Parcel, Stream, fall_time
 from swath.signals import F64, MachineLoad, MachineState, UnloadCommand, UnloadState
 
-LEAST_SWING = 0.6  # of the whole swing: the auger does not turn before the pipe is out so far
+LEAST_SWING = 0.97  # of the whole swing: the auger does not turn before the pipe is out so far
 AIM_HEIGHT = 3.2  # of what grain comes down on while there is no box below [m]
 LEAST_FLOW = 0.2  # of the full flow, while a nearly empty tank runs out
 

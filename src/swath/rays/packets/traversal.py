@@ -2,6 +2,7 @@
 
 from functools import cache
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ JOB = np.dtype(  # as in native/rays.cpp
     + [("range_max", np.float64)]
 )
 
+_INDICES: WeakKeyDictionary[PlantLibrary, PacketIndex] = WeakKeyDictionary()
+
 
 @cache
 def can_compile() -> bool:
@@ -45,7 +48,8 @@ class PacketTraversal:
         from swath.rays.packets.kernel import Index
 
         self.library, self._pool = library, pool
-        self.index: PacketIndex = make_index(library)
+        self.index: PacketIndex = _INDICES.get(library) or make_index(library)
+        _INDICES[library] = self.index
         self._shared, self._job = filled(Index, **vars(self.index)), np.zeros(1, JOB)
         self._launch: Any = None
         self._version = -1

@@ -17,7 +17,7 @@ class Machine {
     this.paint = PAINTS[index % PAINTS.length];
     this.index = index;
     const kind = about.type === "combine" || about.type === "forage_harvester" ? harvesterBody : vehicleBody;
-    this.bodyShape = kind(new Shape(), about, this.paint).upload(gl);
+    this.bodyShape = kind(new Shape(), about, this.paint, Boolean(tracks.columns.unload_angle_rad)).upload(gl);
     this.pivot = [about.body[1] - 0.6, 0, Math.max(1.3, about.body[3] + 0.9)];
     if (about.header[0] > 0) {
       this.headerShape = headerBody(new Shape(), about, this.pivot, this.paint).upload(gl);
@@ -29,12 +29,49 @@ class Machine {
       shape: new Shape().wheel(about.radii[k], Math.max(0.3, about.widths[k]), RUBBER, rim).upload(gl),
     })));
     this.sensorShape = new Shape().box(-0.09, 0.09, -0.09, 0.09, -0.1, 0.1, [0.0, 0.32, 0.55]).upload(gl);
+    if (about.trailer && tracks.columns.trailer_x_m) this.addTrailer(gl);
+    this.box = about.box;
+    if (about.box && tracks.columns.heap_level) {
+      const half = about.box.width / 2 - 0.02, long = about.box.length / 2 - 0.02;
+      this.heapShape = new Shape();
+      for (const s of [-1, 1]) {  // a hip roof on a box, both one high
+        this.heapShape.quad([-long, s * half, 0], [long, s * half, 0], [long, s * half, 1], [-long, s * half, 1], GRAIN);
+        this.heapShape.quad([-long, s * half, 1], [long, s * half, 1], [long - half, 0, 1.45], [half - long, 0, 1.45], GRAIN);
+        this.heapShape.triangle([s * long, -half, 1], [s * long, half, 1], [s * (long - half), 0, 1.45], GRAIN);
+      }
+      this.heapShape.upload(gl);
+    }
+    if (about.pipe && tracks.columns.unload_angle_rad) {
+      this.pipeShape = new Shape().rod([0, 0, 0], [-about.pipe.length, 0, 0], 0.2, this.paint.dark).upload(gl);
+      this.streamShape = new Shape().rod([0, 0, 0], [-0.5, 0, -1.4], 0.1, GRAIN, 8, 0.22).upload(gl);
+    }
     const level = tracks.columns.tank_level;
     this.hasTank = Boolean(level && level.some((v) => v > 0));
     if (this.hasTank) this.grainShape = new Shape().box(-0.5, 0.5, -0.5, 0.5, -1, 0, GRAIN).upload(gl);
   }
 
   pose(t) { return this.track.pose(t); }
+
+  addTrailer(gl) {
+    const { drawbar, width, track, radius } = this.about.trailer, box = this.about.box, shape = new Shape();
+    shape.box(0.6, drawbar, -0.12, 0.12, 0.55, 0.75, CHASSIS);
+    shape.box(-0.15, 0.15, -track / 2, track / 2, radius - 0.15, radius + 0.15, CHASSIS);
+    if (box) {
+      const x0 = box.x - box.length / 2, x1 = box.x + box.length / 2, h = box.width / 2, top = box.floor + box.depth;
+      shape.box(x0 + 0.6, x1 - 0.6, -0.5, 0.5, radius, box.floor, CHASSIS);
+      shape.box(x0, x1, -h, h, box.floor - 0.08, box.floor, this.paint.dark);
+      for (const s of [-1, 1]) shape.box(x0, x1, s * h - 0.03, s * h + 0.03, box.floor - 0.08, top, this.paint.body);
+      for (const x of [x0, x1]) shape.box(x - 0.03, x + 0.03, -h, h, box.floor - 0.08, top, this.paint.body);
+    }
+    this.trailerShape = shape.upload(gl);
+    const wide = Math.max(0.4, width - track);
+    this.trailerWheel = new Shape().wheel(radius, wide, RUBBER, RIM).upload(gl);
+  }
+
+  trailerPose(t) {
+    const x = this.track.at("trailer_x_m", t), y = this.track.at("trailer_y_m", t), z = this.track.at("trailer_z_m", t);
+    return times(moved(x, y, z), turned("z", this.track.angle("trailer_yaw_rad", t)));
+  }
 
   // Heading, calmed over a second and a half, for cameras.
   calmYaw(t) {
@@ -72,6 +109,27 @@ class Machine {
       found.push([this.sensorShape, times(body, frameMatrix(sensor.position, sensor.rotation))]);
     }
     if (this.hasTank) found.push([this.grainShape, times(body, this.grain(t))]);
+    let carrier = body;
+    if (this.trailerShape) {
+      carrier = this.trailerPose(t);
+      found.push([this.trailerShape, carrier]);
+      const { track, radius } = this.about.trailer;
+      for (const s of [-1, 1]) {
+        const m = times(carrier, moved(0, s * track / 2, radius));
+        found.push([this.trailerWheel, times(m, turned("y", way / radius))]);
+      }
+    }
+    if (this.heapShape) {
+      const high = Math.max(0.02, 0.9 * this.box.depth * Math.min(1.1, this.track.at("heap_level", t) || 0));
+      const m = times(carrier, moved(this.box.x, 0, this.box.floor));
+      found.push([this.heapShape, times(m, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, high, 0, 0, 0, 0, 1])]);
+    }
+    if (this.pipeShape) {
+      const { x, y, z, length } = this.about.pipe, angle = this.track.at("unload_angle_rad", t) || 0;
+      const pipe = times(times(body, moved(x, y, z)), turned("z", -angle));
+      found.push([this.pipeShape, pipe]);
+      if (this.track.at("unload_flow_kg_s", t) > 0.5) found.push([this.streamShape, times(pipe, moved(-length, 0, 0))]);
+    }
     return found;
   }
 
@@ -82,7 +140,7 @@ class Machine {
   }
 }
 
-function harvesterBody(shape, about, paint) {
+function harvesterBody(shape, about, paint, moves) {
   const [rear, front, half, bottom, top] = about.body, side = half * 0.94, cab = front - 1.5;
   const hull = [
     [rear + 0.2, bottom + 0.75], [rear + 1.0, bottom + 0.25], [cab - 0.2, bottom + 0.25], [cab, bottom + 0.7],
@@ -102,7 +160,7 @@ function harvesterBody(shape, about, paint) {
     for (const s of [-1, 1]) shape.box(cab - 2.5, cab - 0.15, s * side - 0.04, s * side + 0.04, top - 0.8, top + 0.05, paint.body);
     for (const x of [cab - 2.5, cab - 0.2]) shape.box(x, x + 0.06, -side, side, top - 0.8, top + 0.05, paint.body);
     shape.box(cab - 2.5, cab - 0.15, -side, side, top - 0.8, top - 0.7, CHASSIS);
-    shape.rod([cab - 2.3, side + 0.12, top - 0.35], [rear - 0.3, side + 0.22, top - 0.2], 0.17, paint.dark);  // spout
+    if (!moves) shape.rod([cab - 2.3, side + 0.12, top - 0.35], [rear - 0.3, side + 0.22, top - 0.2], 0.17, paint.dark);  // spout
   } else {
     shape.rod([cab - 1.6, 0, top - 0.3], [cab - 1.8, 0, top + 1.0], 0.22, paint.dark);
     shape.rod([cab - 1.8, 0, top + 1.0], [cab - 5.6, 0, top + 1.5], 0.2, paint.dark);

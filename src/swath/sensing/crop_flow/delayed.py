@@ -101,6 +101,6 @@ LEVEL = Level(
     DelayedCropFlow,
     Params,
     summary="each sensor with its delay, smoothing, scale error and noise",
-    cost="60 us per sample",
+    cost="25 us per sample",
     tolerance="equal to ideal with every number at 0",
 )

@@ -133,7 +133,7 @@ LEVEL = Level(
     TruthEdge,
     Params,
     "the true edge, for testing steering alone",
-    cost="0.4 ms",
+    cost="0.3 ms per step",
     tolerance="15.6 mm cells",
     sees_truth=True,
 )

@@ -137,6 +137,6 @@ LEVEL = Level(
     ErrorGnss,
     Params,
     "receiver with latency, white noise, slow wander, losses",
-    cost="0.3 ms per sample",
+    cost="0.25 ms per sample",
     tolerance="equal to ideal with every error at 0",
 )

@@ -44,5 +44,5 @@ class IdealGnss(KeepsState):
 
 
 LEVEL = Level(
-    IdealGnss, Params, "true place and velocity of the antenna", cost="0.2 ms per sample", tolerance="exact"
+    IdealGnss, Params, "true place and velocity of the antenna", cost="0.15 ms per sample", tolerance="exact"
 )

@@ -87,6 +87,6 @@ LEVEL = Level(
     ErrorImu,
     Params,
     "bias, its random walk, scale error and white noise of a MEMS unit",
-    cost="0.1 ms per sample",
+    cost="25 us per sample",
     tolerance="equal to ideal with every error at 0",
 )

@@ -40,5 +40,5 @@ class IdealImu(KeepsState):
 
 
 LEVEL = Level(
-    IdealImu, Params, "true mean rate and specific force", cost="0.1 ms per sample", tolerance="exact"
+    IdealImu, Params, "true mean rate and specific force", cost="13 us per sample", tolerance="exact"
 )

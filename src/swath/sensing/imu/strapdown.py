@@ -101,16 +101,9 @@ class Strapdown(KeepsState):
         return back(self._turn, (p / span, q / span, r / span)), back(self._turn, force)
 
     def _velocity_of(self, a: MachineState, b: MachineState) -> tuple[float, Triple]:
-        (xa, ya, za), (xb, yb, zb) = self._place(a.pose), self._place(b.pose)
+        (xa, ya, za), (xb, yb, zb) = a.pose.point(*self._at), b.pose.point(*self._at)
         per_s = NS / (b.t - a.t)
         return 0.5 * (a.t + b.t) / NS, ((xb - xa) * per_s, (yb - ya) * per_s, (zb - za) * per_s)
-
-    def _place(self, pose: Pose) -> Triple:
-        """Of the sensor in the world [m]."""
-        px, py, pz = pose.position.tolist()
-        x, y, z = self._at
-        (a, b, c), (d, e, f), (g, h, i) = pose.rotation.tolist()
-        return a * x + b * y + c * z + px, d * x + e * y + f * z + py, g * x + h * y + i * z + pz
 
 
 def back(rotation: Rows, vector: Triple) -> Triple:

@@ -67,12 +67,12 @@ class EmpiricalLidar(ScanningLidar):
         )
         self._notes: list[str] = []
         self._clamped = 0
-        self._ensured = (math.inf, math.inf)
+        self._ensured = (math.inf, math.inf, 0)
 
     def reset(self, stream: Stream) -> Outputs:
         """As every scanner; nothing noted yet."""
         self._notes, self._clamped = [], 0
-        self._ensured = (math.inf, math.inf)
+        self._ensured = (math.inf, math.inf, 0)
         outputs = super().reset(stream)
         self.rays.reset(stream)
         return outputs
@@ -96,14 +96,15 @@ class EmpiricalLidar(ScanningLidar):
     def load(self, state: State) -> None:
         """Back to a saved moment."""
         super().load(state)
-        self._ensured = (math.inf, math.inf)
+        self._ensured = (math.inf, math.inf, 0)
 
     def _ensure(self, middle: F64) -> None:
-        """Pages around the sensor, asked for anew after some travel."""
-        x, y = float(middle[0]), float(middle[1])
-        if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY:
-            self.setup.field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)
-            self._ensured = x, y
+        """Pages around the sensor, asked for anew after some travel, and when some went out of memory."""
+        field, (x, y) = self.setup.field, middle[:2].tolist()
+        went = field.store.dropped
+        if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY or went != self._ensured[2]:
+            field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)
+            self._ensured = x, y, went
 
     def _note(self, clamped: int) -> None:
         new = clamped & ~self._clamped

@@ -1,6 +1,6 @@
 """Results put together: a cell is a case with a candidate, pooled over points and seeds."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, sqrt
 from typing import Any
@@ -11,6 +11,7 @@ from swath.tools.function_test.case import Case
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, verdict
 
+OPEN = "open"  # verdict of a run that no limit of its case judges
 EXIT = {SHOWN: 0, BROKEN: 1, NOT_SHOWN: 3}
 
 
@@ -30,8 +31,8 @@ class Cell:
 
     @property
     def counted(self) -> list[Result]:
-        """Runs that count for the rate: not those at points where a failure is known."""
-        return [run for run in self.runs if not self.case.known(run["point"])]
+        """Runs that count for the rate: not those at points where a failure is known, nor unjudged ones."""
+        return [r for r in self.runs if r["verdict"] != OPEN and not self.case.known(r["point"])]
 
     @property
     def failed(self) -> list[Result]:
@@ -94,6 +95,35 @@ def judged_again(result: Result, case: Case) -> Result:
         return result
     reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}" if broken else ""
     return {**result, "expect": entries, "verdict": "fail" if broken else "pass", "reason": reason}
+
+
+def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
+    """The results of the candidates that went along with a run in shadow, judged by the limits on what they
+    have: metrics of the edge. `open` where there is no such limit.
+    """
+    for name in names:
+        told = result.get("shadow", {}).get(name, {"metrics": {}, "digest": ""})
+        entries = []
+        for entry in result["expect"]:
+            if entry["name"] in told["metrics"] and "window" not in entry and "hold" not in entry["limit"]:
+                value, reason = check_metric(
+                    Limit.model_validate(entry["limit"]), told["metrics"][entry["name"]]
+                )
+                said = {"reason": reason} if reason else {}
+                kept = {k: entry[k] for k in ("subject", "name", "limit")}
+                entries.append({**kept, "value": value, "result": "fail" if reason else "pass", **said})
+        broken = [e for e in entries if e["result"] == "fail"]
+        verdict = "fail" if broken else "pass" if entries else OPEN
+        yield {
+            **result,
+            "id": f"{result['id']}-{name}",
+            "candidate": name,
+            "verdict": "error" if result["verdict"] == "error" else verdict,
+            "reason": f"{broken[0]['name']}: {broken[0]['reason']}" if broken else "",
+            "expect": entries,
+            "incidents": [],
+            **told,
+        }
 
 
 def _present(case: Case, entry: dict[str, Any]) -> Limit | None:

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,6 +30,17 @@ def add(parsers: Any) -> None:
     run.add_argument("--only", action="append", default=[], metavar="TAG", help="cases with this tag")
     run.add_argument(
         "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="of every scenario"
+    )
+    run.add_argument(
+        "--level",
+        choices=("empirical", "plants"),
+        default="",
+        help="of scanners; empirical only where it can carry the limits",
+    )
+    run.add_argument(
+        "--shadow",
+        action="store_true",
+        help="the first candidate steers, the others see its scans: open loop",
     )
     run.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
@@ -84,6 +96,8 @@ def _run(args: argparse.Namespace) -> int:
         drawn=args.draw,
         draw_seed=args.draw_seed,
         sets=tuple(args.sets),
+        shadow=args.shadow,
+        level=args.level,
     )
     session = begin(args.out, plan)
     left = session.left()
@@ -162,6 +176,7 @@ def _finish(folder: Path, session: Any, *, again: bool) -> int:
     """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
     from swath.terminal.tables import table
     from swath.tools.function_test.cells import EXIT
+    from swath.tools.function_test.fidelity import told
     from swath.tools.function_test.junit import write_junit
     from swath.tools.function_test.page import write_matrix
     from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
@@ -169,7 +184,7 @@ def _finish(folder: Path, session: Any, *, again: bool) -> int:
     cells = session.cells(again=again)
     session.table()
     write_junit(folder / "junit.xml", cells)
-    page = write_matrix(folder / "report.html", cells)
+    page = write_matrix(folder / "report.html", cells, shadow=session.plan.shadow)
     rows = []
     for cell in cells:
         worst = cell.worst
@@ -181,6 +196,11 @@ def _finish(folder: Path, session: Any, *, again: bool) -> int:
     surprises = [run for cell in cells for run in cell.surprises]
     if surprises:
         print(f"{len(surprises)} runs pass where the cases say that a failure is known")
+    for line in told(Counter((run.case, run.why_dear) for run in session.plan.runs() if run.why_dear)):
+        print(line)
+    if session.plan.shadow:
+        first = next(iter(session.plan.candidates))
+        print(f"open loop: {first} steers, the others see its scans and do not act on the machine")
     print(f"report  {page}")
     return next((EXIT[v] for v in (BROKEN, NOT_SHOWN) if v in verdicts), 0)
 

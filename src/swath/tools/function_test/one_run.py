@@ -1,6 +1,7 @@
 """One run of a function test, in this process: what comes out is a line of a journal."""
 
 import time
+from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import SwathError, shortened
@@ -8,6 +9,8 @@ from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.plan import PlannedRun
+from swath.tools.function_test.shadow import SUMMARY as SHADOW
+from swath.tools.function_test.shadow import ShadowHook
 
 NOT_METRICS = ("seed", "real_time_factor", "ray_count", "simulated_s", "wall_s")
 
@@ -17,6 +20,11 @@ def scenario_of(run: PlannedRun) -> Scenario:
     return load_scenario(run.scenario, sets=run.sets, flags={f"seed {run.seed}": f"seed={run.seed}"})
 
 
+def shadows_of(run: PlannedRun) -> dict[str, Scenario]:
+    """The scenarios of the candidates that go along in shadow. Raises InputError."""
+    return {name: scenario_of(replace(run, sets=sets)) for name, sets in run.shadows.items()}
+
+
 def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     """Drive and judge. The verdict is `pass`, `fail`, or `error` where the run could not be made or crashed.
 
@@ -24,7 +32,9 @@ def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     """
     started = time.process_time()
     try:
-        found = _result(run, run_unrecorded(scenario_of(run), fields))
+        shadows = shadows_of(run)
+        hooks = [ShadowHook(shadows)] if shadows else []
+        found = _result(run, run_unrecorded(scenario_of(run), fields, hooks=hooks))
     except SwathError as error:
         found = no_result(run, str(error))
     except Exception as error:  # a user's own part may raise anything; one run must not end the others
@@ -45,7 +55,7 @@ def _about(run: PlannedRun) -> dict[str, Any]:
 
 
 def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
-    broken = [entry for entry in summary["expect"] if entry["result"] == "fail"]
+    broken = [entry for entry in summary["expect"] if entry["result"] != "pass"]
     reason = ""
     if broken:
         reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}"
@@ -59,6 +69,7 @@ def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
+        **({SHADOW: summary[SHADOW]} if SHADOW in summary else {}),
     }
 
 

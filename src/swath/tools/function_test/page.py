@@ -15,8 +15,8 @@ WIDTH, HEIGHT, PAD = 260.0, 34.0, 8.0  # of a strip [px]
 FAILED_MAX = 200  # runs in the list of failures
 
 
-def write_matrix(path: Path, cells: Sequence[Cell]) -> Path:
-    """Write the page."""
+def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> Path:
+    """Write the page. shadow: all candidates but the first were in open loop"""
     candidates = list(dict.fromkeys(cell.candidate for cell in cells))
     cases = list(dict.fromkeys(cell.case.name for cell in cells))
     by_place = {(cell.case.name, cell.candidate): cell for cell in cells}
@@ -36,6 +36,7 @@ def write_matrix(path: Path, cells: Sequence[Cell]) -> Path:
         version=__version__,
         candidates=candidates,
         rows=rows,
+        shadow=shadow,
         counts={v: sum(c.verdict == v for c in cells) for v in (SHOWN, BROKEN, NOT_SHOWN)},
         run_count=sum(len(c.runs) for c in cells),
         groups=_groups(failed),

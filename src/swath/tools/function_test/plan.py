@@ -18,6 +18,7 @@ from swath.core.errors import InputError
 from swath.documents.yaml_document import parse_value
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.case import Case, Scalar, find_cases
+from swath.tools.function_test.fidelity import CHEAP, chosen_level, scanners
 
 ID_LENGTH = 16  # hexadecimal digits: a clash in a million runs has a chance of 3e-8
 CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
@@ -25,7 +26,10 @@ CODE = (".py", ".cpp", ".yaml", ".json", ".npz", ".dbc", ".j2")
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan"""
+    """One run. scenario: bundled name or path; sets: changes, as after `--set`; number: in the plan
+    shadows: candidates that go along in open loop, with their changes
+    why_dear: why its scanner is at the dear level though the cheap one is asked for, "" where it is not
+    """
 
     id: str
     number: int
@@ -35,6 +39,8 @@ class PlannedRun:
     seed: int
     scenario: str
     sets: Sequence[str]
+    shadows: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    why_dear: str = ""
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,8 @@ class Plan:
     """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name;
     seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
+    shadow: the first candidate steers, the others go along in shadow
+    level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits
     code: hash of the code that its results come from, "" = this
     """
 
@@ -52,6 +60,8 @@ class Plan:
     drawn: int = 0
     draw_seed: int = 1
     sets: tuple[str, ...] = ()
+    shadow: bool = False
+    level: str = ""
     code: str = ""
 
     @cached_property
@@ -70,20 +80,28 @@ class Plan:
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
             for seed in seeds:
                 for point in points:
-                    for name, sets in changed.items():
-                        all_sets = [*case.sets(point), *sets]
-                        told = [base, contents[name], *all_sets, f"seed={seed}"]
+                    at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
+                    steering = list(at)[:1] if self.shadow else list(at)
+                    for name in steering:
+                        more, why = self._level_at(case, at[name])
+                        shadows = {other: [*at[other], *more] for other in at if other not in steering}
+                        sets = [*at[name], *more]
+                        told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
+                        told += [[other, contents[other], *shadows[other]] for other in shadows]
+                        run_id = _sha(told)[:ID_LENGTH]
                         yield PlannedRun(
-                            _sha(told)[:ID_LENGTH],
-                            number,
-                            case.name,
-                            name,
-                            point,
-                            seed,
-                            case.scenario,
-                            all_sets,
+                            run_id, number, case.name, name, point, seed, case.scenario, sets, shadows, why
                         )
                         number += 1
+
+    def _level_at(self, case: Case, sets: Sequence[str]) -> tuple[list[str], str]:
+        """Changes for the level at which a run is judged, and why that is the dear one, if so."""
+        if not self.level and not any(CHEAP in text for text in sets) and not _is_cheap(case.scenario):
+            return [], ""
+        try:
+            return chosen_level(load_scenario(case.scenario, sets=sets), self.level)
+        except InputError:  # told as the result of the run
+            return [], ""
 
     def check(self) -> None:
         """Raise InputError where the scenario of the first point of a case cannot be read."""
@@ -106,8 +124,15 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
-    keys = {k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "code")}
+    keys = {
+        k: data[k] for k in ("cases", "candidates", "seeds", "drawn", "draw_seed", "shadow", "level", "code")
+    }
     return Plan(**keys, tags=tuple(data["tags"]), sets=tuple(data["sets"]))
+
+
+@cache
+def _is_cheap(scenario: str) -> bool:
+    return bool(scanners(load_scenario(scenario), CHEAP))
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.cells import Cell, cells_of, judged_again
+from swath.tools.function_test.cells import Cell, cells_of, in_shadow, judged_again
 from swath.tools.function_test.journal import Journal, Result, finished, results_of, write_table
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
@@ -53,13 +53,15 @@ class Session:
         """Finished runs in the order of the plan."""
         runs = list(self.plan.runs())
         found = {r["id"]: r for r in results_of(self.journals, (run.id for run in runs))}
-        return [_as_planned(found[run.id], run) for run in runs if run.id in found]
+        planned = [(_as_planned(found[run.id], run), run) for run in runs if run.id in found]
+        return [result for whole, run in planned for result in (whole, *in_shadow(whole, run.shadows))]
 
     def cells(self, *, again: bool = False) -> list[Cell]:
         """Judged cells; again: against the limits that the cases have now."""
         planned: dict[tuple[str, str], int] = {}
         for run in self.plan.runs():
-            planned[run.case, run.candidate] = planned.get((run.case, run.candidate), 0) + 1
+            for candidate in (run.candidate, *run.shadows):
+                planned[run.case, candidate] = planned.get((run.case, candidate), 0) + 1
         cases = {case.name: case for case in self.plan.found}
         results = self.results()
         if again:

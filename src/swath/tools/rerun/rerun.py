@@ -59,7 +59,7 @@ def draw_report(folder: Path) -> Path:
         raise InputError("run", str(folder), expected)
     summary = json.loads(file.read_text(encoding="utf-8"))
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
-    writer = ReportWriter(of=FinishedRun(folder, summary, _scenario(plan.log, folder, ())))
+    writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
     with tempfile.TemporaryDirectory(prefix="swath-report-") as aside:
         run_job(plan.scenario, Path(aside) / "run", hooks=[writer])
     return folder / "report.html"
@@ -80,7 +80,7 @@ def plan_rerun(
     sets, seed: changes to the scenario, as of `swath run`. InputError where the source or a slot will not do
     """
     log = open_log(source)
-    recorded = _scenario(log, source, ())
+    recorded = recorded_scenario(log, source, ())
     recorded_outputs = {s: own_outputs(log, s) for s in _slots(recorded)}
     exact = [s for s, outputs in recorded_outputs.items() if any(outputs.values())]
     if not exact:
@@ -89,10 +89,12 @@ def plan_rerun(
     played = _named(slots, exact) if slots is not None else _default_slots(exact, is_all)
     changes = [f"{slot}={_entry(recorded, slot, log.path)}" for slot in played]
     flags = {f"--seed {seed}": f"seed={seed}"} if seed is not None else {}
-    return Rerun(log, _scenario(log, source, [*changes, *sets], flags), tuple(played))
+    return Rerun(log, recorded_scenario(log, source, [*changes, *sets], flags), tuple(played))
 
 
-def _scenario(log: Log, source: Path, sets: Sequence[str], flags: dict[str, str] | None = None) -> Scenario:
+def recorded_scenario(
+    log: Log, source: Path, sets: Sequence[str], flags: dict[str, str] | None = None
+) -> Scenario:
     """The scenario beside the recording, or the one within it."""
     for folder in (source, log.path.parent):
         if (folder / "scenario.yaml").is_file():

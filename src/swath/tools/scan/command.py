@@ -47,10 +47,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _with_camera(args: argparse.Namespace) -> Any:
     """The scenario; its scanning machine gets a camera where it has none."""
-    from swath.tools.scan.scan import first_of_kind, scanning_machine
+    from swath.tools.scan.scan import first_of_kind, seeing_machine
 
     scenario = load(args)
-    name, _ = scanning_machine(scenario)
+    name, _ = seeing_machine(scenario)
     if first_of_kind("camera", scenario.machines[name].slots) is None:
         args.sets = [*args.sets, f"{name}.camera=rays"]
         scenario = load(args)

@@ -22,7 +22,7 @@ from swath.signals import F64, Image, Scan, ScanTruth, Signal
 
 @dataclass(frozen=True)
 class DrivenWorld:
-    """A world after some driving. machine: the one that scans; lidar, camera: its slots, camera "" = none
+    """A world after some driving. machine: the one that scans; lidar, camera: its slots, "" = none
     sampler: the scans it took
     """
 
@@ -57,24 +57,24 @@ def scan_job(
     formats = USUAL_FORMATS if formats is None else formats
     check_formats(formats)
     driven = drive_to_scan(scenario, at_s, camera=camera)
-    machine, scan = driven.machine, driven.latest(driven.lidar, "scan")
-    truth = driven.latest(driven.lidar, "truth")
-    assert isinstance(scan, Scan)
-    if not isinstance(truth, ScanTruth):  # a scan from a log has none
-        truth = _no_truth(scan)
+    machine = driven.machine
     parts = Path(tempfile.mkdtemp(prefix="swath-scan-"))
+    files: list[Path] = []
     try:
-        files = write_scan(
-            parts,
-            scan,
-            truth,
-            driven.sampler.pick(driven.lidar, 1)[-1],
-            mounting=machine.mountings[driven.lidar],
-            machine=machine.recorded(),
-            stand=driven.world.field,
-            edge=_edge_line(driven.world),
-            formats=formats,
-        )
+        if driven.lidar:
+            scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")
+            assert isinstance(scan, Scan)
+            files += write_scan(
+                parts,
+                scan,
+                truth if isinstance(truth, ScanTruth) else _no_truth(scan),  # a scan from a log has none
+                driven.sampler.pick(driven.lidar, 1)[-1],
+                mounting=machine.mountings[driven.lidar],
+                machine=machine.recorded(),
+                stand=driven.world.field,
+                edge=_edge_line(driven.world),
+                formats=formats,
+            )
         if camera:
             image = driven.latest(driven.camera, "image")
             assert isinstance(image, Image)
@@ -93,9 +93,9 @@ def _no_truth(scan: Scan) -> ScanTruth:
 def drive_to_scan(scenario: Scenario, at_s: float, *, camera: bool = False) -> DrivenWorld:
     """Drive a scenario for `at_s`, and on until the scanner and, with `camera`, the camera have taken a step.
 
-    InputError where no machine has a lidar, or that machine has no camera.
+    InputError where no machine has a lidar (with `camera`: nor a camera), or that machine has no camera.
     """
-    name, lidar = scanning_machine(scenario)
+    name, lidar = seeing_machine(scenario) if camera else scanning_machine(scenario)
     slots = scenario.machines[name].slots
     seen = first_of_kind("camera", slots) if camera else ""
     if seen is None:
@@ -105,7 +105,7 @@ def drive_to_scan(scenario: Scenario, at_s: float, *, camera: bool = False) -> D
     evaluation = make_evaluation(world)
     detection = evaluation.find(name, EdgeDetection)
     sampler = ScanSampler(machine.recorded(), lambda: detection.true_offset if detection else float("nan"))
-    waits = [2.0 / slots[lidar].common.rate_hz, 1.0 / slots[seen].common.rate_hz if seen else 0.0]
+    waits = [turns / slots[slot].common.rate_hz for slot, turns in ((lidar, 2.0), (seen, 1.0)) if slot]
     try:
         drive(world, [evaluation, sampler], until_s=max(at_s, *waits))
     finally:
@@ -119,6 +119,17 @@ def scanning_machine(scenario: Scenario) -> tuple[str, str]:
         if (lidar := first_of_kind("lidar", machine.slots)) is not None:
             return name, lidar
     raise InputError("lidar", "off", "expected a scenario with a machine that has a lidar")
+
+
+def seeing_machine(scenario: Scenario) -> tuple[str, str]:
+    """The first machine that scans and its first lidar slot; else the first with a camera and ""."""
+    try:
+        return scanning_machine(scenario)
+    except InputError:
+        for name, machine in scenario.machines.items():
+            if first_of_kind("camera", machine.slots) is not None:
+                return name, ""
+        return next(iter(scenario.machines)), ""
 
 
 def first_of_kind(name: str, instances: Iterable[str]) -> str | None:

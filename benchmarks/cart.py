@@ -1,0 +1,122 @@
+"""A cart beside a combine: every row of docs/cart.md, with the number that comes out now.
+
+python benchmarks/cart.py
+"""
+
+import math
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+from tests.machine.test_heap import BOXES, SLOPE, until_it_runs_over
+from tests.machine.test_trailer import make, run
+from tests.machine.test_unload import pour, setup_with_box
+from tests.whole.cart_rig import Run
+from tests.whole.test_unload_on_the_go import ALTERNATING, LINKS, QUICK, RADIO
+
+from swath.machine.heap.surface import Surface, largest_heap
+from swath.machine.machine_sheet import load_machine
+from swath.machine.motion import articulated, kinematic
+from swath.machine.unload import ideal
+from swath.signals import HeapState, UnloadState
+
+CART = load_machine("tractor-grain-cart")
+
+
+def say(case: str, found: str, expected: str) -> None:
+    """One row."""
+    print(f"{case:52s} {found:34s} {expected}", flush=True)
+
+
+def heap() -> None:
+    """First grain over the rim, volume, slope."""
+    box, _, *expected = BOXES[0]
+    cases = ([0.0], [-1.5, 1.5], np.linspace(-1.5, 1.5, 31))
+    for name, spots, wanted in zip(("one spot", "two spots", "middle line"), cases, expected, strict=True):
+        surface, poured = until_it_runs_over(box, spots)
+        off = abs(surface.volume - poured) / poured
+        say(f"first grain over the rim, {name}", f"{surface.volume:.2f} m3, volume {off:.0e}", f"{wanted} m3")
+    cone = Surface(box, SLOPE, 0.1)
+    cone.pour(2.0, 0.05, 0.05)
+    row = cone.heights[:, 15]
+    steep = math.degrees(math.atan(float(np.abs(np.diff(row[row > 0.0])).max()) / 0.1))
+    say("slope of a cone", f"{steep:.2f} deg", "25 deg")
+    say("largest heap", f"{largest_heap(box, SLOPE):.2f} m3", "33.1 m3")
+
+
+def trailer() -> None:
+    """Off-tracking on 15 m, both levels on the same circle."""
+    for level in (kinematic, articulated):
+        low, high = 0.1, 0.35
+        for _ in range(25):  # steering angle at which the tractor's circle has 15 m
+            steer = 0.5 * (low + high)
+            state, towed = run(make(level), 40.0, steer=steer)[-1]
+            radius = math.hypot(state.speed, state.lateral_speed) / state.yaw_rate
+            low, high = (steer, high) if radius > 15.0 else (low, steer)
+        across = state.pose.euler()[2] + math.atan2(state.lateral_speed, state.speed)
+        x, y, _ = state.pose.position
+        inner = math.hypot(towed.x - x + radius * math.sin(across), towed.y - y - radius * math.cos(across))
+        name = level.__name__.rpartition(".")[2]
+        say(f"trailer at R = {radius:.2f} m, {name}", f"{radius - inner:.3f} m inside", "0.672 m")
+
+
+def unloading() -> None:
+    """12 m3 at 120 l/s."""
+    for name, inflow, wanted in (("standing", 0.0, 100), ("while cutting 23.8 kg/s", 23.8, 135)):
+        _, lasted = pour(ideal, setup_with_box()[0], 150.0, inflow=inflow)
+        say(f"12 m3 at 120 l/s {name}", f"{lasted:.1f} s", f"{wanted} s")
+
+
+def station() -> None:
+    """How far from the wanted point grain comes down."""
+    cases = (
+        ("1.2 m/s", (), 60, "0.048 / 0.26 m measured"),
+        ("0.4 <-> 1.2 m/s", (ALTERNATING,), 90, "0.09 / 0.21 m measured"),
+    )
+    for name, sets, seconds, expected in cases:
+        rows = np.abs(Run(*sets, seconds=seconds).while_pouring(2.0)[:, 1:3])
+        along, across = (f"{v.mean():.3f} / {v.max():.3f}" for v in rows.T)
+        say(f"station at {name}, mean / largest", f"along {along}, across {across}", expected)
+    for angle in (60, -60):
+        edge = f"field.edge={{shape: curve, run_in_m: 25, radius_m: 40, angle_deg: {angle}}}"
+        rows = np.abs(Run(edge, "run.distance_m=200", seconds=50).while_pouring(5.0)[:, 1:3])
+        found = f"along {rows[:, 0].max():.3f}, across {rows[:, 1].max():.3f} m"
+        say(f"largest in a bend of 40 m, {'left' if angle > 0 else 'right'}", found, "-")
+
+
+def link() -> None:
+    """Age of messages, and silence."""
+    for flag in ("true", "false"):
+        sets = (LINKS[1] + RADIO % "", QUICK, f"cart.cooperate.keep.compensate={flag}")
+        lag = float(Run(*sets, seconds=32).while_pouring(8.0)[:, 1].mean())
+        say(
+            f"10 Hz, 100 ms at 2.2 m/s, compensated: {flag}",
+            f"{100 * lag:.1f} cm",
+            "3 cm" if flag == "true" else "22 cm",
+        )
+    for text, name in ((", silent_from_s: 25, silent_for_s: 2", "2 s"), (", silent_from_s: 25", "for good")):
+        found = Run(*(k + RADIO % text for k in LINKS), QUICK, seconds=50)
+        later = found.table[(found["t"] > 25.0) & (found["t"] < 36.0)]
+        gap, _ = found.world.bodies.clearance("combine")
+        if name == "2 s":
+            say("silent for 2 s, largest deviation", f"{np.abs(later[:, 1:3]).max():.3f} m", "0.5 m")
+        else:
+            off = later[later[:, 4] == 0.0][0, 0] - 25.0
+            say("silent for good", f"auger off after {off:.2f} s, {gap:.1f} m clear", "off and clear")
+
+
+def fill() -> None:
+    """Filling while driving."""
+    for level, start in (("one_spot", 45), ("front_to_back", 86), ("oscillate", 86), ("by_profile", 86)):
+        found = Run(f"cart.cooperate={level}", f"cart.heap.start_percent={start}", seconds=150)
+        pipe, share = found.of("combine", UnloadState), found.of("cart", HeapState).level
+        spilled = pipe.missed / pipe.drawn
+        expected = "77 %" if level == "one_spot" else "95 %, spill 0.1 %"
+        say(f"filled while driving, {level}", f"{100 * share:.1f} %, spilled {100 * spilled:.3f} %", expected)
+
+
+if __name__ == "__main__":
+    for part in (heap, trailer, unloading, station, link, fill):
+        part()

@@ -1,0 +1,61 @@
+"""What ten edge detectors cost: in shadow beside one run, and each steering a run of its own.
+
+    python -m benchmarks.shadow [--distance 30] [--loops 3]
+
+Prints CPU seconds. Of the ten closed loops only `--loops` are run, evenly chosen; their mean counts
+ten times.
+"""
+
+import argparse
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from swath.runtime.hooks import RunHook
+from swath.runtime.job import run_job
+from swath.scenario.scenario import Scenario, load_scenario
+from swath.tools.function_test.shadow import ShadowHook
+
+DETECTORS = (
+    "{level: likelihood_ratio}",
+    "{level: likelihood_ratio, hold_m: 2}",
+    "{level: likelihood_ratio, crab: 0}",
+    "{level: max_likelihood}",
+    "{level: max_likelihood, gate_m: 0.2}",
+    "{level: max_likelihood, gate_m: 0.7}",
+    "{level: max_likelihood, learn_m: 0}",
+    "{level: otsu}",
+    "{level: otsu, gate_m: 0.2}",
+    "{level: otsu, learn_m: 0}",
+)
+
+
+def seconds(scenario: Scenario, hooks: Sequence[RunHook] = ()) -> float:
+    """CPU time of a run with its world."""
+    started = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        run_job(scenario, Path(folder) / "run", hooks=hooks)
+    return time.process_time() - started
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--distance", type=float, default=30.0)
+    parser.add_argument("--loops", type=int, default=3)
+    args = parser.parse_args()
+    sets = [f"run.distance_m={args.distance}", "run.record=none"]
+    scenarios = [load_scenario("straight", sets=[*sets, f"combine.edge={edge}"]) for edge in DETECTORS]
+    seconds(load_scenario("straight", sets=["run.distance_m=2", "run.record=none"]))  # kernels are compiled
+    chosen = scenarios[:: -(-len(scenarios) // args.loops)]
+    closed = [seconds(scenario) for scenario in chosen]
+    all_closed = sum(closed) / len(closed) * len(scenarios)
+    shadows = {DETECTORS[i]: scenario for i, scenario in enumerate(scenarios)}
+    shadow = seconds(scenarios[0], [ShadowHook(shadows)])
+    spread = f"({len(closed)} run, {min(closed):.1f} to {max(closed):.1f})"
+    print(f"ten closed loops      {all_closed:6.1f} s of CPU {spread}")
+    print(f"one run, ten shadows  {shadow:6.1f} s of CPU: 1 / {all_closed / shadow:.1f}")
+
+
+if __name__ == "__main__":
+    main()

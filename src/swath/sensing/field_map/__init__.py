@@ -1,0 +1,1 @@
+"""Field map levels: what is known of the crop ahead before any sensor sees it."""

@@ -1,0 +1,22 @@
+"""What a stored map says of the crop ahead."""
+
+from typing import Annotated
+
+from swath.core.frozen import frozen
+from swath.core.signal import Quantity, Signal
+from swath.signals.arrays import F64
+
+_N = ("place_count",)
+
+
+@frozen
+class FieldMap(Signal):
+    """Values of a map at places straight ahead of the header, averaged over its width."""
+
+    ahead: Annotated[F64, Quantity("m", "of the places in front of the fixed axle", _N)]
+    grain: Annotated[F64, Quantity("kg/m2", "grain on the ground's area", _N, "the map says nothing")]
+    grain_sd: Annotated[F64, Quantity("kg/m2", "1 sigma of it", _N, "not known")]
+    age: Annotated[F64, Quantity("s", "since it was measured", _N, "not known")]
+    boundary: Annotated[
+        float, Quantity("m", "in front of the fixed axle, where the field ends", nan="not within reach")
+    ]

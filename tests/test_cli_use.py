@@ -1,0 +1,148 @@
+"""What someone types in the first hour: mistakes at once, short trials, settings, tables in a pipe."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import swath
+from swath.commands.main import main
+from swath.scenario.scenario import load_scenario
+
+SHORT = ["run.distance_m=5", "combine.lidar.level=empirical", "combine.edge=truth", "run.record=none"]
+
+
+def test_python_m_swath_is_the_command_line():
+    done = subprocess.run(
+        [sys.executable, "-m", "swath", "--version"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout.split()[0]) == (0, "swath")
+
+
+def test_all_mistakes_of_a_scenario_are_said_at_once(capsys):
+    wrong = [
+        "combine.steer.lookahed_m=3",
+        "combine.lidar.rate_hz=-1",
+        "run.distance_m=far",
+        "field.stand.crop=spelt",
+    ]
+    flags = [word for change in wrong for word in ("--set", change)]
+    assert main(["run", "straight", *flags]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == len(wrong)
+    for change in wrong:
+        assert any(change.partition("=")[0].rpartition(".")[2] in line for line in said), change
+
+
+def test_a_setting_with_a_slip_is_named(capsys, monkeypatch):
+    monkeypatch.setenv("SWATH_THREAD", "2")
+    assert main(["scenarios"]) == 0
+    assert capsys.readouterr().err == (
+        "swath: SWATH_THREAD in the environment is no setting, did you mean SWATH_THREADS?\n"
+    )
+
+
+def test_a_trial_of_five_metres_is_no_failure_but_a_long_run_without_a_value_is(tmp_path, capsys):
+    flags = [word for change in SHORT for word in ("--set", change)]
+    assert main(["run", "straight", *flags, "--out", str(tmp_path / "r")]) == 0
+    assert "note    nothing measured in so short a run: lateral_rms_m" in capsys.readouterr().out
+    expect = json.loads((tmp_path / "r" / "summary.json").read_text())["expect"]
+    assert {e["result"] for e in expect if e["name"] == "lateral_rms_m"} == {"not measured"}
+    from swath.judge.limits import NOTHING, entry_of, is_failed
+
+    expected = load_scenario("straight").expect[0]
+    assert is_failed([entry_of(expected, [(None, NOTHING)])])
+    assert not is_failed([entry_of(expected, [(None, NOTHING)], is_trial=True)])
+    assert is_failed([entry_of(expected, [(1.0, "1 is more than 0.05")], is_trial=True)])
+
+
+def test_the_order_of_set_does_not_matter():
+    one = ["combine.lidar.level=plants", "combine.lidar.sub_rays=7", "combine.lidar.spot=fixed"]
+    made = [load_scenario("straight", sets=sets) for sets in (one, one[::-1], [one[1], one[0], one[2]])]
+    other = [
+        load_scenario("straight", sets=s)
+        for s in (
+            ["combine.imu.rate_hz=10", "combine.imu=ideal"],
+            ["combine.imu=ideal", "combine.imu.rate_hz=10"],
+        )
+    ]
+    assert made[0] == made[1] == made[2]
+    assert other[0] == other[1]
+    assert other[0].machines["combine"].slots["imu"].common.rate_hz == 10
+
+
+def test_a_table_of_set_lies_where_one_stands(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "cal.npz").write_bytes(b"")
+    sets = ["combine.lidar.level=empirical", "combine.lidar.table=runs/cal.npz"]
+    params = load_scenario("straight", sets=sets).machines["combine"].slots["lidar"].params
+    assert params.table == str(tmp_path / "runs" / "cal.npz")
+
+
+def test_sets_of_python_read_what_set_reads(tmp_path):
+    texts = [
+        "combine.speed.speed_kmh=5",
+        "combine.lidar.sector_deg=[-30, 30]",
+        "combine.lidar.echo=mean",
+        "seed=4",
+    ]
+    values = {
+        "combine.speed.speed_kmh": "5",
+        "combine.lidar.sector_deg": np.array([-30, 30]),
+        "combine.lidar.echo": "mean",
+        "seed": np.int64(4),
+    }
+    assert swath.load_scenario("straight", sets=values) == swath.load_scenario("straight", sets=texts)
+
+
+def test_runs_of_the_same_moment_get_folders_of_their_own(tmp_path, monkeypatch):
+    from swath.runtime.folder import choose_run_folder, remove_empty
+
+    monkeypatch.chdir(tmp_path)
+    folders = [choose_run_folder("a", 1) for _ in range(3)]
+    assert [f.name for f in folders] == ["a-1", "a-1-2", "a-1-3"]
+    for folder in folders:
+        remove_empty(folder)
+    assert choose_run_folder("a", 1).name == "a-1"
+
+
+@pytest.mark.parametrize("command", [["levels"], ["sheets"], ["metrics"]])
+def test_lines_stay_whole_in_a_pipe(command, capsys):
+    assert main(command) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) > 80
+    rows = [line for line in lines if line.startswith("  ") and line.strip()]
+    assert not [row for row in rows if len(row) - len(row.lstrip()) > 12]  # the rest of a folded cell
+
+
+def test_a_camera_without_a_lidar_is_seen(tmp_path, capsys):
+    flags = ["--set", "combine.lidar=off", "--set", "combine.edge=truth"]
+    assert main(["scan", "straight", "--camera", *flags, "--out", str(tmp_path / "s")]) == 0
+    assert sorted(os.listdir(tmp_path / "s")) == ["scan.camera.npz", "scan.camera.png"]
+
+
+DRIVING = """format: swath scenario 2
+name: driving
+run: {distance_m: 2, max_duration_s: 4, record: none}
+field: {terrain: plane, stand: uniform}
+machines:
+  tug: {machine: tractor-grain-cart, start: {x_m: 150, y_m: 150, heading_deg: 30}}
+"""
+
+
+def test_a_machine_that_only_drives_needs_no_edge(tmp_path):
+    from swath.core.errors import InputError
+    from swath.runtime.assembly import assemble
+    from swath.scenario.scenario import parse_scenario
+
+    world = assemble(parse_scenario(DRIVING))
+    assert world.field.why_outside(150.0, 150.0) == ""
+    world.close()
+    with pytest.raises(InputError, match=r"tug\.start: expected x_m, y_m and heading_deg"):
+        parse_scenario(DRIVING.replace(", start: {x_m: 150, y_m: 150, heading_deg: 30}", ""))
+    with pytest.raises(InputError, match=r"field\.edge\.shape: expected one of"):
+        parse_scenario(DRIVING.replace("tractor-grain-cart", "combine-5m"))
