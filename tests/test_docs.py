@@ -157,6 +157,9 @@ PRELUDE = {  # what a page takes for granted
 }
 
 
+SCRIPTED = [p for p in PAGES if "```python" in p.read_text() and p.parent.name != "tutorials"]
+
+
 @pytest.mark.parametrize("page", SCRIPTED, ids=lambda p: p.name)
 def test_python_runs(page, tmp_path, monkeypatch):
     """From top to bottom, with a short run in place of the one that the page makes."""
