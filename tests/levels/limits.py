@@ -108,7 +108,7 @@ LIMITS = {
         "feed_rate": Limit("no error in steady state", 1e-3),
         "look_ahead": Limit("as good as the sight", 0.01),
         "map_ahead": Limit("as good as the map", 0.01),
-        "joined_ahead": Limit("no worse than the better of both once learned", 0.01),
+        "joined_ahead": Limit("in time for what comes", 0.01),
     },
     "steering": {
         "actuator": Limit("exact solution of its equations at any step", EXACT),
