@@ -1,7 +1,7 @@
 """Speed laws on the crop of a measured field: spread of the throughput, pass by pass.
 
     swath field import LOG --out FIELD
-    python -m benchmarks.map_speed FIELD [PASSES]
+    python -m benchmarks.map_speed FIELD [PASSES [LAW ...]]
 
 The crop along each driven pass is that of the field's yield map. The laws run on the bench of their tests:
 drive with a lag of 1 s, throughput measured 2.3 s late and with 2 % of noise; the scanner sees 10 m ahead
@@ -80,7 +80,11 @@ def main() -> None:
     count = int(sys.argv[2]) if len(sys.argv) > 2 else 40
     crops = [c for c in (crop_of(field, t) for t in field.tracks) if c is not None]
     crops = crops[:: max(1, len(crops) // count)][:count]
-    found = {law: np.array([spread(law, c, k) for k, c in enumerate(crops)]) for law in LAWS if law in (sys.argv[3:] or LAWS)}
+    found = {
+        law: np.array([spread(law, c, k) for k, c in enumerate(crops)])
+        for law in LAWS
+        if law in (sys.argv[3:] or LAWS)
+    }
     varies = np.mean([c.std() / c.mean() for c in crops])
     base = found["feed_rate"][:, 0]
     print(f"{len(crops)} passes of {LENGTH_M:.0f} m, CV of the crop {varies:.1%}")

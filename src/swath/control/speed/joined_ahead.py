@@ -1,8 +1,8 @@
 """Speed level `joined_ahead`: scanner and map together, each as much as it has proved right.
 
 Both learn what their values weigh, and how far their forecasts were off from what the feeder measured then.
-As far as the scanner sees, the forecast is their mean, weighted by the inverse of those squares; where it sees
-nothing, the map's alone. What a map says farther ahead does not slow the machine as long as there is a scanner.
+As far as the scanner sees, the forecast is their mean, weighted by the inverse of those squares; where it
+sees nothing, the map's alone. What a map says farther ahead does not slow a machine whose scanner sees.
 """
 
 from dataclasses import dataclass
