@@ -23,11 +23,26 @@ class Bench:
 
     sight: how far ahead of the knife crop is seen [m], in units of `seen` per kg/m2; 0 = blind
     strength: throughput at which the engine is fully loaded [kg/s]
+    chart: what a map says of the crop, kg/m2 at x; scatter: of what is seen ahead, one sigma relative
     """
 
-    def __init__(self, law, params, crop, *, delay=2.3, sight=0.0, seen=3.0, strength=1e9, noise=None):
+    def __init__(
+        self,
+        law,
+        params,
+        crop,
+        *,
+        delay=2.3,
+        sight=0.0,
+        seen=3.0,
+        strength=1e9,
+        noise=None,
+        chart=None,
+        scatter=0.0,
+    ):
         self.law = law(params, setup_of(period=H))
         self.crop, self.sight, self.seen, self.strength, self.noise = crop, sight, seen, strength, noise
+        self.chart, self.scatter = chart or crop, scatter
         self.speed = self.law.reset(Stream(1, "speed"))["command"].speed
         self.line = deque([0.0] * round(delay / H))
         self.x = self.reading = self.t = 0.0
@@ -48,9 +63,11 @@ class Bench:
         ahead = None
         if self.sight > 0.0:
             amount = self.seen * self.crop(self.x + self.sight)
+            if self.noise is not None and self.scatter:
+                amount *= max(1.0 + self.scatter * self.noise.standard_normal(), 0.05)
             ahead = CropAhead(t, KNIFE + self.sight, 1.0, amount)
-        places = [2.0 * k for k in range(1, 1 + int(self.sight / 2.0))]
-        grain = np.array([self.crop(self.x + place) for place in places])
+        places = [2.0 * k for k in range(1, 1 + int(2.0 * self.sight / 2.0))]
+        grain = np.array([self.chart(self.x + place) for place in places])
         sure = np.zeros(len(places))
         inputs = {
             "map": FieldMap(t, KNIFE + np.array(places), grain, sure, sure, float("nan")) if places else None,

@@ -138,7 +138,7 @@ LIMITS = {
         "look_ahead": Limit("as good as the sight", 0.01),
         "station": Limit("against its differential equation within 2 cm", 0.02),
         "map_ahead": Limit("as good as the map", 0.01),
-        "joined_ahead": Limit("no worse than the better of both once learned", 0.01),
+        "joined_ahead": Limit("in time for what comes", 0.01),
     },
     "steering": {
         "actuator": Limit("exact solution of its equations at any step", EXACT),

@@ -57,7 +57,7 @@ def test_every_level_can_be_chosen_by_name_or_says_what_it_needs():
             except InputError as error:
                 refused.append((level, error.expected))
     missing = "expected a value, the key is missing"
-    assert refused == [("dem", missing), ("replay", missing)]
+    assert refused == [("dem", missing), ("replay", missing), ("file", missing)]
 
 
 def test_reference_is_up_to_date():

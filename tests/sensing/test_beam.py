@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import find_sheet, sheet_names
+from swath.documents.data_sheets import find_sheet, read_sheet, sheet_names
 from swath.sensing.beam import (
     FWHM_TO_E2,
     Beam,
@@ -162,7 +162,7 @@ def test_ouster_spot_is_converted_from_its_half_width():
 
 
 def test_every_bundled_scanner_loads_with_a_source_for_each_number():
-    names = sheet_names("sensors")
+    names = [n for n in sheet_names("sensors") if read_sheet("sensors", n).value("kind") == "lidar"]
     assert len(names) >= 10
     for name in names:
         sheet = load_lidar(name)
