@@ -12,7 +12,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import only_code
@@ -20,8 +20,6 @@ from swath.core.registry import level_here
 from swath.documents.hints import unknown_key
 from swath.documents.packed import read_arrays
 from swath.documents.yaml_document import Document
-from swath.field_io.folder import FieldFolder
-from swath.field_io.folder import read as read_folder
 from swath.judge.limits import is_failed
 from swath.replay.writer import ReplayWriter
 from swath.report.notebook import picture, run_html
@@ -33,6 +31,9 @@ from swath.runtime.workers import Lost, in_workers
 from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
 from swath.tools.scan.scan import scan_job
+
+if TYPE_CHECKING:
+    from swath.field_io.folder import FieldFolder
 
 Sets = Mapping[str, Any] | Sequence[str]
 
@@ -85,9 +86,11 @@ class ScanResult:
         return "".join(picture(file.read_bytes()) for file in self.files if file.suffix == ".png")
 
 
-def read_field(path: str | Path) -> FieldFolder:
+def read_field(path: str | Path) -> "FieldFolder":
     """A field folder, as `swath field import` makes one; a notebook shows its overview."""
-    return read_folder(path)
+    from swath.field_io.folder import read
+
+    return read(path)
 
 
 def scan(

@@ -39,7 +39,7 @@ def test_driving_through_a_post_is_one_contact_from_begin_to_end():
     bodies = Bodies({"post 1": POST})
     bodies.add("combine", machine_body(MACHINE), Pose.identity())
     (watch,) = watches(bodies, "combine")
-    assert watch.metrics() == {"contact_count": 0.0}
+    assert watch.metrics()["contact_count"] == 0.0
     clearance = drive(bodies, watch, "combine", 30.0)
     (event,) = watch.events()
     knife = 20.0 - 0.1 - MACHINE.knife_x  # way of the fixed axle when the knife is there
@@ -48,7 +48,7 @@ def test_driving_through_a_post_is_one_contact_from_begin_to_end():
     assert event.t / NS == pytest.approx(event.distance / 2.0)
     assert (event.x, event.y) == (pytest.approx(20.0, abs=0.25), pytest.approx(0.0, abs=0.2))
     assert event.end_distance == pytest.approx(25.1, abs=0.12)
-    assert watch.metrics() == {"contact_count": 1.0}
+    assert watch.metrics() == {"contact_count": 1.0, "least_clearance_m": 0.0}
     assert watch.end_reason(0) == f"touched post 1 at {event.t / NS:.1f} s"
     way = np.arange(len(clearance)) * 0.02
     near = (way > knife - 4.9) & (way < knife)
@@ -74,7 +74,7 @@ def test_two_machines_that_touch_each_count_it_and_one_event_tells_of_it():
     combine, cart = watches(bodies, "combine", "cart")
     drive(bodies, combine, "combine", 32.0)
     drive(bodies, cart, "cart", 40.2, begin=40.0)
-    assert combine.metrics() == cart.metrics() == {"contact_count": 1.0}
+    assert combine.metrics() == cart.metrics() == {"contact_count": 1.0, "least_clearance_m": 0.0}
     assert [(e.machine, e.other, e.end_t) for e in cart.events()] == [("cart", "combine", None)]
     assert combine.events() == []
     bodies.hitch("combine", "cart")

@@ -34,7 +34,7 @@ def test_the_metrics_of_one_machine_stand_at_the_top():
     summary = make("combine", **{"field.real_time_factor": {"min": 1.5}, "combine.area_cut_m2": {"min": 1}})
     absent = {name for name in load_evaluators().metrics if name not in summary}
     groups = {load_evaluators().metrics[name].group for name in absent}
-    assert groups <= {"Header height", "Crop and engine", "Unloading"}
+    assert groups <= {"Safety", "Header height", "Crop and engine", "Unloading"}
     assert summary["format"] == "swath summary 2"
     assert summary["real_time_factor"] == 2.0
     assert summary["unmeasured_beam_share"] == 0.25
@@ -48,7 +48,8 @@ def test_several_machines_have_their_own_metrics_and_limits():
     limits = {"combine.grain_cut_kg": {"min": 1}, "cart.grain_cut_kg": {"min": 1}}
     summary = make("combine", "cart", **limits)
     assert summary["machines"]["combine"]["grain_cut_kg"] > 1.0
-    assert summary["machines"]["cart"] == {"contact_count": 0.0, "rollover_count": 0.0, "distance_m": 0.0}
+    counts = dict.fromkeys(("contact_count", "rollover_count", "stop_count"), 0.0)
+    assert summary["machines"]["cart"] == {**counts, "distance_m": 0.0}
     assert summary["field"] == {"mass_balance_error": summary["mass_balance_error"]}
     assert "lateral_rms_m" not in summary
     grain, implied = summary["expect"][:2], summary["expect"][2:]

@@ -5,6 +5,7 @@ import pytest
 from swath.core.component import Component
 from swath.core.errors import MissingExtra
 from swath.core.registry import Registry
+from swath.machine.machine_sheet import load_machine
 from tests.machine.machine_fakes import STREAM, site
 
 SLOTS = {
@@ -28,7 +29,8 @@ def test_each_level_is_a_component_with_every_output_at_the_start(kind, name):
     level = REGISTRY.get(kind, name)
     assert is_dataclass(level.params)
     try:
-        component = level.component(level.params(), site())
+        machine = load_machine("tractor-grain-cart") if name == "articulated" else None
+        component = level.component(level.params(), site(machine=machine))
     except MissingExtra as error:
         pytest.skip(str(error))
     assert isinstance(component, Component)

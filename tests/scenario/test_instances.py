@@ -52,7 +52,7 @@ def test_only_sensors_and_detectors_have_instances(name):
 def test_a_tractor_has_nothing_that_nobody_asked_for():
     text = TEXT + "  cart: {machine: tractor-grain-cart, start: {x_m: -30, y_m: 0}}\n"
     scenario = parse_scenario(text)
-    assert set(scenario.machines["cart"].slots) == {"motion", "steer", "speed", "steering"}
+    assert set(scenario.machines["cart"].slots) == {"motion", "heap", "steer", "speed", "steering"}
     assert scenario.machines["cart"].slots["steer"].level == "constant"
 
 

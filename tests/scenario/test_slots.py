@@ -10,7 +10,7 @@ from swath.core.errors import InputError
 from swath.core.registry import Level, Registry
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
-from swath.scenario.slots import REGISTRY, SLOTS, TRUTH
+from swath.scenario.slots import PEER, REGISTRY, SLOTS, TRUTH
 from swath.signals import SteerCommand
 from swath.signals.setup import LinkSetup
 
@@ -27,7 +27,7 @@ def test_wires_come_from_promised_outputs():
     gives = {s.name: {p.name for p in (*s.outputs, *s.more)} for s in SLOTS}
     for slot in SLOTS:
         for port, (source, output) in slot.wires.items():
-            assert output in gives[source], f"{slot.name}.{port}"
+            assert output in gives[source.removeprefix(PEER)], f"{slot.name}.{port}"
 
 
 class Held:
@@ -75,7 +75,7 @@ def test_a_part_of_somebody_else_fills_a_slot():
     assert isinstance(part.setup, LinkSetup)
     assert part.setup.name == "combine.steer"
     assert part.setup.outputs == (Port("command", SteerCommand),)
-    assert {p.name for p in part.setup.inputs} == {"edge", "odometry", "inertial"}
+    assert {p.name for p in part.setup.inputs} == {"edge", "odometry", "inertial", "ground", "station"}
     assert all(p.optional for p in part.setup.inputs)
     ticks = []
     world.graph.before_tick.append(ticks.append)

@@ -17,6 +17,7 @@ KIND = "evaluator"
 # In lists and reports; groups of a user's own come last.
 GROUPS = (
     "Safety",
+    "Driving",
     "Edge detection",
     "Steering",
     "Harvest",

@@ -55,7 +55,8 @@ class LocatedMap(KeepsState, ABC):
         self._p, self._setup = params, setup
         machine = setup.machine
         count = max(int(params.reach_m / params.step_m), 1)
-        self._ahead: F64 = np.asarray(machine.knife_x + params.step_m * np.arange(1, count + 1), np.float64)
+        steps = params.step_m * np.arange(1.0, count + 1.0)
+        self._ahead: F64 = np.asarray(machine.knife_x + steps, dtype=np.float64)
         self._across = machine.header_y + machine.header_width * ACROSS
         self._heading = 0.0
 
