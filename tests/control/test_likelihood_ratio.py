@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.control.edge.canopy_rays import CLASSES, DUST, LAYER, LOWEST, Ground
+from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LOWEST
+from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
 from swath.control.edge.populations import Populations
+from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.signals import Odometry
+from swath.signals import Odometry, Scan
 from tests.control.closed_loop import Course, setup_of
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_edge_hostile import check, odometry, scans, stamped
@@ -106,11 +108,14 @@ def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
 
 
 def test_puffs_are_no_ground():
-    ground = Ground()
-    u = np.linspace(-3.0, -0.5, 40)
-    ground.take(u, np.full(40, 0.1))
-    ground.take(u, np.full(40, 1.7))
-    assert ground.level == pytest.approx(0.1, abs=0.03)
+    """Echoes 1.7 m above the machine's ground plane, after stubble of 10 cm: beams 40 deg down from 3 m."""
+    rays, ground = CanopyRays(Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)), 1.0), Ground()
+    azimuth, down = np.linspace(-1.1, -0.2, 40), np.full(40, -np.radians(40.0))
+    for height in (0.1, 1.7):
+        far = np.full((40, 1), (3.0 - height) / np.sin(np.radians(40.0)), np.float32)
+        scan = Scan(0, np.zeros(40), azimuth, down, far, np.ones((40, 1), np.float32))
+        rays.take(scan, (0.0, 0.0), EdgeFrame(0.0, 0.0, 0.0, 0.0), ground, *Ground.OUTSIDE)
+        assert ground.level == pytest.approx(0.1, abs=0.03)
 
 
 def test_a_puff_above_the_crop_is_worth_nothing():

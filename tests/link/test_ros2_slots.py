@@ -64,7 +64,8 @@ def test_a_node_plays_the_process(tmp_path):
 def test_a_node_plays_the_scanner(tmp_path):
     with node(HERE / "ros2_scan_node.py"):
         scanned = parse_scenario(
-            TEXT.replace("lidar: off", "lidar: ros2").format(part="steer: preview", seconds=1)
+            TEXT.replace("lidar: off", "lidar: ros2").format(part="steer: preview", seconds=1),
+            sets=["run.record=full"],
         )
         found = run_job(scanned, tmp_path / "run").summary
     assert found["cost"]["combine.lidar"]["steps"] == 25

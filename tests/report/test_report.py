@@ -98,6 +98,7 @@ def test_the_page_is_whole_and_loads_nothing(run):
     assert all(i.startswith("data:image/") for i in tags.images)
     assert not re.search(r"(href|src|url)\s*[=(]\s*[\"']?https?:", text)
     assert sorted(p.name for p in run[0].parent.iterdir()) == [
+        "metadata.yaml",
         "report.html",
         "run.mcap",
         "summary.json",

@@ -56,13 +56,14 @@ SINCE = {  # what the bundled scenarios of 0.1 had where those of today have som
     "straight": LIKELIHOOD,
     "record-run": ["combine.powertrain.rated_power_kw=null"],
 }
-FITTED = {  # numbers of sheets that were fitted to measurements since
+FITTED = {  # numbers of sheets that were fitted to measurements, or measured on drawings, since
+    "tractor-grain-cart": ("trailer.length",),
     "lexion-700-class": (
         "power.",
         "engine.",
         "hydrostat.",
         "tyres.rolling_resistance",
-    )
+    ),
 }
 
 

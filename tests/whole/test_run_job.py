@@ -46,6 +46,7 @@ def test_folder_and_summary_keep_the_contract(finished):
     assert {p.name for p in out.iterdir()} == {
         "summary.json",
         "tracks.parquet",
+        "metadata.yaml",
         "run.mcap",
         "report.html",
         "scenario.yaml",

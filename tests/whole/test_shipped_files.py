@@ -10,8 +10,10 @@ import swath
 from swath.documents.data_sheets import KINDS, sheet_names
 from swath.documents.yaml_document import read_document
 from swath.field.crop_sheet import load_crop
+from swath.field.obstacle_sheet import load_obstacle
 from swath.machine.machine_sheet import load_machine
 from swath.scenario.scenario import find_scenario, load_scenario, scenario_names
+from swath.sensing.ground_speed.radar import load_ground_radar
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.tables import load_table, table_names
 
@@ -79,9 +81,18 @@ def test_a_scenario_of_the_examples_runs(name, tmp_path):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_bundled_sheet_is_read(kind):
-    load = {"sensors": load_lidar, "machines": load_machine, "crops": load_crop}[kind]
+    load = {
+        "sensors": load_sensor,
+        "machines": load_machine,
+        "crops": load_crop,
+        "obstacles": load_obstacle,
+    }[kind]
     for name in sheet_names(kind):
         assert load(name).name
+
+
+def load_sensor(name):
+    return load_ground_radar(name) if name.startswith("ground-radar") else load_lidar(name)
 
 
 def test_every_bundled_table_is_read():

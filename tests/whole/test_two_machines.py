@@ -53,6 +53,6 @@ def test_the_scanner_sees_the_other_machine_where_it_is_now(world):
 
 
 def test_no_machine_is_a_solid_to_itself(world):
-    site = world.graph.nodes[3].component.setup
+    site = world.leader.parts["lidar"].setup
     assert len(site.bodies.others("combine").box_half) == 2
     assert len(site.bodies.others("nobody").box_half) == 4

@@ -48,7 +48,7 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Exit code: 0 all limits pass, 1 a limit fails."""
-    from swath.core.errors import InputError
+    from swath.core.errors import InputError, SwathError
     from swath.runtime.folder import choose_run_folder, remove_empty
 
     if args.paused and not args.ros2:
@@ -83,9 +83,9 @@ def run(args: argparse.Namespace) -> int:
                 begun=begun,
                 allow=args.allow,
             )
-    except InputError as error:
+    except SwathError as error:
         remove_empty(out)
-        raise scenario.locate(error) from error
+        raise (scenario.locate(error) if isinstance(error, InputError) else error) from error
     except KeyboardInterrupt as error:
         kept = f"; what was recorded is in {out}" if (out / "summary.json").is_file() else ""
         raise type(error)(f"stopped{kept}") from None

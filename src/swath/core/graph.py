@@ -115,7 +115,8 @@ class Graph:
         """The end: parts that can (`StepsAnyLength`) take in what was sent to them since their last step."""
         for node in self.nodes:
             slot = node.slot
-            waits = any(self._queues[wire] for _, wire, is_queue in self._reads[slot.name] if is_queue)
+            queues = [self._queues[wire] for _, wire, is_queue in self._reads[slot.name] if is_queue]
+            waits = any(queues) or not queues
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
             part = node.component
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:

@@ -34,7 +34,7 @@ class ReplayWriter(RunHook):
         """Write the page; an incomplete run gets none, `swath view` makes it."""
         has_rows = any(len(tracks.arrays()["t_s"]) for tracks in self._run.recorder.tracks.values())
         if has_rows and not summary["incomplete"]:
-            write_replay(self._run.world, self._run.out, summary)
+            write_replay(self._run.world, self._run.folder, summary)
 
 
 def write_replay(world: World, folder: Path, summary: Mapping[str, Any], *, out: Path | None = None) -> Path:

@@ -157,7 +157,7 @@ class ReportWriter(RunHook):
         if summary["incomplete"]:
             return
         run = self._run
-        of = self._of or FinishedRun(run.out, summary, run.world.scenario)
+        of = self._of or FinishedRun(run.folder, summary, run.world.scenario)
         tracks = {name: tracks.arrays() for name, tracks in run.recorder.tracks.items()}
         data = collect(of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario)
         write_report(of.folder, data)

@@ -15,6 +15,7 @@ from pathlib import Path
 from swath.core.errors import InputError
 from swath.core.whole_file import PART
 
+RUNS = "runs"  # where the folders lie whose place nobody chose
 RUN_FILES = (
     "summary.json",
     "report.html",
@@ -141,7 +142,7 @@ def _who(file: int) -> str:
 
 def _fresh(name: str) -> Path:
     """A new empty folder, which no other run can take; it goes again where nothing is written into it."""
-    first = Path("runs") / name
+    first = Path(RUNS) / name
     path, count = first, 1
     while True:
         try:
@@ -155,9 +156,11 @@ def _fresh(name: str) -> Path:
 
 
 def remove_empty(folder: Path) -> None:
-    """Remove a folder into which nothing was written."""
+    """Remove a folder into which nothing was written, and `runs` around it where that is empty then."""
     with suppress(OSError):
         folder.rmdir()
+        if folder.parent.name == RUNS:
+            folder.parent.rmdir()
 
 
 def _is_free(path: Path) -> bool:

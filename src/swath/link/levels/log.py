@@ -113,6 +113,11 @@ class LogPlayer:
         self._look_ahead()
         return outputs
 
+    @property
+    def steps_any_length(self) -> bool:
+        """At the end of a run it plays what came since its last step; in between it makes nothing up."""
+        return self.params.between == "hold"
+
     def save(self) -> State:
         """How far it has come."""
         return {"t": self._t, "skipped": self._skipped}

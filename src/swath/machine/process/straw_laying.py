@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from swath.core.abilities import Closes, HasNotes
+from swath.core.abilities import Closes, HasNotes, StepsAnyLength
 from swath.core.component import Component, Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.field.site_setup import SiteSetup
@@ -35,6 +35,11 @@ class LaidStraw(KeepsState):
     def notes(self) -> Sequence[str]:
         """Those of the process."""
         return self.part.notes if isinstance(self.part, HasNotes) else ()
+
+    @property
+    def steps_any_length(self) -> bool:
+        """As the process."""
+        return isinstance(self.part, StepsAnyLength) and self.part.steps_any_length
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing laid."""
