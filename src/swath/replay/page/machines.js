@@ -42,7 +42,12 @@ class Machine {
       this.heapShape.upload(gl);
     }
     if (about.pipe && tracks.columns.unload_angle_rad) {
-      this.pipeShape = new Shape().rod([0, 0, 0], [-about.pipe.length, 0, 0], 0.2, this.paint.dark).upload(gl);
+      const mouth = -about.pipe.length, foot = -1.8; // of the riser, inside the tank [m]
+      this.pipeShape = new Shape()
+        .rod([0, 0, foot], [0, 0, 0], 0.24, this.paint.dark)
+        .rod([0.24, 0, 0], [mouth, 0, 0], 0.2, this.paint.dark)
+        .rod([mouth, 0, 0.1], [mouth - 0.25, 0, -0.45], 0.18, this.paint.dark)
+        .upload(gl);
       this.streamShape = new Shape().rod([0, 0, 0], [-0.5, 0, -1.4], 0.1, GRAIN, 8, 0.22).upload(gl);
     }
     const level = tracks.columns.tank_level;
