@@ -16,12 +16,13 @@ from swath.runtime.world import World
 class ActiveRun:
     """A run as a hook sees it.
 
-    out: its folder; observers: called after every step in this order, a hook may append its own
+    out: its folder, None = it has none
+    observers: called after every step in this order, a hook may append its own
     changes: to make changes while it goes on; rest: to be told how long a pause was [ns]
     """
 
     world: World
-    out: Path
+    out: Path | None
     recorder: Recorder
     evaluation: Evaluation
     observers: list[Observer]

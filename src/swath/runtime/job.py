@@ -181,7 +181,6 @@ class _Running:
         """Let hooks and changes come."""
         rest = self.pacer.rest if self.pacer is not None else lambda duration: None
         for hook in self.hooks:
-            assert self.out is not None
             hook.begin(
                 ActiveRun(
                     self.world, self.out, self.recorder, self.evaluation, self.observers, self.changes, rest
