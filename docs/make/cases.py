@@ -2,6 +2,7 @@
 
 python -m docs.make.cases               writes the page anew
 python -m docs.make.cases --draw        and the pictures (some minutes); with names only those
+python -m docs.make.cases --results DIR prints what a folder of `swath test run catalogue` shows, as a table
 """
 
 import sys
@@ -12,6 +13,8 @@ import numpy as np
 
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.case import Case, find_cases
+from swath.tools.function_test.cells import Cell, margin
+from swath.tools.function_test.session import open_session
 
 HERE = Path(__file__).parents[1]
 PAGE, PICTURES = HERE / "cases.md", HERE / "figures" / "cases"
@@ -69,7 +72,28 @@ def _limit(limit: Any) -> str:
 
 
 def _point(at: Any) -> str:
-    return " and ".join(f"{name} {value}" for name, value in at.items()) or "every point"
+    told = {n: f"{v[0]:g} to {v[1]:g}" if isinstance(v, list | tuple) else v for n, v in at.items()}
+    return " and ".join(f"{name} {value}" for name, value in told.items()) or "every point"
+
+
+def results(cells: list[Cell]) -> str:
+    """A table of finished runs, a case a row. The margin is that to limits other than a way that was driven."""
+    rows = ["| case | passed | known failures | verdict | worst margin | why |", "|---" * 6 + "|"]
+    for cell in cells:
+        counted, known = cell.counted, len(cell.runs) - len(cell.counted)
+        passed = f"{len(counted) - len(cell.failed)} of {len(counted)}" if cell.runs else "not run"
+        failed = f"{known - len(cell.surprises)} of {known}" if known else ""
+        far, worst = min(((_margin(run), run) for run in cell.runs), key=lambda m: m[0], default=(None, None))
+        why = worst["reason"] if worst else ""
+        verdict = cell.verdict if counted else ""
+        shown = "" if far is None else f"{far:.2f}"
+        rows.append(f"| {cell.case.name} | {passed} | {failed} | {verdict} | {shown} | {why} |")
+    return "\n".join(rows)
+
+
+def _margin(run: Any) -> float:
+    told = [e for e in run["expect"] if e["name"] != "distance_m" or e["result"] == "fail"]
+    return margin({**run, "expect": told})
 
 
 def draw(case: Case) -> None:
@@ -148,6 +172,10 @@ def _across(axes: Any, world: Any) -> None:
 
 if __name__ == "__main__":
     found = find_cases("catalogue")
+    if "--results" in sys.argv:
+        folder = Path(sys.argv[sys.argv.index("--results") + 1])
+        print(results(open_session(folder, same_code=False).cells(again=True)))
+        sys.exit()
     if "--draw" in sys.argv:
         names = sys.argv[sys.argv.index("--draw") + 1 :]
         for case in found:

@@ -193,6 +193,13 @@ def test_known_failures_do_not_count_and_are_told_when_they_pass(case_file):
     assert cell.text.startswith("1 of 2 passed")
 
 
+def test_a_failure_is_known_over_a_range_with_its_ends(case_file):
+    case_file.write_text(CASE + "known: [{why: too fast, at: {speed_kmh: [7, 9]}}]\n", encoding="utf-8")
+    case = read_case(case_file)
+    points = [{"speed_kmh": speed} for speed in (6.9, 7, 8.2, 9, 9.1)]
+    assert [case.known(point) for point in points] == ["", "too fast", "too fast", "too fast", ""]
+
+
 def test_stored_results_are_judged_against_new_limits(case_file):
     result = results([(0.5, 5)], limit={"max": 1.0})[0]
     case_file.write_text(CASE.replace("{distance_m: {min: 6}}", "{distance_m: {max: 0.4}}"), encoding="utf-8")
@@ -200,6 +207,16 @@ def test_stored_results_are_judged_against_new_limits(case_file):
     assert (again["verdict"], again["expect"][0]["limit"]) == ("fail", {"max": 0.4})
     assert "0.5 is more than 0.4" in again["reason"]
     assert margin(result) == pytest.approx(0.5)
+    none = {
+        "subject": "combine",
+        "name": "rollover_count",
+        "limit": {"max": 0.0},
+        "value": 0.0,
+        "result": "pass",
+    }
+    assert margin({**result, "expect": [*result["expect"], none]}) == pytest.approx(0.5)
+    none = {**none, "value": 1.0, "result": "fail"}
+    assert margin({**result, "expect": [*result["expect"], none]}) == -1.0
     assert margin(again) == pytest.approx(-0.25)
 
 

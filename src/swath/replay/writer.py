@@ -33,8 +33,8 @@ class ReplayWriter(RunHook):
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write the page; an incomplete run gets none, `swath view` makes it."""
         has_rows = any(len(tracks.arrays()["t_s"]) for tracks in self._run.recorder.tracks.values())
-        if has_rows and not summary["incomplete"]:
-            write_replay(self._run.world, self._run.folder, summary)
+        if self._run.out is not None and has_rows and not summary["incomplete"]:
+            write_replay(self._run.world, self._run.out, summary)
 
 
 def write_replay(world: World, folder: Path, summary: Mapping[str, Any], *, out: Path | None = None) -> Path:

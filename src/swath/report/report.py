@@ -153,11 +153,11 @@ class ReportWriter(RunHook):
             run.observers.insert(run.observers.index(run.recorder), self._samplers[name])
 
     def finish(self, summary: Mapping[str, Any]) -> None:
-        """Write the page; an incomplete run gets none unasked."""
-        if summary["incomplete"]:
-            return
+        """Write the page; an incomplete run gets none unasked, one without a folder has no place for it."""
         run = self._run
-        of = self._of or FinishedRun(run.folder, summary, run.world.scenario)
+        if summary["incomplete"] or run.out is None:
+            return
+        of = self._of or FinishedRun(run.out, summary, run.world.scenario)
         tracks = {name: tracks.arrays() for name, tracks in run.recorder.tracks.items()}
         data = collect(of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario)
         write_report(of.folder, data)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
 from swath.core.graph import Observer
 from swath.judge.evaluation import Evaluation
 from swath.record.recorder import Recorder
@@ -17,8 +16,8 @@ from swath.runtime.world import World
 class ActiveRun:
     """A run as a hook sees it.
 
-    out: its folder, None where nothing is written; observers: called after every step in this order, a hook
-    may append its own
+    out: its folder, None = it has none
+    observers: called after every step in this order, a hook may append its own
     changes: to make changes while it goes on; rest: to be told how long a pause was [ns]
     """
 
@@ -29,13 +28,6 @@ class ActiveRun:
     observers: list[Observer]
     changes: Interventions
     rest: Callable[[int], None]
-
-    @property
-    def folder(self) -> Path:
-        """Its folder. InputError for a run that writes nothing."""
-        if self.out is None:
-            raise InputError("out", None, "expected a run with a folder")
-        return self.out
 
 
 class RunHook:

@@ -55,14 +55,16 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """A failure that is known. at: values of the parameters that it happens at, {} = everywhere; why"""
+    """A failure that is known. at: values, or ranges [least, greatest], of the parameters that it happens at,
+    {} = everywhere; why
+    """
 
     why: str
-    at: dict[str, Scalar] = field(default_factory=dict)
+    at: dict[str, Scalar | tuple[float, float]] = field(default_factory=dict)
 
     def holds_at(self, point: Point) -> bool:
-        """True where a point has these values."""
-        return all(point.get(name) == value for name, value in self.at.items())
+        """True where a point has these values, or lies in the ranges, whose ends belong to them."""
+        return all(_holds(value, point.get(name)) for name, value in self.at.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,6 +136,12 @@ class Case:
     def known(self, point: Point) -> str:
         """Why a failure at a point is known; "" where it is not."""
         return next((k.why for k in self.file.known if k.holds_at(point)), "")
+
+
+def _holds(known: Scalar | tuple[float, float], value: Scalar | None) -> bool:
+    if not isinstance(known, list | tuple):
+        return known == value
+    return isinstance(value, int | float) and known[0] <= value <= known[1]
 
 
 def _draw(varied: Varied, rng: np.random.Generator) -> Scalar:

@@ -139,7 +139,7 @@ def _present(case: Case, entry: dict[str, Any]) -> Limit | None:
 
 def margin(result: Result) -> float:
     """How far a run is from its nearest limit, as a share of the limit, in -1..1; < 0 it fails, -1 without a
-    value.
+    value. A limit of 0, such as that on contacts, has no share: it counts only where it fails.
     """
     if result["verdict"] == "error":
         return -2.0
@@ -151,8 +151,8 @@ def margin(result: Result) -> float:
             continue
         for key, sign in (("max", 1.0), ("min", -1.0)):
             bound = limit.get(key)
-            if bound is not None and entry["name"] != "contact_count":
-                margins.append(min(1.0, max(-1.0, sign * (bound - value) / (abs(bound) or 1.0))))
+            if bound:
+                margins.append(min(1.0, max(-1.0, sign * (bound - value) / abs(bound))))
             elif bound is not None and entry["result"] == "fail":
                 margins.append(-1.0)
     return min(margins)
