@@ -33,16 +33,17 @@ def write_state(path: Path, state: Mapping[str, Any], about: Mapping[str, Any]) 
     whole = [NOTHING if c is None else PACKED if isinstance(c, bytes) else int(c) for c in codes]
     grain: Mapping[tuple[int, int], float] = state["grain"]["mass"]
     file = io.BytesIO()
+    pages: dict[str, Any] = {f"codes_{i}": _bytes(c) for i, c in enumerate(codes) if isinstance(c, bytes)}
+    pages |= {f"straw_{i}": _bytes(s) for i, s in enumerate(straw) if s is not None}
     np.savez(
         file,
         about=_bytes(json.dumps({"format": FORMAT, "field": dict(about)}).encode()),
         keys=np.asarray(state["keys"], dtype=np.int64).reshape(-1, 2),
         whole=np.array(whole, dtype=np.int64),
         has_straw=np.array([s is not None for s in straw], dtype=bool),
-        **{f"codes_{i}": _bytes(c) for i, c in enumerate(codes) if isinstance(c, bytes)},
-        **{f"straw_{i}": _bytes(s) for i, s in enumerate(straw) if s is not None},
         grain_square=np.array(list(grain), dtype=np.int64).reshape(-1, 2),
         grain_kg=np.array(list(grain.values()), dtype=np.float64),
+        **pages,
     )
     write_whole(path, file.getvalue())
 
