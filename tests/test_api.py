@@ -1,19 +1,20 @@
-"""swath from Python: what `import swath` offers, and the example that makes many runs."""
+"""swath from Python: what `import swath` offers, and a loop of one's own."""
 
-import importlib.util
-import json
 import subprocess
 import sys
-from pathlib import Path
+from itertools import pairwise
 
 import pytest
 
 import swath
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.documents.yaml_document import read_document
+from swath.record.digest import Digest
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive, ticks
 from swath.scenario.scenario import Scenario
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "many_runs.py"
 TINY = {
     "run.distance_m": 1,
     "run.record": "standard",
@@ -60,30 +61,31 @@ def test_import_loads_nothing_and_says_what_there_is():
     assert "it offers batch, detect, load_scenario, read_field, run, scan, Env" in run.stderr
 
 
-def test_many_runs_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    spec = importlib.util.spec_from_file_location("many_runs", EXAMPLE)
-    many = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(many)
-    monkeypatch.setattr(many, "OUT", tmp_path)
-    entries = many.entries()
-    assert len(entries) == len({entry["out"] for entry in entries}) == 12
-    asked = []
+SCAN = {"run.distance_m": 1, "combine.lidar.level": "empirical"}
 
-    def fake(todo, **more):
-        """Runs of which the first is stopped."""
-        for index, entry in enumerate(todo):
-            asked.append(entry)
-            entry["out"].mkdir()
-            summary = {"incomplete": index == 0, "lateral_rms_m": 0.02}
-            (entry["out"] / "summary.json").write_text(json.dumps(summary))
-            yield swath.api.BatchRun(index, entry)
 
-    monkeypatch.setattr(swath, "batch", fake, raising=False)
-    many.main()
-    assert asked == entries
-    entries[0]["out"].joinpath("summary.json").unlink()
-    entries[0]["out"].rmdir()
-    many.main()
-    assert asked[12:] == entries[:1]
-    assert len((tmp_path / "table.csv").read_text().splitlines()) == 13
-    assert (tmp_path / "table.png").stat().st_size > 5000
+def test_a_scan_notes_a_rate_that_the_sensor_does_not_have(tmp_path, capsys):
+    told = swath.scan("straight", tmp_path / "odd", sets={**SCAN, "combine.lidar.rate_hz": 40}).notes
+    assert ["is not a rate of the" in note for note in told].count(True) == 1
+    words = [word for key, value in SCAN.items() for word in ("--set", f"{key}={value}")]
+    odd = ["scan", "straight", *words, "--set", "combine.lidar.rate_hz=40", "--format", "npz"]
+    assert main([*odd, "--out", str(tmp_path / "again")]) == 0
+    assert "40 Hz is not a rate of the" in capsys.readouterr().err
+
+
+def test_a_scan_at_a_rate_of_the_sensor_notes_nothing_of_it(tmp_path):
+    assert not any("rate" in note for note in swath.scan("straight", tmp_path / "s", sets=SCAN).notes)
+
+
+def test_tick_by_tick_is_the_same_run():
+    """As in docs/python.md: every tick is one step of the loop, and all of them are the run."""
+    scenario = swath.load_scenario("straight", sets=SCAN)
+    whole, single = Digest(), Digest()
+    drive(assemble(scenario), [whole])
+    world, times = assemble(scenario), []
+    for t in ticks(world, [single]):
+        times.append(t)
+        assert world.graph.t == t
+    assert single.hex == whole.hex
+    assert times == sorted(set(times))
+    assert max(b - a for a, b in pairwise(times)) == 5_000_000  # steering runs at 200 Hz

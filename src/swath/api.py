@@ -77,10 +77,11 @@ class RunResult(JobResult):
 
 @dataclass(frozen=True)
 class ScanResult:
-    """One scan. files: what was written; data: the arrays of scan.npz by name."""
+    """One scan. files: what was written; data: the arrays of scan.npz by name; notes: what to know of it."""
 
     files: tuple[Path, ...]
     data: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
 
     def _repr_html_(self) -> str:
         return "".join(picture(file.read_bytes()) for file in self.files if file.suffix == ".png")
@@ -111,13 +112,14 @@ def scan(
         scenario = load_scenario(scenario, sets=sets, seed=seed)
     folder = choose_scan_folder(scenario.name, scenario.seed, None if out is None else Path(out))
     try:
-        files = scan_job(scenario, folder, at_s=at_s, camera=camera)
+        notes: list[str] = []
+        files = scan_job(scenario, folder, at_s=at_s, camera=camera, tell=notes.append)
     except InputError as error:
         remove_empty(folder)
         raise scenario.locate(error) from error
     table = next((file for file in files if file.name == "scan.npz"), None)
     data = {} if table is None else read_arrays(table, "scan", "a scan.npz")
-    return ScanResult(tuple(files), data)
+    return ScanResult(tuple(files), data, tuple(notes))
 
 
 def detect(recording: str | Path, *, sets: Sets = (), slot: str = "edge", code: bool = True) -> list[Any]:

@@ -47,15 +47,17 @@ def test_a_cell_must_be_positive(cell):
 
 
 def test_a_geotiff_comes_back_as_it_was(tmp_path):
-    pytest.importorskip("rasterio")
+    rasterio = pytest.importorskip("rasterio")
     values = plane().values.copy()
     values[1, 2] = np.nan
     raster = Raster(values, -10.0, 20.0, 2.0)
-    raster.to_geotiff(tmp_path / "a.tif", 32612, (533000.0, 5304000.0))
+    raster.to_geotiff(tmp_path / "a.tif", 32612, (533000.0, 5304000.0), name="stems", unit="1/m2")
     back = Raster.from_geotiff(tmp_path / "a.tif", (533000.0, 5304000.0))
     assert (back.x0, back.y0, back.cell, back.epsg) == (-10.0, 20.0, 2.0, 32612)
     np.testing.assert_array_equal(back.values, values)
     assert Raster.from_geotiff(tmp_path / "a.tif").x0 == 532990.0
+    with rasterio.open(tmp_path / "a.tif") as dataset:
+        assert (dataset.descriptions, dataset.units) == (("stems",), ("1/m2",))
 
 
 def write(path, **changes):

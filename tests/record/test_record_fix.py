@@ -7,8 +7,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from swath.core.errors import InputError
 from swath.field.projection import Origin
 from swath.record.recorder import Recorder
+from swath.record.tracks import read_tracks
+from swath.runtime.job import run_job
+from swath.scenario.scenario import load_scenario
 from swath.signals import MachineState
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
@@ -46,7 +50,37 @@ def test_fixes_are_the_true_places_on_the_ellipsoid(tmp_path):
     assert found[0].status.status == 2
 
 
-def test_a_made_field_lies_nowhere_on_earth(tmp_path):
+def test_a_made_field_lies_where_its_scenario_says(tmp_path):
+    """The machine's way from the origin, by the ellipsoid's own geodesic, is its place in the world."""
+    sets = [
+        "run.distance_m=2", "combine.lidar=off", "combine.edge=truth", "expect={}", "run.record=standard",
+        "field.origin={latitude_deg: 52.3, longitude_deg: 9.0, height_m: 80}",
+    ]  # fmt: skip
+    run_job(load_scenario("straight", sets=sets), tmp_path / "r")
+    found, tracks = fixes(tmp_path / "r"), read_tracks(tmp_path / "r" / "tracks.parquet")
+    x, y = tracks["x_m"][0], tracks["y_m"][0]
+    first = found[0]
+    azimuth, _, distance = pyproj.Geod(ellps="WGS84").inv(9.0, 52.3, first.longitude, first.latitude)
+    assert distance == pytest.approx(np.hypot(x, y) / 0.9996, rel=1e-4)  # scale of UTM at its meridian
+    assert np.radians(azimuth) % (2 * np.pi) == pytest.approx(np.arctan2(x, y) % (2 * np.pi), abs=1e-3)
+    assert first.altitude == pytest.approx(80.0 + tracks["z_m"][0])
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("{latitude_deg: 91, longitude_deg: 9}", "field.origin.latitude_deg"),
+        ("{latitude_deg: 52}", "field.origin.longitude_deg"),
+        ("{latitude_deg: 52, longitude_deg: 9, heigth_m: 1}", "field.origin.heigth_m"),
+    ],
+)
+def test_a_wrong_origin_is_named(text, key):
+    with pytest.raises(InputError) as caught:
+        load_scenario("straight", sets=[f"field.origin={text}"])
+    assert caught.value.key == key
+
+
+def test_a_field_without_an_origin_lies_nowhere_on_earth(tmp_path):
     with Recorder(tmp_path, [machine()]) as recorder:
         drive([recorder], GridField(ArcEdge(40.0)), seconds=0.2)
     assert fixes(tmp_path) == []

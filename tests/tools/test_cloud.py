@@ -1,8 +1,11 @@
+from datetime import date
+
 import numpy as np
 import pytest
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.frames import Pose
+from swath.field.projection import Origin
 from swath.signals import Scan, ScanTruth, beam_directions
 from swath.tools.scan import point_cloud as module
 from swath.tools.scan.files import check_formats
@@ -68,6 +71,28 @@ def test_las_is_read_by_another_program(tmp_path, name):
     assert np.array_equal(las.number_of_returns, cloud["echo_count"])
     assert np.array_equal(las.beam, cloud["beam"])
     assert np.allclose(np.radians(las.scan_angle * 0.006), cloud["azimuth"], atol=1e-4)
+
+
+EARTH = Origin(32632, 600_000.0, 5_790_000.0, 80.0)
+
+
+@pytest.mark.parametrize("origin", [None, EARTH], ids=["made", "on Earth"])
+def test_las_says_where_its_points_lie(tmp_path, origin):
+    """As WKT, which point format 6 asks for; the day of its making is not that of today."""
+    laspy, pyproj = pytest.importorskip("laspy"), pytest.importorskip("pyproj")
+    _, _, cloud = echoes()
+    las = laspy.read(write_las(tmp_path / "scan.las", cloud, origin))
+    assert las.header.global_encoding.wkt
+    assert las.header.creation_date == date(2024, 1, 1)
+    (told,) = (v.string for v in las.header.vlrs.get("WktCoordinateSystemVlr"))
+    shift = np.zeros(3) if origin is None else [origin.easting, origin.northing, origin.height]
+    assert np.allclose(las.xyz, xyz(cloud) + shift, atol=0.5 * module.LAS_STEP + 1e-6)
+    if origin is None:
+        crs = pyproj.CRS.from_wkt(told)
+        assert [axis.unit_name for axis in crs.axis_info][:2] == ["metre", "metre"]
+        assert crs.to_epsg() is None
+    else:
+        assert las.header.parse_crs().to_epsg() == 32632
 
 
 def test_same_cloud_same_bytes(tmp_path):

@@ -28,6 +28,7 @@ from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
+from swath.tools.part import command as part
 from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
@@ -47,6 +48,7 @@ COMMANDS = (
     height_map,
     function_test,
     rerun,
+    part,
     calibrate,
     compare,
     scan,

@@ -39,6 +39,14 @@ def add(parsers: Any) -> None:
         metavar="CODE",
         help="file.py:Class or FMU that may be set while it runs; may be given several times",
     )
+    parser.add_argument(
+        "--field-state",
+        metavar="FILE",
+        help="start on the field as a run left it (key field.state_file)",
+    )
+    parser.add_argument(
+        "--save-field", type=Path, metavar="FILE", help="write the state of the field after the run, a .npz"
+    )
     parser.add_argument("--defaults", action="store_true", help="print all default values in use")
     parser.add_argument("--no-defaults", action="store_true", help=argparse.SUPPRESS)  # of version 0.1
     parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
@@ -61,6 +69,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.report.report import ReportWriter
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
+    from swath.runtime.saves_field import SavesField
     from swath.scenario.code import code_of
 
     events = read_events(args.events) if args.events is not None else []
@@ -73,13 +82,14 @@ def run(args: argparse.Namespace) -> int:
     )
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:
+        saves = [] if args.save_field is None else [SavesField(args.save_field)]
         with _bridge(args) as bridges:
             result = run_job(
                 scenario,
                 out,
                 progress=not args.quiet,
                 events=events,
-                hooks=[*bridges, *pages],
+                hooks=[*bridges, *saves, *pages],
                 begun=begun,
                 allow=args.allow,
             )

@@ -70,6 +70,8 @@ class Field:
         self.store = PageStore(self.maker.make, self._finish, tile_size=library.tile_size, limit=page_limit)
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
         self.grain = GrainPiles()
+        self._begun: dict[str, Any] | None = None  # what the start is, where it is not the untouched field
+        self._begun_grain = 0.0
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
 
     @property
@@ -212,8 +214,8 @@ class Field:
 
     @property
     def ground_grain_kg(self) -> float:
-        """Mass of all grain laid on the ground [kg]: without what the header shed."""
-        return self.grain.total
+        """Mass of all grain laid on the ground since the start [kg]: without what the header shed."""
+        return self.grain.total - self._begun_grain
 
     @property
     def straw_kg(self) -> float:
@@ -222,7 +224,9 @@ class Field:
 
     def recount(self) -> Cut:
         """What is missing now against the start, stem by stem from the codes alone."""
-        return recount_pages(self.store, self.stems)
+        begun = self._begun
+        pages = {} if begun is None else dict(zip(_keys(begun), begun["codes"], strict=True))
+        return recount_pages(self.store, self.stems, pages)
 
     def save(self) -> dict[str, Any]:
         """What was changed: packed codes and straw of changed pages, grain on the ground."""
@@ -236,8 +240,7 @@ class Field:
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over a saved state; everything else is as at the start."""
-        keys: list[Key] = [(int(i), int(j)) for i, j in state["keys"]]
-        changes = zip(keys, state["codes"], state["straw"], strict=True)
+        changes = zip(_keys(state), state["codes"], state["straw"], strict=True)
         self.store.restore({key: Change(codes, straw) for key, codes, straw in changes})
         self.grain.load(state["grain"])
 
@@ -246,9 +249,21 @@ class Field:
         self.store.make = lru_cache(maxsize=1024)(self.maker.make)
 
     def reset(self) -> None:
-        """Back to the start: nothing cut, no straw, no grain. Pages that were not cut are not made again."""
+        """Back to the start: nothing cut, no straw, no grain, unless it starts from what earlier runs left.
+
+        Pages that were not cut are not made again.
+        """
         self.store.reset()
         self.grain = GrainPiles()
+        if self._begun is not None:
+            self.load(self._begun)
+        self._begun_grain = self.grain.total
+
+    def start_from(self, state: dict[str, Any] | None) -> None:
+        """From now on the start is a saved state; None: the untouched field."""
+        if state is not self._begun:
+            self._begun = state
+            self.reset()
 
     @property
     def _depth_per_kg(self) -> float:
@@ -333,6 +348,11 @@ def make_field(
         straw_density=crop.yields.swath_density,
         page_limit=page_limit,
     )
+
+
+def _keys(state: dict[str, Any]) -> list[Key]:
+    """Pages of a saved state."""
+    return [(int(i), int(j)) for i, j in state["keys"]]
 
 
 def _check_near(x: Array, y: Array) -> None:

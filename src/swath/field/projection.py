@@ -30,6 +30,13 @@ class Origin:
         return transform(grid, f"EPSG:{self.epsg}", "EPSG:4326")
 
 
+def origin_at(lat: float, lon: float, height: float = 0.0) -> Origin:
+    """The origin at a place [deg, m], in the UTM zone there. Axes are those of its grid."""
+    epsg = utm_epsg(lon, lat)
+    east, north = transform([[lon, lat]], "EPSG:4326", f"EPSG:{epsg}")[0]
+    return Origin(epsg, float(east), float(north), height)
+
+
 def utm_epsg(lon: float, lat: float) -> int:
     """EPSG of the WGS 84 / UTM zone of a point [deg]; the exceptions of Norway and Svalbard are not made."""
     zone = int(np.clip((lon + 180.0) // 6.0 + 1, 1, 60))

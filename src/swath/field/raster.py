@@ -100,8 +100,19 @@ class Raster:
         y0 = north - (values.shape[0] - 0.5) * cell - north0
         return Raster(np.ascontiguousarray(values), west + 0.5 * cell - east0, y0, cell, epsg)
 
-    def to_geotiff(self, path: Path | str, epsg: int, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Write as float32, deflate, nodata nan, with origin (easting, northing) [m] added back."""
+    def to_geotiff(
+        self,
+        path: Path | str,
+        epsg: int,
+        origin: tuple[float, float] = (0.0, 0.0),
+        *,
+        name: str = "",
+        unit: str = "",
+    ) -> None:
+        """Write as float32, deflate, nodata nan, with origin (easting, northing) [m] added back.
+
+        name, unit: of the band, as GDAL and QGIS show them
+        """
         rasterio = _rasterio()
         ny, nx = self.values.shape
         west = self.x0 - 0.5 * self.cell + origin[0]
@@ -112,6 +123,8 @@ class Raster:
             transform=rasterio.Affine(self.cell, 0.0, west, 0.0, -self.cell, north),
         ) as dataset:  # fmt: skip
             dataset.write(np.ascontiguousarray(self.values[::-1], dtype=np.float32), 1)
+            dataset.set_band_description(1, name)
+            dataset.set_band_unit(1, unit)
 
     def _corners(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Any]:
         """Values of the four cells around each point, shape (4, ...): SW, SE, NW, NE;

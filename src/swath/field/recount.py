@@ -1,5 +1,6 @@
 """What is gone from a field, counted anew from the codes of its cells: the check of what cuts returned."""
 
+from collections.abc import Mapping
 from math import fsum
 
 import numpy as np
@@ -7,15 +8,19 @@ from numpy.typing import NDArray
 
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex, cell_in_tile
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
-from swath.field.pages import Codes, PageStore
+from swath.field.pages import Codes, Key, PageStore, inflate_codes
 
 
-def recount_pages(store: PageStore, stems: StemIndex) -> Cut:
-    """Sum over all changed pages, tile by tile and stem by stem, of what is gone against the start."""
+def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | bytes | None]) -> Cut:
+    """Sum over all changed pages, tile by tile and stem by stem, of what is gone against the start.
+
+    begun: packed codes of pages that were not whole at the start
+    """
     total, cell = [], store.tile_size / TILE_CELLS
     for key, codes in store.recut_codes():
         data = store.make(*key)
-        start, now = _full(data.codes), _full(codes)
+        before = begun.get(key)
+        start, now = _full(data.codes if before is None else inflate_codes(before)), _full(codes)
         for ty in range(PAGE_TILES):
             for tx in range(PAGE_TILES):
                 part = np.s_[ty * TILE_CELLS : (ty + 1) * TILE_CELLS, tx * TILE_CELLS : (tx + 1) * TILE_CELLS]

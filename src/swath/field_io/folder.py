@@ -42,6 +42,13 @@ RASTERS = {
     "moisture": "moisture.tif",
     "grain": "yield.tif",
 }
+BANDS = {  # name and unit, as GDAL and QGIS show them
+    "terrain": ("height of the ground", "m"),
+    "stems": ("stems", "1/m2"),
+    "height": ("height of the crop", "m"),
+    "moisture": ("grain moisture", "1"),
+    "grain": ("yield", "kg/m2"),
+}
 PICTURE = "overview.png"
 
 
@@ -174,7 +181,8 @@ def _write_parts(field: FieldFolder, folder: Path) -> None:
         raster: Raster = getattr(field, key)
         if key == "terrain":
             raster = replace(raster, values=raster.values + np.float32(origin.height))
-        raster.to_geotiff(folder / name, origin.epsg, (origin.easting, origin.northing))
+        corner = (origin.easting, origin.northing)
+        raster.to_geotiff(folder / name, origin.epsg, corner, name=BANDS[key][0], unit=BANDS[key][1])
     closed = [np.vstack([ring, ring[:1]]) for ring in (field.boundary, *field.holes)]
     polygon = {"type": "Polygon", "coordinates": [np.round(origin.to_lon_lat(r), 9).tolist() for r in closed]}
     feature = {"type": "Feature", "geometry": polygon, "properties": {}}

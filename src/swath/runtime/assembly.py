@@ -30,6 +30,7 @@ from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.faults import displaced, make_fault
 from swath.runtime.field_setup import build_field
+from swath.runtime.field_state import begin_field
 from swath.runtime.kept import KeptFields
 from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
 from swath.runtime.scene import scene_nodes
@@ -57,12 +58,13 @@ def assemble(
 
 def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
     base = _base(scenario)
-    seed = scenario.seed if scenario.field.seed is None else scenario.field.seed
+    seed = scenario.field_seed
     is_cut = any(machine.has("header") for machine in scenario.machines.values())
     if fields is None:
         ground = build_field(scenario.field, stream=Stream(seed, "field"), base=base, is_cut=is_cut)
     else:
         ground = fields.ground(scenario.field, seed, base, is_cut=is_cut)
+    begin_field(ground.field, scenario)
     bodies = Bodies()
     bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}

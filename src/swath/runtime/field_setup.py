@@ -16,7 +16,7 @@ from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Solids
 from swath.field.obstacles import Thing, things_of
-from swath.field.projection import Origin
+from swath.field.projection import Origin, origin_at
 from swath.field.raster import Raster
 from swath.field.solids import merge
 from swath.field.stand.maps import Maps
@@ -58,7 +58,12 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bo
     """
     folder = None if section.folder is None else _read(section.folder)
     mapped = _origin_of_maps(section, base) if folder is None else None
+    stated = stated_origin(section)
+    if stated is not None and mapped is not None:
+        raise InputError("field.origin", None, "expected no origin beside maps that say where they lie")
     setup = _setup(folder, stream, base, mapped)
+    if stated is not None:
+        setup = replace(setup, to_local=stated.to_local)
     stand = section.stand.make(setup) if section.stand is not None else _stand_of(folder, setup)
     region = make_boundary(section.boundary)
     if region is None and folder is not None:
@@ -76,10 +81,16 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bo
     first = next(iter(section.edges.values()))
     if isinstance(first, TrackEdge) and first.file is None:
         driven = setup.tracks[first.track]
-    origin = mapped if folder is None else folder.origin
+    origin = stated if folder is None else folder.origin
     if mapped is not None:
         origin = replace(mapped, height=float(getattr(field.terrain, "datum", 0.0)))
     return Ground(field, things_of(section.obstacles, field), driven, origin)
+
+
+def stated_origin(section: FieldSection) -> Origin | None:
+    """The origin that the scenario states. MissingExtra without a map projection."""
+    place = section.common.origin
+    return None if place is None else origin_at(place.latitude_deg, place.longitude_deg, place.height_m)
 
 
 def _read(path: Path) -> "FieldFolder":

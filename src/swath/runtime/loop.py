@@ -4,7 +4,7 @@ The components do the work in the order of their slots (`scenario/slots.py`): mo
 odometry, edge, steer, speed, steering. Observers record and judge.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from swath.core.abilities import EndsRun
 from swath.core.graph import EndOfRun, Observer
@@ -57,6 +57,25 @@ def drive(
         graph.before_tick.remove(end_with_observers)
     if until_s is None:
         graph.finish()
+
+
+def ticks(world: World, observers: Sequence[Observer] = ()) -> Iterator[int]:
+    """Drive tick by tick, for a loop of one's own or a debugger: gives the time [ns] after each tick.
+
+    All of them are what `drive` does; between two of them samples can be looked at (`world.graph.latest`) and
+    the world be saved and loaded.
+    """
+    graph = world.graph
+    graph.observers = [world.place_bodies, *observers]
+    world.reset()
+    for t, _ in graph.plan.walk(0, round(world.scenario.run.max_duration_s * NS)):
+        graph.run(t)
+        if graph.ended:
+            break
+        yield t
+        if has_arrived(world):
+            break
+    graph.finish()
 
 
 def driven_m(world: World) -> float:

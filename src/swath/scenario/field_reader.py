@@ -7,7 +7,9 @@ from swath.scenario.resolved import FieldSection, LevelChoice
 from swath.scenario.section_reader import NAME, SectionReader
 from swath.scenario.sections import FieldCommon
 
-FIELD_KEYS = ("folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary", "seed")
+FIELD_KEYS = (
+    "folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary", *FieldCommon.model_fields,
+)  # fmt: skip
 
 
 def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
@@ -28,6 +30,8 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
     boundary = data.get("boundary")
     if boundary is not None:
         boundary = reader.check(reader.catalogue.part("boundary"), boundary, ("field", "boundary"))
+    if common is not None and common.origin is not None and folder is not None:
+        reader.note(("field", "origin"), None, "expected no origin beside a field folder, which has its own")
     return FieldSection(
         Path(folder) if folder else None,
         levels["terrain"],
@@ -35,7 +39,7 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
         edges,
         obstacles,
         boundary,
-        None if common is None else common.seed,
+        common or FieldCommon(),
     )
 
 

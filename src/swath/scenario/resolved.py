@@ -8,7 +8,15 @@ from typing import Any
 
 from swath.core.registry import Level
 from swath.documents.validation import adapter_of
-from swath.scenario.sections import Limit, MachineCommon, RealTime, SlotCommon, StartAlongEdge, StartPose
+from swath.scenario.sections import (
+    FieldCommon,
+    Limit,
+    MachineCommon,
+    RealTime,
+    SlotCommon,
+    StartAlongEdge,
+    StartPose,
+)
 from swath.scenario.slots import SlotKind
 
 
@@ -105,7 +113,7 @@ class RealTimeSection:
 class FieldSection:
     """The field. folder: an imported field, from which terrain and stand come unless written here;
     edges: the initial edges of the crop by name, `edge` where there is the one of `field.edge`.
-    seed: of the field alone, None = that of the run
+    common: what it has besides; its seed None = that of the run
     """
 
     folder: Path | None
@@ -114,12 +122,12 @@ class FieldSection:
     edges: Mapping[str, Any]
     obstacles: tuple[Any, ...] = ()
     boundary: Any = None
-    seed: int | None = None
+    common: FieldCommon = dataclasses.field(default_factory=FieldCommon)
 
     def plain(self) -> dict[str, Any]:
         """As it would be written in a file."""
         written = {
-            "seed": self.seed,
+            **self.common.model_dump(mode="json", exclude_none=True),
             "folder": None if self.folder is None else str(self.folder),
             "terrain": None if self.terrain is None else self.terrain.plain(),
             "stand": None if self.stand is None else self.stand.plain(),

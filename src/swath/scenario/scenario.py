@@ -56,6 +56,12 @@ class Scenario:
         return self.document.file
 
     @property
+    def field_seed(self) -> int:
+        """That of terrain and stand."""
+        own = self.field.common.seed
+        return self.seed if own is None else own
+
+    @property
     def is_paced(self) -> bool:
         """True when it is to run in step with the clock on the wall."""
         return self.realtime is not None and self.realtime.common.pace == "real_time"

@@ -171,6 +171,17 @@ class StartPose(BaseModel):
     ] = 0.0
 
 
+class GeoPlace(BaseModel):
+    """Where on Earth the world's origin lies (WGS 84)."""
+
+    model_config = STRICT
+    latitude_deg: Annotated[float, Field(ge=-80, le=84, description="within the zones of UTM [deg]")]
+    longitude_deg: Annotated[float, Field(ge=-180, le=180, description="east of Greenwich [deg]")]
+    height_m: Annotated[float, Field(ge=-1000, le=10_000, description="of z = 0 above the ellipsoid [m]")] = (
+        0.0
+    )
+
+
 class FieldCommon(BaseModel):
     """What the field takes beside its parts."""
 
@@ -178,6 +189,13 @@ class FieldCommon(BaseModel):
     seed: Annotated[
         int | None,
         Field(ge=0, lt=1 << 63, description="of terrain and stand alone; default: that of the run"),
+    ] = None
+    state_file: Annotated[
+        str | None,
+        Field(description="what earlier runs left of this field, written by swath run --save-field"),
+    ] = None
+    origin: Annotated[
+        GeoPlace | None, Field(description="where a made field lies on Earth; an imported one knows")
     ] = None
 
 

@@ -47,4 +47,6 @@ def load(args: argparse.Namespace) -> Any:
     flags = {f"--seed {args.seed}": f"seed={args.seed}"} if args.seed is not None else {}
     if getattr(args, "real_time", False):
         flags["--real-time"] = "realtime.pace=real_time"
+    if getattr(args, "field_state", None) is not None:
+        flags[f"--field-state {args.field_state}"] = f"field.state_file={args.field_state}"
     return load_scenario(args.scenario, sets=args.sets, flags=flags)

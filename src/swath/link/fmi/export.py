@@ -22,9 +22,10 @@ from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS, from_hz
 from swath.documents.yaml_document import dump
 from swath.link.fmi.export_slave import FILE
-from swath.link.fmi.export_variables import Variable, check_slots, list_variables
+from swath.link.fmi.export_variables import Variable, list_variables
 from swath.link.fmi.export_xml import describe_model
 from swath.scenario.scenario import Scenario
+from swath.scenario.slot_names import find_slots
 
 PACKAGES = {3: "pythonfmu3", 2: "pythonfmu"}
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that its bytes do not depend on the clock
@@ -82,7 +83,7 @@ def export_fmu(
     if version not in PACKAGES:
         raise InputError("--fmi", version, "expected 2 or 3")
     package, binaries = PACKAGES[version], find_binaries(version)
-    names = check_slots(scenario, slots)
+    names = find_slots(scenario, slots, key="--part")
     variables, given = list_variables(scenario, names, parameters)
     if version == 2:
         variables = [v for v in variables if not _is_wide(v)]

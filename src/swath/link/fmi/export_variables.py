@@ -19,6 +19,7 @@ from swath.link.fmi.units import known_unit
 from swath.runtime.assembly import assemble, outside_of
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
+from swath.scenario.slot_names import short_names
 from swath.signals.flat import amounts, flat_fields, read
 
 Key = tuple[str, ...]
@@ -92,24 +93,8 @@ def list_variables(
     return found, [source for source in sources if whole.graph.latest(*source) is not None]
 
 
-def check_slots(scenario: Scenario, slots: Sequence[str]) -> tuple[str, ...]:
-    """Full names in the order in which they run. `process` will do where there is one machine."""
-    there = [f"{m.name}.{slot}" for m in scenario.machines.values() for slot in m.slots]
-    wanted = set()
-    for slot in slots:
-        full = [name for name in there if slot in (name, name.rpartition(".")[2])]
-        if len(full) != 1:
-            raise InputError("--part", slot, f"expected one of {', '.join(there)}")
-        wanted.add(full[0])
-    if not wanted:
-        raise InputError("--part", None, f"expected one or more of {', '.join(there)}")
-    return tuple(name for name in there if name in wanted)
-
-
 def _short_names(scenario: Scenario) -> dict[str, str]:
-    is_one = len(scenario.machines) == 1
-    names = [(m.name, slot) for m in scenario.machines.values() for slot in m.slots]
-    return {f"{m}.{s}": s if is_one else f"{m.replace('-', '_')}.{s}" for m, s in names}
+    return {name: short.replace("-", "_") for name, short in short_names(scenario).items()}
 
 
 def _sample(name: str, slot: str, output: str, port: Port, world: World, causality: str) -> list[Variable]:

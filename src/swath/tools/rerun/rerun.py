@@ -15,6 +15,7 @@ from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
 from swath.scenario.scenario import Scenario, load_scenario, parse_scenario
+from swath.scenario.slot_names import slot_names
 from swath.scenario.slots import kind_of
 from swath.tools.rerun.comparison import RecordingComparison
 
@@ -33,9 +34,10 @@ class Rerun:
 
     def run(self, out: Path, *, progress: bool = False, report: bool = True) -> JobResult:
         """Make the run; summary.json says under `rerun` which of the other slots came out the same."""
-        slots = [f"{m.name}.{s}" for m in self.scenario.machines.values() for s in m.slots]
         comparison = RecordingComparison(
-            self.log, [s for s in slots if s not in self.played], played=self.played
+            self.log,
+            [s for s in slot_names(self.scenario) if s not in self.played],
+            played=self.played,
         )
         hooks: list[RunHook] = [comparison, *([ReportWriter()] if report else [])]
         return run_job(self.scenario, out, progress=progress, events=self._events(), hooks=hooks)
@@ -81,7 +83,7 @@ def plan_rerun(
     """
     log = open_log(source)
     recorded = recorded_scenario(log, source, ())
-    recorded_outputs = {s: own_outputs(log, s) for s in _slots(recorded)}
+    recorded_outputs = {s: own_outputs(log, s) for s in slot_names(recorded)}
     exact = [s for s, outputs in recorded_outputs.items() if any(outputs.values())]
     if not exact:
         held = "expected a run.mcap of swath with every sample (run.record: exact), it has messages only"
@@ -105,10 +107,6 @@ def recorded_scenario(
         raise InputError("recording", log.path.name, expected, file=log.path)
     more = [f"{change}" for change in (flags or {}).values()]
     return parse_scenario(text.decode(), base=log.path.resolve().parent, sets=[*sets, *more])
-
-
-def _slots(scenario: Scenario) -> list[str]:
-    return [f"{m.name}.{s}" for m in scenario.machines.values() for s in m.slots]
 
 
 def _default_slots(exact: Sequence[str], is_all: bool) -> list[str]:

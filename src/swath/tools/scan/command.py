@@ -1,6 +1,7 @@
 """`swath scan`: one scan of a scenario, as a picture and a file."""
 
 import argparse
+import sys
 from typing import Any
 
 from swath.terminal.options import add_scenario_options, load
@@ -37,9 +38,12 @@ def run(args: argparse.Namespace) -> int:
 
     formats = None if args.format is None else [name.strip() for name in args.format.split(",")]
     try:
-        files = scan.scan_job(scenario, out, at_s=at, formats=formats, camera=args.camera)
+        notes: list[str] = []
+        files = scan.scan_job(scenario, out, at_s=at, formats=formats, camera=args.camera, tell=notes.append)
         for file in files:
             print(file)
+        for note in notes:
+            print(f"note    {note}", file=sys.stderr)
     except InputError as error:
         raise scenario.locate(error) from error
     return 0

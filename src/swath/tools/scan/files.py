@@ -56,8 +56,8 @@ def write_scan(
         "csv": lambda p: _table(p, scan, points, truth),
         "npz": lambda p: _arrays(p, scan, points, truth, kept),
         "ply": lambda p: write_ply(p, cloud),
-        "las": lambda p: write_las(p, cloud),
-        "laz": lambda p: write_las(p, cloud),
+        "las": lambda p: write_las(p, cloud, machine.origin),
+        "laz": lambda p: write_las(p, cloud, machine.origin),
     }
     return [write[name](folder / f"scan.{name}") for name in FORMATS if name in formats]
 

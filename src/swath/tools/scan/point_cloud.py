@@ -1,5 +1,6 @@
 """Point clouds for other programs: PLY by an own small writer, LAS and LAZ by laspy."""
 
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from swath import __version__
 from swath.core.errors import MissingExtra
 from swath.core.frames import Pose
+from swath.field.projection import Origin, known_crs
 from swath.signals import Scan, ScanTruth, beam_directions
 
 NAMES = ("x", "y", "z", "intensity", "time", "azimuth", "beam", "echo", "echo_count")
@@ -16,6 +18,12 @@ RECORD = np.dtype({"names": NAMES, "formats": ("<f8",) * 3 + ("<f4", "<f8", "<f4
 """Of an echo: x, y, z in the world [m], intensity (1 = white target that fills the spot), time since the
 start of the run [s], azimuth in the sensor frame [rad], beam, echo (0 = nearest) of echo_count."""
 PLY_TYPES = {"<f8": "double", "<f4": "float", "<u4": "uint", "<u2": "ushort"}
+CREATED = date(2024, 1, 1)  # the same cloud gives the same file, whenever it is written
+LOCAL_WKT = (
+    'LOCAL_CS["swath field",LOCAL_DATUM["origin of the field",0],UNIT["metre",1.0],'
+    'AXIS["east",EAST],AXIS["north",NORTH],AXIS["up",UP]]'
+)
+"""Metres of a field without a place on Earth (OGC 01-009, local coordinate system)."""
 LAS_STEP = 0.0005  # resolution of LAS coordinates [m]
 LAS_ANGLE = 0.006  # unit of the scan angle in LAS 1.4 [deg]
 
@@ -65,17 +73,26 @@ def need_las() -> Any:
     return laspy
 
 
-def write_las(path: Path, cloud: Cloud) -> Path:
+def write_las(path: Path, cloud: Cloud, origin: Origin | None = None) -> Path:
     """LAS 1.4, point format 6, compressed where the name ends in `.laz`; the beam's number as an extra.
 
-    Times are seconds of the run, intensity 65535 = 1 and cut off there. MissingExtra without laspy.
+    origin: of a field on Earth: points are in its projected system, else in the field's own metres; the file
+    says which as WKT. Times are seconds of the run, intensity 65535 = 1 and cut off there. MissingExtra
+    without laspy.
     """
     laspy = need_las()
+    if origin is not None:
+        cloud = cloud.copy()
+        for axis, shift in zip("xyz", (origin.easting, origin.northing, origin.height), strict=True):
+            cloud[axis] += shift
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales = np.full(3, LAS_STEP)
     header.offsets = [np.floor(cloud[axis].min()) if len(cloud) else 0.0 for axis in "xyz"]
     header.generating_software = f"swath {__version__}"
-    header.creation_date = None  # the same cloud gives the same file
+    header.creation_date = CREATED
+    wkt = LOCAL_WKT if origin is None else known_crs(f"EPSG:{origin.epsg}").to_wkt("WKT1_GDAL")
+    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+    header.global_encoding.wkt = True
     header.add_extra_dim(laspy.ExtraBytesParams("beam", "uint32", "number of the beam in the sweep"))
     las = laspy.LasData(header)
     las.x, las.y, las.z = (cloud[axis] for axis in "xyz")

@@ -2,7 +2,7 @@
 
 import shutil
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,12 +44,14 @@ def scan_job(
     at_s: float = 0.0,
     formats: Sequence[str] | None = None,
     camera: bool = False,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """One scan of a scenario after `at_s` of driving, as files `scan.*` in the folder `out`.
 
     The scanner is the first lidar of the first machine that has one.
     formats: of tools/scan/files.py, None = picture, csv, npz and ply
     camera: also the image of that machine's first camera: scan.camera.png and scan.camera.npz
+    tell: given each note of the machine, such as a rate that the sensor does not have
     """
     from swath.tools.scan.camera_picture import write_picture
     from swath.tools.scan.files import USUAL_FORMATS, check_formats, write_scan
@@ -58,6 +60,9 @@ def scan_job(
     check_formats(formats)
     driven = drive_to_scan(scenario, at_s, camera=camera)
     machine = driven.machine
+    if tell is not None:
+        for note in machine.notes:
+            tell(note)
     parts = Path(tempfile.mkdtemp(prefix="swath-scan-"))
     files: list[Path] = []
     try:

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.crop_sheet import load_crop
-from swath.field.projection import Origin, transform, utm_epsg
+from swath.field.projection import Origin, origin_at
 from swath.field_io.folder import read_origin
 from swath.machine.machine_sheet import load_machine
 from swath.record.tracks import read_tracks
+from swath.runtime.field_setup import stated_origin
 from swath.scenario.scenario import Scenario, load_scenario
 
 Array = NDArray[np.float64]
@@ -110,13 +111,10 @@ def records_of(
 
 
 def _origin(scenario: Scenario, at: tuple[float, float]) -> Origin:
-    """That of the field folder, else the place given, in the UTM zone there."""
+    """That of the field, else the place given."""
     if scenario.field.folder is not None:
         return read_origin(scenario.field.folder)
-    lat, lon = at
-    epsg = utm_epsg(lon, lat)
-    east, north = transform([[lon, lat]], "EPSG:4326", f"EPSG:{epsg}")[0]
-    return Origin(epsg, float(east), float(north))
+    return stated_origin(scenario.field) or origin_at(*at)
 
 
 def _crop(scenario: Scenario) -> str:

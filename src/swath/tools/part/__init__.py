@@ -1,0 +1,1 @@
+"""`swath part`: one slot of a scenario on its own, fed from a table or a recording."""

@@ -1,0 +1,95 @@
+"""`swath part`: one slot of a scenario on its own."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from swath.terminal.options import add_no_code
+
+USUAL = "straight"
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser("part", help="one slot of a scenario on its own", description=_DESCRIPTION)
+    parser.add_argument("slot", metavar="SLOT", help="combine.process, or process where there is one machine")
+    parser.add_argument(
+        "--input", type=Path, metavar="X.csv|RUN", help="what it takes; without it, print the columns"
+    )
+    parser.add_argument(
+        "--scenario", metavar="NAME|FILE", help=f"whose slot it is (default: of RUN, else {USUAL})"
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="for inputs.csv and outputs.csv")
+    parser.add_argument(
+        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="change the scenario"
+    )
+    add_no_code(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the columns, or run the slot and print where its outputs are."""
+    from swath.core.errors import InputError
+    from swath.record.read.files import open_log
+    from swath.scenario.scenario import load_scenario
+    from swath.scenario.slot_names import find_slots
+    from swath.tools.part.isolate import IsolatedPart, is_table
+    from swath.tools.rerun.rerun import recorded_scenario
+
+    log = None
+    if args.input is not None and args.input.exists() and not is_table(args.input):
+        log = open_log(args.input)
+    if log is not None and args.scenario is None:
+        scenario = recorded_scenario(log, args.input, args.sets)
+    else:
+        scenario = load_scenario(args.scenario or USUAL, sets=args.sets)
+    (slot,) = find_slots(scenario, [args.slot], key="SLOT")
+    part = IsolatedPart(scenario, slot)
+    try:
+        if args.input is None:
+            _print_columns(part)
+        elif args.out is None:
+            raise InputError("--out", None, "expected a folder for inputs.csv and outputs.csv")
+        else:
+            _run(part, args.input, log, args.out)
+    finally:
+        part.world.close()
+    return 0
+
+
+def _run(part: Any, source: Path, log: Any, out: Path) -> None:
+    from swath.tools.part.table import read_table, write_table
+    from swath.tools.rerun.comparison import RecordingComparison
+
+    arrivals = read_table(source, part) if log is None else part.recorded(log)
+    comparison = None if log is None else RecordingComparison(log, [part.slot], played=())
+    end = 0 if log is None else log.end()
+    given = part.run(arrivals, end=end, observers=[] if comparison is None else [comparison])
+    out.mkdir(parents=True, exist_ok=True)
+    for name, samples in (("inputs.csv", arrivals), ("outputs.csv", given)):
+        if not (out / name).exists() or not (out / name).samefile(source):
+            write_table(out / name, part, samples)
+        print(f"{out / name}  {len(samples)} samples")
+    if comparison is not None:
+        for name, found in comparison.summarize(part.world.graph.t)["rerun"]["slots"].items():
+            same = f"differs from {found.get('differs_from_s', 0.0):g} s on in {found.get('differs_in')}"
+            result = "identical to the recording" if found["identical"] else same
+            print(f"{name}: {result}, {found['samples']} samples")
+
+
+def _print_columns(part: Any) -> None:
+    from swath.terminal.tables import table
+    from swath.tools.part.table import TIME, columns_of
+
+    rows = [(TIME, "in", "s", "time from the start of the run", "")]
+    for way, ports in (("in", part.ports), ("out", part.given)):
+        for name, (output, field) in columns_of(part, ports).items():
+            is_needed = way == "in" and field.default is None
+            need = "" if not is_needed else "needed" if output in part.needed else "with its output"
+            rows.append((name, way, field.unit, field.quantity.meaning, need))
+    table("", ("column", "", "unit", "what it is", ""), rows)
+
+
+_DESCRIPTION = """Run one slot alone, with the level and parameters it has in a scenario. What it takes comes
+from a table (columns slot.output.number over t_s, SI units, radians) or from the recording of a run; what it
+gives is written as such a table. Of a recording, inputs.csv can be edited and fed again."""
