@@ -96,6 +96,10 @@ LIMITS = {
         "ideal": Limit("exact", EXACT),
         "radar": Limit("equal to ideal without noise on level ground", 1e-9),
     },
+    "radar": {
+        "ideal": Limit("radial speed of what stands within 1 mm/s", 1e-3),
+        "error": Limit("equal to ideal without noise and latency", 1e-3),
+    },
     "field_map": {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal at correlation 1 without kernel and cells", EXACT),

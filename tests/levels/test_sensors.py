@@ -9,7 +9,7 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.memory_layout import Organ
-from swath.field.obstacles import BoxObstacle, SheetObstacle, things_of
+from swath.field.obstacles import BoxObstacle, PostObstacle, SheetObstacle, things_of
 from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field.site_setup import SiteSetup
@@ -71,6 +71,20 @@ def test_speed_over_level_ground(level, limit):
     else:
         found = feed(sensor, straight(SPEED), 10)[-1]
     assert found.speed == pytest.approx(SPEED, rel=limit)
+
+
+@each_level("radar")
+def test_radial_speed_of_a_post(level, limit):
+    """9 m ahead of a sensor on the axle of a machine at 2 m/s."""
+    field = made_field(stand=maps.Params(stems_per_m2=1))
+    setup = SiteSetup(field, MACHINE, Pose.identity(), "left", 0.1, "combine")
+    setup.bodies.set_things(things_of([PostObstacle(x_m=11.0, y_m=0.0)], field))
+    mount = Mount(at="axle", z_m=1.0, pitch_deg=0.0)
+    quiet = {"noise": "none"} if level == "error" else {}
+    sensor = reset(make("radar", level, setup, mount=mount, **quiet))
+    last = feed(sensor, straight(SPEED), 12)[-1]
+    assert last.radial_speed[0] == pytest.approx(-SPEED, abs=limit)
+    assert last.range[0] == pytest.approx(11.0 - SPEED * last.t * 1e-9 - 0.075, abs=limit)
 
 
 @each_level("field_map")

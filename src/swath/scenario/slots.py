@@ -42,6 +42,7 @@ from swath.signals import (
     WheelState,
     YieldReading,
 )
+from swath.signals.radar import RadarTargets
 
 
 @dataclass(frozen=True)
@@ -183,6 +184,16 @@ SLOTS: tuple[SlotKind, ...] = (
         "radar",
         10.0,
         (Port("speed", GroundSpeed),),
+        _STATE,
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
+        "radar",
+        ("swath.sensing.radar",),
+        "error",
+        20.0,
+        (Port("targets", RadarTargets),),
         _STATE,
         is_plural=True,
         is_exchangeable=True,
