@@ -110,6 +110,8 @@ LIMITS = {
         "truth": Limit("exact", EXACT),
         "error": Limit("equal to truth with every number at 0", EXACT),
         "cluster": Limit("place of a person within 0.3 m", 0.3),
+        "radar": Limit("place of a person within 0.6 m", 0.6),
+        "joined": Limit("place of a person within 0.3 m", 0.3),
     },
     "gnss": {
         "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart

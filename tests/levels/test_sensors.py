@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from swath.control.objects import joined, radar
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.memory_layout import Organ
@@ -21,7 +22,7 @@ from swath.sensing.imu.strapdown import GRAVITY
 from swath.sensing.imu.strapdown import Place as Unit
 from swath.sensing.mount import Mount
 from swath.signals import OBSTACLE_KINDS, Fix, MachineState, SteerState, YieldReading
-from tests.control import test_objects
+from tests.control import test_objects, test_radar_objects
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE
 from tests.levels.limits import each_level, keys_of, make
@@ -119,6 +120,10 @@ def test_a_person_ahead(level, limit):
     x, y = 14.0, 1.0
     if level == "cluster":
         last = test_objects.drive(test_objects.cluster(), [(x + 2.0, y, 0.25, 1.75)], 10)[-1]
+    elif level in ("radar", "joined"):
+        part = test_radar_objects.made(joined if level == "joined" else radar)
+        scanned = {"scanned": [(x + 2.0, y)]} if level == "joined" else {}
+        last, _ = test_radar_objects.drive(part, [(x + 2.0, y, 0.0, 0.0)], 20, **scanned)
     else:
         setup = SiteSetup(made_field(), MACHINE, Pose.identity(), "left", 0.1, "combine")
         person = SheetObstacle(kind="person", x_m=x, y_m=y)

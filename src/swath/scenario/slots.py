@@ -276,6 +276,7 @@ SLOTS: tuple[SlotKind, ...] = (
         {
             **_STATE,
             "scan": ("lidar", "scan"),
+            "targets": ("radar", "targets"),
             "odometry": ("odometry", "odometry"),
             "edge": ("edge", "edge"),
         },

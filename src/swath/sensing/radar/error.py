@@ -211,6 +211,6 @@ LEVEL = Level(
     ErrorRadar,
     Params,
     summary="radar equation, fluctuation, loss in the crop, resolution cells, noise and false alarms",
-    cost="2 ms per look at ten things",
+    cost="7 ms per look at ten things behind crop",
     tolerance="equal to ideal without noise and latency; Pd = Pfa^(1 / (1 + SNR))",
 )

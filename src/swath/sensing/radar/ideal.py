@@ -139,6 +139,6 @@ LEVEL = Level(
     IdealRadar,
     Params,
     summary="everything in the field of view with distance, angles, radial speed and cross section",
-    cost="0.3 ms per look",
+    cost="0.6 ms per look at ten things",
     tolerance="exact; radial speed of what stands within 1 mm/s",
 )
