@@ -11,6 +11,7 @@ from typing import get_type_hints
 
 from swath.core.frames import Pose
 from swath.core.signal import Message, Quantity, Signal, quantities, signal_types
+from swath.scenario.slots import SLOTS
 from swath.signals.flat import ARRAYS
 
 DOCS = Path(__file__).parents[1]
@@ -52,7 +53,9 @@ SAMPLES = {
 
 def bundled_signals() -> list[type[Signal]]:
     """The sample types of this package, by name."""
-    found = [kind for kind in signal_types() if kind.__module__.startswith("swath.signals.")]
+    ports = [port.signal for slot in SLOTS for port in (*slot.outputs, *slot.more)]
+    known = {*signal_types(), *ports}
+    found = [kind for kind in known if kind.__module__.startswith("swath.signals.")]
     return sorted(found, key=lambda kind: kind.__name__)
 
 

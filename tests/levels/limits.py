@@ -96,6 +96,10 @@ LIMITS = {
         "ideal": Limit("exact", EXACT),
         "radar": Limit("equal to ideal without noise on level ground", 1e-9),
     },
+    "radar": {
+        "ideal": Limit("radial speed of what stands within 1 mm/s", 1e-3),
+        "error": Limit("equal to ideal without noise and latency", 1e-3),
+    },
     "field_map": {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal at correlation 1 without kernel and cells", EXACT),
@@ -106,6 +110,8 @@ LIMITS = {
         "truth": Limit("exact", EXACT),
         "error": Limit("equal to truth with every number at 0", EXACT),
         "cluster": Limit("place of a person within 0.3 m", 0.3),
+        "radar": Limit("place of a person within 0.6 m", 0.6),
+        "joined": Limit("place of a person within 0.3 m", 0.3),
     },
     "gnss": {
         "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from swath.control.objects import joined, radar
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.memory_layout import Organ
-from swath.field.obstacles import BoxObstacle, SheetObstacle, things_of
+from swath.field.obstacles import BoxObstacle, PostObstacle, SheetObstacle, things_of
 from swath.field.projection import Origin
 from swath.field.raster import Raster
 from swath.field.site_setup import SiteSetup
@@ -21,7 +22,7 @@ from swath.sensing.imu.strapdown import GRAVITY
 from swath.sensing.imu.strapdown import Place as Unit
 from swath.sensing.mount import Mount
 from swath.signals import OBSTACLE_KINDS, Fix, MachineState, SteerState, YieldReading
-from tests.control import test_objects
+from tests.control import test_objects, test_radar_objects
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE
 from tests.levels.limits import each_level, keys_of, make
@@ -73,6 +74,20 @@ def test_speed_over_level_ground(level, limit):
     assert found.speed == pytest.approx(SPEED, rel=limit)
 
 
+@each_level("radar")
+def test_radial_speed_of_a_post(level, limit):
+    """9 m ahead of a sensor on the axle of a machine at 2 m/s."""
+    field = made_field(stand=maps.Params(stems_per_m2=1))
+    setup = SiteSetup(field, MACHINE, Pose.identity(), "left", 0.1, "combine")
+    setup.bodies.set_things(things_of([PostObstacle(x_m=11.0, y_m=0.0)], field))
+    mount = Mount(at="axle", z_m=1.0, pitch_deg=0.0)
+    quiet = {"noise": "none"} if level == "error" else {}
+    sensor = reset(make("radar", level, setup, mount=mount, **quiet))
+    last = feed(sensor, straight(SPEED), 12)[-1]
+    assert last.radial_speed[0] == pytest.approx(-SPEED, abs=limit)
+    assert last.range[0] == pytest.approx(11.0 - SPEED * last.t * 1e-9 - 0.075, abs=limit)
+
+
 @each_level("field_map")
 def test_a_map_of_even_crop(level, limit, tmp_path):
     """What was grown everywhere, whether it was measured, stored or known."""
@@ -105,6 +120,10 @@ def test_a_person_ahead(level, limit):
     x, y = 14.0, 1.0
     if level == "cluster":
         last = test_objects.drive(test_objects.cluster(), [(x + 2.0, y, 0.25, 1.75)], 10)[-1]
+    elif level in ("radar", "joined"):
+        part = test_radar_objects.made(joined if level == "joined" else radar)
+        scanned = {"scanned": [(x + 2.0, y)]} if level == "joined" else {}
+        last, _ = test_radar_objects.drive(part, [(x + 2.0, y, 0.0, 0.0)], 20, **scanned)
     else:
         setup = SiteSetup(made_field(), MACHINE, Pose.identity(), "left", 0.1, "combine")
         person = SheetObstacle(kind="person", x_m=x, y_m=y)

@@ -54,15 +54,20 @@ def _check(file: str) -> int:
     from swath.documents.yaml_document import read_document
     from swath.field.crop_sheet import load_crop
     from swath.machine.machine_sheet import load_machine
+    from swath.sensing.ground_speed.radar import load_ground_radar
     from swath.sensing.lidar_sheet import load_lidar
+    from swath.sensing.radar.radar_sheet import load_radar
 
     path = Path(file).resolve()
-    said = str((read_document(path).data or {}).get("format", ""))
+    data = read_document(path).data or {}
+    said = str(data.get("format", ""))
     kind = next((kind for kind, word in WORDS.items() if said.startswith(f"swath {word}")), None)
     if kind is None:
         formats = ", ".join(f"format: swath {word} 2" for word in WORDS.values())
         raise InputError("format", said or None, f"expected one of {formats}", file=file)
-    load: Any = {"sensors": load_lidar, "machines": load_machine, "crops": load_crop}[kind]
+    sensors = {"radar": load_radar, "ground_radar": load_ground_radar}
+    load_sensor = sensors.get(str(data.get("kind")), load_lidar)
+    load: Any = {"sensors": load_sensor, "machines": load_machine, "crops": load_crop}[kind]
     load(str(path))
     entries = read_sheet(kind, str(path)).numbers().values()
     plain = sum("source" not in entry for entry in entries)

@@ -15,6 +15,7 @@ from swath.record.motion_messages import OdometryMessages, StateMessages, speed_
 from swath.record.obstacle_messages import object_messages, obstacle_messages
 from swath.record.own_messages import own_messages
 from swath.record.positioning_messages import fix_messages, imu_messages
+from swath.record.radar_messages import radar_messages
 from swath.record.scan_messages import scan_messages, truth_messages
 from swath.signals import (
     CropEdge,
@@ -31,6 +32,7 @@ from swath.signals import (
     SpeedCommand,
     SteerState,
 )
+from swath.signals.radar import RadarTargets
 
 MAKERS: dict[type[Signal], Maker] = {
     MachineState: StateMessages,
@@ -43,6 +45,7 @@ MAKERS: dict[type[Signal], Maker] = {
     Fix: lambda source: partial(fix_messages, source),
     Inertial: lambda source: partial(imu_messages, source),
     CropEdge: lambda source: partial(edge_messages, source),
+    RadarTargets: lambda source: partial(radar_messages, source),
     Objects: lambda source: partial(object_messages, source),
     Obstacles: lambda source: partial(obstacle_messages, source),
 }

@@ -25,14 +25,14 @@ def scan_messages(source: Source, scan: Scan) -> Iterator[Sent]:
         points, beam, echo = _flatten(scan.points())
         columns = {"intensity": scan.intensity[beam, echo], "time": scan.beam_t[beam]}
         columns |= {"ring": rings(scan)[beam], "beam": beam, "echo": echo}
-        cloud = _cloud(source, scan.t, source.frame, points, columns)
+        cloud = cloud_message(source, scan.t, source.frame, points, columns)
         yield Sent(f"{source.topic}_points", cloud)
 
 
 def truth_messages(source: Source, truth: ScanTruth) -> Iterator[Sent]:
     """PointCloud2 in the world."""
     points, beam, echo = _flatten(truth.points)
-    yield Sent(source.topic, _cloud(source, truth.t, "map", points, {"beam": beam, "echo": echo}))
+    yield Sent(source.topic, cloud_message(source, truth.t, "map", points, {"beam": beam, "echo": echo}))
 
 
 def is_laser_scan(scan: Scan) -> bool:
@@ -76,10 +76,13 @@ def _laser_scan(source: Source, scan: Scan) -> Any:
     )
 
 
-def _cloud(source: Source, t: int, frame: str, points: NDArray[Any], more: Mapping[str, NDArray[Any]]) -> Any:
-    """sensor_msgs/PointCloud2 of points (n, 3) and further columns (n,)."""
+def cloud_message(
+    source: Source, t: int, frame: str, points: NDArray[Any], more: Mapping[str, NDArray[Any]]
+) -> Any:
+    """sensor_msgs/PointCloud2 of points (n, 3) and further columns (n,); what no scanner has is FLOAT32."""
     columns = {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **more}
     layout = [(name, kind) for name, kind in (*POINT_FIELDS, *BEAM_FIELDS) if name in columns]
+    layout += [(name, "<f4") for name in columns if name not in dict(layout)]
     table = np.zeros(len(points), dtype=np.dtype(layout, align=True))
     described = []
     for name, kind in layout:

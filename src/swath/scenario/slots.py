@@ -42,6 +42,7 @@ from swath.signals import (
     WheelState,
     YieldReading,
 )
+from swath.signals.radar import RadarTargets
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,16 @@ SLOTS: tuple[SlotKind, ...] = (
         is_exchangeable=True,
     ),
     SlotKind(
+        "radar",
+        ("swath.sensing.radar",),
+        "error",
+        20.0,
+        (Port("targets", RadarTargets),),
+        _STATE,
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
         "gnss",
         ("swath.sensing.gnss",),
         "error",
@@ -265,6 +276,7 @@ SLOTS: tuple[SlotKind, ...] = (
         {
             **_STATE,
             "scan": ("lidar", "scan"),
+            "targets": ("radar", "targets"),
             "odometry": ("odometry", "odometry"),
             "edge": ("edge", "edge"),
         },

@@ -13,12 +13,12 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.objects.track import Heap, Track, Tracks
-from swath.core.component import Inputs, KeepsState, Outputs, Port
-from swath.core.random import Stream
+from swath.control.objects.following import FREE, Following
+from swath.control.objects.track import Heap, Track
+from swath.core.component import Inputs, Outputs, Port
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.signals import F64, CropEdge, Objects, Odometry, Scan, objects_of
+from swath.signals import F64, CropEdge, Objects, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
 CELL = 0.25  # echoes in one cell, or with at most one empty cell between them, are one heap [m]
@@ -27,7 +27,6 @@ TOP_PERCENTILE = 90.0  # of the heights in a strip
 FEWEST = 20  # echoes that make a strip
 BEYOND = 0.7  # on the cut side of the edge everything is taken as cut [m]
 UNDER = 0.05  # a thing whose top lies less than this above the lowest beam can get lost [rad]
-FREE = 0.3  # ahead of the knife nothing is looked for, there the header moves [m]
 
 
 @dataclass(frozen=True)
@@ -50,10 +49,8 @@ class Params:
     keep_s: Annotated[float, Ge(0), Le(10)] = 1.0
 
 
-class Cluster(KeepsState):
+class Cluster(Following):
     """Takes every scan; the sample holds at the end of the step."""
-
-    kept = ("_tracks", "_pose", "_seen")
 
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
@@ -63,25 +60,13 @@ class Cluster(KeepsState):
     outputs = (Port("objects", Objects),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
-        self._p, self._mounting = params, setup.mounting
-        self._knife = setup.machine.knife_x
-        self._out = 1.0 if setup.edge_side == "left" else -1.0
-        ends = [setup.machine.header_end(side)[1] for side in ("right", "left")]
-        self._strip = ends[0] - params.side_m, ends[1] + params.side_m
-        self._tracks = Tracks(params.confirm, params.keep_s)
-
-    def reset(self, stream: Stream) -> Outputs:
-        """Nothing seen."""
-        self._tracks.clear()
-        self._pose = (0.0, 0.0, 0.0)  # dead reckoning since the start: x, y [m], yaw [rad]
-        self._seen = -1
-        return {"objects": objects_of(0, [])}
+        super().__init__(setup, "scan", params.side_m, params.confirm, params.keep_s)
+        self._p = params
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The objects at t + dt."""
-        now, odometry = t + dt, inputs["odometry"]
-        speed, turn = (0.0, 0.0) if odometry is None else (odometry.speed, odometry.yaw_rate)
-        self._go(speed, turn, dt / NS)
+        now = t + dt
+        speed, _ = self._go(inputs["odometry"], dt / NS)
         scan: Scan | None = inputs["scan"]
         if scan is not None and scan.t != self._seen:
             self._seen = scan.t
@@ -90,12 +75,6 @@ class Cluster(KeepsState):
             heaps = self._heaps(points, inputs["edge"])
             self._tracks.update(now / NS, heaps, lambda track: self._is_under(track, lowest))
         return {"objects": self._sample(now)}
-
-    def _go(self, speed: float, turn: float, seconds: float) -> None:
-        x, y, yaw = self._pose
-        middle = yaw + 0.5 * turn * seconds
-        way = speed * seconds
-        self._pose = x + way * cos(middle), y + way * sin(middle), yaw + turn * seconds
 
     def _is_under(self, track: Track, lowest: float) -> bool:
         """Whether a thing before the machine lies under the lowest beam, where the scanner is blind."""
@@ -148,19 +127,6 @@ class Cluster(KeepsState):
         c, s = cos(yaw), sin(yaw)
         length, width = np.maximum(high[:2] - low[:2], CELL).tolist()
         return Heap(px + c * x - s * y, py + s * x + c * y, length, width, float(high[2]))
-
-    def _sample(self, now: int) -> Objects:
-        px, py, yaw = self._pose
-        c, s, rows = cos(yaw), sin(yaw), []
-        for track in self._tracks.confirmed():
-            x, y = track.at(now / NS)
-            dx, dy = x - px, y - py
-            vx, vy = track.velocity
-            moved = c * vx + s * vy, -s * vx + c * vy
-            box = 0.0, track.heap.length, track.heap.width, track.heap.top
-            place = c * dx + s * dy, -s * dx + c * dy
-            rows.append((track.number, 0.0, *place, *box, *moved, track.confidence, np.nan))
-        return objects_of(now, rows)
 
 
 def canopy_top(x: F64, z: F64) -> tuple[float, float] | None:

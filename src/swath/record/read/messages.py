@@ -9,12 +9,12 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.record.read import motion, positioning, scans
+from swath.record.read import motion, positioning, radar, scans
 from swath.record.read.fields import Context, Maker, Makers, pose_of, stamp_of
 from swath.signals import Signal
 from swath.signals.flat import ARRAYS
 
-MAKERS: Makers = {**scans.MAKERS, **motion.MAKERS, **positioning.MAKERS}
+MAKERS: Makers = {**scans.MAKERS, **motion.MAKERS, **positioning.MAKERS, **radar.MAKERS}
 PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "ackermann_msgs", "std_msgs", "example_interfaces")
 
 

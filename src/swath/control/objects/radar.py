@@ -1,0 +1,91 @@
+"""Objects level `radar`: detections of a radar, followed from look to look.
+
+A detection counts when its radial speed, less what the machine's own motion makes of it, is one that a thing
+on a field can have, and a thing when several looks have shown it: so most false alarms go.
+"""
+
+from dataclasses import dataclass
+from math import cos, sin
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.control.objects.following import FREE, Following
+from swath.control.objects.track import Heap
+from swath.core.component import Inputs, Outputs, Port
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.signals import F64, Objects, Odometry
+from swath.signals.radar import RadarTargets
+from swath.signals.setup import ControlSetup
+
+SIZE = 0.5  # of a detection, which has none [m]
+
+
+@dataclass(frozen=True)
+class Params:
+    """reach_m: ahead of the knife; side_m: beside the ends of the header; fastest_m_s: over ground, along the
+    sight; least_snr_db: of a detection
+    confirm: looks that show a thing before it counts; keep_s: it is kept so long without being seen
+    """
+
+    reach_m: Annotated[float, Gt(0), Le(200)] = 30.0
+    side_m: Annotated[float, Ge(0), Le(50)] = 8.0
+    fastest_m_s: Annotated[float, Gt(0), Le(50)] = 4.0
+    least_snr_db: Annotated[float, Ge(-20), Le(60)] = 0.0
+    confirm: Annotated[int, Ge(1), Le(20)] = 4
+    keep_s: Annotated[float, Ge(0), Le(10)] = 0.6
+
+
+class RadarObjects(Following):
+    """Takes every look; the sample holds at the end of the step."""
+
+    inputs = (Port("targets", RadarTargets), Port("odometry", Odometry, optional=True))
+    outputs = (Port("objects", Objects),)
+
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        super().__init__(setup, "targets", params.side_m, params.confirm, params.keep_s)
+        self._p = params
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """The objects at t + dt."""
+        now = t + dt
+        speed, turn = self._go(inputs["odometry"], dt / NS)
+        targets: RadarTargets | None = inputs["targets"]
+        if targets is not None and targets.t > self._seen:
+            self._seen = targets.t
+            place = self._moved(speed, turn, (targets.t - now) / NS)  # where the machine was at the look
+            points = self._points(targets, speed, turn)
+            self._tracks.update(targets.t / NS, [_heap(p, place) for p in points], lambda track: False)
+        return {"objects": self._sample(now)}
+
+    def _points(self, targets: RadarTargets, speed: float, turn: float) -> F64:
+        """Detections ahead that may be things (n, 3) [m], in the machine's frame at the look."""
+        seen = targets.points()
+        way = self._mounting.turn(seen)
+        x, y, _ = self._mounting.position.tolist()
+        own = (speed - turn * y) * way[:, 0] + turn * x * way[:, 1]
+        over_ground = targets.radial_speed + own / np.maximum(targets.range, 1e-3)
+        points = self._mounting.apply(seen)
+        ahead = points[:, 0] - self._knife
+        good = (ahead > FREE) & (ahead < self._p.reach_m) & (np.abs(over_ground) < self._p.fastest_m_s)
+        good &= (points[:, 1] > self._strip[0]) & (points[:, 1] < self._strip[1])
+        good &= ~(targets.snr < self._p.least_snr_db)
+        return np.asarray(points[good])
+
+
+def _heap(point: F64, place: tuple[float, float, float]) -> Heap:
+    """A detection over the ground, from a machine there."""
+    (x, y, z), (px, py, yaw) = point.tolist(), place
+    c, s = cos(yaw), sin(yaw)
+    return Heap(px + c * x - s * y, py + s * x + c * y, SIZE, SIZE, z)
+
+
+LEVEL = Level(
+    RadarObjects,
+    Params,
+    summary="detections of a radar, followed from look to look",
+    cost="0.2 ms per look",
+    tolerance="place of a person within 0.6 m; height and size not known",
+)

@@ -1,0 +1,44 @@
+"""Detections of a radar from sensor_msgs/PointCloud2 of the usual drivers."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core import portable
+from swath.record.read.fields import Makers, stamp_of
+from swath.record.read.scans import cloud_table
+from swath.signals import F64
+from swath.signals.radar import RadarTargets, radar_targets_of
+
+# Names that drivers give to what a cloud holds beside x, y, z; speeds in m/s, > 0 goes away.
+SPEEDS = ("radial_speed", "radial_velocity", "doppler", "velocity", "v_doppler_mps", "doppler_velocity")
+SECTIONS = ("rcs", "radar_cross_section", "RCS")
+STRENGTHS = ("snr", "snr_db", "SNR", "signal_to_noise_ratio")
+
+
+def _targets_of_cloud(message: Any, t: int) -> RadarTargets:
+    """A detection per point; points at 0 or nan are left out, and what the cloud does not say is nan."""
+    table = cloud_table(message)
+    points = np.stack([table[n].astype(np.float64) for n in "xyz"], axis=1)
+    far = np.linalg.norm(points, axis=1)
+    good = np.isfinite(far) & (far > 0.0)
+    table, points, far = table[good], points[good], far[good]
+    azimuth = portable.arctan2(points[:, 1], points[:, 0])
+    elevation = portable.arcsin(np.clip(points[:, 2] / far, -1.0, 1.0))
+    names = table.dtype.names or ()
+    if "elevation_angle" in names:
+        elevation = np.where(np.isnan(table["elevation_angle"]), np.nan, elevation)
+    found = [_first(table, which) for which in (SPEEDS, SECTIONS, STRENGTHS)]
+    unknown = np.full((3, len(far)), np.nan)
+    rows = np.vstack([far, azimuth, elevation, *found, unknown]).T
+    return radar_targets_of(stamp_of(message, t), rows.tolist())
+
+
+def _first(table: NDArray[np.void], names: tuple[str, ...]) -> F64:
+    """The first of these columns that is there, else nan."""
+    name = next((n for n in names if n in (table.dtype.names or ())), None)
+    return np.full(len(table), np.nan) if name is None else table[name].astype(np.float64)
+
+
+MAKERS: Makers = {(RadarTargets, "PointCloud2"): lambda context: _targets_of_cloud}

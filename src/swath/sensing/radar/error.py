@@ -1,0 +1,216 @@
+"""Radar level `error`: each thing in view by the radar equation, as the detector of one look gives it.
+
+    SNR = SNR_ref + s - s_ref - 40 lg(R / R_ref) - 2 (stand + rain) + 2 G(azimuth, elevation) - losses
+
+A target's echo fluctuates from look to look (Swerling 1): power over noise has an exponential distribution
+of mean 1 + SNR, a detection is above -ln Pfa, so Pd = Pfa^(1 / (1 + SNR)) (Richards 2014, Fundamentals of
+Radar Signal Processing, chapter 6). What shares a resolution cell is one detection.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from math import hypot, log, log10, sqrt
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from swath.core.component import Inputs, Outputs
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.units import PERCENT
+from swath.field.site_setup import SiteSetup
+from swath.sensing.radar.ideal import IdealRadar, Target, entry
+from swath.sensing.radar.ideal import Params as IdealParams
+from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
+from swath.signals import F64
+from swath.signals.radar import RadarTargets, radar_targets_of
+
+PARTS = 5  # heights of a thing that have a way through the crop each
+RAIN = {"low": (0.148, 1.0), "high": (1.08, 0.72)}  # dB/km = k R^a: 3.7 and 11 dB/km at 25 mm/h, uncited
+
+
+@dataclass(frozen=True)
+class Params(IdealParams):
+    """straw_moisture_percent: water of the straw, wet mass; straw_wall: 0 thin to 1 thick, of the stems
+    stand_loss_percent: of the derived loss in the crop; 0 = the crop is not there for the radar
+    rain_mm_h; loss_db: of all echoes, such as a dirty cover; noise: as in the data sheet, or none: then all
+    that is above the threshold by its mean is given exactly, with no false alarms
+    """
+
+    straw_moisture_percent: Annotated[float, Ge(0), Le(80)] = 12.0
+    straw_wall: Annotated[float, Ge(0), Le(1)] = 0.5
+    stand_loss_percent: Annotated[float, Ge(0), Le(300)] = 100.0
+    rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
+    loss_db: Annotated[float, Ge(0), Le(100)] = 0.0
+    noise: Literal["data_sheet", "none"] = "data_sheet"
+
+
+@dataclass(frozen=True)
+class Echo:
+    """What comes back from a resolution cell. snr: mean, linear; the others as in `Target`."""
+
+    distance: float
+    azimuth: float
+    elevation: float
+    radial_speed: float
+    snr: float
+
+
+class ErrorRadar(IdealRadar):
+    """Every look draws anew."""
+
+    kept: ClassVar[tuple[str, ...]] = ("_last", "_waiting")
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        super().__init__(params, setup)
+        self._e, self._is_noisy = params, params.noise == "data_sheet"
+        high = self.sheet.frequency > 50e9
+        moisture = params.straw_moisture_percent * PERCENT
+        factor = wave_factor(self.sheet.frequency, self.sheet.polarisation, moisture, params.straw_wall)
+        self._wave = factor * params.stand_loss_percent * PERCENT
+        k, a = RAIN["high" if high else "low"]
+        self._rain = k * float(params.rain_mm_h) ** a / 1000.0  # dB/m
+        self._threshold = -self.sheet.false_alarm_lg * log(10.0)
+        self._stand = StandLoss(setup.field) if self._wave > 0.0 else None
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Nothing seen."""
+        self._stream = stream
+        late = round(self.sheet.latency / self._setup.period)
+        self._waiting: deque[RadarTargets] = deque([radar_targets_of(0, [])] * late)
+        return super().reset(stream)
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """The detections of a look some time ago; the sample carries the time of the look."""
+        seen, draw = self.look(t + dt, inputs), self._stream.at(t + dt)
+        echoes = merged([self._echo(s, seen) for s in seen], self._cell)
+        rows = [row for echo in echoes if (row := self._detected(echo, draw)) is not None]
+        if self._is_noisy:
+            rows += self._false_alarms(draw)
+        strongest = sorted(rows, key=lambda row: -row[5])[: self.sheet.target_max]
+        self._waiting.append(radar_targets_of(t + dt, strongest))
+        return {"targets": self._waiting.popleft()}
+
+    @property
+    def _cell(self) -> tuple[float, float, float]:
+        return self.sheet.range_resolution, self.sheet.azimuth_resolution, self.sheet.speed_resolution
+
+    def _echo(self, seen: Target, all_seen: list[Target]) -> Echo:
+        """Mean power of a thing over noise: its parts by height, each through its own crop."""
+        eye, way = self._eye, seen.place - self._eye
+        ends = np.repeat(seen.place[None], PARTS, axis=0)
+        middle = float(seen.body.pose.apply(seen.body.middle)[2])
+        ends[:, 2] = middle + float(seen.body.half[2]) * (2.0 * np.arange(PARTS) + 1.0 - PARTS) / PARTS
+        ground = float(self._setup.field.ground_height(*seen.place[:2].tolist()))
+        ends = ends[ends[:, 2] > ground]
+        depth = np.zeros(len(ends)) if self._stand is None else self._stand.depth(eye, ends)
+        far = hypot(*way[:2].tolist())
+        total = 0.0
+        for end, through in zip(ends, depth.tolist(), strict=True):
+            if any(hides(other, seen, eye, end) for other in all_seen):
+                continue
+            tilt = seen.elevation + (float(end[2]) - float(seen.place[2])) / far
+            gain = self.sheet.gain(seen.azimuth, tilt)
+            total += 10.0 ** ((2.0 * gain - 2.0 * DB * self._wave * through) / 10.0) / PARTS
+        if not len(ends) or total == 0.0:
+            return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, 0.0)
+        total *= PARTS / len(ends)
+        lost = 2.0 * self._rain * seen.distance + self._e.loss_db
+        snr = 10.0 ** ((self.sheet.snr(seen.rcs, seen.distance) - lost) / 10.0) * total
+        return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, snr)
+
+    def _detected(self, echo: Echo, draw: np.random.Generator) -> list[float] | None:
+        """A row of the sample, None for an echo that stays below the threshold."""
+        noise = draw.standard_normal(4).tolist()
+        power = (1.0 + echo.snr) * float(draw.standard_exponential()) if self._is_noisy else echo.snr
+        if power <= self._threshold:
+            return None
+        return self._row(echo, power, noise if self._is_noisy else [0.0] * 4)
+
+    def _row(self, echo: Echo, power: float, noise: list[float]) -> list[float]:
+        """Errors as from an echo of this power over noise, and the cross section that it looks like."""
+        s, snr = self.sheet, max(power - 1.0, 1e-3) if self._is_noisy else power
+        sds = [
+            deviation(snr, cell, floor)
+            for cell, floor in (
+                (s.range_resolution, s.range_floor),
+                (s.azimuth_resolution, s.azimuth_floor),
+                (s.elevation_resolution, 0.0),
+                (s.speed_resolution, s.speed_floor),
+            )
+        ]
+        distance = max(echo.distance + sds[0] * noise[0], s.range_min)
+        azimuth = echo.azimuth + sds[1] * noise[1]
+        elevation = echo.elevation + sds[2] * noise[2] if s.elevation_resolution > 0.0 else np.nan
+        speed = echo.radial_speed + sds[3] * noise[3]
+        level = 10.0 * log10(snr)
+        beam = 2.0 * s.gain(azimuth, 0.0)
+        rcs = level - beam - s.snr(0.0, distance)
+        return [distance, azimuth, elevation, speed, rcs, level, sds[0], sds[1], sds[3]]
+
+    def _false_alarms(self, draw: np.random.Generator) -> list[list[float]]:
+        """Noise above the threshold: as many as cells times their probability, on average."""
+        s, rows = self.sheet, []
+        for _ in range(int(draw.poisson(10.0**s.false_alarm_lg * s.cells))):
+            a, b, c, d = (2.0 * draw.random(4) - 1.0).tolist()
+            distance = s.range_min + (s.range_max - s.range_min) * 0.5 * (1.0 + a)
+            place = 0.5 * b * s.azimuth_fov, 0.5 * d * s.elevation_fov
+            power = self._threshold + float(draw.standard_exponential())
+            rows.append(self._row(Echo(distance, *place, c * s.speed_max, 0.0), power, [0.0] * 4))
+        return rows
+
+
+def detection_probability(snr: F64 | float, false_alarm: float) -> F64:
+    """Of one look at a target that fluctuates as Swerling 1. snr: mean, linear."""
+    from swath.core.portable import power
+
+    return power(false_alarm, 1.0 / (1.0 + np.asarray(snr)))
+
+
+def deviation(snr: float, cell: float, floor: float) -> float:
+    """Standard deviation in the unit of a resolution cell. snr: linear."""
+    return cell / sqrt(2.0 * snr) + floor
+
+
+def merged(echoes: list[Echo], cell: tuple[float, float, float]) -> list[Echo]:
+    """The strongest first, each with all that lies in its cell: powers add, the place is their mean."""
+    rest, found = sorted(echoes, key=lambda e: -e.snr), []
+    while rest:
+        first = rest[0]
+        inside = [
+            e
+            for e in rest
+            if abs(e.distance - first.distance) < cell[0]
+            and abs(e.azimuth - first.azimuth) < cell[1]
+            and abs(e.radial_speed - first.radial_speed) < cell[2]
+        ]
+        rest = [e for e in rest if e not in inside]
+        total = float(np.array([e.snr for e in inside]).sum())
+        if total > 0.0:
+            values = np.array([[e.distance, e.azimuth, e.elevation, e.radial_speed] for e in inside])
+            share = np.array([e.snr for e in inside])[:, None] / total
+            distance, azimuth, elevation, speed = (values * share).sum(axis=0).tolist()
+            found.append(Echo(distance, azimuth, elevation, speed, total))
+    return found
+
+
+def hides(other: Target, seen: Target, eye: F64, end: F64) -> bool:
+    """Whether another thing that looks wider stands in the way to a point (3,) of one."""
+    if other is seen or other.distance >= seen.distance:
+        return False
+    wide = [hypot(*t.body.half[:2].tolist()) / t.distance for t in (other, seen)]
+    if wide[0] < wide[1]:
+        return False
+    inverse = other.body.pose.inverse()
+    middle = other.body.middle
+    return entry(inverse.apply(eye) - middle, inverse.apply(end) - middle, other.body.half) is not None
+
+
+LEVEL = Level(
+    ErrorRadar,
+    Params,
+    summary="radar equation, fluctuation, loss in the crop, resolution cells, noise and false alarms",
+    cost="7 ms per look at ten things behind crop",
+    tolerance="equal to ideal without noise and latency; Pd = Pfa^(1 / (1 + SNR))",
+)
