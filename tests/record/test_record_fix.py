@@ -84,3 +84,12 @@ def test_a_field_without_an_origin_lies_nowhere_on_earth(tmp_path):
     with Recorder(tmp_path, [machine()]) as recorder:
         drive([recorder], GridField(ArcEdge(40.0)), seconds=0.2)
     assert fixes(tmp_path) == []
+
+
+def test_an_imported_field_has_its_own_origin(tmp_path):
+    with pytest.raises(InputError) as caught:
+        load_scenario(
+            "straight",
+            sets=[f"field.folder={tmp_path}", "field.origin={latitude_deg: 52, longitude_deg: 9}"],
+        )
+    assert "beside a field folder" in str(caught.value)
