@@ -42,10 +42,10 @@ def look(things, pose, speed, turn, t, more=()):
     return radar_targets_of(t, [*rows, *more])
 
 
-def drive(part, things, steps, *, speed=2.0, turn=0.0, late=2, scanned=None, alarms=None):
+def drive(part, things, steps, *, speed=2.0, turn=0.0, late=2, scanned=None, alarms=None, first=1):
     """The last sample, and the machine's pose there. late: looks that a sample is behind."""
     poses, found = [], None
-    for k in range(1, steps + 1):
+    for k in range(first, first + steps):
         t, yaw = k * STEP, turn * k * 0.05
         r = speed / turn if turn else 0.0
         pose = (r * sin(yaw), r * (1.0 - cos(yaw)), yaw) if turn else (speed * k * 0.05, 0.0, 0.0)
@@ -75,6 +75,16 @@ def test_a_post_stays_where_it_is(turn):
 def test_a_walk_gives_its_velocity():
     found, _ = drive(made(radar), [(25.0, 4.0, -0.5, -1.2)], 60)
     assert (found.velocity_x[0], found.velocity_y[0]) == pytest.approx((-0.5, -1.2), abs=0.15)
+
+
+def test_what_leaves_the_field_of_view_is_kept():
+    """A post beside the radar's view, before the knife, stays; ahead it would be gone after `keep_s`."""
+    for angle, kept in ((0.78, 1), (0.3, 0)):
+        x, y = AT.position[0] + 6.0 * cos(angle), AT.position[1] + 6.0 * sin(angle)
+        part = made(radar)
+        drive(part, [(x, y, 0.0, 0.0)], 10, speed=0.0)
+        found, _ = drive(part, [], 40, speed=0.0, first=11)
+        assert len(found.x) == kept
 
 
 def test_false_alarms_give_no_thing():

@@ -78,9 +78,7 @@ class Cluster(Following):
 
     def _is_under(self, track: Track, lowest: float) -> bool:
         """Whether a thing before the machine lies under the lowest beam, where the scanner is blind."""
-        px, py, yaw = self._pose
-        dx, dy, c, s = track.place[0] - px, track.place[1] - py, cos(yaw), sin(yaw)
-        x, y = c * dx + s * dy, -s * dx + c * dy
+        x, y = self._ahead(track)
         if x < self._knife:
             return False
         seen = self._mounting.inverse().apply(np.array([x, y, track.heap.top]))

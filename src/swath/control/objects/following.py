@@ -5,7 +5,7 @@ from math import cos, sin
 
 import numpy as np
 
-from swath.control.objects.track import Tracks
+from swath.control.objects.track import Track, Tracks
 from swath.core.component import KeepsState, Outputs
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -50,6 +50,12 @@ class Following(KeepsState):
         middle = yaw + 0.5 * turn * seconds
         way = speed * seconds
         return x + way * cos(middle), y + way * sin(middle), yaw + turn * seconds
+
+    def _ahead(self, track: Track) -> tuple[float, float]:
+        """Where a thing was when last seen, in the machine's frame [m]."""
+        px, py, yaw = self._pose
+        dx, dy, c, s = track.place[0] - px, track.place[1] - py, cos(yaw), sin(yaw)
+        return c * dx + s * dy, -s * dx + c * dy
 
     def _sample(self, now: int) -> Objects:
         px, py, yaw = self._pose

@@ -5,17 +5,18 @@ on a field can have, and a thing when several looks have shown it: so most false
 """
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import atan2, cos, hypot, sin
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.objects.following import FREE, Following
-from swath.control.objects.track import Heap
+from swath.control.objects.track import Heap, Track
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.units import DEG
 from swath.signals import F64, Objects, Odometry
 from swath.signals.radar import RadarTargets
 from swath.signals.setup import ControlSetup
@@ -28,6 +29,8 @@ class Params:
     """reach_m: ahead of the knife; side_m: beside the ends of the header; fastest_m_s: over ground, along the
     sight; least_snr_db: of a detection
     confirm: looks that show a thing before it counts; keep_s: it is kept so long without being seen
+    view_deg: to both sides of the radar's axis; near_m: nearer than that low things lie under the beam; what
+    gets there, before the knife, is kept where it was
     """
 
     reach_m: Annotated[float, Gt(0), Le(200)] = 30.0
@@ -36,6 +39,8 @@ class Params:
     least_snr_db: Annotated[float, Ge(-20), Le(60)] = 0.0
     confirm: Annotated[int, Ge(1), Le(20)] = 4
     keep_s: Annotated[float, Ge(0), Le(10)] = 0.6
+    view_deg: Annotated[float, Gt(0), Le(90)] = 42.0
+    near_m: Annotated[float, Ge(0), Le(20)] = 5.0
 
 
 class RadarObjects(Following):
@@ -57,8 +62,16 @@ class RadarObjects(Following):
             self._seen = targets.t
             place = self._moved(speed, turn, (targets.t - now) / NS)  # where the machine was at the look
             points = self._points(targets, speed, turn)
-            self._tracks.update(targets.t / NS, [_heap(p, place) for p in points], lambda track: False)
+            self._tracks.update(targets.t / NS, [_heap(p, place) for p in points], self._is_out_of_view)
         return {"objects": self._sample(now)}
+
+    def _is_out_of_view(self, track: Track) -> bool:
+        """Whether a thing before the knife lies beside the field of view, or maybe under it."""
+        x, y = self._ahead(track)
+        seen = self._mounting.inverse().apply(np.array([x, y, track.heap.top]))
+        bearing = atan2(float(seen[1]), float(seen[0]))
+        is_near = hypot(float(seen[0]), float(seen[1])) < self._p.near_m
+        return x > self._knife and (is_near or abs(bearing) > self._p.view_deg * DEG)
 
     def _points(self, targets: RadarTargets, speed: float, turn: float) -> F64:
         """Detections ahead that may be things (n, 3) [m], in the machine's frame at the look."""
