@@ -86,7 +86,7 @@ def results(cells: list[Cell]) -> str:
         far, worst = min(((_margin(run), run) for run in cell.runs), key=lambda m: m[0], default=(None, None))
         why = worst["reason"] if worst else ""
         verdict = cell.verdict if counted else ""
-        shown = "" if far is None else f"{far:.2f}"
+        shown = "" if far is None else f"{far + 0.0:.2f}"
         rows.append(f"| {cell.case.name} | {passed} | {failed} | {verdict} | {shown} | {why} |")
     return "\n".join(rows)
 
