@@ -240,7 +240,9 @@ def test_changes_are_events_that_give_the_same_run_again(alone, tmp_path):
     assert page.ask("set", key="combine.edge.level", value="otsu") == (True, "")
     assert [e["set"] for e in page.states[-1]["events"]][-1] == "combine.edge.level"
     assert {thing["name"] for thing in page.states[-1]["things"]} >= {"stone"}
+    assert going.control.set_speed(50.0)[0]  # by another than the page, as over ROS 2
     assert page.ask("pause", value=False)[0]
+    assert [(s["paused"], s["speed"]) for s in page.states[-2:]] == [(True, 50.0), (False, 50.0)]
     page.close()  # a tab that is closed
     summary = going.end()
     assert len(summary["events"]) == 4

@@ -25,11 +25,12 @@ SPEEDS = (0.05, 100.0)  # simulated seconds per second
 
 class RunControl(RunHook):
     """Run hook. is_paused: the run waits before its first tick; speed: simulated seconds per second, 0 = as
-    fast as it can.
+    fast as it can. listeners: called in the thread of the run when something was changed
     """
 
     def __init__(self, *, is_paused: bool = False, speed: float = 0.0) -> None:
         self.is_paused, self.speed = is_paused, speed
+        self.listeners: list[Callable[[], None]] = []
         self._until = 0
         self._requests = RequestQueue()
         self._is_waiting = threading.Event()  # the run is paused and has reached the time asked for
@@ -100,6 +101,7 @@ class RunControl(RunHook):
 
         def act(t: int) -> str:
             self.is_paused, self._until, self._origin = wanted, self._now(), None
+            self._tell()
             return f"{'paused' if wanted else 'running'} at {self._now() / NS:g} s"
 
         return self.ask(act)
@@ -137,6 +139,7 @@ class RunControl(RunHook):
             if value and not SPEEDS[0] <= value <= SPEEDS[1]:
                 raise InputError("speed", value, f"expected 0, or {SPEEDS[0]:g} to {SPEEDS[1]:g}")
             self.speed, self._origin = value, None
+            self._tell()
             return f"speed {value:g}" if value else "as fast as it can"
 
         return self.ask(act)
@@ -148,9 +151,14 @@ class RunControl(RunHook):
             current = self.changes.values()
             if key not in current or current[key] != value:
                 self.changes.set(t, key, value)
+                self._tell()
             return ""
 
         return self.ask(act)
+
+    def _tell(self) -> None:
+        for listener in self.listeners:
+            listener()
 
     def _now(self) -> int:
         return self._run.world.graph.t if self._run is not None else 0

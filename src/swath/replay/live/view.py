@@ -36,6 +36,7 @@ class LiveView(RunHook):
 
     def __init__(self, control: RunControl) -> None:
         self._control = control
+        control.listeners.append(self._tell_state)
         self._run: ActiveRun | None = None
         self._frames: Frames | None = None
         self._page: bytes | None = None
@@ -110,6 +111,10 @@ class LiveView(RunHook):
             "mesh": [] if mesh is None else mesh.ravel().tolist(),
         }
 
+    def _tell_state(self) -> None:
+        if self._run is not None and self._viewers:
+            self._tell({"state": self._state(self._run)})
+
     # in the threads of the viewers
 
     def _html(self, patience_s: float) -> bytes | None:
@@ -152,8 +157,6 @@ class LiveView(RunHook):
             ok, text = deed()
         except (ValueError, KeyError, TypeError) as error:
             return {"id": None, "ok": False, "text": f"expected a request of this page ({error!r})"}
-        if ok:
-            self._tell_state()
         return {"id": asked.get("id"), "ok": ok, "text": text}
 
     def _deeds(self, asked: Mapping[str, Any]) -> dict[str, Callable[[], Reply]]:
@@ -164,14 +167,6 @@ class LiveView(RunHook):
             "speed": lambda: control.set_speed(float(value or 0.0)),
             "set": lambda: control.set(str(asked["key"]), value),
         }
-
-    def _tell_state(self) -> None:
-        def act(t: int) -> str:
-            assert self._run is not None
-            self._tell({"state": self._state(self._run)})
-            return ""
-
-        self._control.ask(act)
 
     def _tell(self, message: Mapping[str, Any]) -> None:
         text = json.dumps(message)

@@ -35,7 +35,7 @@ class Live {
     if (typeof message !== "string") return this.takeBytes(message);
     const told = JSON.parse(message);
     if (told.again) location.reload();
-    else if (told.over) this.over = told.over;
+    else if (told.over) this.end(this.over = told.over);
     else if (told.state) this.takeState(told.state);
     else if ("id" in told) {
       this.say(told.text, told.ok);
