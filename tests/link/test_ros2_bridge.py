@@ -228,7 +228,7 @@ def test_what_cannot_be_done_is_refused_with_a_reason_and_changes_nothing(domain
     )
     for reason, words in zip(reasons, expected, strict=True):
         assert words in reason, reason
-    assert replies[-1] == [False, "expected a paused run: call ~/pause first"]
+    assert replies[-1] == [False, "expected a paused run: pause it first"]
     assert "events" not in summary
 
 

@@ -87,9 +87,11 @@ class Browser:
         os.close(self._out)
         self._profile.cleanup()
 
-    def open(self, page: Path, place: str = "", ready: str = "globalThis.swath && swath.frames > 0") -> None:
-        """Open a file and wait until an expression in it is true."""
-        self._ask("Page.navigate", url=f"file://{page}#{place}")
+    def open(
+        self, page: Path | str, place: str = "", ready: str = "globalThis.swath && swath.frames > 0"
+    ) -> None:
+        """Open a file or an address and wait until an expression in it is true."""
+        self._ask("Page.navigate", url=page if isinstance(page, str) else f"file://{page}#{place}")
         end = time.monotonic() + self.limit_s
         while not self.ask(f"Boolean({ready})"):
             if time.monotonic() > end:

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,16 @@ def add(parsers: Any) -> None:
         "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
     )
     add_ros2_network(parser)
-    parser.add_argument("--paused", action="store_true", help="with --ros2: wait at the start for ~/pause")
+    parser.add_argument(
+        "--view",
+        action="store_true",
+        help="serve a page to watch and control the run, on this machine alone (extra view)",
+    )
+    parser.add_argument(
+        "--paused",
+        action="store_true",
+        help="with --ros2 or --view: wait at the start for ~/pause or the page",
+    )
     parser.add_argument(
         "--events",
         type=Path,
@@ -59,9 +68,11 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError, SwathError
     from swath.runtime.folder import choose_run_folder, remove_empty
 
-    if args.paused and not args.ros2:
+    if args.paused and not (args.ros2 or args.view):
         raise InputError(
-            "--paused", None, "expected together with --ros2: a ROS 2 service call starts a paused run"
+            "--paused",
+            None,
+            "expected together with --ros2 or --view: a ROS 2 service call, or the page, starts a paused run",
         )
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
@@ -83,13 +94,13 @@ def run(args: argparse.Namespace) -> int:
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:
         saves = [] if args.save_field is None else [SavesField(args.save_field)]
-        with _bridge(args) as bridges:
+        with _steered(args, is_paced=scenario.is_paced) as steering:
             result = run_job(
                 scenario,
                 out,
                 progress=not args.quiet,
                 events=events,
-                hooks=[*bridges, *saves, *pages],
+                hooks=[*steering, *saves, *pages],
                 begun=begun,
                 allow=args.allow,
             )
@@ -125,21 +136,31 @@ def print_defaults(scenario: Any, *, whole: bool = True) -> None:
 
 
 @contextmanager
-def _bridge(args: argparse.Namespace) -> Iterator[Any]:
-    """The ROS 2 bridge, with --ros2."""
-    if not args.ros2:
+def _steered(args: argparse.Namespace, *, is_paced: bool) -> Iterator[list[Any]]:
+    """The ROS 2 bridge with --ros2, the page with --view: both over one run control."""
+    if not (args.ros2 or args.view):
         yield []
         return
-    from swath.link.ros2.bridge import Bridge
+    from swath.runtime.run_control import RunControl
 
-    bridge = Bridge(is_paused=args.paused)
-    if args.paused and not args.quiet:
-        call = "ros2 service call /swath/pause std_srvs/srv/SetBool '{data: false}'"
-        print(f"paused before the first tick, start it with: {call}", file=sys.stderr)
-    try:
-        yield [bridge]
-    finally:
-        bridge.close()
+    with ExitStack() as stack:
+        control = RunControl(is_paused=args.paused, speed=1.0 if args.view and not is_paced else 0.0)
+        hooks: list[Any] = []
+        if args.ros2:
+            from swath.link.ros2.bridge import Bridge
+
+            hooks.append(Bridge(control=control))
+            stack.callback(hooks[-1].close)
+            if args.paused and not args.quiet:
+                call = "ros2 service call /swath/pause std_srvs/srv/SetBool '{data: false}'"
+                print(f"paused before the first tick, start it with: {call}", file=sys.stderr)
+        if args.view:
+            from swath.replay.live.view import LiveView
+
+            hooks.append(LiveView(control))
+            stack.callback(hooks[-1].close)
+            print(f"watch and control it at {hooks[-1].address}", file=sys.stderr, flush=True)
+        yield hooks
 
 
 _DESCRIPTION = """Run a scenario. Exit code: 0 all limits pass, 1 a limit fails, 2 bad input,

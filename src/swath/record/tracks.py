@@ -39,6 +39,7 @@ class Column:
 
     value: called for every row with the newest sample of every type
     later: called with the columns of `value` when the table is read, gives the whole column, (row_count,)
+    is_by_row: `later` gives each value from its row alone
     source: what its value depends on alone, a key of the newest samples; None where it depends on more
     """
 
@@ -48,6 +49,7 @@ class Column:
     value: Callable[[Latest], float] = lambda _: NAN
     later: Callable[[Mapping[str, Any]], Any] | None = None
     source: Any = None
+    is_by_row: bool = False
 
 
 def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
@@ -131,14 +133,30 @@ class Tracks:
                 self._due = (t // self._period + 1) * self._period
         self._latest[type(signal)] = signal
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Columns so far, shape (row_count,) each."""
-        self._finish_row()
+    def newest(self) -> dict[str, np.ndarray]:
+        """Columns of one row at present, (1,) each, kept or not; {} before there is one."""
+        if MachineState not in self._latest:
+            return {}
+        found = {c.name: np.array([c.value(self._latest)]) for c in self.columns}
+        return self._later(found, is_over=False)
+
+    def arrays(self, *, is_over: bool = True) -> dict[str, np.ndarray]:
+        """Columns so far, shape (row_count,) each.
+
+        is_over: False leaves out the row that is not complete, and columns that are judged at the end
+        """
+        if is_over:
+            self._finish_row()
         self._store()
         self._stored.seek(0)
         table = np.frombuffer(self._stored.read(), dtype=float).reshape(-1, len(self.columns))
         found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
-        return found | {c.name: c.later(found) for c in self.columns if c.later is not None}
+        return self._later(found, is_over=is_over)
+
+    def _later(self, found: dict[str, np.ndarray], *, is_over: bool) -> dict[str, np.ndarray]:
+        return found | {
+            c.name: c.later(found) for c in self.columns if c.later is not None and (is_over or c.is_by_row)
+        }
 
     def _finish_row(self) -> None:
         if self._is_open and MachineState in self._latest:

@@ -91,13 +91,17 @@ WORST = (
 )
 
 
-def shown_charts(columns: Columns, *, cuts: bool) -> list[dict[str, Any]]:
-    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header"""
+def shown_charts(columns: Columns, *, cuts: bool, is_live: bool = False) -> list[dict[str, Any]]:
+    """Charts of a machine whose columns hold numbers that are not all 0. cuts: False without a header
+
+    is_live: the numbers are still to come, so every column counts
+    """
     found = []
     for chart in CHARTS:
         if chart.of_header and not cuts:
             continue
-        curves = [vars(c) for c in chart.curves if _says_something(columns.get(c.column))]
+        there = [c for c in chart.curves if c.column in columns]
+        curves = [vars(c) for c in there if is_live or _says_something(columns[c.column])]
         if curves:
             found.append({"title": chart.title, "unit": chart.unit, "curves": curves})
     return found
@@ -108,8 +112,8 @@ def columns_of(charts: Sequence[Mapping[str, Any]]) -> list[str]:
     return [curve["column"] for chart in charts for curve in chart["curves"]]
 
 
-def _says_something(values: np.ndarray | None) -> bool:
-    return values is not None and bool(np.any(np.isfinite(values) & (values != 0.0)))
+def _says_something(values: np.ndarray) -> bool:
+    return bool(np.any(np.isfinite(values) & (values != 0.0)))
 
 
 def worst_moments(name: str, columns: Columns, *, cuts: bool) -> list[dict[str, Any]]:

@@ -27,8 +27,8 @@ def collect(
     if not moved:
         raise InputError("tracks.parquet", None, "expected rows of at least one machine")
     duration = max(float(own["t_s"][-1]) for own in moved.values())
-    layers = Layers(world, moved, _origin(moved))
-    area = _area(layers)
+    layers = Layers(world, moved, origin_of(moved))
+    area = area_of(layers)
     if area.until_s < np.inf:
         layers.notes.append(f"the field is shown as far as the first {area.until_s:.0f} s went")
     layers.add_field(area, duration)
@@ -56,13 +56,13 @@ def collect(
     return {**about, **layers.values}, layers.arrays
 
 
-def _origin(tracks: Mapping[str, Columns]) -> F64:
+def origin_of(tracks: Mapping[str, Columns]) -> F64:
     """A world point near the start [m], whole metres."""
     first = next(iter(tracks.values()))
     return np.array([round(float(first["x_m"][0])), round(float(first["y_m"][0])), 0.0])
 
 
-def _area(layers: Layers) -> Area:
+def area_of(layers: Layers) -> Area:
     """The part of the field about the ways of all machines, of their header ends where they have a header."""
     field, times, points = layers.world.field, [], []
     for name, own in layers.tracks.items():

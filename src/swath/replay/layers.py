@@ -77,19 +77,22 @@ class Layers:
             ends.append(np.stack(self.world.field.to_stand(path[:, 0], path[:, 1]), axis=1))
         return KnifeWay(columns["t_s"], np.stack(ends, axis=1), cutting_height(machine, columns))
 
-    def add_machines(self) -> None:
-        """Geometry, charts, columns and edge of every machine."""
+    def add_machines(self, ahead: Mapping[str, Columns] | None = None) -> None:
+        """Geometry, charts, columns and edge of every machine.
+
+        ahead: of a run that goes on, the way that each machine will go, for its edge
+        """
         described = []
         for index, (name, machine) in enumerate(self.machines.items()):
             own = thinned(self.tracks[name])
-            charts = shown_charts(own, cuts=machine.cuts)
+            charts = shown_charts(own, cuts=machine.cuts, is_live=ahead is not None)
             names = list(dict.fromkeys([n for n in (*STATE, *columns_of(charts)) if n in own]))
             placed = dict(own)
             for column, axis in (("x_m", 0), ("y_m", 1), ("trailer_x_m", 0), ("trailer_y_m", 1)):
                 if column in own:
                     placed[column] = own[column] - self.origin[axis]
             self.arrays[f"track_{index}"] = np.stack([placed[n] for n in names]).astype(np.float32)
-            edge = self._edge(machine, own) - self.origin
+            edge = self._edge(machine, own if ahead is None else ahead[name]) - self.origin
             self.arrays[f"edge_{index}"] = edge.astype(np.float32)
             described.append({**describe(machine), "columns": names, "charts": charts})
         self.values["machines"] = described

@@ -67,7 +67,8 @@ class LateralError:
         def lateral(tracks: Mapping[str, F64]) -> F64:
             return self._error(tracks["header_end_x_m"], tracks["header_end_y_m"])
 
-        return (Column("lateral_error_m", "m", "header end, > 0 towards the standing crop", later=lateral),)
+        meaning = "header end, > 0 towards the standing crop"
+        return (Column("lateral_error_m", "m", meaning, later=lateral, is_by_row=True),)
 
     def _error(self, x: F64, y: F64) -> F64:
         """Lateral error [m] of header ends at world points [m], nan beyond the end of the edge."""

@@ -9,40 +9,33 @@ run without the bridge.
 """
 
 import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
-from swath.core.errors import InputError, SwathError
-from swath.core.schedule import NS
+from swath.core.errors import InputError
 from swath.link.ros2.middleware import Clock, close_node, open_node
 from swath.link.ros2.parameters import RunParameters
 from swath.link.ros2.publisher import Publisher
-from swath.link.ros2.request_queue import RequestQueue
-from swath.runtime.changes import Restart
 from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.run_control import RunControl
 
-POLL_S = 0.1
 STEP_S = 0.02
 
 
 class Bridge(RunHook):
-    """Run hook. is_paused: the run waits before its first tick.
+    """Run hook. is_paused: the run waits before its first tick; control: one that others use too.
 
     Raises MissingExtra without rclpy.
     """
 
-    def __init__(self, *, is_paused: bool = False, name: str = "swath") -> None:
+    def __init__(
+        self, *, is_paused: bool = False, name: str = "swath", control: RunControl | None = None
+    ) -> None:
         self._node = open_node(name, "the ROS 2 bridge", allow_undeclared_parameters=True)
-        self._requests = RequestQueue()
-        self._is_paused, self._until = is_paused, 0
-        self._is_waiting = threading.Event()  # the run is paused and has reached the time asked for
-        self._graph: Any = None
-        self._rest: Callable[[int], None] = lambda duration: None
+        self._control = control or RunControl(is_paused=is_paused)
         self._clock = Clock(self._node)
         self._publisher: Publisher | None = None
         self._node.declare_parameter("step_s", STEP_S)
-        self._parameters = RunParameters(self._node, self._requests)
+        self._parameters = RunParameters(self._node, self._control)
         self._offer()
         self._spinner = threading.Thread(target=self._spin, name="ros2", daemon=True)
         self._spinner.start()
@@ -54,15 +47,13 @@ class Bridge(RunHook):
         world, recorder = run.world, run.recorder
         if recorder.file is None:
             raise InputError("run.record", "none", "expected messages: --ros2 publishes what is recorded")
-        self._rest = run.rest
         if self._publisher is not None:
             self._publisher.close()
         self._publisher = Publisher(self._node, recorder.file.store)
         recorder.file.taps.append(self._publisher)
         self._parameters.join(run.changes)
-        world.graph.before_tick.insert(0, self._before_tick)
-        self._graph = world.graph
-        self._until = 0
+        self._control.join(run)
+        world.graph.before_tick.insert(1, self._before_tick)
         self._clock.publish(0)
 
     def summarize(self, t: int) -> dict[str, Any]:
@@ -74,27 +65,14 @@ class Bridge(RunHook):
 
     def close(self) -> None:
         """Shut the node down."""
-        self._requests.close()
-        self._is_waiting.set()
+        self._control.close()
         self._executor.shutdown(timeout_sec=2.0)
         self._spinner.join(2.0)
         close_node(self._node)
 
     def _before_tick(self, t: int) -> None:
-        self._requests.serve(t)
-        self._hold(t)
         if t >= self._clock.due:
             self._clock.publish(t)
-
-    def _hold(self, t: int) -> None:
-        """Wait before the tick at t [ns] while the run is paused."""
-        if not self._is_paused:
-            return
-        began = time.monotonic_ns()
-        while self._is_paused and t > self._until:
-            self._is_waiting.set()
-            self._requests.serve(t, wait_s=POLL_S)
-        self._rest(time.monotonic_ns() - began)
 
     # in the ROS 2 thread
 
@@ -120,31 +98,14 @@ class Bridge(RunHook):
             return
 
     def _serve_pause(self, request: Any, response: Any) -> Any:
-        def pause(t: int) -> str:
-            self._is_paused, self._until = bool(request.data), self._graph.t
-            return f"{'paused' if request.data else 'running'} at {self._graph.t / NS:g} s"
-
-        response.success, response.message = self._requests.ask(pause)
+        response.success, response.message = self._control.pause(bool(request.data))
         return response
 
     def _serve_step(self, request: Any, response: Any) -> Any:
-        def step(t: int) -> str:
-            if not self._is_paused:
-                raise SwathError("expected a paused run: call ~/pause first")
-            length = float(self._node.get_parameter("step_s").value)
-            self._until = self._graph.t + max(1, round(length * NS))
-            self._is_waiting.clear()
-            return ""
-
-        response.success, response.message = self._requests.ask(step)
-        if response.success:
-            self._is_waiting.wait()
-            response.message = f"at {self._graph.t / NS:g} s"
+        length = float(self._node.get_parameter("step_s").value)
+        response.success, response.message = self._control.step(length)
         return response
 
     def _serve_reset(self, request: Any, response: Any) -> Any:
-        def restart(t: int) -> str:
-            raise Restart(f"reset at {self._graph.t / NS:g} s")
-
-        response.success, response.message = self._requests.ask(restart)
+        response.success, response.message = self._control.restart()
         return response

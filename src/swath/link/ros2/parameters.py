@@ -9,15 +9,15 @@ ros2 param delete /swath obstacles.pole
 from collections.abc import Mapping
 from typing import Any
 
-from swath.link.ros2.request_queue import RequestQueue
 from swath.runtime.changes import Interventions
+from swath.runtime.run_control import RunControl
 
 
 class RunParameters:
     """Turns parameters set on the node into changes of the run. Runs in the ROS 2 thread, except `join`."""
 
-    def __init__(self, node: Any, requests: RequestQueue) -> None:
-        self._node, self._requests = node, requests
+    def __init__(self, node: Any, control: RunControl) -> None:
+        self._node, self._control = node, control
         self._changes: Interventions | None = None
         self._declared: set[str] = set()
         self._is_own = False  # True while this class itself sets parameters
@@ -39,14 +39,7 @@ class RunParameters:
             return SetParametersResult(successful=False, reason="expected one parameter at a time")
         name, value = ours[0].name, _plain(ours[0].value)
 
-        def change(t: int) -> str:
-            assert self._changes is not None  # requests are served once a run has begun
-            current = self._changes.values()
-            if name not in current or current[name] != value:
-                self._changes.set(t, name, value)
-            return ""
-
-        successful, reason = self._requests.ask(change)
+        successful, reason = self._control.set(name, value)
         return SetParametersResult(successful=successful, reason=reason)
 
     def _after_set(self, parameters: list[Any]) -> None:

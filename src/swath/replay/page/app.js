@@ -209,4 +209,5 @@ readData(element("data").textContent).then((data) => {
     },
     stems: (x, y, reach, t) => app.stand.countStems(x, y, reach, t),
   };
+  if (data.live) globalThis.swath.live = new Live(app, data);
 }).catch((error) => say(`This page cannot be shown: ${error.message}`));

@@ -115,7 +115,7 @@ class Ground {
       shown[i] = data.shown[i];
       if (shown[i]) this.shown.push(i);
     }
-    const both = new Uint16Array(2 * data.cut_when.length);
+    const both = this.cut = new Uint16Array(2 * data.cut_when.length);
     for (let i = 0; i < data.cut_when.length; i++) {
       both[2 * i] = data.cut_when[i];
       both[2 * i + 1] = data.cut_code[i];
@@ -178,6 +178,44 @@ class Ground {
       this.bind(this.program, { ...view, lift: share * canopy, canopy, rows: data.plants.rows, near: view.near, filled });
       gl.drawArrays(gl.TRIANGLES, 0, 6 * this.shown.length);
     }
+  }
+
+  // Cuts what stands between two places of a knife, left and right end each, in cells; moments: of both, in
+  // units of time; code: height that is left [cm].
+  cutBetween(before, after, moments, code, isShown) {
+    const { nx, ny, cells } = this.area, wide = nx * cells, four = [before[0], before[1], after[1], after[0]];
+    const span = (axis, most) => {
+      const all = four.map((p) => p[axis]);
+      return [Math.max(0, Math.floor(Math.min(...all))), Math.min(most, Math.ceil(Math.max(...all)) + 1)];
+    };
+    const [x0, x1] = span(0, wide), [y0, y1] = span(1, ny * cells);
+    if (x0 >= x1 || y0 >= y1) return;
+    const side = (a, b, x, y) => (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
+    const within = (a, b, c, x, y) => {
+      const s = [side(a, b, x, y), side(b, c, x, y), side(c, a, x, y)];
+      return s.every((v) => v >= 0) || s.every((v) => v <= 0);
+    };
+    const far = (line, x, y) => Math.abs(side(line[0], line[1], x, y));
+    for (let j = y0; j < y1; j++) {
+      for (let i = x0; i < x1; i++) {
+        const n = j * wide + i, x = i + 0.5, y = j + 0.5;
+        if (this.cut[2 * n] !== 65535) continue;
+        if (!within(four[0], four[1], four[2], x, y) && !within(four[0], four[2], four[3], x, y)) continue;
+        const a = far(before, x, y), b = far(after, x, y), share = a + b > 0 ? a / (a + b) : 0;
+        this.data.cut_when[n] = this.cut[2 * n] = Math.max(1, Math.round(moments[0] + share * (moments[1] - moments[0])));
+        this.cut[2 * n + 1] = code;
+      }
+    }
+    if (isShown) this.uploadCut(y0, y1);
+  }
+
+  // Gives the card the rows of the cut that changed.
+  uploadCut(first = 0, end = this.area.ny * this.area.cells) {
+    const { gl } = this, wide = this.area.nx * this.area.cells;
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.textures.cut);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, first, wide, end - first, gl.RG_INTEGER, gl.UNSIGNED_SHORT,
+      this.cut.subarray(2 * first * wide, 2 * end * wide));
   }
 
   // Place in the area [m] of a place in the scene.

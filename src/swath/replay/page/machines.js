@@ -50,9 +50,7 @@ class Machine {
         .upload(gl);
       this.streamShape = new Shape().rod([0, 0, 0], [-0.5, 0, -1.4], 0.1, GRAIN, 8, 0.22).upload(gl);
     }
-    const level = tracks.columns.tank_level;
-    this.hasTank = Boolean(level && level.some((v) => v > 0));
-    if (this.hasTank) this.grainShape = new Shape().box(-0.5, 0.5, -0.5, 0.5, -1, 0, GRAIN).upload(gl);
+    if (tracks.columns.tank_level) this.grainShape = new Shape().box(-0.5, 0.5, -0.5, 0.5, -1, 0, GRAIN).upload(gl);
   }
 
   pose(t) { return this.track.pose(t); }
@@ -113,7 +111,7 @@ class Machine {
     for (const sensor of this.sensors) {
       found.push([this.sensorShape, times(body, frameMatrix(sensor.position, sensor.rotation))]);
     }
-    if (this.hasTank) found.push([this.grainShape, times(body, this.grain(t))]);
+    if (this.track.at("tank_level", t) > 0) found.push([this.grainShape, times(body, this.grain(t))]);
     let carrier = body;
     if (this.trailerShape) {
       carrier = this.trailerPose(t);

@@ -18,8 +18,8 @@ class Scans {
         }
       }
       const mount = machine.sensors.find((s) => s.slot === scanner.slot);
-      const object = makeArrayObject(gl, makeBuffer(gl, rows), [3, 4, 1]);
-      return { machine, slot: scanner.slot, starts, scanTimes, all, mount, object, paint: SCAN_PAINT[k % 4] };
+      const buffer = makeBuffer(gl, rows), object = makeArrayObject(gl, buffer, [3, 4, 1]);
+      return { machine, slot: scanner.slot, starts, scanTimes, all, mount, buffer, object, paint: SCAN_PAINT[k % 4] };
     });
   }
 

@@ -1,4 +1,4 @@
-"""Requests from the ROS 2 thread to the thread of the run, which serves them between two ticks."""
+"""Requests from other threads to the thread of the run, which serves them between two ticks."""
 
 import queue
 import threading

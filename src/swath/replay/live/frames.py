@@ -1,0 +1,122 @@
+"""Frames of a run that goes on: the newest row of every machine, and scans, in at most `LARGEST` bytes.
+
+Bytes of a frame: length of a JSON head (uint32, little endian), the head, padded with blanks to a multiple of
+4, the values of its rows (float32), then the echoes of its scans (int16, in `scans.UNIT` about their middle).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.schedule import NS
+from swath.record.tracks import Tracks
+from swath.replay.live.data import COLUMNS
+from swath.replay.machines import thinned
+from swath.replay.scans import UNIT
+from swath.runtime.world import World
+from swath.signals import F64, ScanTruth
+
+LARGEST = 3000  # of a frame [bytes]
+
+
+class Frames:
+    """Makes the frames of one run. tracks: of its recorder, by machine; origin: places count from it [m]"""
+
+    def __init__(self, world: World, tracks: Mapping[str, Tracks], origin: F64) -> None:
+        self.world = world
+        self.origin, self._tracks = origin, tracks
+        self.columns = {name: _shown(tracks[name]) for name in world.machines}
+        self._shift = {name: _shift(columns, origin) for name, columns in self.columns.items()}
+        self._scanners = [f"{n}.{slot}" for n, m in world.machines.items() for slot in m.slots_of("lidar")]
+        self._sent = [-1] * len(self._scanners)
+        self._moving = [item.name for item in world.bodies.around() if _moves(world, item.name)]
+
+    def frame(self, t: int) -> bytes:
+        """The world before the tick at t [ns]."""
+        rows = [self._rows(name, self._tracks[name].newest()) for name in self.columns]
+        head: dict[str, Any] = {"rows": [row.size for row in rows]}
+        if self._moving:
+            head["ways"] = self._ways(t)
+        fresh = self._fresh()
+        room = LARGEST - 4 - len(_json(head)) - 4 * sum(head["rows"]) - 16 - 60 * len(fresh)
+        scans, points = [], []
+        for k, truth in fresh:
+            middle, echoes = self._echoes(truth, max(room, 0) // (6 * len(fresh)))
+            scans.append([k, truth.t / NS, *(round(float(v), 3) for v in middle), len(echoes)])
+            points.append(echoes)
+        head["scans"] = scans
+        return _packed(head, *(row.tobytes() for row in rows), *(p.tobytes() for p in points))
+
+    def history(self) -> bytes:
+        """All rows so far, thinned as in a replay."""
+        tables = []
+        for name in self.columns:
+            own = self._tracks[name].arrays(is_over=False)
+            tables.append(self._rows(name, thinned(own) if len(own["t_s"]) else {}))
+        return _packed({"history": [list(table.shape) for table in tables]}, *(t.tobytes() for t in tables))
+
+    def _rows(self, name: str, columns: Mapping[str, Any]) -> NDArray[np.float32]:
+        """Rows of what is shown of a machine, (rows, columns)."""
+        if not columns:
+            return np.zeros((0, len(self.columns[name])), np.float32)
+        table = np.stack([columns[c] for c in self.columns[name]], axis=1)
+        return (table - self._shift[name]).astype(np.float32)
+
+    def _fresh(self) -> list[tuple[int, ScanTruth]]:
+        """Scans that were not sent yet."""
+        found = []
+        for k, name in enumerate(self._scanners):
+            truth = self.world.graph.latest(name, "truth")
+            if isinstance(truth, ScanTruth) and truth.t != self._sent[k]:
+                self._sent[k] = truth.t
+                found.append((k, truth))
+        return found
+
+    def _echoes(self, truth: ScanTruth, most: int) -> tuple[F64, NDArray[np.int16]]:
+        """Middle [m] and echoes about it, an even choice of at most `most`."""
+        points = truth.points.reshape(-1, 3)
+        points = points[np.isfinite(points[:, 0])]
+        if len(points) > most:
+            points = points[:: -(-len(points) // most)] if most else points[:0]
+        if not len(points):
+            return np.zeros(3), np.zeros((0, 3), np.int16)
+        places = points - self.origin
+        middle = np.round(places.mean(axis=0), 3)
+        return middle, np.clip(np.rint((places - middle) / UNIT), -32767, 32767).astype("<i2")
+
+    def _ways(self, t: int) -> dict[str, list[float]]:
+        """t, x, y, z, yaw of what goes."""
+        found = {}
+        for body in self.world.bodies.around():
+            if body.name in self._moving:
+                place = [*(body.pose.position - self.origin), body.pose.euler()[2]]
+                found[body.name] = [t / NS, *(round(float(v), 3) for v in place)]
+        return found
+
+
+def _moves(world: World, name: str) -> bool:
+    return any(o.path is not None and o.name == name for o in world.scenario.field.obstacles)
+
+
+def _shown(tracks: Tracks) -> list[str]:
+    """Columns of the page that are known while a run goes on."""
+    names = {c.name for c in tracks.columns if c.later is None or c.is_by_row}
+    return [c for c in COLUMNS if c in names]
+
+
+def _shift(columns: Sequence[str], origin: F64) -> list[float]:
+    axes = {"x_m": 0, "y_m": 1, "trailer_x_m": 0, "trailer_y_m": 1}
+    return [float(origin[axes[c]]) if c in axes else 0.0 for c in columns]
+
+
+def _json(head: Mapping[str, Any]) -> bytes:
+    return json.dumps(head, separators=(",", ":")).encode()
+
+
+def _packed(head: Mapping[str, Any], *parts: bytes) -> bytes:
+    text = _json(head)
+    text += b" " * (-len(text) % 4)
+    return b"".join([len(text).to_bytes(4, "little"), text, *parts])

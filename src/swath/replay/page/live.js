@@ -1,0 +1,234 @@
+// A run that goes on: rows and scans as they come, the knife's way, and the controls of the run.
+
+const MOST_LIVE_ROWS = 20000, TRAIL_SCANS = 12;
+
+class Live {
+  constructor(app, data) {
+    Object.assign(this, { app, data, at: 0, follows: true, drawnAt: 0, ids: 0, waiting: new Map(), state: {}, frames: 0, bytes: 0 });
+    app.machines.forEach((machine, k) => this.makeRoom(machine.track, data.live.columns[k]));
+    app.scans.scanners.forEach((scanner) => { scanner.kept = []; });
+    element("verdict").textContent = "live";
+    element("time").addEventListener("input", () => { this.follows = false; });
+    this.panel();
+    this.connect();
+  }
+
+  // Room for rows to come, in the place of the one that the page began with.
+  makeRoom(track, names) {
+    track.columns = Object.fromEntries(names.map((name) => {
+      const all = new Float32Array(MOST_LIVE_ROWS).fill(NaN);
+      all[0] = track.columns[name] ? track.columns[name][0] : NaN;
+      return [name, all];
+    }));
+    track.times = track.columns.t_s;
+    track.count = 1;
+  }
+
+  connect() {
+    this.socket = new WebSocket(`ws://${location.host}/live${location.search}`);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.addEventListener("message", (e) => this.take(e.data));
+    this.socket.addEventListener("close", () => this.end(this.over || "the run is no longer there"));
+  }
+
+  take(message) {
+    if (typeof message !== "string") return this.takeBytes(message);
+    const told = JSON.parse(message);
+    if (told.again) location.reload();
+    else if (told.over) this.end(this.over = told.over);
+    else if (told.state) this.takeState(told.state);
+    else if ("id" in told) {
+      this.say(told.text, told.ok);
+      (this.waiting.get(told.id) || (() => {}))(told);
+      this.waiting.delete(told.id);
+    }
+  }
+
+  takeBytes(buffer) {
+    const length = new DataView(buffer).getUint32(0, true), head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+    const { machines } = this.app;
+    let at = 4 + length;
+    const floats = (count) => {
+      const found = new Float32Array(buffer, at, count);
+      at += 4 * count;
+      return found;
+    };
+    if (head.history) {
+      head.history.forEach(([rows, wide], k) => {
+        for (let i = 0; i < rows; i++) this.addRow(machines[k], k, floats(wide), false);
+      });
+      this.app.ground.uploadCut();
+    } else {
+      this.socket.send("seen");
+      this.frames++;
+      this.bytes = Math.max(this.bytes, buffer.byteLength);
+      head.rows.forEach((wide, k) => { if (wide) this.addRow(machines[k], k, floats(wide), true); });
+      for (const [k, t, x, y, z, count] of head.scans) {
+        this.addScan(this.app.scans.scanners[k], t, [x, y, z], new Int16Array(buffer, at, 3 * count));
+        at += 6 * count;
+      }
+      for (const [name, way] of Object.entries(head.ways || {})) {
+        for (const thing of this.app.things.items) if (thing.name === name) thing.way = [way];
+      }
+    }
+    this.at = Math.max(0, ...machines.map((m) => m.track.times[m.track.count - 1] || 0));
+    if (this.follows) this.app.time = this.at;
+    this.redraw();
+  }
+
+  addRow(machine, k, row, isShown) {
+    const { track } = machine, names = this.data.live.columns[k], t = row[names.indexOf("t_s")];
+    if (track.count === MOST_LIVE_ROWS) thin(track);
+    const last = track.count - 1;
+    if (t < track.times[last]) return;
+    const place = t > track.times[last] ? track.count++ : last;
+    names.forEach((name, i) => { track.columns[name][place] = row[i]; });
+    if (machine.cuts && place > 0) this.cut(machine, k, place, isShown);
+  }
+
+  // The cells that the knife passed between a row and the one before.
+  cut(machine, k, place, isShown) {
+    const { ground } = this.app, { tile, cells, unit_s: unit } = ground.area, { columns: col } = machine.track;
+    const [width, knife, middle] = machine.header;
+    const ends = [place - 1, place].map((i) => [1, -1].map((s) => {
+      const c = Math.cos(col.yaw_rad[i]), n = Math.sin(col.yaw_rad[i]), y = middle + s * width / 2;
+      return ground.local(col.x_m[i] + c * knife - n * y, col.y_m[i] + n * knife + c * y).map((v) => v * cells / tile);
+    }));
+    const high = col.knife_height_m ? col.knife_height_m[place] : NaN;
+    const code = Math.round(100 * (Number.isFinite(high) ? Math.max(high, 0.02) : this.data.live.cut_m[k]));
+    ground.cutBetween(ends[0], ends[1], [col.t_s[place - 1] / unit, col.t_s[place] / unit], code, isShown);
+  }
+
+  addScan(scanner, t, middle, points) {
+    const places = new Float32Array(points.length);
+    for (let i = 0; i < points.length; i++) places[i] = middle[i % 3] + points[i] / 200;
+    scanner.kept.push({ t, places });
+    if (scanner.kept.length > TRAIL_SCANS) scanner.kept.shift();
+    const rows = [], starts = [0];
+    for (const scan of scanner.kept) {
+      for (let i = 0; i < scan.places.length; i += 3) rows.push(scan.places[i], scan.places[i + 1], scan.places[i + 2], 0, 0, 0, -1, 0);
+      starts.push(rows.length / 8);
+    }
+    scanner.starts = starts;
+    scanner.scanTimes = scanner.kept.map((scan) => scan.t);
+    scanner.all = rows.filter((_, i) => i % 8 < 3);
+    const { gl } = this.app;
+    gl.bindBuffer(gl.ARRAY_BUFFER, scanner.buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, Float32Array.from(rows), gl.DYNAMIC_DRAW);
+  }
+
+  // Charts and marks anew, twice a second at most: they cost more than a picture.
+  redraw() {
+    const now = performance.now(), { app } = this;
+    if (now - this.drawnAt > 500) {
+      this.drawnAt = now;
+      const duration = Math.max(10, this.at + 1);
+      this.data.duration = app.timeline.duration = app.charts.duration = duration;
+      app.timeline.slider.max = duration;
+      app.charts.resize();
+      element("marks").replaceChildren();
+      app.timeline.fillMarks();
+    }
+    app.touch();
+  }
+
+  takeState(state) {
+    const { app, data } = this;
+    this.state = state;
+    this.pauseButton.textContent = state.paused ? "go on" : "pause";
+    this.stepButton.disabled = !state.paused;
+    this.speed.value = String(state.speed);
+    this.speed.disabled = state.is_paced;
+    this.keys.replaceChildren(...Object.entries(state.values).map(([key, value]) => new Option(`${value}`, key)));
+    this.obstacles.replaceChildren(...Object.keys(state.values).filter((key) => key.startsWith("obstacles.")).map((key) => {
+      const item = document.createElement("li");
+      item.append(`${key.slice(10)} `, this.button("remove", () => this.ask("set", { key, value: null })));
+      return item;
+    }));
+    if (JSON.stringify(state.things) !== this.things) {
+      this.things = JSON.stringify(state.things);
+      app.things = new Things(app.gl, { things: state.things, mesh: Float32Array.from(state.mesh) });
+    }
+    app.timeline.moments = state.events.map((e) => ({
+      t_s: e.t_s, end_s: e.t_s, kind: "change", machine: "", worst: false,
+      text: `${e.set} ${e.value === null || e.value === "" ? "removed" : `= ${e.value}`}`,
+    }));
+    element("list").replaceChildren();
+    app.timeline.fillMoments();
+    this.drawnAt = 0;
+    if (!data.ended) this.redraw();
+  }
+
+  ask(what, more = {}) {
+    const id = ++this.ids;
+    this.socket.send(JSON.stringify({ id, do: what, ...more }));
+    return new Promise((done) => this.waiting.set(id, done));
+  }
+
+  say(text, ok) {
+    this.answer.textContent = text || "done";
+    this.answer.className = ok ? "pass" : "fail";
+  }
+
+  end(text) {
+    element("verdict").textContent = text;
+    this.box.querySelectorAll("button, input, select").forEach((part) => { part.disabled = true; });
+    this.say("what was seen stays here until the page is closed", true);
+  }
+
+  button(text, deed) {
+    const made = document.createElement("button");
+    made.type = "button";
+    made.textContent = text;
+    made.addEventListener("click", deed);
+    return made;
+  }
+
+  panel() {
+    this.box = document.createElement("section");
+    this.box.id = "live";
+    this.box.setAttribute("aria-label", "control of the run");
+    this.box.innerHTML = `<h2>Run</h2><p class="row" id="run"></p>
+<form id="change"><label>change <input name="key" list="keys" placeholder="combine.speed.speed_kmh" required autocomplete="off"></label>
+<label>to <input name="value" required autocomplete="off"></label><button>set</button><datalist id="keys"></datalist></form>
+<form id="obstacle"><label>obstacle <input name="name" value="pole" required pattern="[^.]+"></label>
+<label>is <input name="value" value="{kind: post, x_m: 12, y_m: 3}" required></label><button>put in</button>
+<ul id="there"></ul></form><p id="answer" role="status"></p>`;
+    document.querySelector("aside").prepend(this.box);
+    this.keys = element("keys");
+    this.obstacles = element("there");
+    this.answer = element("answer");
+    this.pauseButton = this.button("pause", () => this.ask("pause", { value: !this.state.paused }));
+    this.stepButton = this.button("step", () => this.ask("step"));
+    this.speed = document.createElement("select");
+    this.speed.setAttribute("aria-label", "speed of the run");
+    for (const v of [0.1, 0.25, 0.5, 1, 2, 4, 10, 0]) this.speed.append(new Option(v ? `${v}×` : "as fast as it can", v));
+    this.speed.addEventListener("change", () => this.ask("speed", { value: Number(this.speed.value) }));
+    const now = this.button("now", () => { this.follows = true; this.app.seek(this.at); });
+    now.title = "follow the run again";
+    element("run").append(this.pauseButton, this.stepButton, this.speed, now);
+    const changed = element("change"), put = element("obstacle");
+    changed.elements.key.addEventListener("change", () => {
+      const value = this.state.values[changed.elements.key.value];
+      if (value !== undefined) changed.elements.value.value = typeof value === "object" ? JSON.stringify(value) : value;
+    });
+    changed.addEventListener("submit", (e) => {
+      e.preventDefault();
+      this.ask("set", { key: changed.elements.key.value, value: changed.elements.value.value });
+    });
+    put.addEventListener("submit", (e) => {
+      e.preventDefault();
+      this.ask("set", { key: `obstacles.${put.elements.name.value}`, value: put.elements.value.value });
+    });
+  }
+}
+
+// Every other row of a track, and the last.
+function thin(track) {
+  const half = Math.floor(track.count / 2);
+  for (const all of Object.values(track.columns)) {
+    for (let i = 0; i < half; i++) all[i] = all[2 * i + 1];
+    all.fill(NaN, half);
+  }
+  track.count = half;
+}

@@ -1,0 +1,164 @@
+"""Run control: pause, step, restart, speed and changes of a run, asked for by other threads.
+
+    control = RunControl()
+    run_job(scenario, out, hooks=[control])
+    control.pause(True)               # in another thread; so are all others here but `join`
+
+The ROS 2 services and the live page use the same one. Requests are served between two ticks by the thread of
+the run; none of them changes a result but a change that is listed in `events`.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from swath.core.errors import InputError, SwathError
+from swath.core.schedule import NS
+from swath.runtime.changes import Interventions, Restart
+from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.request_queue import Reply, RequestQueue
+
+POLL_S = 0.1
+SPEEDS = (0.05, 100.0)  # simulated seconds per second
+
+
+class RunControl(RunHook):
+    """Run hook. is_paused: the run waits before its first tick; speed: simulated seconds per second, 0 = as
+    fast as it can. listeners: called in the thread of the run when something was changed
+    """
+
+    def __init__(self, *, is_paused: bool = False, speed: float = 0.0) -> None:
+        self.is_paused, self.speed = is_paused, speed
+        self.listeners: list[Callable[[], None]] = []
+        self._until = 0
+        self._requests = RequestQueue()
+        self._is_waiting = threading.Event()  # the run is paused and has reached the time asked for
+        self._run: ActiveRun | None = None
+        self._origin: tuple[int, int] | None = None  # simulated and wall time [ns] that belong together
+
+    # in the thread of the run
+
+    def begin(self, run: ActiveRun) -> None:
+        """Connect to a world at its start."""
+        self.join(run)
+
+    def join(self, run: ActiveRun) -> None:
+        """As `begin`; again for the same run it does nothing."""
+        if self._run is None or self._run.world is not run.world:
+            self._run, self._until, self._origin = run, 0, None
+            run.world.graph.before_tick.insert(0, self._before_tick)
+
+    def close(self) -> None:
+        """The run is over: refuse what is asked from now on."""
+        self._requests.close()
+        self._is_waiting.set()
+
+    def _before_tick(self, t: int) -> None:
+        self._requests.serve(t)
+        if self.speed and not self.is_paused:
+            self._keep_pace(t)
+        while self.is_paused and t > self._until:  # asked for before, or while it kept pace
+            self._hold(t)
+
+    def _hold(self, t: int) -> None:
+        """Wait before the tick at t [ns] while the run is paused."""
+        began = time.monotonic_ns()
+        while self.is_paused and t > self._until:
+            self._is_waiting.set()
+            self._requests.serve(t, wait_s=POLL_S)
+        self._origin = None
+        if self._run is not None:
+            self._run.rest(time.monotonic_ns() - began)
+
+    def _keep_pace(self, t: int) -> None:
+        """Serve until the tick at t [ns] is due; a run that is late goes on from where it is."""
+        while self.speed and not self.is_paused:
+            now = time.monotonic_ns()
+            if self._origin is None:
+                self._origin = t, now
+            left = self._origin[1] + (t - self._origin[0]) / self.speed - now
+            if left <= 0.0:
+                if left < -POLL_S * NS:
+                    self._origin = None
+                return
+            self._requests.serve(t, wait_s=min(left / NS, POLL_S))
+
+    # in other threads
+
+    @property
+    def changes(self) -> Interventions:
+        """Of the run that goes on."""
+        assert self._run is not None  # requests are served once a run has begun
+        return self._run.changes
+
+    def ask(self, action: Callable[[int], str]) -> Reply:
+        """Have an action done between two ticks; blocks. Returns (success, message)."""
+        return self._requests.ask(action)
+
+    def pause(self, wanted: bool) -> Reply:
+        """Wait before the next tick, or go on."""
+
+        def act(t: int) -> str:
+            self.is_paused, self._until, self._origin = wanted, self._now(), None
+            self._tell()
+            return f"{'paused' if wanted else 'running'} at {self._now() / NS:g} s"
+
+        return self.ask(act)
+
+    def step(self, length_s: float | None = None) -> Reply:
+        """Go on by a time [s] of a paused run, None = to the end of the next tick, and come back then."""
+
+        def act(t: int) -> str:
+            if not self.is_paused:
+                raise SwathError("expected a paused run: pause it first")
+            self._until = t if length_s is None else self._now() + max(1, round(length_s * NS))
+            self._is_waiting.clear()
+            return ""
+
+        success, message = self.ask(act)
+        if not success:
+            return success, message
+        self._is_waiting.wait()
+        return True, f"at {self._now() / NS:g} s"
+
+    def restart(self) -> Reply:
+        """Begin anew, into the same folder."""
+
+        def act(t: int) -> str:
+            raise Restart(f"reset at {self._now() / NS:g} s")
+
+        return self.ask(act)
+
+    def set_speed(self, value: float) -> Reply:
+        """Simulated seconds per second, 0 = as fast as it can."""
+
+        def act(t: int) -> str:
+            if self._run is not None and self._run.world.scenario.is_paced:
+                raise SwathError("the run is paced by --real-time, its speed stays")
+            if value and not SPEEDS[0] <= value <= SPEEDS[1]:
+                raise InputError("speed", value, f"expected 0, or {SPEEDS[0]:g} to {SPEEDS[1]:g}")
+            self.speed, self._origin = value, None
+            self._tell()
+            return f"speed {value:g}" if value else "as fast as it can"
+
+        return self.ask(act)
+
+    def set(self, key: str, value: Any) -> Reply:
+        """Another parameter, level or obstacle, as `Interventions.set`; nothing where it is so already."""
+
+        def act(t: int) -> str:
+            current = self.changes.values()
+            if key not in current or current[key] != value:
+                self.changes.set(t, key, value)
+                self._tell()
+            return ""
+
+        return self.ask(act)
+
+    def _tell(self) -> None:
+        for listener in self.listeners:
+            listener()
+
+    def _now(self) -> int:
+        return self._run.world.graph.t if self._run is not None else 0
