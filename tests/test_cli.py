@@ -58,7 +58,7 @@ class Job:
         }
         return SimpleNamespace(summary=summary, exit_code=self.exit_code)
 
-    def scan_job(self, scenario, out, at_s, formats, camera):
+    def scan_job(self, scenario, out, at_s, formats, camera, tell):
         self.calls.append((scenario, out, at_s))
         self.formats, self.camera = formats, camera
         return [out / "scan.png", out / "scan.csv"]

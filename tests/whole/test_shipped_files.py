@@ -15,6 +15,7 @@ from swath.machine.machine_sheet import load_machine
 from swath.scenario.scenario import find_scenario, load_scenario, scenario_names
 from swath.sensing.ground_speed.radar import load_ground_radar
 from swath.sensing.lidar_sheet import load_lidar
+from swath.sensing.radar.radar_sheet import load_radar
 from swath.sensing.tables import load_table, table_names
 
 ROOT = Path(__file__).parents[2]
@@ -92,7 +93,8 @@ def test_every_bundled_sheet_is_read(kind):
 
 
 def load_sensor(name):
-    return load_ground_radar(name) if name.startswith("ground-radar") else load_lidar(name)
+    radars = {"ground-radar": load_ground_radar, "radar": load_radar}
+    return radars.get(name.partition("-24ghz")[0].partition("-77ghz")[0], load_lidar)(name)
 
 
 def test_every_bundled_table_is_read():

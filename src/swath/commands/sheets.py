@@ -53,6 +53,7 @@ def _check(file: str) -> int:
     from swath.documents.data_sheets import read_sheet
     from swath.documents.yaml_document import read_document
     from swath.field.crop_sheet import load_crop
+    from swath.field.obstacle_sheet import load_obstacle
     from swath.machine.machine_sheet import load_machine
     from swath.sensing.ground_speed.radar import load_ground_radar
     from swath.sensing.lidar_sheet import load_lidar
@@ -67,11 +68,18 @@ def _check(file: str) -> int:
         raise InputError("format", said or None, f"expected one of {formats}", file=file)
     sensors = {"radar": load_radar, "ground_radar": load_ground_radar}
     load_sensor = sensors.get(str(data.get("kind")), load_lidar)
-    load: Any = {"sensors": load_sensor, "machines": load_machine, "crops": load_crop}[kind]
+    load: Any = {
+        "sensors": load_sensor,
+        "machines": load_machine,
+        "crops": load_crop,
+        "obstacles": load_obstacle,
+    }[kind]
     load(str(path))
     entries = read_sheet(kind, str(path)).numbers().values()
     plain = sum("source" not in entry for entry in entries)
-    print(f"{file}: a {WORDS[kind]} with {len(entries)} numbers, {plain} of them without a source")
+    word = WORDS[kind]
+    what = f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
+    print(f"{file}: {what} with {len(entries)} numbers, {plain} of them without a source")
     return 0
 
 
