@@ -103,9 +103,7 @@ class Graph:
                 outputs = node.component.step(t - period, period, self._gather(node))
                 node.cost_s += clock() - started
                 node.step_count += 1
-                if node.fault is not None:
-                    outputs = node.fault.pass_on(t, outputs)
-                self._publish(node, t, outputs)
+                self._send(node, t, outputs)
             self.t = t
             if stop is not None and stop():
                 return
@@ -120,7 +118,13 @@ class Graph:
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
             part = node.component
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
-                self._publish(node, self.t, part.step(last, self.t - last, self._gather(node)))
+                self._send(node, self.t, part.step(last, self.t - last, self._gather(node)))
+
+    def _send(self, node: Node, t: int, outputs: Outputs) -> None:
+        """Publish what a component gave at t, as its fault leaves it."""
+        if node.fault is not None:
+            outputs = node.fault.pass_on(t, outputs)
+        self._publish(node, t, outputs)
 
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""

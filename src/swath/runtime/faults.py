@@ -1,4 +1,4 @@
-"""The faults of a scenario: what goes wrong with slots send, and sensors that sit where nobody meant."""
+"""The faults of a scenario: what goes wrong with what slots send, and sensors that sit where nobody meant."""
 
 from dataclasses import replace
 from typing import Any
