@@ -58,10 +58,10 @@ LIMITS = {
     },
     # of the largest heap, poured along the places that a strategy wants; unloader: s after its limits
     "cooperate": {
-        "one_spot": Limit("fills 77 %", (0.71, 0.78)),
+        "one_spot": Limit("fills 71 to 78 %", (0.71, 0.78)),
         "front_to_back": Limit("fills 95 % and more", (0.95, 0.99)),
         "oscillate": Limit("fills 95 % and more", (0.95, 0.99)),
-        "by_profile": Limit("fills 94 % and more", (0.935, 0.99)),
+        "by_profile": Limit("fills 93.5 % and more", (0.935, 0.99)),
         "unloader": Limit("stops within a step", 0.05),
     },
     "header": {

@@ -164,7 +164,7 @@ class _Running:
         allow: Sequence[str],
     ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
-        recorded = world.recorded()
+        recorded = world.recorded(is_drawn=out is not None)
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)

@@ -124,18 +124,24 @@ class World:
         """The first machine."""
         return next(iter(self.machines.values()))
 
-    def recorded(self) -> dict[str, RecordedMachine]:
-        """What the recording needs to know of each machine, by name, with the lines that a viewer draws."""
+    def recorded(self, *, is_drawn: bool = True) -> dict[str, RecordedMachine]:
+        """What the recording needs to know of each machine, by name. is_drawn: with lines for a viewer"""
         found = {}
         for name, machine in self.machines.items():
-            is_first = machine is self.leader
-            way = machine.edge.point_at(np.arange(0.0, machine.edge.length + EDGE_STEP, EDGE_STEP))
-            lines = {"edge": self._on_ground(way)}
-            if is_first and self.field.boundary is not None:
-                for i, ring in enumerate(self.field.boundary.rings):
-                    lines[f"boundary {i}"] = self._on_ground(np.vstack([ring, ring[:1]]))
-            found[name] = dataclasses.replace(machine.recorded(), lines=lines, is_first=is_first)
+            lines = self._lines(machine) if is_drawn else {}
+            found[name] = dataclasses.replace(
+                machine.recorded(), lines=lines, is_first=machine is self.leader
+            )
         return found
+
+    def _lines(self, machine: Machine) -> dict[str, F64]:
+        """The edge that a machine follows, and with the first one the boundary of the field."""
+        way = machine.edge.point_at(np.arange(0.0, machine.edge.length + EDGE_STEP, EDGE_STEP))
+        lines = {"edge": self._on_ground(way)}
+        if machine is self.leader and self.field.boundary is not None:
+            for i, ring in enumerate(self.field.boundary.rings):
+                lines[f"boundary {i}"] = self._on_ground(np.vstack([ring, ring[:1]]))
+        return lines
 
     def _on_ground(self, points: F64) -> F64:
         """World points (n, 2) with the height of the ground, (n, 3), those outside of its map left out."""

@@ -5,6 +5,7 @@ the link tells, and the own path runs parallel to the other one's. The tractor d
 of its trailer by what that tracks off in a bend; what is left at the box is taken out slowly.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import atan2, copysign, cos, hypot, sin, sqrt
 from typing import Annotated
@@ -80,7 +81,7 @@ class BoxView:
         return [(high, place) for high, place in pairs if abs(place) <= self.reach and self.has_room(place)]
 
 
-class StationKeeper(KeepsState):
+class StationKeeper(KeepsState, ABC):
     """A fill strategy gives `aim`; everything else is here."""
 
     kept = (
@@ -101,14 +102,14 @@ class StationKeeper(KeepsState):
         self._keep, self._box, self._hitch = keep, setup.machine.box, setup.machine.hitch
         self._track = PeerTrack(compensated=keep.compensate)
 
+    @abstractmethod
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """Where grain is to come down, ahead of the middle of the box [m], and whether the box is full."""
-        raise NotImplementedError
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing to keep yet."""
         self._track.reset()
-        self._hitch_angle = self._lean = self._swing = self._integral = self._spot = self._aside = 0.0
+        self._hitch_angle = self._swing = self._integral = self._spot = self._aside = 0.0
         self._is_full = self._waits = False
         self._full_at, self._seen = -1.0, 0.0
         self._memory: dict[str, float] = {}
@@ -124,7 +125,6 @@ class StationKeeper(KeepsState):
         if not peer.is_heard or peer.impact_x != peer.impact_x:
             return {"station": self._idle(now)}
         before = self._spot
-        self._lean = float(inputs["heap"].lean)
         view = self._view(inputs["heap"])
         spot, is_full = self.aim(now / NS, view)
         self._waits = self._is_full or not view.has_room(self._spot)
@@ -132,7 +132,7 @@ class StationKeeper(KeepsState):
             self._spot, self._is_full = spot, is_full
             self._full_at = now / NS
         shift = (self._spot - before) / h if abs(self._spot - before) < 0.5 * h else 0.0
-        return {"station": self._station(now, h, peer, shift)}
+        return {"station": self._station(now, h, peer, shift, float(inputs["heap"].lean))}
 
     def _fold(self, own: Odometry, h: float) -> None:
         """Angle of the trailer against the machine, by rolling without slip."""
@@ -156,11 +156,12 @@ class StationKeeper(KeepsState):
         inner = sqrt(max(radius**2 + self._hitch.x**2 - self._hitch.drawbar**2, 0.0))
         return copysign(radius - inner, curvature)
 
-    def _station(self, now: int, h: float, peer: PeerState, shift: float) -> Wanted:
+    def _station(self, now: int, h: float, peer: PeerState, shift: float, lean: float) -> Wanted:
+        """shift: speed of the spot along the box [m/s]; lean: how the grain's surface tilts across."""
         track = self._track
         k = track.curvature
         y, drift = self._stream(h, peer.impact_y)
-        y += min(max(2.0 * self._lean, -MOST_LEAN), MOST_LEAN)
+        y += min(max(2.0 * lean, -MOST_LEAN), MOST_LEAN)
         scale = max(1.0 - k * y, 0.2)
         bend = k / scale
         away = self._leave(now / NS, h, peer, y)
