@@ -28,10 +28,8 @@ class Source:
 
 
 def test_the_part_step_at_the_end_is_faulty_too():
-    values, shares = (
-        dict.fromkeys(("scale", "noise", "stuck"), {}),
-        dict.fromkeys(("beam_loss", "dead_beams", "loss", "burst", "latency"), 0.0),
-    )
+    values = {key: {} for key in ("scale", "noise", "stuck")}
+    shares = dict.fromkeys(("beam_loss", "dead_beams", "loss", "burst", "latency"), 0.0)
     fault = Fault(bias={"speed_m_s": 2.0}, hold=(), silent=(), **values, **shares)
     source = Source()
     graph = Graph([Node(Slot("a.odometry", 100), source, fault=FaultyOutput(fault, source.outputs))], 1)
