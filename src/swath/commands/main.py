@@ -23,6 +23,7 @@ from swath.link.ros2 import command as ros2
 from swath.link.ros2.middleware import networked
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
@@ -52,6 +53,7 @@ COMMANDS = (
     calibrate,
     compare,
     scan,
+    dataset,
     yield_log,
     fmu,
     ros2,

@@ -65,7 +65,7 @@ class Params(SceneParams):
     noise: Literal["data_sheet", "none"] = "data_sheet"
     blur: Literal["data_sheet", "none"] = "data_sheet"
     exposure_ms: Annotated[float, Gt(0), Le(1e4)] | None = None
-    target_percent: Annotated[float, Gt(0), Le(100)] = 18.0
+    target_percent: Annotated[float, Gt(0), Le(100)] = 30.0
     damping: Annotated[float, Gt(0), Le(1)] = 0.5
 
 
