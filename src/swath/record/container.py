@@ -149,7 +149,7 @@ class Container:
     def _records(self) -> tuple[bytes, dict[int, "array[int]"]]:
         """The open chunk, and by channel the time and the place of every message, one after the other."""
         parts, pack = list(self._declared), HEAD.pack
-        at = sum(map(len, parts))
+        at = sum(len(part) for part in parts)
         index: dict[int, array[int]] = {}
         for channel, sequence, t, data in self._open:
             entries = index.get(channel)
