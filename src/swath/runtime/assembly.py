@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import SLOTS, TRUTH, kind_of
+from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup
 
 
@@ -247,13 +249,20 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
     mountings, height = _mountings(place, choice), site.field.crop_height
-    control = ControlSetup(place.sheet, mountings, section.common.edge_side, period, height)
+    side, lines = section.common.edge_side, partial(_read_line, site.origin)
+    control = ControlSetup(place.sheet, mountings, side, period, height, lines)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base, fed)
     if choice.kind.is_control and not choice.found.sees_truth:
         return control
     return _site_setup(place, period)
+
+
+def _read_line(origin: Origin | None, file: str, index: int) -> F64:
+    from swath.field_io.lines import read_line
+
+    return read_line(origin, file, index)
 
 
 def _site_setup(place: _Place, period: float) -> SiteSetup:
