@@ -103,6 +103,7 @@ LIMITS = {
     "radar": {
         "ideal": Limit("radial speed of what stands within 1 mm/s", 1e-3),
         "error": Limit("equal to ideal without noise and latency", 1e-3),
+        "rays": Limit("a post within 0.05 m and 0.05 m/s", 0.05),
     },
     "field_map": {
         "ideal": Limit("exact", EXACT),
