@@ -1,6 +1,6 @@
 """One MCAP file of ROS 2 (CDR) messages, readable up to its last whole chunk whatever happens.
 
-The container is written by the `mcap` package; `message_factory.py` makes the messages.
+`container.py` writes the container, `message_factory.py` makes the messages.
 """
 
 from collections.abc import Hashable
@@ -9,6 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from swath.core.whole_file import open_to_write
 from swath.record.bag_metadata import Topic, write_metadata
+from swath.record.container import Container
 from swath.record.message_factory import MessageFactory
 from swath.record.templates import Draft, Template
 
@@ -41,20 +42,16 @@ class McapFile:
     """
 
     def __init__(self, path: Path) -> None:
-        from mcap.writer import CompressionType, Writer
-
         self.make = MessageFactory()
         self.store = self.make.store
         self.path = path
         self._stream = open_to_write(path)
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library="swath")
+        self._container = Container(self._stream, chunk_bytes=CHUNK_BYTES, profile="ros2", library="swath")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}
         self._end = self._count = 0
         self._templates: dict[tuple[str, Hashable], Template] = {}
-        self._flushed = 0
         self._is_torn = False
         self.taps: list[Tap] = []  # called with every message that is written
 
@@ -72,16 +69,12 @@ class McapFile:
         about.count += 1
         self._count += 1
         self._end = max(self._end, t)
-        self._is_torn = True  # until the message is whole: Ctrl-C may come in between
-        self._writer.add_message(
-            self._channels[topic], log_time=t, data=data, publish_time=t, sequence=about.count
-        )
-        self._is_torn = False
+        if self._container.add(self._channels[topic], t, data):
+            self._is_torn = True  # until the chunk is whole: Ctrl-C may come in between
+            self._container.flush()
+            self._is_torn = False
         for tap in self.taps:
             tap(topic, t, message, data, is_latched)
-        if self._stream.tell() != self._flushed:  # a chunk was completed: hand it to the system now
-            self._stream.flush()
-            self._flushed = self._stream.tell()
 
     def _from_draft(self, topic: str, draft: Draft) -> tuple[Any, bytes]:
         """The message, None where no tap wants it, and its bytes."""
@@ -104,19 +97,18 @@ class McapFile:
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the file, readable from here on."""
-        self._writer.add_attachment(0, 0, name, media_type, data)
+        self._container.attach(name, media_type, data)
         self._stream.flush()
-        self._flushed = self._stream.tell()
 
     def close(self) -> None:
         """Write the index and `metadata.yaml`, and close. Calling it again does nothing.
 
-        After an interruption within a message the file ends with its last whole chunk, without an index.
+        After an interruption within a chunk the file ends with its last whole chunk, without an index.
         """
         if not self._stream.closed:
             try:
                 if not self._is_torn:
-                    self._writer.finish()
+                    self._container.finish()
                     write_metadata(self.path, self._topics, self._end, self._count)
             finally:
                 self._stream.close()
@@ -124,7 +116,7 @@ class McapFile:
     def _declare(self, topic: str, msgtype: str, is_latched: bool) -> None:
         if msgtype not in self._schemas:
             text, _ = self.store.generate_msgdef(msgtype, ros_version=2)
-            self._schemas[msgtype] = self._writer.register_schema(msgtype, "ros2msg", text.encode())
+            self._schemas[msgtype] = self._container.add_schema(msgtype, "ros2msg", text.encode())
         about = self._topics[topic] = Topic(msgtype, LATCHED if is_latched else "")
         metadata = {"offered_qos_profiles": about.qos}
-        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[msgtype], metadata)
+        self._channels[topic] = self._container.add_channel(topic, "cdr", self._schemas[msgtype], metadata)
