@@ -5,18 +5,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from swath import __version__
+from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
 from swath.record.messages import RecordedMachine
 from swath.record.messenger import Messenger
 from swath.record.samples import Blocks, is_recordable
-from swath.record.tracks import Column, Tracks, write_tracks
+from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
 from swath.signals import Signal
 
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
+TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
 LARGE_PERIOD = NS // 5  # between two messages of a large truth or scan, unless everything is wanted
 
@@ -52,7 +55,7 @@ class Recorder:
         self._period = round(NS / rate_hz)
         more = extra or {}
         self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
-        self.file = McapFile(folder / "run.mcap") if mcap and detail != "none" else None
+        self.file = McapFile(folder / RECORDING_FILE) if mcap and detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
         self._clock_due = 0
@@ -85,6 +88,38 @@ class Recorder:
             if self._detail != "standard":
                 self._add_exact(key, t, signal)
 
+    def save(self) -> dict[str, Any]:
+        """What is not in the files so far, and how much of them there is."""
+        waiting = {key: None if b is None else b.save() for key, b in self._blocks.items()}
+        return {
+            "tracks": {name: tracks.save() for name, tracks in self.tracks.items()},
+            "messages": 0 if self.file is None else self.file.count,
+            "makers": {name: messenger.save() for name, messenger in self._messengers.items()},
+            "blocks": waiting,
+            "due": dict(self._due),
+            "clock_due": self._clock_due,
+        }
+
+    def load(self, state: Mapping[str, Any], folder: Path) -> None:
+        """Go on from a saved state. folder: of a run that has begun in the same way; its files are copied.
+
+        InputError where they do not reach so far.
+        """
+        if self._detail == "none":
+            raise InputError("run.record", "none", "expected a run with a recording")
+        table = read_tracks(folder / TRACKS_FILE)
+        for name, tracks in self.tracks.items():
+            tracks.load(state["tracks"][name], table)
+        if self.file is not None:
+            self.file.begin_as(folder / RECORDING_FILE, state["messages"])
+        for name, messenger in self._messengers.items():
+            messenger.load(state["makers"][name])
+        for key, kept in state["blocks"].items():
+            blocks = self._blocks[key] = None if kept is None else self._new_blocks(*key)
+            if blocks is not None:
+                blocks.load(kept)
+        self._due, self._clock_due = dict(state["due"]), state["clock_due"]
+
     def close(self) -> None:
         """Complete both files. Calling it again does nothing."""
         if self._is_closed:
@@ -92,7 +127,7 @@ class Recorder:
         self._is_closed = True
         try:
             if self._detail != "none":
-                write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
+                write_tracks(self.folder / TRACKS_FILE, list(self.tracks.values()))
         finally:
             if self.file is not None:
                 try:
@@ -124,12 +159,13 @@ class Recorder:
     def _add_exact(self, key: tuple[str, str], t: int, signal: Signal) -> None:
         """Add the sample as it is to its block."""
         if key not in self._blocks:
-            slot, output = key
             is_wanted = signal.about.samples in ("exact", self._detail) and is_recordable(signal)
-            topic = f"/{slot.replace('.', '/')}/{output}"
-            self._blocks[key] = Blocks(self.file, topic) if is_wanted else None
+            self._blocks[key] = self._new_blocks(*key) if is_wanted else None
         if (blocks := self._blocks[key]) is not None:
             blocks.add(t, signal)
+
+    def _new_blocks(self, slot: str, output: str) -> Blocks:
+        return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}")
 
     def _is_due(self, key: tuple[str, str], t: int, signal: Signal) -> bool:
         about, detail = signal.about, self._detail
