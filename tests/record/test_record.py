@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from swath.core.schedule import NS
+from swath.record.container import Container
 from swath.record.message_factory import definition
 from swath.record.recorder import Recorder
 from swath.record.scan_messages import is_laser_scan
@@ -235,18 +236,18 @@ def test_an_exception_leaves_whole_files(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["metadata.yaml", "run.mcap", "tracks.parquet"]
 
 
-def test_an_interruption_within_a_message_costs_the_open_chunk_only(tmp_path, monkeypatch):
-    from mcap.writer import Writer
+def test_an_interruption_within_a_chunk_costs_this_chunk_only(tmp_path, monkeypatch):
+    ground, write, count = GridField(ArcEdge()), Container._put, [0]
 
-    ground, whole, count = GridField(ArcEdge()), Writer.add_message, [0]
+    def torn(self, record):
+        if type(record).__name__ == "Chunk":
+            count[0] += 1
+            if count[0] == 3:
+                self._stream.write(struct.pack("<BQ", 6, 100_000) + b"half")
+                raise KeyboardInterrupt
+        return write(self, record)
 
-    def torn(self, *args, **values):
-        count[0] += 1
-        if count[0] == 3000:
-            raise KeyboardInterrupt
-        whole(self, *args, **values)
-
-    monkeypatch.setattr(Writer, "add_message", torn)
+    monkeypatch.setattr(Container, "_put", torn)
     with pytest.raises(KeyboardInterrupt), Recorder(tmp_path, [machine()]) as recorder:
         drive([recorder], ground, seconds=9.0)
     assert 1000 < read_until_torn(tmp_path / "run.mcap") < 3000

@@ -54,7 +54,8 @@ def test_every_field_of_every_signal_says_what_it_is():
 def test_messages_are_those_that_are_declared(signal, tmp_path):
     pytest.importorskip("pyproj")
     lines = {"edge": np.zeros((2, 3))}
-    with Recorder(tmp_path, [replace(machine(), origin=ORIGIN, lines=lines)], detail="full") as recorder:
+    shown = replace(machine(), origin=ORIGIN, lines=lines, triangles=np.zeros((1, 3, 3)))
+    with Recorder(tmp_path, [shown], detail="full") as recorder:
         recorder("combine.slot", 0, {"output": sample_of(signal)})
         if signal is Scan:  # a plane at even angles, with an echo per beam
             even = Scan(1, *np.array([[-1.0, 0.0], [0.0, 0.1], [0.0, 0.0]]), *np.ones((2, 2, 1), np.float32))

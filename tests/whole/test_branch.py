@@ -124,11 +124,13 @@ def test_runs_that_do_not_repeat_are_refused(saved, tmp_path):
     assert not (tmp_path / "no").exists()
 
 
-def test_a_part_that_cannot_be_saved_is_named_and_the_run_goes_on(tmp_path):
-    (tmp_path / "mine.py").write_text(PART)
-    plan = small(*SETS, f"combine.steer.level={tmp_path / 'mine.py'}:Straight")
+@pytest.mark.parametrize("is_without", [False, True])
+def test_a_part_that_cannot_be_saved_is_named_and_the_run_goes_on(tmp_path, is_without):
+    text = PART.replace("def save", "def keep").replace("def load", "def back") if is_without else PART
+    (tmp_path / "mine.py").write_text(text)
+    plan = small("run.distance_m=1.2", *SETS[1:], f"combine.steer.level={tmp_path / 'mine.py'}:Straight")
     summary = run_job(plan, tmp_path / "run", hooks=[Saves(0.5)]).summary
-    assert summary["saves"]["refused"].startswith("combine.steer: ")
+    assert summary["saves"]["refused"].startswith("combine.steer")
     assert not summary["incomplete"]
     assert not saves_in(tmp_path / "run")
 

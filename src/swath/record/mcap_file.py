@@ -1,6 +1,6 @@
 """One MCAP file of ROS 2 (CDR) messages, readable up to its last whole chunk whatever happens.
 
-The container is written by the `mcap` package; `message_factory.py` makes the messages.
+`container.py` writes the container, `message_factory.py` makes the messages.
 """
 
 from collections.abc import Hashable, Mapping
@@ -11,6 +11,7 @@ from swath.core.errors import InputError
 from swath.core.whole_file import open_to_write
 from swath.documents.packed import readable
 from swath.record.bag_metadata import Topic, write_metadata
+from swath.record.container import Container
 from swath.record.message_factory import MessageFactory
 from swath.record.templates import Draft, Template
 
@@ -44,20 +45,16 @@ class McapFile:
     """
 
     def __init__(self, path: Path) -> None:
-        from mcap.writer import CompressionType, Writer
-
         self.make = MessageFactory()
         self.store = self.make.store
         self.path = path
         self._stream = open_to_write(path)
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library="swath")
+        self._container = Container(self._stream, chunk_bytes=CHUNK_BYTES, profile="ros2", library="swath")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}
         self._end = self._count = 0
         self._templates: dict[tuple[str, Hashable], Template] = {}
-        self._flushed = 0
         self._is_torn = False
         self.taps: list[Tap] = []  # called with every message that is written
 
@@ -71,20 +68,9 @@ class McapFile:
             data = bytes(self.store.serialize_cdr(message, message.__msgtype__))
         if topic not in self._channels:
             self._declare(topic, message.__msgtype__, is_latched)
-        about = self._topics[topic]
-        about.count += 1
-        self._count += 1
-        self._end = max(self._end, t)
-        self._is_torn = True  # until the message is whole: Ctrl-C may come in between
-        self._writer.add_message(
-            self._channels[topic], log_time=t, data=data, publish_time=t, sequence=about.count
-        )
-        self._is_torn = False
+        self._add(topic, t, data)
         for tap in self.taps:
             tap(topic, t, message, data, is_latched)
-        if self._stream.tell() != self._flushed:  # a chunk was completed: hand it to the system now
-            self._stream.flush()
-            self._flushed = self._stream.tell()
 
     @property
     def count(self) -> int:
@@ -118,19 +104,17 @@ class McapFile:
         """A message as it stands in another file."""
         topic, schema = channel.topic, schemas[channel.schema_id]
         if topic not in self._topics:
-            qos = channel.metadata.get(QOS, "")
-            self._register(Topic(schema.name, qos), topic, schema.data)
-        about = self._topics[topic]
-        about.count += 1
+            self._register(Topic(schema.name, channel.metadata.get(QOS, "")), topic, schema.data)
+        self._add(topic, message.log_time, message.data)
+
+    def _add(self, topic: str, t: int, data: bytes) -> None:
+        self._topics[topic].count += 1
         self._count += 1
-        self._end = max(self._end, message.log_time)
-        self._writer.add_message(
-            self._channels[topic],
-            log_time=message.log_time,
-            data=message.data,
-            publish_time=message.publish_time,
-            sequence=about.count,
-        )
+        self._end = max(self._end, t)
+        if self._container.add(self._channels[topic], t, data):
+            self._is_torn = True  # until the chunk is whole: Ctrl-C may come in between
+            self._container.flush()
+            self._is_torn = False
 
     def _from_draft(self, topic: str, draft: Draft) -> tuple[Any, bytes]:
         """The message, None where no tap wants it, and its bytes."""
@@ -153,19 +137,18 @@ class McapFile:
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file into the file, readable from here on."""
-        self._writer.add_attachment(0, 0, name, media_type, data)
+        self._container.attach(name, media_type, data)
         self._stream.flush()
-        self._flushed = self._stream.tell()
 
     def close(self) -> None:
         """Write the index and `metadata.yaml`, and close. Calling it again does nothing.
 
-        After an interruption within a message the file ends with its last whole chunk, without an index.
+        After an interruption within a chunk the file ends with its last whole chunk, without an index.
         """
         if not self._stream.closed:
             try:
                 if not self._is_torn:
-                    self._writer.finish()
+                    self._container.finish()
                     write_metadata(self.path, self._topics, self._end, self._count)
             finally:
                 self._stream.close()
@@ -179,8 +162,8 @@ class McapFile:
     def _register(self, about: Topic, topic: str, definition: bytes) -> None:
         """Write of what type a topic is. definition: needed for a type that is new"""
         if about.msgtype not in self._schemas:
-            made = self._writer.register_schema(about.msgtype, "ros2msg", definition)
+            made = self._container.add_schema(about.msgtype, "ros2msg", definition)
             self._schemas[about.msgtype] = made
         self._topics[topic] = about
         kind = self._schemas[about.msgtype]
-        self._channels[topic] = self._writer.register_channel(topic, "cdr", kind, {QOS: about.qos})
+        self._channels[topic] = self._container.add_channel(topic, "cdr", kind, {QOS: about.qos})

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,6 +15,7 @@ from swath.record.mcap_file import McapFile
 from swath.record.messages import RecordedMachine
 from swath.record.messenger import Messenger
 from swath.record.samples import Blocks, is_recordable
+from swath.record.templates import Draft
 from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
 from swath.signals import Signal
 
@@ -59,11 +60,9 @@ class Recorder:
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
         self._clock_due = 0
-        self._due: dict[tuple[str, str], int] = {}
         self._detail = detail
-        self._blocks: dict[tuple[str, str], Blocks | None] = {}
         self._is_closed = False
-        self._sinks: dict[tuple[str, str], tuple[str, str, Tracks | None, Messenger | None]] = {}
+        self._sinks: dict[tuple[str, str], _Sink] = {}
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
             if scenario:
@@ -71,32 +70,28 @@ class Recorder:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
-        if self.file is not None and t >= self._clock_due:
+        if t >= self._clock_due and self.file is not None:
             self._tell_time(self.file, t)
         for output, signal in outputs.items():
-            key = slot, output
-            sink = self._sinks.get(key)
+            sink = self._sinks.get((slot, output))
             if sink is None:
-                sink = self._sinks[key] = self._sink(slot, output)
-            part, source, tracks, messenger = sink
-            if tracks is not None:
-                tracks.take(t, source, signal)
-            if messenger is None:
+                sink = self._sinks[slot, output] = self._sink(slot, output, signal)
+            if sink.tracks is not None:
+                sink.tracks.take(t, sink.source, signal)
+            if sink.messenger is None:
                 continue
-            if self._is_due(key, t, signal):
-                messenger.write(part, output, t, signal)
-            if self._detail != "standard":
-                self._add_exact(key, t, signal)
+            if not sink.is_thinned or self._is_due(sink, t):
+                sink.messenger.write(sink.part, output, t, signal)
+            if sink.blocks is not None:
+                sink.blocks.add(t, signal)
 
     def save(self) -> dict[str, Any]:
         """What is not in the files so far, and how much of them there is."""
-        waiting = {key: None if b is None else b.save() for key, b in self._blocks.items()}
         return {
             "tracks": {name: tracks.save() for name, tracks in self.tracks.items()},
             "messages": 0 if self.file is None else self.file.count,
             "makers": {name: messenger.save() for name, messenger in self._messengers.items()},
-            "blocks": waiting,
-            "due": dict(self._due),
+            "outputs": {key: sink.save() for key, sink in self._sinks.items()},
             "clock_due": self._clock_due,
         }
 
@@ -114,11 +109,13 @@ class Recorder:
             self.file.begin_as(folder / RECORDING_FILE, state["messages"])
         for name, messenger in self._messengers.items():
             messenger.load(state["makers"][name])
-        for key, kept in state["blocks"].items():
-            blocks = self._blocks[key] = None if kept is None else self._new_blocks(*key)
+        for key, (flags, blocks) in state["outputs"].items():
+            sink = self._sinks[key] = self._empty_sink(*key)
+            sink.is_thinned, sink.is_large, sink.is_bulky, sink.due = flags
             if blocks is not None:
-                blocks.load(kept)
-        self._due, self._clock_due = dict(state["due"]), state["clock_due"]
+                sink.blocks = self._new_blocks(*key)
+                sink.blocks.load(blocks)
+        self._clock_due = state["clock_due"]
 
     def close(self) -> None:
         """Complete both files. Calling it again does nothing."""
@@ -131,9 +128,9 @@ class Recorder:
         finally:
             if self.file is not None:
                 try:
-                    for blocks in self._blocks.values():
-                        if blocks is not None:
-                            blocks.flush()
+                    for sink in self._sinks.values():
+                        if sink.blocks is not None:
+                            sink.blocks.flush()
                 finally:
                     self.file.close()
 
@@ -148,37 +145,64 @@ class Recorder:
     def _tell_time(self, file: McapFile, t: int) -> None:
         """`/clock`, as often as the thinned messages."""
         self._clock_due = (t // self._period + 1) * self._period
-        stamp = file.make.header(t, "").stamp
-        file.write("/clock", t, file.make("rosgraph_msgs/msg/Clock", clock=stamp))
+        file.write("/clock", t, Draft(t, (), (), lambda: _clock(file, t)))
 
-    def _sink(self, slot: str, output: str) -> tuple[str, str, Tracks | None, Messenger | None]:
-        """Slot and output without the machine's name, and what takes their samples."""
+    def _sink(self, slot: str, output: str, signal: Signal) -> "_Sink":
+        """What takes the samples of an output, of which this is the first."""
+        sink = self._empty_sink(slot, output)
+        about, is_exact = signal.about, self._detail == "exact"
+        sink.is_large = about.samples == "full" and self._detail != "full"
+        sink.is_bulky = about.is_bulky and is_exact
+        sink.is_thinned = about.is_thinned or sink.is_large or sink.is_bulky
+        is_wanted = about.samples in ("exact", self._detail) and is_recordable(signal)
+        if sink.messenger is not None and self._detail != "standard" and is_wanted:
+            sink.blocks = self._new_blocks(slot, output)
+        return sink
+
+    def _empty_sink(self, slot: str, output: str) -> "_Sink":
         name, _, part = slot.partition(".")
-        return part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name)
-
-    def _add_exact(self, key: tuple[str, str], t: int, signal: Signal) -> None:
-        """Add the sample as it is to its block."""
-        if key not in self._blocks:
-            is_wanted = signal.about.samples in ("exact", self._detail) and is_recordable(signal)
-            self._blocks[key] = self._new_blocks(*key) if is_wanted else None
-        if (blocks := self._blocks[key]) is not None:
-            blocks.add(t, signal)
+        return _Sink(part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name))
 
     def _new_blocks(self, slot: str, output: str) -> Blocks:
         return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}")
 
-    def _is_due(self, key: tuple[str, str], t: int, signal: Signal) -> bool:
-        about, detail = signal.about, self._detail
-        is_large = about.samples == "full" and detail != "full"
-        if about.is_bulky and detail == "exact":
+    def _is_due(self, sink: "_Sink", t: int) -> bool:
+        is_large = sink.is_large
+        if sink.is_bulky:
             is_large = self.file is not None and not self.file.taps
-        if not (about.is_thinned or is_large):
-            return True
-        if t < self._due.get(key, 0):
+        if t < sink.due and (is_large or sink.is_large or not sink.is_bulky):
             return False
         period = LARGE_PERIOD if is_large else self._period
-        self._due[key] = (t // period + 1) * period
+        sink.due = (t // period + 1) * period
         return True
+
+
+@dataclass(slots=True)
+class _Sink:
+    """Where the samples of an output go. part, source: its slot, and with the output, without the machine
+
+    is_thinned: messages of some samples only; is_large: of a large truth; is_bulky: of a scan beside exact
+    samples; due: when the next message is [ns]
+    """
+
+    part: str
+    source: str
+    tracks: Tracks | None
+    messenger: Messenger | None
+    blocks: Blocks | None = None
+    is_thinned: bool = False
+    is_large: bool = False
+    is_bulky: bool = False
+    due: int = 0
+
+    def save(self) -> Any:
+        """What it is, and the samples that wait for their block."""
+        flags = self.is_thinned, self.is_large, self.is_bulky, self.due
+        return flags, None if self.blocks is None else self.blocks.save()
+
+
+def _clock(file: McapFile, t: int) -> Any:
+    return file.make("rosgraph_msgs/msg/Clock", clock=file.make.header(t, "").stamp)
 
 
 def _about(machines: Sequence[RecordedMachine], detail: str) -> str:

@@ -5,7 +5,7 @@ Standard messages round (float32), rename (nan becomes inf), leave out and are t
 column per field. A field that is the same array in all samples of a block is stored once.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from operator import attrgetter
 from typing import Any, get_type_hints
@@ -75,17 +75,23 @@ class Blocks:
         """Write what has been added, in blocks whose columns are each of one kind."""
         samples, published = self._samples, self._published
         self._samples, self._published = [], []
-        rows = [self._values(sample)[:-2] for sample in samples]
+        if not samples:
+            return
+        *columns, t, _ = zip(*map(self._values, samples), strict=True)
+        if all(map(_is_even, columns)):
+            self._write(columns, published, t)
+            return
+        forms = [[_form(value) for value in row] for row in zip(*columns, strict=True)]
         first = 0
-        for i in range(1, len(rows) + 1):
-            if i == len(rows) or _forms(rows[i]) != _forms(rows[first]):
-                self._write(rows[first:i], published[first:i], [s.t for s in samples[first:i]])
+        for i in range(1, len(forms) + 1):
+            if i == len(forms) or forms[i] != forms[first]:
+                self._write([c[first:i] for c in columns], published[first:i], t[first:i])
                 first = i
 
-    def _write(self, rows: list[tuple[Any, ...]], published: list[int], t: list[int]) -> None:
+    def _write(self, values: Sequence[tuple[Any, ...]], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
-        kinds = [_kind(value) for value in rows[0]]
-        columns = [_column(c, k) for c, k in zip(zip(*rows, strict=True), kinds, strict=True)]
+        kinds = [_kind(column[0]) for column in values]
+        columns = [_column(c, k) for c, k in zip(values, kinds, strict=True)]
         message = self.file.make(
             MSGTYPE,
             header=self.file.make.header(t[-1], ""),
@@ -100,9 +106,20 @@ class Blocks:
         self.file.write(self.topic, published[-1], message)
 
 
-def _forms(row: tuple[Any, ...]) -> list[Any]:
-    """Type, or type and shape of an array, of each value."""
-    return [(v.dtype, v.shape) if isinstance(v, np.ndarray | np.generic) else type(v) for v in row]
+def _is_even(column: tuple[Any, ...]) -> bool:
+    """Whether values are of one type, arrays of one shape too; some such are only found by a closer look."""
+    if len(set(map(type, column))) > 1:
+        return False
+    first = column[0]
+    if type(first) in PLAIN:
+        return True
+    kind, shape = first.dtype, first.shape
+    return all(v.dtype is kind and v.shape == shape for v in column)
+
+
+def _form(value: Any) -> Any:
+    """Type, or type and shape of an array."""
+    return (value.dtype, value.shape) if isinstance(value, np.ndarray | np.generic) else type(value)
 
 
 def unpack(message: Any) -> Iterator[tuple[int, Signal]]:

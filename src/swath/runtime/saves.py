@@ -20,6 +20,7 @@ from swath.core.schedule import NS
 from swath.core.whole_file import write_whole
 from swath.runtime.folder import PAGES, SAVED, SAVES
 from swath.runtime.hooks import ActiveRun, RunHook
+from swath.runtime.world import World
 
 EVERY_S = 5.0
 SHORTEST_S = 0.1
@@ -82,7 +83,7 @@ class Saves(RunHook):
         state: dict[str, Any] = {
             "swath": __version__,
             "events": list(run.changes.events),
-            "world": run.world.save(),
+            "world": _saved(run.world),
             "digest": run.digest.save(),
             "evaluation": run.evaluation.save(),
             "recorder": run.recorder.save(),
@@ -113,6 +114,21 @@ class Saves(RunHook):
                 out.write(page)
             self._bytes += len(page)
         return place
+
+
+def _saved(world: World) -> dict[str, Any]:
+    """The state of a world. SwathError, with the slot, for a part of a user that cannot give one."""
+    try:
+        return world.save()
+    except SwathError:
+        raise
+    except Exception as error:
+        for node in world.graph.nodes:
+            try:
+                node.component.save()
+            except Exception as own:
+                raise SwathError(f"{node.slot.name} cannot be saved ({own})") from own
+        raise SwathError(f"the world cannot be saved ({error})") from error
 
 
 def _culprit(state: Mapping[str, Any]) -> str:
