@@ -186,7 +186,7 @@ def test_rates_and_forces_on_a_circle(level, limit):
 def test_where_a_box_appears(level, limit):
     """A convex body spans in the image what its corners span."""
     solid, u, v = test_camera.box_by_hand()
-    image = test_camera.look(test_camera.camera(solid, horizontal_fov_deg=60.0))
+    image = test_camera.look(test_camera.camera_of(level, solid))
     rows, columns = np.nonzero(image.label == Organ.SOLID)
     assert len(rows) > 400
     for seen, corner in ((columns, u), (rows, v)):
