@@ -55,6 +55,7 @@ LIMITS = {
     # straight on, sensors without error: of the place [m]
     "pose": {
         "raw": Limit("exact with sensors without error on a straight line", 1e-6),
+        "ekf": Limit("within 2 mm with sensors without error on a straight line", 2e-3),
     },
     "peer_link": {
         "ideal": Limit("exact", EXACT),
