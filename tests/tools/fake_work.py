@@ -21,3 +21,20 @@ def begin_fake():
 def no_begin():
     """For workers that cannot begin."""
     raise RuntimeError("as a script without a main guard")
+
+
+def analytic_value(length, depth, stems, speed):
+    """A smooth value of four parameters, limited to 0.3."""
+    return 0.12 * length * (0.4 + 0.5 * depth) + 0.0002 * abs(stems - 350) + 0.0006 * speed**2 * depth
+
+
+def analytic_work(run, fields):
+    """A result whose edge_rmse_m is a formula of its point; with ANALYTIC_ERRORS some crash."""
+    point = run.point
+    if os.environ.get("ANALYTIC_ERRORS") and point["speed_kmh"] > 9:
+        return no_result(run, "crashed")
+    value = analytic_value(point["length_m"] - 20, point["depth_m"], point["stems"], point["speed_kmh"])
+    entry = {"subject": "combine", "name": "edge_rmse_m", "limit": {"max": 0.3}, "value": value,
+             "result": "fail" if value > 0.3 else "pass"}  # fmt: skip
+    return {**no_result(run, ""), "verdict": entry["result"], "metrics": {"edge_rmse_m": value},
+            "expect": [entry], "digest": f"{value}"}  # fmt: skip
