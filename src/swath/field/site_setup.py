@@ -175,14 +175,12 @@ class Bodies:
         return merge(*(moved(self._seen(n), self._poses[n]) for n in rest))
 
     def in_sight(self, name: str) -> list[Sighted]:
-        """What sensors of a machine see of every obstacle, thing and machine but it, as they are now."""
-        seen = []
-        for n in (*self._obstacles, *sorted(self._solids)):
-            if n != name:
-                shown = self._shown.get(n, self._solids.get(n))
-                solids = self._standing_solids[n] if shown is None else moved(shown, self._poses[n])
-                seen.append(Sighted(n, self._kind(n), solids))
-        return seen
+        """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
+        only where it sees itself.
+        """
+        standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
+        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        return standing + [Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n])) for n in rest]
 
     def around(self, name: str = "") -> list[Body]:
         """Every obstacle, thing and machine but one, as they are now."""
