@@ -70,9 +70,9 @@ class Waves:
     def lattice(self, u: Array, v: Array, yaw: float) -> Array:
         """Value at the crossings of u (n,) and v (m,) of a frame turned by yaw, shape (m, n).
 
-        sin(a + b) = sin a cos b + cos a sin b. Sums go row after row of `across`, wave by wave, as einsum
-        does, so that a crossing has the same bits in every lattice that holds it (a matrix product need not;
-        tested).
+        sin(a + b) = sin a cos b + cos a sin b. Sums go row after row of `across`, wave by wave, as those
+        of einsum, so that a crossing has the same bits in every lattice that holds it (a matrix product need
+        not; tested).
         """
         along, across = self._along(v.tobytes(), yaw), self._across(u.tobytes(), yaw)
         if along.shape[1] * len(v) * len(u) < FEW:
