@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 from swath.tools.function_test.one_run import no_result
 
@@ -10,6 +11,7 @@ def fake_work(run, fields):
     """A result that passes; the run named in FAKE_WORK_KILLS kills its process."""
     if run.id == os.environ.get("FAKE_WORK_KILLS"):
         os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(float(os.environ.get("FAKE_WORK_S", "0")))
     return {**no_result(run, ""), "verdict": "pass", "metrics": {"distance_m": 6.0}, "digest": "d"}
 
 

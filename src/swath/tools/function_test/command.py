@@ -8,7 +8,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.tools.function_test import search_command
-from swath.tools.function_test.progress import progress
+from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 
 def add(parsers: Any) -> None:
@@ -45,6 +45,7 @@ def add(parsers: Any) -> None:
     run.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
+    run.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
     run.add_argument("--plan-only", action="store_true", help="write the plan, for `swath test work`")
     run.set_defaults(run=_run)
     search_command.add(verbs)
@@ -105,8 +106,8 @@ def _run(args: argparse.Namespace) -> int:
     if args.plan_only:
         print(f"{len(left)} runs to do: swath test work {args.out} --shard 1/N ... N/N")
         return 0
-    with progress(len(left)) as done:
-        session.do(max(1, args.workers), done)
+    with progress(len(left)) as done, engine(args.cluster, args.workers) as client:
+        session.do(max(1, args.workers), done, client)
     return _finish(session.folder, session, again=False)
 
 

@@ -1,8 +1,10 @@
-"""A bar over the runs of a function test."""
+"""What the commands that do runs have in common: a bar over the runs, and where they are done."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+CLUSTER = "on workers of dask: local, slurm or the address of a scheduler"
 
 
 @contextmanager
@@ -22,3 +24,15 @@ def progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
             bar.update(task, advance=1, description=f"{count} runs, {failed} did not pass")
 
         yield done
+
+
+@contextmanager
+def engine(cluster: str, workers: int) -> Iterator[Any]:
+    """A client of dask, None where the runs are done on processes of this machine."""
+    if not cluster:
+        yield None
+        return
+    from swath.tools.function_test.cluster import cluster_client
+
+    with cluster_client(cluster, max(1, workers)) as client:
+        yield client

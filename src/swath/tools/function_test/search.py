@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -94,8 +95,13 @@ def ranges_of(case: Case) -> dict[str, tuple[float, float]]:
     return {name: varied.range for name, varied in case.file.vary.items() if varied.range is not None}
 
 
-def run_search(folder: Path, search: Search, budget: int, workers: int, done: Done) -> Searched:
-    """Search with `budget` runs, those in the folder among them; `done` is called with each new result."""
+def run_search(
+    folder: Path, search: Search, budget: int, workers: int, done: Done, client: Any = None
+) -> Searched:
+    """Search with `budget` runs, those in the folder among them; `done` is called with each new result.
+
+    client: of dask, None = on `workers` processes here
+    """
     case = _check(search, budget)
     _claim(folder, search)
     seeds, points = case.seeds, list[Point]()
@@ -112,7 +118,7 @@ def run_search(folder: Path, search: Search, budget: int, workers: int, done: Do
         plan = Plan(search.case, sets=search.sets, level=search.level, points=chosen)
         write_whole(folder / PLAN, json.dumps(plan.plain(), indent=2, sort_keys=True) + "\n")
         session = Session(folder, plan)
-        session.do(workers, done)
+        session.do(workers, done, client)
         found = replace(found, results=session.results())
     return found
 

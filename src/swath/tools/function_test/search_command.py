@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.tools.function_test.progress import progress
+from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 
 def add(verbs: Any) -> None:
@@ -21,6 +21,7 @@ def add(verbs: Any) -> None:
     search.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
+    search.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
     search.set_defaults(run=_search)
 
 
@@ -32,8 +33,8 @@ def _search(args: argparse.Namespace) -> int:
         raise InputError("--batch", args.batch, "expected 1 run or more")
     source = str(Path(args.case).resolve()) if Path(args.case).exists() else args.case
     search = Search(source, args.limit, args.batch, tuple(args.sets))
-    with progress(args.budget) as done:
-        found = run_search(args.out, search, args.budget, max(1, args.workers), done)
+    with progress(args.budget) as done, engine(args.cluster, args.workers) as client:
+        found = run_search(args.out, search, args.budget, max(1, args.workers), done, client)
     return tell(found, args.check)
 
 
