@@ -126,6 +126,7 @@ LIMITS = {
     "gnss": {
         "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart
         "error": Limit("equal to ideal with every error at 0", 1e-5),
+        "sky": Limit("equal to ideal with every error at 0", 1e-5),
     },
     "imu": {
         "ideal": Limit("exact", 1e-5),  # means over poses 5 ms apart

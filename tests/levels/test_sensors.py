@@ -161,7 +161,7 @@ def test_the_share_of_a_person_that_a_wall_hides(wall, share):
 def test_position_and_speed_on_a_circle(level, limit):
     """An antenna 2 m ahead of the axle: farther from the centre, faster, and with a course to the left."""
     antenna = {"antenna": Antenna(x_m=2.0, y_m=0.0, z_m=4.0)}
-    sensor = reset(make("gnss", level, setup_of(), **antenna, **(ZERO_GNSS if level == "error" else {})))
+    sensor = reset(make("gnss", level, setup_of(), **antenna, **({} if level == "ideal" else ZERO_GNSS)))
     for fix in feed(sensor, circle(SPEED, RADIUS), 20):
         turn = RATE * fix.t * 1e-9
         x = RADIUS * np.sin(turn) + 2.0 * np.cos(turn)

@@ -191,7 +191,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "error",
         100.0,
         (Port("inertial", Inertial),),
-        _STATE,
+        {**_STATE, "engine": ("powertrain", "engine")},
         is_plural=True,
         is_exchangeable=True,
     ),
