@@ -76,7 +76,8 @@ class Bodies:
         self._poses: dict[str, Pose] = {}
         self._starts: dict[str, Pose] = {}
         self._parts: dict[str, Parts] = {}
-        self._shown: dict[str, Solids] = {}
+        self._shown: dict[str, dict[str, Solids]] = {}
+        self._sees_itself: set[str] = set()
         self._standing: set[str] = set()  # bodies that are no machines
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
@@ -141,9 +142,15 @@ class Bodies:
         self._poses[name] = pose
         self._velocities[name] = np.zeros(3) if velocity is None else velocity
 
-    def show(self, name: str, more: Solids) -> None:
-        """What sensors see of a body instead of the solids that it touches others with, in its frame."""
-        self._shown[name] = more
+    def show(self, name: str, more: Solids, part: str = "") -> None:
+        """What sensors see of a part of a body, in its frame; all such parts are seen instead of the solids
+        that it touches others with.
+        """
+        self._shown.setdefault(name, {})[part] = more
+
+    def show_to_itself(self, name: str) -> None:
+        """A machine's own sensors see its body, too."""
+        self._sees_itself.add(name)
 
     def pose_of(self, name: str) -> Pose:
         """Where a body stands."""
@@ -163,19 +170,17 @@ class Bodies:
         return None
 
     def others(self, name: str) -> Solids:
-        """Solids of all machines and things that go but one, in the world."""
-        rest = sorted(n for n in self._solids if n != name)
-        return merge(*(moved(self._shown.get(n, self._solids[n]), self._poses[n]) for n in rest))
+        """Solids of all machines and things that go, in the world; of this one only where it sees itself."""
+        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        return merge(*(moved(self._seen(n), self._poses[n]) for n in rest))
 
     def in_sight(self, name: str) -> list[Sighted]:
-        """What sensors of a machine see of every obstacle, thing and machine but it, as they are now."""
-        seen = []
-        for n in (*self._obstacles, *sorted(self._solids)):
-            if n != name:
-                shown = self._shown.get(n, self._solids.get(n))
-                solids = self._standing_solids[n] if shown is None else moved(shown, self._poses[n])
-                seen.append(Sighted(n, self._kind(n), solids))
-        return seen
+        """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
+        only where it sees itself.
+        """
+        standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
+        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        return standing + [Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n])) for n in rest]
 
     def around(self, name: str = "") -> list[Body]:
         """Every obstacle, thing and machine but one, as they are now."""
@@ -225,6 +230,11 @@ class Bodies:
         """What a machine may touch: the other machines that it is not hitched to, and all that stands."""
         rest = [n for n in self._solids if n != name and frozenset((n, name)) not in self._hitched]
         return {n: self._in_world(n) for n in rest} | self._obstacles
+
+    def _seen(self, name: str) -> Solids:
+        """What sensors see of a body, in its frame."""
+        shown = self._shown.get(name)
+        return merge(*shown.values()) if shown else self._solids[name]
 
     def _body(self, name: str) -> Body:
         thing, moves = self._things.get(name), name in self._solids
@@ -332,5 +342,7 @@ class SiteSetup:
         return self.name + TRAILER if self.machine.hitch else self.name
 
     def solids(self) -> Solids:
-        """Everything hard that this machine's sensors can see: obstacles and the other machines."""
+        """Everything hard that this machine's sensors can see: obstacles, other machines, and itself where
+        its body is from a file.
+        """
         return merge(self.obstacles, self.bodies.others(self.name))
