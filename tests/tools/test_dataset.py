@@ -1,4 +1,4 @@
-"""Labelled pictures: COCO as pycocotools reads it, the same bytes after a kill, labels that belong to pixels."""
+"""Labelled pictures: COCO as pycocotools reads it, the same bytes after a kill, labels that fit pixels."""
 
 import json
 import os
@@ -70,6 +70,7 @@ def test_masks_of_a_picture_are_its_category_map(made):
     (made / "overview.png").unlink()
 
 
+@pytest.mark.filterwarnings("ignore")
 def test_pycocotools_reads_the_same_masks(made, capsys):
     coco = pytest.importorskip("pycocotools.coco")
     read = coco.COCO(str(made / "annotations.json"))
@@ -97,7 +98,7 @@ def test_a_killed_job_goes_on_to_the_same_bytes(made, tmp_path):
 
 
 def test_another_data_set_is_not_mixed_in(made):
-    with pytest.raises(InputError, match="seed = 2: expected 1, as in dataset.json"):
+    with pytest.raises(InputError, match=r"seed = 2: expected 1, as in dataset\.json"):
         make_dataset(settings_of("straight", seed=2, **SMALL), made, workers=1)
     with pytest.raises(InputError, match="--count = 0"):
         settings_of("straight", count=0)
