@@ -3,17 +3,20 @@
 `container.py` writes the container, `message_factory.py` makes the messages.
 """
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from swath.core.errors import InputError
 from swath.core.whole_file import open_to_write
+from swath.documents.packed import readable
 from swath.record.bag_metadata import Topic, write_metadata
 from swath.record.container import Container
 from swath.record.message_factory import MessageFactory
 from swath.record.templates import Draft, Template
 
 CHUNK_BYTES = 512 * 1024
+QOS = "offered_qos_profiles"  # key of a channel's metadata
 LATCHED = (
     "- history: keep_last\n  depth: 1\n  reliability: reliable\n  durability: transient_local\n"
     "  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n"
@@ -65,16 +68,53 @@ class McapFile:
             data = bytes(self.store.serialize_cdr(message, message.__msgtype__))
         if topic not in self._channels:
             self._declare(topic, message.__msgtype__, is_latched)
-        about = self._topics[topic]
-        about.count += 1
+        self._add(topic, t, data)
+        for tap in self.taps:
+            tap(topic, t, message, data, is_latched)
+
+    @property
+    def count(self) -> int:
+        """Messages so far."""
+        return self._count
+
+    def begin_as(self, source: Path, count: int) -> None:
+        """Take over the first messages of another file, in place of those that a new run would write.
+
+        InputError where it has fewer of them; this file then is of no use.
+        """
+        from mcap.records import Channel, Message, Schema
+        from mcap.stream_reader import StreamReader
+
+        schemas: dict[int, Any] = {}
+        channels: dict[int, Any] = {}
+        with source.open("rb") as stream, readable("recording", "a whole run.mcap", source):
+            for record in StreamReader(stream).records:
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Message):
+                    if self._count == count:
+                        break
+                    self._copy(record, channels[record.channel_id], schemas)
+        if self._count < count:
+            raise InputError("recording", source.name, f"expected {count} messages of the run", file=source)
+
+    def _copy(self, message: Any, channel: Any, schemas: Mapping[int, Any]) -> None:
+        """A message as it stands in another file."""
+        topic, schema = channel.topic, schemas[channel.schema_id]
+        if topic not in self._topics:
+            self._register(Topic(schema.name, channel.metadata.get(QOS, "")), topic, schema.data)
+        self._add(topic, message.log_time, message.data)
+
+    def _add(self, topic: str, t: int, data: bytes) -> None:
+        self._topics[topic].count += 1
         self._count += 1
         self._end = max(self._end, t)
         if self._container.add(self._channels[topic], t, data):
             self._is_torn = True  # until the chunk is whole: Ctrl-C may come in between
             self._container.flush()
             self._is_torn = False
-        for tap in self.taps:
-            tap(topic, t, message, data, is_latched)
 
     def _from_draft(self, topic: str, draft: Draft) -> tuple[Any, bytes]:
         """The message, None where no tap wants it, and its bytes."""
@@ -114,9 +154,16 @@ class McapFile:
                 self._stream.close()
 
     def _declare(self, topic: str, msgtype: str, is_latched: bool) -> None:
+        text = b""
         if msgtype not in self._schemas:
-            text, _ = self.store.generate_msgdef(msgtype, ros_version=2)
-            self._schemas[msgtype] = self._container.add_schema(msgtype, "ros2msg", text.encode())
-        about = self._topics[topic] = Topic(msgtype, LATCHED if is_latched else "")
-        metadata = {"offered_qos_profiles": about.qos}
-        self._channels[topic] = self._container.add_channel(topic, "cdr", self._schemas[msgtype], metadata)
+            text = self.store.generate_msgdef(msgtype, ros_version=2)[0].encode()
+        self._register(Topic(msgtype, LATCHED if is_latched else ""), topic, text)
+
+    def _register(self, about: Topic, topic: str, definition: bytes) -> None:
+        """Write of what type a topic is. definition: needed for a type that is new"""
+        if about.msgtype not in self._schemas:
+            made = self._container.add_schema(about.msgtype, "ros2msg", definition)
+            self._schemas[about.msgtype] = made
+        self._topics[topic] = about
+        kind = self._schemas[about.msgtype]
+        self._channels[topic] = self._container.add_channel(topic, "cdr", kind, {QOS: about.qos})

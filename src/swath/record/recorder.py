@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from swath import __version__
+from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
@@ -16,10 +17,11 @@ from swath.record.messages import RecordedMachine
 from swath.record.messenger import Messenger
 from swath.record.samples import Blocks, is_recordable
 from swath.record.templates import Draft
-from swath.record.tracks import Column, Tracks, write_tracks
+from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
 from swath.signals import Signal
 
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
+TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
 BESIDE_PERIOD = NS // 10  # between two messages of an output whose samples are all there beside them
 BULKY_PERIOD = NS // 5  # the same of a scan
@@ -57,7 +59,7 @@ class Recorder:
         self._period = round(NS / rate_hz)
         more = extra or {}
         self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
-        self.file = McapFile(folder / "run.mcap") if mcap and detail != "none" else None
+        self.file = McapFile(folder / RECORDING_FILE) if mcap and detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
         self._clock_due = 0
@@ -86,6 +88,38 @@ class Recorder:
             if sink.blocks is not None:
                 sink.blocks.add(t, signal)
 
+    def save(self) -> dict[str, Any]:
+        """What is not in the files so far, and how much of them there is."""
+        return {
+            "tracks": {name: tracks.save() for name, tracks in self.tracks.items()},
+            "messages": 0 if self.file is None else self.file.count,
+            "makers": {name: messenger.save() for name, messenger in self._messengers.items()},
+            "outputs": {key: sink.save() for key, sink in self._sinks.items()},
+            "clock_due": self._clock_due,
+        }
+
+    def load(self, state: Mapping[str, Any], folder: Path) -> None:
+        """Go on from a saved state. folder: of a run that has begun in the same way; its files are copied.
+
+        InputError where they do not reach so far.
+        """
+        if self._detail == "none":
+            raise InputError("run.record", "none", "expected a run with a recording")
+        table = read_tracks(folder / TRACKS_FILE)
+        for name, tracks in self.tracks.items():
+            tracks.load(state["tracks"][name], table)
+        if self.file is not None:
+            self.file.begin_as(folder / RECORDING_FILE, state["messages"])
+        for name, messenger in self._messengers.items():
+            messenger.load(state["makers"][name])
+        for key, (timing, blocks) in state["outputs"].items():
+            sink = self._sinks[key] = self._empty_sink(*key)
+            sink.period, sink.alone, sink.due = timing
+            if blocks is not None:
+                sink.blocks = self._new_blocks(*key)
+                sink.blocks.load(blocks)
+        self._clock_due = state["clock_due"]
+
     def close(self) -> None:
         """Complete both files. Calling it again does nothing."""
         if self._is_closed:
@@ -93,7 +127,7 @@ class Recorder:
         self._is_closed = True
         try:
             if self._detail != "none":
-                write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
+                write_tracks(self.folder / TRACKS_FILE, list(self.tracks.values()))
         finally:
             if self.file is not None:
                 try:
@@ -119,20 +153,26 @@ class Recorder:
 
     def _sink(self, slot: str, output: str, signal: Signal) -> "_Sink":
         """What takes the samples of an output, of which this is the first."""
-        name, _, part = slot.partition(".")
-        sink = _Sink(part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name))
+        sink = self._empty_sink(slot, output)
         about, detail = signal.about, self._detail
         sink.period = self._period if about.is_thinned else 0
         if about.samples == "full" and detail != "full":
             sink.period = LARGE_PERIOD if detail == "exact" else BULKY_PERIOD
         is_wanted = about.samples in ("exact", detail) and is_recordable(signal)
         if sink.messenger is not None and detail != "standard" and is_wanted:
-            sink.blocks = Blocks(self.file, f"/{slot.replace('.', '/')}/{output}")
+            sink.blocks = self._new_blocks(slot, output)
             is_small = about.is_thinned or plain_names(type(signal)) is not None
             if detail == "exact":
                 sink.alone = BULKY_PERIOD if about.is_bulky else BESIDE_PERIOD if is_small else 0
         sink.alone = max(sink.alone, sink.period)
         return sink
+
+    def _empty_sink(self, slot: str, output: str) -> "_Sink":
+        name, _, part = slot.partition(".")
+        return _Sink(part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name))
+
+    def _new_blocks(self, slot: str, output: str) -> Blocks:
+        return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}")
 
     def _is_due(self, sink: "_Sink", t: int) -> bool:
         """Whether a message is to be written."""
@@ -158,6 +198,11 @@ class _Sink:
     period: int = 0
     alone: int = 0
     due: int = 0
+
+    def save(self) -> Any:
+        """What it is, and the samples that wait for their block."""
+        timing = self.period, self.alone, self.due
+        return timing, None if self.blocks is None else self.blocks.save()
 
 
 def _clock(file: McapFile, t: int) -> Any:

@@ -61,6 +61,17 @@ class Blocks:
         self._samples.append(signal)
         self._published.append(t)
 
+    def save(self) -> dict[str, Any]:
+        """Samples that wait for their block."""
+        return {"samples": list(self._samples), "published": list(self._published), "most": self._most}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Go on from a saved state."""
+        for signal, t in zip(state["samples"], state["published"], strict=True):
+            self._most = len(self._published) + 1
+            self.add(t, signal)
+        self._most = state["most"]
+
     def flush(self) -> None:
         """Write what has been added, in blocks whose columns are each of one kind."""
         samples, published = self._samples, self._published
@@ -184,16 +195,23 @@ def _kind(value: Any) -> str:
 
 
 def _column(values: tuple[Any, ...], kind: str) -> tuple[str, bool, bytes]:
-    """Entry in `kinds`, whether the values are one and the same array, and their bytes."""
+    """Entry in `kinds`, whether the values are one and the same array, bit for bit, and their bytes."""
     code = kind.partition(" ")[0]
     first = values[0]
-    if isinstance(first, np.ndarray) and all(v is first for v in values):
+    if isinstance(first, np.ndarray) and _are_same(first, values):
         return kind, True, np.ascontiguousarray(first, dtype=code).tobytes()
     column = np.array(values, dtype=CODES.get(code, code))
     if column.dtype.kind != "f":
         return kind, False, column.tobytes()
     packing, data = packed_columns.pack(column)
     return f"{kind} {packing}" if packing else kind, False, data
+
+
+def _are_same(first: np.ndarray, values: tuple[Any, ...]) -> bool:
+    if all(v is first for v in values):
+        return True
+    data = first.tobytes()
+    return all(v is first or v.tobytes() == data for v in values)
 
 
 def _build(kind: Any, t: int, columns: dict[str, Any], index: int, prefix: str = "") -> Any:

@@ -18,7 +18,7 @@ from weakref import finalize
 
 import numpy as np
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
 from swath.core.whole_file import write_whole
@@ -132,6 +132,29 @@ class Tracks:
                 self._is_open = True
                 self._due = (t // self._period + 1) * self._period
         self._latest[type(signal)] = signal
+
+    def save(self) -> dict[str, Any]:
+        """What is not in the rows so far, and how many these are. SwathError where rows do not say it all."""
+        for column in self.columns:
+            if column.later is not None and column.value is not Column.value:
+                raise SwathError(f"column {column.name} is judged later, its rows cannot be read back")
+        self._store()
+        rows = self._stored.tell() // (8 * len(self.columns))
+        kept = {"latest": dict(self._latest), "due": self._due, "is_open": self._is_open}
+        return {"rows": rows, "columns": [c.name for c in self.columns], **kept}
+
+    def load(self, state: Mapping[str, Any], table: Mapping[str, np.ndarray]) -> None:
+        """Go on from a saved state. table: columns of a tracks.parquet that begins with the same rows.
+
+        InputError where it has fewer of them.
+        """
+        rows, own = state["rows"], table.get("machine", np.array([])) == self.machine.name
+        if state["columns"] != [c.name for c in self.columns] or int(own.sum()) < rows:
+            raise InputError("tracks", self.machine.name, f"expected the first {rows} rows of the run")
+        empty = np.full(rows, NAN)
+        found = [table[c.name][own][:rows] if c.later is None else empty for c in self.columns]
+        self._rows = array("d", np.stack(found, axis=1).tobytes())
+        self._latest, self._due, self._is_open = dict(state["latest"]), state["due"], state["is_open"]
 
     def newest(self) -> dict[str, np.ndarray]:
         """Columns of one row at present, (1,) each, kept or not; {} before there is one."""

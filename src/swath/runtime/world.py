@@ -170,13 +170,22 @@ class World:
 
     def save(self) -> dict[str, Any]:
         """Everything that changes while running."""
-        return {"graph": self.graph.save(), "field": self.field.save(), "bodies": self.bodies.save()}
+        retired = {m.name: [part.save() for part in m.retired] for m in self.machines.values() if m.retired}
+        return {
+            "graph": self.graph.save(),
+            "field": self.field.save(),
+            "bodies": self.bodies.save(),
+            "retired": retired,
+        }
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Back to a saved moment, in a world of the same scenario."""
+        """Back to a saved moment, in a world of the same scenario after the same changes."""
         self.graph.load(state["graph"])
         self.field.load(state["field"])
         self.bodies.load(state["bodies"])
+        for name, saved in state.get("retired", {}).items():
+            for part, own in zip(self.machines[name].retired, saved, strict=True):
+                part.load(own)
         for name, machine in self.machines.items():
             if machine.body is not None:
                 height = self.graph.latest(f"{name}.header", "height")
