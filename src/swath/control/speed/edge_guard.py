@@ -14,6 +14,7 @@ from swath.core.units import KMH
 from swath.signals import CropEdge, Odometry
 
 BRAKE = 0.5  # m/s2, gentler than the drive can
+LAG = 0.25  # s from a wanted speed to the way driven
 STANDING = 0.05  # m/s
 UNSURE = 0.6  # share of `sure` at which the speed is down to `slow_kmh`
 BEND_M = 1.0  # m of travel over which the bend of the edge is averaged
@@ -67,8 +68,8 @@ class EdgeGuard(KeepsState):
         bound = min(most, slow + trust * max(wanted - slow, 0.0))
         if p.when_lost == "slow":
             return bound
-        left = p.blind_m - self.blind
-        if left <= 0.0 and speed < STANDING:
+        left = p.blind_m - self.blind - LAG * speed
+        if left <= STANDING * LAG and speed < STANDING:
             self.reason = f"no crop edge seen for {self.blind:.1f} m"
         if self.blind == 0.0:
             return bound
