@@ -31,6 +31,7 @@ from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
 from swath.tools.part import command as part
+from swath.tools.reda import command as reda
 from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
@@ -48,6 +49,7 @@ COMMANDS = (
     sheets,
     field,
     lab,
+    reda,
     height_map,
     function_test,
     rerun,
