@@ -92,7 +92,11 @@ LIMITS = {
         "empirical": Limit("Wasserstein-1 2 cm", 0.02),
         "replay": Limit("within 2 cm of plants (Wasserstein-1)", 0.02),
     },
-    "camera": {"rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5)},
+    "camera": {
+        "rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5),
+        "error": Limit("equal to rays within 0.5 px without distortion", 0.5),
+        "depth": Limit("equal to rays within 0.5 px without noise", 0.5),
+    },
     "odometry": {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal with every error at 0", EXACT),
@@ -104,6 +108,7 @@ LIMITS = {
     "radar": {
         "ideal": Limit("radial speed of what stands within 1 mm/s", 1e-3),
         "error": Limit("equal to ideal without noise and latency", 1e-3),
+        "rays": Limit("a post within 0.05 m and 0.05 m/s", 0.05),
     },
     "field_map": {
         "ideal": Limit("exact", EXACT),

@@ -27,6 +27,7 @@ from swath.field.projection import Origin
 from swath.field.site_setup import TRAILER, Bodies, SiteSetup
 from swath.field.solids import machine_body, trailer_body
 from swath.field.track import EdgeShape
+from swath.machine.body.body import MachineBody, read_body
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.faults import displaced, make_fault
@@ -163,7 +164,8 @@ def _build_machine(section: MachineSection, site: _Site) -> Machine:
     edge = edge_of(section, site.field)
     check_side(section, edge)
     start = start_pose(section, site.field, edge, sheet)
-    site.bodies.add(section.name, machine_body(sheet), start)
+    body = _body(section, site)
+    site.bodies.add(section.name, machine_body(sheet) if body is None else body.level, start)
     if sheet.hitch is not None and sheet.trailer is not None:
         towed = section.name + TRAILER
         behind = Pose(start.apply([sheet.hitch.x - sheet.hitch.drawbar, 0.0, 0.0]), start.rotation)
@@ -177,7 +179,15 @@ def _build_machine(section: MachineSection, site: _Site) -> Machine:
         mountings |= _told_mountings(place, slot, part)
     steer = parts.get("steer")
     overlap = float(steer.overlap) if isinstance(steer, HasOverlap) else 0.0
-    return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin)
+    return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin, body=body)
+
+
+def _body(section: MachineSection, site: _Site) -> MachineBody | None:
+    """The machine's shape from the user's file, which its own sensors see, too."""
+    if section.common.body is None:
+        return None
+    site.bodies.show_to_itself(section.name)
+    return read_body(section.common.body, f"{section.name}.body")
 
 
 def _told_mountings(place: _Place, slot: str, part: Any) -> dict[str, Pose]:
