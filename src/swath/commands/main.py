@@ -24,6 +24,7 @@ from swath.link.ros2.middleware import networked
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
 from swath.tools.diff import command as diff
+from swath.tools.fleet import command as fleet
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
@@ -44,6 +45,7 @@ COMMANDS = (
     metrics,
     sheets,
     field,
+    fleet,
     lab,
     height_map,
     function_test,
