@@ -7,6 +7,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import batch
+import branch
 import cutting
 import drive
 import fmi
@@ -26,6 +27,7 @@ BENCHMARKS = {
     "lidar": lidar.main,
     "replay": replay.main,
     "fmi": fmi.main,
+    "branch": branch.main,
     "ros2": ros2.main,
     "fmu_export": fmu_export.main,
 }

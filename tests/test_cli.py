@@ -56,7 +56,7 @@ class Job:
             "digest": "abc",
             "expect": [entry],
         }
-        return SimpleNamespace(summary=summary, exit_code=self.exit_code)
+        return SimpleNamespace(summary=summary, exit_code=self.exit_code, folder=out)
 
     def scan_job(self, scenario, out, at_s, formats, camera, tell):
         self.calls.append((scenario, out, at_s))

@@ -5,8 +5,8 @@ import swath
 result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
-`run`, `batch`, `scan`, `detect`, `load_scenario` and `read_field` are in swath/api.py, which is imported when
-one of them is used; so is `Env`, a scenario as an environment of gymnasium.
+`run`, `batch`, `branch`, `scan`, `detect`, `load_scenario` and `read_field` are in swath/api.py, imported
+when one of them is used; so is `Env`, a scenario as an environment of gymnasium.
 """
 
 from importlib import import_module
@@ -15,6 +15,7 @@ from typing import Any
 __version__ = "0.1.0"
 _OFFERED = {
     "batch": "swath.api",
+    "branch": "swath.api",
     "detect": "swath.api",
     "load_scenario": "swath.api",
     "read_field": "swath.api",

@@ -168,6 +168,39 @@ def run(
             raise scenario.locate(error) from error
 
 
+def branch(
+    folder: str | Path,
+    at_s: float,
+    out: str | Path | None = None,
+    *,
+    sets: Sets = (),
+    report: bool = True,
+    progress: bool = False,
+    code: bool = True,
+) -> RunResult:
+    """Go back in a finished run, change something, go on from there into another folder, as `swath branch`.
+
+    folder: of the earlier run; at_s: time of the change [s]; sets: what is other from then on, as in `run`
+    out, report, progress, code: as in `run`
+    Raises InputError.
+    """
+    from swath.tools.branch.branch import pairs, plan_branch
+
+    texts = {k: _text(v) for k, v in sets.items()} if isinstance(sets, Mapping) else pairs(sets)
+    with nullcontext() if code else only_code(()):
+        plan = plan_branch(Path(folder), at_s, texts)
+        scenario = plan.scenario
+        target = choose_run_folder(
+            scenario.name, scenario.seed, None if out is None else Path(out), what="branch"
+        )
+        try:
+            made = plan.run(target, progress=progress, report=report)
+            return RunResult(made.summary, made.exit_code, made.folder)
+        except InputError as error:
+            remove_empty(target)
+            raise scenario.locate(error) from error
+
+
 Entry = str | Path | Scenario | Mapping[str, Any]
 _KEYS = ("scenario", "sets", "seed", "out")
 _BAD_INPUT = 2

@@ -1,10 +1,11 @@
 """Warp, started quietly and with a kernel cache that this user may write to; small kernels for one step."""
 
+import ctypes
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from struct import Struct
 from typing import Any
@@ -81,12 +82,39 @@ class Row:
         return self._layout.unpack_from(self._bytes)
 
 
-def repeatable(kernel: Any, inputs: list[Any]) -> Any:
-    """A launch of one thread on the CPU that can be repeated for about 1.5 us: call its `launch`.
+def repeatable(kernel: Any, inputs: list[Any], *, threads: int = 1) -> "Repeated":
+    """A launch on the CPU that can be repeated for under a microsecond: call its `launch`.
 
-    inputs: arrays of Warp; what is in them may change, they themselves stay.
+    inputs: arrays and structs of Warp; what is in arrays may change, they themselves stay.
     """
-    return start_warp().launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+    return Repeated(start_warp().launch(kernel, dim=threads, inputs=inputs, device="cpu", record_cmd=True))
+
+
+class Repeated:
+    """A recorded launch of Warp whose arguments are laid out once, not at every launch."""
+
+    def __init__(self, recorded: Any) -> None:
+        self._recorded = recorded
+        self._prepare()
+
+    def set_param_at_index(self, index: int, value: Any) -> None:
+        """Another argument from now on."""
+        self._recorded.set_param_at_index(index, value)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """`launch`: the compiled function itself; Warp's own way where this Warp is built otherwise."""
+        self.launch: Callable[[], Any] = self._recorded.launch
+        try:
+            bounds, *given = self._recorded.params
+            forward, is_plain = self._recorded.hooks.forward, self._recorded.block_dim <= 1
+        except AttributeError:
+            return
+        if is_plain and all(isinstance(value, ctypes.Structure | ctypes._SimpleCData) for value in given):
+            fields = [(f"a{i}", type(value)) for i, value in enumerate(given)]
+            packed: Any = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*given)
+            packed.owner = self._recorded  # the memory lives as long as who launches
+            self.launch = partial(forward, ctypes.byref(bounds), ctypes.byref(packed))
 
 
 @contextmanager

@@ -174,7 +174,7 @@ def test_a_kind_of_sensor_touches_four_files(extended):
     extended.write("sensing/air_speed/__init__.py", '"""Levels of air speed."""\n')
     extended.write("sensing/air_speed/scaled.py", SENSOR)
     slots = "scenario/slots.py"
-    before = "\n\n@dataclass(frozen=True)\nclass SlotKind:"
+    before = "\n_STATE = "
     extended.change(slots, before, "from swath.signals.air_speed import AirSpeed\n" + before)
     extended.change(slots, '    SlotKind(\n        "edge",\n', SLOT)
     assert len(extended.touched()) == 4

@@ -20,7 +20,13 @@ DISPATCHED = re.compile(
     "sinh|cosh|arc(sin|cos|tan)[h2]?|tan|exp[2m1]*|log(2|10|1p|addexp|space)?|geomspace|(float_)?power|cbrt|angle"
 )
 BLAS = re.compile("v?dot|vecdot|inner|matmul|tensordot|kron|convolve|correlate|polyfit|cov|corrcoef")
-POSES = {"record/read/frames.py", "sensing/camera/rays.py"}  # where `@` joins poses
+POSES = {  # where `@` joins poses
+    "machine/body/sdf.py",
+    "machine/body/urdf.py",
+    "machine/header/header_kinematics.py",
+    "record/read/frames.py",
+    "sensing/camera/rays.py",
+}
 SINGLE = {"rays/height_cells.py"}  # exp of 32-bit numbers in [1e-6, 8] is the same with and without AVX-512
 
 

@@ -52,6 +52,11 @@ LIMITS = {
         "cones": Limit("first grain over the rim within 4 % of height_map", 0.04),
         "volume": Limit("holds up to 30 % more than one spot of height_map", 0.31),
     },
+    # straight on, sensors without error: of the place [m]
+    "pose": {
+        "raw": Limit("exact with sensors without error on a straight line", 1e-6),
+        "ekf": Limit("within 2 mm with sensors without error on a straight line", 2e-3),
+    },
     "peer_link": {
         "ideal": Limit("exact", EXACT),
         "radio": Limit("equal to ideal with every number at 0", EXACT),
@@ -87,7 +92,11 @@ LIMITS = {
         "empirical": Limit("Wasserstein-1 2 cm", 0.02),
         "replay": Limit("within 2 cm of plants (Wasserstein-1)", 0.02),
     },
-    "camera": {"rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5)},
+    "camera": {
+        "rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5),
+        "error": Limit("equal to rays within 0.5 px without distortion", 0.5),
+        "depth": Limit("equal to rays within 0.5 px without noise", 0.5),
+    },
     "odometry": {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal with every error at 0", EXACT),
@@ -99,6 +108,7 @@ LIMITS = {
     "radar": {
         "ideal": Limit("radial speed of what stands within 1 mm/s", 1e-3),
         "error": Limit("equal to ideal without noise and latency", 1e-3),
+        "rays": Limit("a post within 0.05 m and 0.05 m/s", 0.05),
     },
     "field_map": {
         "ideal": Limit("exact", EXACT),
@@ -116,6 +126,7 @@ LIMITS = {
     "gnss": {
         "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart
         "error": Limit("equal to ideal with every error at 0", 1e-5),
+        "sky": Limit("equal to ideal with every error at 0", 1e-5),
     },
     "imu": {
         "ideal": Limit("exact", 1e-5),  # means over poses 5 ms apart
@@ -137,6 +148,7 @@ LIMITS = {
         "pure_pursuit": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "stanley": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "station": Limit("against its differential equation within 2 cm", 0.02),
+        "path": Limit("3 cm RMS at 7 km/h on a straight path with RTK", 0.03),
     },
     "speed": {
         "constant": Limit("exact", 1e-6),

@@ -9,10 +9,12 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import KMH
 from swath.scenario.catalogue import CATALOGUE
-from swath.signals import MachineState, Odometry, Station
+from swath.signals import Fix, MachineState, Odometry, Station
+from swath.signals.setup import ControlSetup
 from tests.control.closed_loop import Loop, setup_of
 from tests.control.edge_drive import drive, errors
 from tests.control.feed_rig import STEP, Bench
+from tests.control.path_drive import COMBINE, PERIOD, PathDrive
 from tests.control.test_feed_rate import even, random_stand
 from tests.field.made_field import made_field
 from tests.levels.limits import each_level, keys_of, make
@@ -57,12 +59,37 @@ def test_extinction_of_a_random_stand(level, limit, extinction, ragged):
     assert np.std(found) / np.mean(found) < 0.2
 
 
+@each_level("pose")
+def test_pose_of_a_machine_that_drives_straight_on(level, limit):
+    """With an antenna ahead of its axle and to the left, 50 ms late; heading 0.5 rad."""
+    antenna = Pose.from_euler((2.0, 0.5, 3.9))
+    part = make("pose", level, ControlSetup(COMBINE, {"fix": antenna}, "left", PERIOD * 1e-9))
+    part.reset(Stream(1, "pose"))
+    c, s, found = math.cos(0.5), math.sin(0.5), None
+    for i in range(1, 500):
+        t = i * PERIOD
+        late = max(t - 50_000_000, 0) * 2e-9
+        x, y = c * late + 2.0 * c - 0.5 * s, s * late + 2.0 * s + 0.5 * c
+        fix = Fix(max(t - 50_000_000, 0), x, y, 3.9, 2.0, 0.5, 0.01, 0.02, 0.03, 4)
+        inputs = {"fix": fix, "odometry": (Odometry(t, 2.0, 0.0, 0.0),), "inertial": ()}
+        found = part.step(t - PERIOD, PERIOD, inputs)["pose"]
+    way = 2e-9 * found.t
+    assert (found.x, found.y) == pytest.approx((c * way, s * way), abs=limit)
+    assert found.heading == pytest.approx(0.5, abs=limit)
+    assert found.speed == pytest.approx(2.0, abs=limit)
+
+
 @each_level("steer")
 def test_error_along_a_straight_edge(level, limit):
     """An open loop stays on the line on which it starts; a closed one is given an edge known to 3 cm."""
     found = CATALOGUE.registry.get("steer", level)
     if level == "station":
         assert largest_difference(found, aside=1.0) < limit
+        return
+    if level == "path":
+        params = found.params(points_m=((0.0, 0.0), (100.0, 0.0)))
+        error = PathDrive(params, seed=2).run(25.0)[0][500:, 2]
+        assert np.sqrt(np.mean(error**2)) < limit
         return
     loop = Loop(speed=7 * KMH, law=found.component, law_params=found.params())
     error = loop.run(60)

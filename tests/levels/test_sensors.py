@@ -81,7 +81,7 @@ def test_radial_speed_of_a_post(level, limit):
     setup = SiteSetup(field, MACHINE, Pose.identity(), "left", 0.1, "combine")
     setup.bodies.set_things(things_of([PostObstacle(x_m=11.0, y_m=0.0)], field))
     mount = Mount(at="axle", z_m=1.0, pitch_deg=0.0)
-    quiet = {"noise": "none"} if level == "error" else {}
+    quiet = {} if level == "ideal" else {"noise": "none"}
     sensor = reset(make("radar", level, setup, mount=mount, **quiet))
     last = feed(sensor, straight(SPEED), 12)[-1]
     assert last.radial_speed[0] == pytest.approx(-SPEED, abs=limit)
@@ -161,7 +161,7 @@ def test_the_share_of_a_person_that_a_wall_hides(wall, share):
 def test_position_and_speed_on_a_circle(level, limit):
     """An antenna 2 m ahead of the axle: farther from the centre, faster, and with a course to the left."""
     antenna = {"antenna": Antenna(x_m=2.0, y_m=0.0, z_m=4.0)}
-    sensor = reset(make("gnss", level, setup_of(), **antenna, **(ZERO_GNSS if level == "error" else {})))
+    sensor = reset(make("gnss", level, setup_of(), **antenna, **({} if level == "ideal" else ZERO_GNSS)))
     for fix in feed(sensor, circle(SPEED, RADIUS), 20):
         turn = RATE * fix.t * 1e-9
         x = RADIUS * np.sin(turn) + 2.0 * np.cos(turn)
@@ -186,7 +186,7 @@ def test_rates_and_forces_on_a_circle(level, limit):
 def test_where_a_box_appears(level, limit):
     """A convex body spans in the image what its corners span."""
     solid, u, v = test_camera.box_by_hand()
-    image = test_camera.look(test_camera.camera(solid, horizontal_fov_deg=60.0))
+    image = test_camera.look(test_camera.camera_of(level, solid))
     rows, columns = np.nonzero(image.label == Organ.SOLID)
     assert len(rows) > 400
     for seen, corner in ((columns, u), (rows, v)):

@@ -54,7 +54,8 @@ def test_every_field_of_every_signal_says_what_it_is():
 def test_messages_are_those_that_are_declared(signal, tmp_path):
     pytest.importorskip("pyproj")
     lines = {"edge": np.zeros((2, 3))}
-    with Recorder(tmp_path, [replace(machine(), origin=ORIGIN, lines=lines)], detail="full") as recorder:
+    shown = replace(machine(), origin=ORIGIN, lines=lines, triangles=np.zeros((1, 3, 3)))
+    with Recorder(tmp_path, [shown], detail="full") as recorder:
         recorder("combine.slot", 0, {"output": sample_of(signal)})
         if signal is Scan:  # a plane at even angles, with an echo per beam
             even = Scan(1, *np.array([[-1.0, 0.0], [0.0, 0.1], [0.0, 0.0]]), *np.ones((2, 2, 1), np.float32))
@@ -104,9 +105,9 @@ def test_tracks_have_an_order_that_no_two_signals_share():
 
 def test_a_newer_recording_is_refused(tmp_path):
     file = McapFile(tmp_path / "run.mcap")
-    file.attach("recording.json", "application/json", b'{"format": "swath recording 2"}')
+    file.attach("recording.json", "application/json", b'{"format": "swath recording 3"}')
     file.close()
-    with pytest.raises(InputError, match="format = swath recording 2: expected swath recording 1 or older"):
+    with pytest.raises(InputError, match="format = swath recording 3: expected swath recording 2 or older"):
         open_log(tmp_path)
 
 
@@ -120,7 +121,7 @@ def test_newer_tracks_are_refused(tmp_path):
         read_tracks(path)
 
 
-@pytest.mark.parametrize("found", ["", RECORDING, "swath recording 0"])
+@pytest.mark.parametrize("found", ["", RECORDING, "swath recording 1"])
 def test_formats_that_are_read(found):
     check_format(found, RECORDING, Path("x"))
     with pytest.raises(InputError):

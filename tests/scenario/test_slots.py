@@ -75,7 +75,14 @@ def test_a_part_of_somebody_else_fills_a_slot():
     assert isinstance(part.setup, LinkSetup)
     assert part.setup.name == "combine.steer"
     assert part.setup.outputs == (Port("command", SteerCommand),)
-    assert {p.name for p in part.setup.inputs} == {"edge", "odometry", "inertial", "ground", "station"}
+    assert {p.name for p in part.setup.inputs} == {
+        "edge",
+        "odometry",
+        "inertial",
+        "ground",
+        "station",
+        "pose",
+    }
     assert all(p.optional for p in part.setup.inputs)
     ticks = []
     world.graph.before_tick.append(ticks.append)

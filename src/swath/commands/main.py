@@ -21,6 +21,7 @@ from swath.link.fmi import command as fmu
 from swath.link.osi import command as osi
 from swath.link.ros2 import command as ros2
 from swath.link.ros2.middleware import networked
+from swath.tools.branch import command as branch
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
 from swath.tools.diff import command as diff
@@ -38,6 +39,7 @@ COMMANDS = (
     run,
     report,
     view,
+    branch,
     diff,
     scenarios,
     new,

@@ -56,6 +56,12 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--save-field", type=Path, metavar="FILE", help="write the state of the field after the run, a .npz"
     )
+    parser.add_argument(
+        "--save-every",
+        type=float,
+        metavar="S",
+        help="save the world every S simulated seconds, for swath branch (default: 0 = never; with --view 5)",
+    )
     parser.add_argument("--defaults", action="store_true", help="print all default values in use")
     parser.add_argument("--no-defaults", action="store_true", help=argparse.SUPPRESS)  # of version 0.1
     parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
@@ -80,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.report.report import ReportWriter
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
+    from swath.runtime.saves import EVERY_S, Saves
     from swath.runtime.saves_field import SavesField
     from swath.scenario.code import code_of
 
@@ -93,8 +100,10 @@ def run(args: argparse.Namespace) -> int:
     )
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:
-        saves = [] if args.save_field is None else [SavesField(args.save_field)]
-        with _steered(args, is_paced=scenario.is_paced) as steering:
+        saves: list[Any] = [] if args.save_field is None else [SavesField(args.save_field)]
+        every_s = args.save_every if args.save_every is not None else EVERY_S if args.view else 0.0
+        saves += [Saves(every_s)] if every_s else []
+        with _steered(args, saves, is_paced=scenario.is_paced) as steering:
             result = run_job(
                 scenario,
                 out,
@@ -104,6 +113,7 @@ def run(args: argparse.Namespace) -> int:
                 begun=begun,
                 allow=args.allow,
             )
+            out = result.folder
     except SwathError as error:
         remove_empty(out)
         raise (scenario.locate(error) if isinstance(error, InputError) else error) from error
@@ -136,15 +146,20 @@ def print_defaults(scenario: Any, *, whole: bool = True) -> None:
 
 
 @contextmanager
-def _steered(args: argparse.Namespace, *, is_paced: bool) -> Iterator[list[Any]]:
+def _steered(args: argparse.Namespace, saves: list[Any], *, is_paced: bool) -> Iterator[list[Any]]:
     """The ROS 2 bridge with --ros2, the page with --view: both over one run control."""
     if not (args.ros2 or args.view):
         yield []
         return
     from swath.runtime.run_control import RunControl
+    from swath.runtime.saves import Saves
 
     with ExitStack() as stack:
-        control = RunControl(is_paused=args.paused, speed=1.0 if args.view and not is_paced else 0.0)
+        control = RunControl(
+            is_paused=args.paused,
+            speed=1.0 if args.view and not is_paced else 0.0,
+            saves=next((hook for hook in saves if isinstance(hook, Saves)), None),
+        )
         hooks: list[Any] = []
         if args.ros2:
             from swath.link.ros2.bridge import Bridge

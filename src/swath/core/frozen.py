@@ -1,9 +1,17 @@
 """Frozen dataclasses that are quick to make: samples are made some hundred times per simulated second."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T")
+
+
+def define(name: str, arguments: str, lines: Sequence[str], known: Mapping[str, Any]) -> Any:
+    """A function of these lines of Python, for what runs at every sample. known: names that it may use"""
+    space = dict(known)
+    exec(f"def {name}({arguments}):\n" + "\n".join(f" {line}" for line in lines), space)
+    return space[name]
 
 
 @dataclass_transform(frozen_default=True)
@@ -19,10 +27,8 @@ def frozen(cls: type[T]) -> type[T]:
     names = [f.name for f in fields(made)]  # type: ignore[arg-type]
     defaults = {f.name: f.default for f in fields(made) if f.default is not MISSING}  # type: ignore[arg-type]
     taken = ", ".join(f"{n}=defaults[{n!r}]" if n in defaults else n for n in names)
-    kept = "; ".join(f"d[{n!r}] = {n}" for n in names)
-    space: dict[str, Any] = {"defaults": defaults}
-    exec(f"def __init__(self, {taken}):\n d = self.__dict__; {kept}", space)
-    quick = space["__init__"]
+    kept = [f"d[{n!r}] = {n}" for n in names]
+    quick = define("__init__", f"self, {taken}", ["d = self.__dict__", *kept], {"defaults": defaults})
     quick.__qualname__, quick.__module__ = f"{cls.__qualname__}.__init__", cls.__module__
     made.__init__ = quick  # type: ignore[method-assign]
     return made

@@ -37,6 +37,15 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Sighted:
+    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`"""
+
+    name: str
+    kind: str
+    solids: Solids
+
+
+@dataclass(frozen=True)
 class Body:
     """A thing of the scene or a machine as it is now. kind: as in `OBSTACLE_KINDS`; solids: in the world
 
@@ -67,7 +76,8 @@ class Bodies:
         self._poses: dict[str, Pose] = {}
         self._starts: dict[str, Pose] = {}
         self._parts: dict[str, Parts] = {}
-        self._shown: dict[str, Solids] = {}
+        self._shown: dict[str, dict[str, Solids]] = {}
+        self._sees_itself: set[str] = set()
         self._standing: set[str] = set()  # bodies that are no machines
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
@@ -132,9 +142,15 @@ class Bodies:
         self._poses[name] = pose
         self._velocities[name] = np.zeros(3) if velocity is None else velocity
 
-    def show(self, name: str, more: Solids) -> None:
-        """What sensors see of a body instead of the solids that it touches others with, in its frame."""
-        self._shown[name] = more
+    def show(self, name: str, more: Solids, part: str = "") -> None:
+        """What sensors see of a part of a body, in its frame; all such parts are seen instead of the solids
+        that it touches others with.
+        """
+        self._shown.setdefault(name, {})[part] = more
+
+    def show_to_itself(self, name: str) -> None:
+        """A machine's own sensors see its body, too."""
+        self._sees_itself.add(name)
 
     def pose_of(self, name: str) -> Pose:
         """Where a body stands."""
@@ -154,9 +170,17 @@ class Bodies:
         return None
 
     def others(self, name: str) -> Solids:
-        """Solids of all machines and things that go but one, in the world."""
-        rest = sorted(n for n in self._solids if n != name)
-        return merge(*(moved(self._shown.get(n, self._solids[n]), self._poses[n]) for n in rest))
+        """Solids of all machines and things that go, in the world; of this one only where it sees itself."""
+        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        return merge(*(moved(self._seen(n), self._poses[n]) for n in rest))
+
+    def in_sight(self, name: str) -> list[Sighted]:
+        """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
+        only where it sees itself.
+        """
+        standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
+        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        return standing + [Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n])) for n in rest]
 
     def around(self, name: str = "") -> list[Body]:
         """Every obstacle, thing and machine but one, as they are now."""
@@ -207,19 +231,28 @@ class Bodies:
         rest = [n for n in self._solids if n != name and frozenset((n, name)) not in self._hitched]
         return {n: self._in_world(n) for n in rest} | self._obstacles
 
+    def _seen(self, name: str) -> Solids:
+        """What sensors see of a body, in its frame."""
+        shown = self._shown.get(name)
+        return merge(*shown.values()) if shown else self._solids[name]
+
     def _body(self, name: str) -> Body:
         thing, moves = self._things.get(name), name in self._solids
+        kind = self._kind(name)
         if thing is not None:
-            kind, own, rcs = thing.kind, thing.solids, thing.rcs_dbsm
+            own, rcs = thing.solids, thing.rcs_dbsm
         else:
-            is_machine = moves and name not in self._standing
-            own = self._solids[name] if moves else self._standing_solids[name]
-            kind, rcs = "machine" if is_machine else "unknown", None
+            own, rcs = self._solids[name] if moves else self._standing_solids[name], None
         pose = self._poses[name] if moves else Pose.identity() if thing is None else thing.pose
         velocity = self._velocities[name] if moves else np.zeros(3)
         if name not in self._bounds:
             self._bounds[name] = bounds(parts_of(own))
         return Body(name, kind, moved(own, pose), pose, velocity, *self._bounds[name], rcs)
+
+    def _kind(self, name: str) -> str:
+        if name in self._things:
+            return self._things[name].kind
+        return "machine" if name in self._solids and name not in self._standing else "unknown"
 
     def _in_world(self, name: str) -> Parts:
         """The parts of a body where it stands now."""
@@ -309,5 +342,7 @@ class SiteSetup:
         return self.name + TRAILER if self.machine.hitch else self.name
 
     def solids(self) -> Solids:
-        """Everything hard that this machine's sensors can see: obstacles and the other machines."""
+        """Everything hard that this machine's sensors can see: obstacles, other machines, and itself where
+        its body is from a file.
+        """
         return merge(self.obstacles, self.bodies.others(self.name))

@@ -19,7 +19,7 @@ from swath.judge.evaluator import (
     is_shown,
 )
 from swath.judge.limits import check_metric, check_samples, entry_of, window_of
-from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns
+from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns, restore, state_of
 from swath.record.messages import RecordedMachine
 from swath.record.tracks import Column
 from swath.scenario.resolved import Expectation
@@ -70,6 +70,35 @@ class Evaluation:
             evaluator.see(slot, t, outputs)
         if self._windows:
             self._show_windows(slot, t, outputs)
+
+    @property
+    def shared(self) -> dict[str, Any]:
+        """What evaluators refer to and a saved state leaves out, by name."""
+        found: dict[str, Any] = {}
+        for subject, setup in self._setups.items():
+            found[f"setup {subject}"] = setup
+            found |= {f"{k} {subject}": v for k, v in vars(setup).items() if _is_object(v)}
+        for name, machine in self.machines.items():
+            found[f"machine {name}"] = machine
+            found |= {f"{k} of {name}": v for k, v in vars(machine).items() if _is_object(v)}
+        return found
+
+    def save(self) -> dict[str, Any]:
+        """What the evaluators have seen so far; it may refer to what is `shared`."""
+        return {
+            "evaluators": {subject: [state_of(e) for e in own] for subject, own in self._of.items()},
+            "windows": [watch.save() for watch in self._windows.values()],
+            "distance": dict(self._distance),
+        }
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Back to a saved moment, in an evaluation of the same scenario."""
+        for subject, saved in state["evaluators"].items():
+            for evaluator, own in zip(self._of[subject], saved, strict=True):
+                restore(evaluator, own)
+        for watch, saved in zip(self._windows.values(), state["windows"], strict=True):
+            watch.load(saved)
+        self._distance = dict(state["distance"])
 
     def find(self, subject: str, kind: type[E]) -> E | None:
         """The evaluator of a class for a machine or the field; None where there is none."""
@@ -174,6 +203,11 @@ class Evaluation:
                 if moved is not None:
                     watch.look_for_events()
                 watch.see(self._distance[subject], slot, t, outputs)
+
+
+def _is_object(value: Any) -> bool:
+    """Whether a value is one thing that others may hold too, no number or text."""
+    return value is not None and not isinstance(value, str | int | float | bool | tuple)
 
 
 def _placed(outcome: tuple[float | None, str], event: Event | None) -> tuple[float | None, str]:

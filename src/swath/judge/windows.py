@@ -60,6 +60,17 @@ def concerns(event: Event, subject: str) -> bool:
     return subject in (FIELD, event.machine, event.other)
 
 
+def state_of(evaluator: Evaluator) -> dict[str, Any]:
+    """All attributes of an evaluator."""
+    return dict(vars(evaluator))
+
+
+def restore(evaluator: Evaluator, state: Mapping[str, Any]) -> None:
+    """Give an evaluator the attributes that another of its class had."""
+    vars(evaluator).clear()
+    vars(evaluator).update(state)
+
+
 class EventFeed:
     """Tells of every event that a window hangs on, once, as soon as it has come so far.
 
@@ -71,6 +82,14 @@ class EventFeed:
         self._sources = list(sources)
         self._open: list[list[int]] = [[] for _ in sources]  # events that have not come so far
         self._seen = [0] * len(self._sources)
+
+    def save(self) -> Any:
+        """What has been told so far."""
+        return [list(waiting) for waiting in self._open], list(self._seen)
+
+    def load(self, state: Any) -> None:
+        """Back to a saved moment."""
+        self._open, self._seen = [list(waiting) for waiting in state[0]], list(state[1])
 
     def fresh(self) -> list[Event]:
         """Those since the last call, in order of time."""
@@ -112,6 +131,24 @@ class WindowedEvaluator:
         self.stretches: list[_Stretch] = [] if window.kind else [_Stretch(make(), None)]
         self._kept: deque[tuple[float, int, str, Mapping[str, Signal]]] = deque()
         self._marks: deque[tuple[float, int]] = deque()
+
+    def save(self) -> dict[str, Any]:
+        """What has been seen so far."""
+        return {
+            "stretches": [(state_of(s.evaluator), s.event, s.count) for s in self.stretches],
+            "feed": self._feed.save(),
+            "kept": list(self._kept),
+            "marks": list(self._marks),
+        }
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Back to a saved moment."""
+        self.stretches = []
+        for saved, event, count in state["stretches"]:
+            self.stretches.append(_Stretch(self._make(), event, count))
+            restore(self.stretches[-1].evaluator, saved)
+        self._feed.load(state["feed"])
+        self._kept, self._marks = deque(state["kept"]), deque(state["marks"])
 
     def look_for_events(self) -> None:
         """Open a stretch for every event that has come since the last call."""

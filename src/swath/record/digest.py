@@ -6,21 +6,26 @@ saved in the middle and resumed ends on the digest of an uninterrupted one.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from math import isnan
 from operator import attrgetter
 from struct import Struct
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.core.frozen import define
 from swath.signals import Signal
 
 BLOCK_BYTES = 64 * 1024
 TIME, INTEGER, FLOAT = Struct("<q"), Struct("<cq"), Struct("<cd")
-PLAIN = {int: ("cq", b"i"), float: ("cd", b"d"), bool: ("0sc", b"")}  # layout and letter of a number
+PLAIN = {int: "cq", float: "cd", bool: "c"}  # layout of a number with its letter
+LETTERS = {int: b"i", float: b"d"}
+REAL = np.dtype(float)
+PLACE, TURN = b"(a<f8(3,)", b"a<f8(3, 3)"  # before the arrays of a pose
+Packer = Callable[[int, Any], "bytes | None"]
 FEW = 16  # numbers of an array that are looked at one by one
 _LAYOUTS: dict[tuple[str, str, Any], "_Layout"] = {}
 _PREFIXES: dict[tuple[Any, tuple[int, ...]], bytes] = {}  # of arrays
@@ -73,37 +78,79 @@ def sample_bytes(slot: str, output: str, t: int, signal: Signal) -> bytes:
 
 
 class _Layout:
-    """The bytes of the samples of an output; plain numbers go through one Struct while their types stay."""
+    """The bytes of the samples of an output: numbers and poses go through one Struct while types stay."""
 
     def __init__(self, slot: str, output: str, kind: Any) -> None:
-        names = tuple(f.name for f in fields(kind))
-        self._values = attrgetter(*names, names[0])  # a tuple also of a single field
-        self._head = "/".join((slot, output, kind.__name__, *names)).encode() + b"\n"
+        self._names = tuple(f.name for f in fields(kind))
+        self._values = attrgetter(*self._names, self._names[0])  # a tuple also of a single field
+        self._head = "/".join((slot, output, kind.__name__, *self._names)).encode() + b"\n"
         self._types: tuple[type, ...] = ()
-        self._pack: Callable[..., bytes] | None = None
+        self._pack: Packer | None = None
+        self._kept: dict[int, tuple[Any, bytes]] = {}  # arrays that do not change, by field, and their bytes
 
     def bytes_of(self, t: int, signal: Signal) -> bytes:
+        if self._pack is not None and (packed := self._pack(t, signal)) is not None:
+            return packed
         values = self._values(signal)[:-1]
         types = tuple(map(type, values))
         if types != self._types:
             self._types = types
-            self._prepare(types)
-        if self._pack is not None and not any(map(isnan, values)):
-            row = self._row
-            row[1], row[3::2] = t, values
-            for place in self._flags:
-                row[place] = b"t" if row[place] else b"f"
-            return self._pack(*row)
-        return b"".join([self._head, TIME.pack(t), *map(encode, values)])
+            self._pack = _packer(self._head, self._names, types)
+        return b"".join([self._head, TIME.pack(t), *map(self._encode, range(len(values)), values)])
 
-    def _prepare(self, types: tuple[type, ...]) -> None:
-        """The Struct of these types, and what it packs: letters before numbers, nothing before a flag."""
-        self._pack = None
-        if all(kind in PLAIN for kind in types):
-            text = "".join(PLAIN[kind][0] for kind in types)
-            self._pack = Struct(f"<{len(self._head)}sq{text}").pack
-            self._row: list[Any] = [self._head, 0, *(x for kind in types for x in (PLAIN[kind][1], 0))]
-            self._flags = [3 + 2 * i for i, kind in enumerate(types) if kind is bool]
+    def _encode(self, place: int, value: Any) -> bytes:
+        """As `encode`; of an array that nobody can write to and that comes again, the bytes as before."""
+        if type(value) is not np.ndarray or value.flags.writeable or value.base is not None:
+            return encode(value)
+        kept = self._kept.get(place)
+        if kept is None or kept[0] is not value:
+            kept = self._kept[place] = value, encode(value)
+        return kept[1]
+
+
+def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer | None:
+    """Packs samples whose fields are of these types, numbers and poses; None where others are among them.
+
+    A packer gives None for a sample with other types, or with a nan. Letters come before numbers, nothing
+    before a flag.
+    """
+    if not all(kind in PLAIN or kind is Pose for kind in types):
+        return None
+    layout, packed = f"<{len(head)}sq", ["head", "t"]
+    lines, right, reals = [], [], []  # `right`: what has to hold; `reals`: what may be nan
+    for i, (name, kind) in enumerate(zip(names, types, strict=True)):
+        v = f"v{i}"
+        lines.append(f"{v} = s.{name}")
+        right.append(f"type({v}) is types[{i}]")
+        if kind is Pose:
+            right.append(f"is_usual({v})")
+            place, turn = [f"{v}p{k}" for k in range(3)], [f"{v}r{k}" for k in range(9)]
+            layout += f"{len(PLACE)}s3d{len(TURN)}s9dc"
+            packed += ["place", *place, "turn", *turn, "b')'"]
+            reals += place + turn
+        else:
+            layout += PLAIN[kind]
+            packed += [f"b't' if {v} else b'f'"] if kind is bool else [repr(LETTERS[kind]), v]
+            reals += [v] if kind is float else []
+    lines.append(f"if not ({' and '.join(right)}): return None")
+    lines += [line for i, kind in enumerate(types) if kind is Pose for line in _unpacked(f"v{i}")]
+    if reals:
+        lines += [f"x = {' + '.join(reals)}", "if x != x: return None"]
+    lines.append(f"return pack({', '.join(packed)})")
+    known = {"head": head, "types": types, "is_usual": _is_usual, "place": PLACE, "turn": TURN}
+    return cast("Packer", define("packer", "t, s", lines, {**known, "pack": Struct(layout).pack}))
+
+
+def _unpacked(v: str) -> list[str]:
+    """Lines that take the numbers out of a pose."""
+    rows = ", ".join(f"({', '.join(f'{v}r{first + k}' for k in range(3))})" for first in (0, 3, 6))
+    return [f"{v}p0, {v}p1, {v}p2 = {v}.position.tolist()", f"{rows} = {v}.rotation.tolist()"]
+
+
+def _is_usual(pose: Pose) -> bool:
+    """Whether the arrays of a pose are of its kind and shape."""
+    p, r = pose.position, pose.rotation
+    return p.dtype is REAL and r.dtype is REAL and p.shape == (3,) and r.shape == (3, 3)
 
 
 def encode(value: Any) -> bytes:

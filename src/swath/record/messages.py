@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from swath.core.frames import Pose
 from swath.field.projection import Origin
 from swath.field.track import EdgeShape
@@ -31,6 +33,7 @@ class RecordedMachine:
     scanners: slot -> (time from scan to scan [s], least range, greatest range [m]) of its data sheet
     lines: what a viewer draws on the field, name -> points (n, 3) in the world [m]
     is_first: of the machines of the run
+    triangles: of its body where that is from a file, in the machine frame (n, 3, 3) [m]
     """
 
     name: str
@@ -44,6 +47,7 @@ class RecordedMachine:
     scanners: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     lines: Mapping[str, F64] = field(default_factory=dict)
     is_first: bool = True
+    triangles: F64 = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from swath.record.messages import Maker, RecordedMachine, Sent, Source
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
 from swath.record.obstacle_messages import object_messages, obstacle_messages
 from swath.record.own_messages import own_messages
-from swath.record.positioning_messages import fix_messages, imu_messages
+from swath.record.positioning_messages import fix_messages, imu_messages, pose_messages
 from swath.record.radar_messages import radar_messages
 from swath.record.scan_messages import scan_messages, truth_messages
 from swath.signals import (
@@ -26,6 +26,7 @@ from swath.signals import (
     Objects,
     Obstacles,
     Odometry,
+    PoseEstimate,
     Scan,
     ScanTruth,
     Signal,
@@ -43,6 +44,7 @@ MAKERS: dict[type[Signal], Maker] = {
     ScanTruth: lambda source: partial(truth_messages, source),
     Image: lambda source: partial(image_messages, source),
     Fix: lambda source: partial(fix_messages, source),
+    PoseEstimate: lambda source: partial(pose_messages, source),
     Inertial: lambda source: partial(imu_messages, source),
     CropEdge: lambda source: partial(edge_messages, source),
     RadarTargets: lambda source: partial(radar_messages, source),
@@ -60,13 +62,26 @@ class Messenger:
 
     def write(self, slot: str, output: str, t: int, signal: Signal) -> None:
         """Write one sample published at t [ns] by `slot` (the part after the machine's name)."""
-        key = (slot, output, type(signal))
-        if key not in self._makers:
-            source = Source(self.file.make, self.machine, slot, output)
-            maker = MAKERS.get(type(signal))
-            self._makers[key] = partial(own_messages, source) if maker is None else maker(source)
-        for topic, message, delivery in self._makers[key](signal):
+        for topic, message, delivery in self._maker(slot, output, type(signal))(signal):
             if delivery == "announced":
                 self.file.announce(topic, message)
             else:
                 self.file.write(topic, t, message, is_latched=delivery == "latched")
+
+    def save(self) -> dict[tuple[str, str, type[Signal]], dict[str, Any]]:
+        """What the makers remember, by slot, output and type of the sample."""
+        made = {key: maker for key, maker in self._makers.items() if not isinstance(maker, partial)}
+        return {key: {k: v for k, v in vars(m).items() if k != "source"} for key, m in made.items()}
+
+    def load(self, state: dict[tuple[str, str, type[Signal]], dict[str, Any]]) -> None:
+        """Back to a saved moment."""
+        for key, kept in state.items():
+            vars(self._maker(*key)).update(kept)
+
+    def _maker(self, slot: str, output: str, kind: type[Signal]) -> Callable[[Any], Iterator[Sent]]:
+        key = (slot, output, kind)
+        if key not in self._makers:
+            source = Source(self.file.make, self.machine, slot, output)
+            maker = MAKERS.get(kind)
+            self._makers[key] = partial(own_messages, source) if maker is None else maker(source)
+        return self._makers[key]

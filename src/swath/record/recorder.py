@@ -2,23 +2,30 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from swath import __version__
+from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
+from swath.record.message_factory import plain_names
 from swath.record.messages import RecordedMachine
 from swath.record.messenger import Messenger
 from swath.record.samples import Blocks, is_recordable
-from swath.record.tracks import Column, Tracks, write_tracks
+from swath.record.templates import Draft
+from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
 from swath.signals import Signal
 
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
+TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
-LARGE_PERIOD = NS // 5  # between two messages of a large truth or scan, unless everything is wanted
+BESIDE_PERIOD = NS // 10  # between two messages of an output whose samples are all there beside them
+BULKY_PERIOD = NS // 5  # the same of a scan
+LARGE_PERIOD = NS * 2 // 5  # between two messages of a large truth, unless everything is wanted
 
 
 class Recorder:
@@ -29,8 +36,8 @@ class Recorder:
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
     detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
-    them, messages of scans then five times a second; `full`: samples of the large truth too, which else is
-    seen five times a second. Taps of the file see every scan.
+    them, messages then at most 10 times a second, of scans 5 times; `full`: samples of the large truth too,
+    of which else there are 2.5 messages a second. With taps of the file messages come as with `standard`.
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -52,15 +59,13 @@ class Recorder:
         self._period = round(NS / rate_hz)
         more = extra or {}
         self.tracks = {m.name: Tracks(m, self._period, tuple(more.get(m.name, ()))) for m in machines}
-        self.file = McapFile(folder / "run.mcap") if mcap and detail != "none" else None
+        self.file = McapFile(folder / RECORDING_FILE) if mcap and detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
         self._clock_due = 0
-        self._due: dict[tuple[str, str], int] = {}
         self._detail = detail
-        self._blocks: dict[tuple[str, str], Blocks | None] = {}
         self._is_closed = False
-        self._sinks: dict[tuple[str, str], tuple[str, str, Tracks | None, Messenger | None]] = {}
+        self._sinks: dict[tuple[str, str], _Sink] = {}
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
             if scenario:
@@ -68,22 +73,52 @@ class Recorder:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
-        if self.file is not None and t >= self._clock_due:
+        if t >= self._clock_due and self.file is not None:
             self._tell_time(self.file, t)
         for output, signal in outputs.items():
-            key = slot, output
-            sink = self._sinks.get(key)
+            sink = self._sinks.get((slot, output))
             if sink is None:
-                sink = self._sinks[key] = self._sink(slot, output)
-            part, source, tracks, messenger = sink
-            if tracks is not None:
-                tracks.take(t, source, signal)
-            if messenger is None:
+                sink = self._sinks[slot, output] = self._sink(slot, output, signal)
+            if sink.tracks is not None:
+                sink.tracks.take(t, sink.source, signal)
+            if sink.messenger is None:
                 continue
-            if self._is_due(key, t, signal):
-                messenger.write(part, output, t, signal)
-            if self._detail != "standard":
-                self._add_exact(key, t, signal)
+            if self._is_due(sink, t):
+                sink.messenger.write(sink.part, output, t, signal)
+            if sink.blocks is not None:
+                sink.blocks.add(t, signal)
+
+    def save(self) -> dict[str, Any]:
+        """What is not in the files so far, and how much of them there is."""
+        return {
+            "tracks": {name: tracks.save() for name, tracks in self.tracks.items()},
+            "messages": 0 if self.file is None else self.file.count,
+            "makers": {name: messenger.save() for name, messenger in self._messengers.items()},
+            "outputs": {key: sink.save() for key, sink in self._sinks.items()},
+            "clock_due": self._clock_due,
+        }
+
+    def load(self, state: Mapping[str, Any], folder: Path) -> None:
+        """Go on from a saved state. folder: of a run that has begun in the same way; its files are copied.
+
+        InputError where they do not reach so far.
+        """
+        if self._detail == "none":
+            raise InputError("run.record", "none", "expected a run with a recording")
+        table = read_tracks(folder / TRACKS_FILE)
+        for name, tracks in self.tracks.items():
+            tracks.load(state["tracks"][name], table)
+        if self.file is not None:
+            self.file.begin_as(folder / RECORDING_FILE, state["messages"])
+        for name, messenger in self._messengers.items():
+            messenger.load(state["makers"][name])
+        for key, (timing, blocks) in state["outputs"].items():
+            sink = self._sinks[key] = self._empty_sink(*key)
+            sink.period, sink.alone, sink.due = timing
+            if blocks is not None:
+                sink.blocks = self._new_blocks(*key)
+                sink.blocks.load(blocks)
+        self._clock_due = state["clock_due"]
 
     def close(self) -> None:
         """Complete both files. Calling it again does nothing."""
@@ -92,13 +127,13 @@ class Recorder:
         self._is_closed = True
         try:
             if self._detail != "none":
-                write_tracks(self.folder / "tracks.parquet", list(self.tracks.values()))
+                write_tracks(self.folder / TRACKS_FILE, list(self.tracks.values()))
         finally:
             if self.file is not None:
                 try:
-                    for blocks in self._blocks.values():
-                        if blocks is not None:
-                            blocks.flush()
+                    for sink in self._sinks.values():
+                        if sink.blocks is not None:
+                            sink.blocks.flush()
                 finally:
                     self.file.close()
 
@@ -112,37 +147,66 @@ class Recorder:
 
     def _tell_time(self, file: McapFile, t: int) -> None:
         """`/clock`, as often as the thinned messages."""
-        self._clock_due = (t // self._period + 1) * self._period
-        stamp = file.make.header(t, "").stamp
-        file.write("/clock", t, file.make("rosgraph_msgs/msg/Clock", clock=stamp))
+        period = self._period if file.taps or self._detail == "standard" else BESIDE_PERIOD
+        self._clock_due = (t // period + 1) * period
+        file.write("/clock", t, Draft(t, (), (), lambda: _clock(file, t)))
 
-    def _sink(self, slot: str, output: str) -> tuple[str, str, Tracks | None, Messenger | None]:
-        """Slot and output without the machine's name, and what takes their samples."""
-        name, _, part = slot.partition(".")
-        return part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name)
-
-    def _add_exact(self, key: tuple[str, str], t: int, signal: Signal) -> None:
-        """Add the sample as it is to its block."""
-        if key not in self._blocks:
-            slot, output = key
-            is_wanted = signal.about.samples in ("exact", self._detail) and is_recordable(signal)
-            topic = f"/{slot.replace('.', '/')}/{output}"
-            self._blocks[key] = Blocks(self.file, topic) if is_wanted else None
-        if (blocks := self._blocks[key]) is not None:
-            blocks.add(t, signal)
-
-    def _is_due(self, key: tuple[str, str], t: int, signal: Signal) -> bool:
+    def _sink(self, slot: str, output: str, signal: Signal) -> "_Sink":
+        """What takes the samples of an output, of which this is the first."""
+        sink = self._empty_sink(slot, output)
         about, detail = signal.about, self._detail
-        is_large = about.samples == "full" and detail != "full"
-        if about.is_bulky and detail == "exact":
-            is_large = self.file is not None and not self.file.taps
-        if not (about.is_thinned or is_large):
-            return True
-        if t < self._due.get(key, 0):
+        sink.period = self._period if about.is_thinned else 0
+        if about.samples == "full" and detail != "full":
+            sink.period = LARGE_PERIOD if detail == "exact" else BULKY_PERIOD
+        is_wanted = about.samples in ("exact", detail) and is_recordable(signal)
+        if sink.messenger is not None and detail != "standard" and is_wanted:
+            sink.blocks = self._new_blocks(slot, output)
+            is_small = about.is_thinned or plain_names(type(signal)) is not None
+            if detail == "exact":
+                sink.alone = BULKY_PERIOD if about.is_bulky else BESIDE_PERIOD if is_small else 0
+        sink.alone = max(sink.alone, sink.period)
+        return sink
+
+    def _empty_sink(self, slot: str, output: str) -> "_Sink":
+        name, _, part = slot.partition(".")
+        return _Sink(part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name))
+
+    def _new_blocks(self, slot: str, output: str) -> Blocks:
+        return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}")
+
+    def _is_due(self, sink: "_Sink", t: int) -> bool:
+        """Whether a message is to be written."""
+        period = sink.period if self.file is not None and self.file.taps else sink.alone
+        if t < sink.due and period:
             return False
-        period = LARGE_PERIOD if is_large else self._period
-        self._due[key] = (t // period + 1) * period
+        sink.due = (t // period + 1) * period if period else 0
         return True
+
+
+@dataclass(slots=True)
+class _Sink:
+    """Where the samples of an output go. part, source: its slot, and with the output, without the machine
+
+    period: between two messages [ns], 0 = all; alone: the same where nobody listens; due: when the next is
+    """
+
+    part: str
+    source: str
+    tracks: Tracks | None
+    messenger: Messenger | None
+    blocks: Blocks | None = None
+    period: int = 0
+    alone: int = 0
+    due: int = 0
+
+    def save(self) -> Any:
+        """What it is, and the samples that wait for their block."""
+        timing = self.period, self.alone, self.due
+        return timing, None if self.blocks is None else self.blocks.save()
+
+
+def _clock(file: McapFile, t: int) -> Any:
+    return file.make("rosgraph_msgs/msg/Clock", clock=file.make.header(t, "").stamp)
 
 
 def _about(machines: Sequence[RecordedMachine], detail: str) -> str:

@@ -5,7 +5,7 @@ Standard messages round (float32), rename (nan becomes inf), leave out and are t
 column per field. A field that is the same array in all samples of a block is stored once.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from operator import attrgetter
 from typing import Any, get_type_hints
@@ -15,6 +15,7 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.signal import signal_types
+from swath.record import packed_columns
 from swath.signals import Signal
 
 MSGTYPE = "swath_msgs/msg/Samples"
@@ -60,21 +61,37 @@ class Blocks:
         self._samples.append(signal)
         self._published.append(t)
 
+    def save(self) -> dict[str, Any]:
+        """Samples that wait for their block."""
+        return {"samples": list(self._samples), "published": list(self._published), "most": self._most}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Go on from a saved state."""
+        for signal, t in zip(state["samples"], state["published"], strict=True):
+            self._most = len(self._published) + 1
+            self.add(t, signal)
+        self._most = state["most"]
+
     def flush(self) -> None:
         """Write what has been added, in blocks whose columns are each of one kind."""
         samples, published = self._samples, self._published
         self._samples, self._published = [], []
-        rows = [self._values(sample)[:-2] for sample in samples]
+        if not samples:
+            return
+        *columns, t, _ = zip(*map(self._values, samples), strict=True)
+        if all(map(_is_even, columns)):
+            self._write(columns, published, t)
+            return
+        forms = [[_form(value) for value in row] for row in zip(*columns, strict=True)]
         first = 0
-        for i in range(1, len(rows) + 1):
-            if i == len(rows) or _forms(rows[i]) != _forms(rows[first]):
-                self._write(rows[first:i], published[first:i], [s.t for s in samples[first:i]])
+        for i in range(1, len(forms) + 1):
+            if i == len(forms) or forms[i] != forms[first]:
+                self._write([c[first:i] for c in columns], published[first:i], t[first:i])
                 first = i
 
-    def _write(self, rows: list[tuple[Any, ...]], published: list[int], t: list[int]) -> None:
+    def _write(self, values: Sequence[tuple[Any, ...]], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
-        kinds = [_kind(value) for value in rows[0]]
-        columns = [_column(c, k) for c, k in zip(zip(*rows, strict=True), kinds, strict=True)]
+        columns = [_column(column, _kind(column[0])) for column in values]
         message = self.file.make(
             MSGTYPE,
             header=self.file.make.header(t[-1], ""),
@@ -82,16 +99,27 @@ class Blocks:
             published=np.array(published, dtype=np.int64),
             t=np.array(t, dtype=np.int64),
             names=list(self._names),
-            kinds=kinds,
-            held=np.array([held for held, _ in columns], dtype=bool),
-            data=np.frombuffer(b"".join(data for _, data in columns), dtype=np.uint8),
+            kinds=[kind for kind, _, _ in columns],
+            held=np.array([held for _, held, _ in columns], dtype=bool),
+            data=np.frombuffer(b"".join(data for _, _, data in columns), dtype=np.uint8),
         )
         self.file.write(self.topic, published[-1], message)
 
 
-def _forms(row: tuple[Any, ...]) -> list[Any]:
-    """Type, or type and shape of an array, of each value."""
-    return [(v.dtype, v.shape) if isinstance(v, np.ndarray | np.generic) else type(v) for v in row]
+def _is_even(column: tuple[Any, ...]) -> bool:
+    """Whether values are of one type, arrays of one shape too; some such are only found by a closer look."""
+    if len(set(map(type, column))) > 1:
+        return False
+    first = column[0]
+    if type(first) in PLAIN:
+        return True
+    kind, shape = first.dtype, first.shape
+    return all(v.dtype is kind and v.shape == shape for v in column)
+
+
+def _form(value: Any) -> Any:
+    """Type, or type and shape of an array."""
+    return (value.dtype, value.shape) if isinstance(value, np.ndarray | np.generic) else type(value)
 
 
 def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
@@ -101,12 +129,15 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
         count, data, at = len(message.t), bytes(message.data), 0
         columns: dict[str, Any] = {}
         for name, text, held in zip(message.names, message.kinds, message.held, strict=True):
-            code, _, shape = text.partition(" ")
-            dims = tuple(int(n) for n in shape.split(",") if n)
+            code, dims, packing = _described(text)
             length = 1 if held else count
             dtype = np.dtype(CODES.get(code, code))
             size = dtype.itemsize * length * int(np.prod(dims, dtype=int))
-            values = np.frombuffer(data[at : at + size], dtype=dtype).reshape(length, *dims).copy()
+            part = data[at : at + size]
+            if packing:
+                values = packed_columns.unpack(part, packing, dtype, (length, *dims))
+            else:
+                values = np.frombuffer(part, dtype=dtype).reshape(length, *dims).copy()
             values.setflags(write=False)
             at += size
             column = values.tolist() if code in CODES else list(values)
@@ -115,6 +146,13 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
         yield from [(out, _build(kind, t, columns, i)) for i, (out, t) in enumerate(stamps)]
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
         raise InputError("recording", MSGTYPE, f"expected a block of samples ({error})") from error
+
+
+def _described(text: str) -> tuple[str, tuple[int, ...], str]:
+    """Type, shape and packing of the values of a column, from its entry in `kinds`."""
+    code, *rest = text.split(" ")
+    packing = rest.pop() if rest and rest[-1] in (packed_columns.PLANES, packed_columns.SMOOTH) else ""
+    return code, tuple(int(n) for n in "".join(rest).split(",") if n), packing
 
 
 def leaf_names(signal: Signal) -> list[str]:
@@ -156,13 +194,24 @@ def _kind(value: Any) -> str:
     raise TypeError(f"a sample field of type {type(value).__name__} cannot be recorded")
 
 
-def _column(values: tuple[Any, ...], kind: str) -> tuple[bool, bytes]:
-    """Whether the values are one and the same array, and their bytes."""
+def _column(values: tuple[Any, ...], kind: str) -> tuple[str, bool, bytes]:
+    """Entry in `kinds`, whether the values are one and the same array, bit for bit, and their bytes."""
     code = kind.partition(" ")[0]
     first = values[0]
-    if isinstance(first, np.ndarray) and all(v is first for v in values):
-        return True, np.ascontiguousarray(first, dtype=code).tobytes()
-    return False, np.array(values, dtype=CODES.get(code, code)).tobytes()
+    if isinstance(first, np.ndarray) and _are_same(first, values):
+        return kind, True, np.ascontiguousarray(first, dtype=code).tobytes()
+    column = np.array(values, dtype=CODES.get(code, code))
+    if column.dtype.kind != "f":
+        return kind, False, column.tobytes()
+    packing, data = packed_columns.pack(column)
+    return f"{kind} {packing}" if packing else kind, False, data
+
+
+def _are_same(first: np.ndarray, values: tuple[Any, ...]) -> bool:
+    if all(v is first for v in values):
+        return True
+    data = first.tobytes()
+    return all(v is first or v.tobytes() == data for v in values)
 
 
 def _build(kind: Any, t: int, columns: dict[str, Any], index: int, prefix: str = "") -> Any:

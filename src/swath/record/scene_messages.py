@@ -15,7 +15,7 @@ from swath.signals.setup import MachineGeometry
 
 CHASSIS, HEADER, RUBBER = (0.42, 0.56, 0.14, 1.0), (0.8, 0.8, 0.78, 1.0), (0.15, 0.15, 0.15, 1.0)
 WHEEL_WIDTH, WHEEL_RADIUS = 0.6, 0.75  # [m], for the eye: data sheets of geometry alone hold no tyres
-LINE_STRIP = 4  # visualization_msgs/Marker
+LINE_STRIP, TRIANGLE_LIST = 4, 11  # visualization_msgs/Marker
 COLOURS = {"edge": (0.0, 0.45, 0.7)}
 
 
@@ -52,6 +52,9 @@ def scene_messages(source: Source) -> Iterator[Sent]:
     body = make("std_msgs/msg/String", data=urdf(machine.name, machine.geometry))
     topic = "/robot_description" if machine.is_first else f"/{machine.name}/robot_description"
     yield Sent(topic, body, "latched")
+    if len(machine.triangles):
+        marked = make("visualization_msgs/msg/MarkerArray", markers=[_triangles(make, source)])
+        yield Sent(f"/{machine.name}/body_markers", marked, "latched")
     if machine.lines:
         markers = [_line(make, name, points) for name, points in machine.lines.items()]
         marked = make("visualization_msgs/msg/MarkerArray", markers=markers)
@@ -69,6 +72,22 @@ def _line(make: Any, name: str, points: F64) -> Any:
         scale=make.vector(0.08),
         color=make("std_msgs/msg/ColorRGBA", r=colour[0], g=colour[1], b=colour[2], a=1.0),
         points=[make.point(x, y, z) for x, y, z in points.tolist()],
+    )
+
+
+def _triangles(make: Any, source: Source) -> Any:
+    """The machine's body from its file, with a level header."""
+    red, green, blue, alpha = CHASSIS
+    return make(
+        "visualization_msgs/msg/Marker",
+        header=make.header(0, source.base),
+        ns="body",
+        type=TRIANGLE_LIST,
+        pose=make.pose(Pose.identity()),
+        scale=make.vector(1.0, 1.0, 1.0),
+        color=make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
+        points=[make.point(x, y, z) for x, y, z in source.machine.triangles.reshape(-1, 3).tolist()],
+        frame_locked=True,
     )
 
 

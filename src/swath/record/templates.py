@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from swath.core.schedule import NS
 
+STAMPS = ("header.stamp.sec", "clock.sec")
 HEAD = 4  # bytes of the encapsulation header
 CODES = {
     "bool": "?",
@@ -51,7 +52,7 @@ class Template:
     def __init__(self, store: Any, message: Any, data: bytes, paths: Sequence[str]) -> None:
         self._data = data
         places = {path: (at, code) for path, at, code in _leaves(store, message)}
-        stamp = next(path for path in places if path.endswith("header.stamp.sec"))
+        stamp = next(path for path in places if path.endswith(STAMPS))
         self._stamp, self._at = Struct("<iI"), places[stamp][0]
         self._runs: list[tuple[Struct, int, slice]] = []
         first = 0

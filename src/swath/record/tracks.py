@@ -18,7 +18,7 @@ from weakref import finalize
 
 import numpy as np
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
 from swath.core.whole_file import write_whole
@@ -133,6 +133,29 @@ class Tracks:
                 self._due = (t // self._period + 1) * self._period
         self._latest[type(signal)] = signal
 
+    def save(self) -> dict[str, Any]:
+        """What is not in the rows so far, and how many these are. SwathError where rows do not say it all."""
+        for column in self.columns:
+            if column.later is not None and column.value is not Column.value:
+                raise SwathError(f"column {column.name} is judged later, its rows cannot be read back")
+        self._store()
+        rows = self._stored.tell() // (8 * len(self.columns))
+        kept = {"latest": dict(self._latest), "due": self._due, "is_open": self._is_open}
+        return {"rows": rows, "columns": [c.name for c in self.columns], **kept}
+
+    def load(self, state: Mapping[str, Any], table: Mapping[str, np.ndarray]) -> None:
+        """Go on from a saved state. table: columns of a tracks.parquet that begins with the same rows.
+
+        InputError where it has fewer of them.
+        """
+        rows, own = state["rows"], table.get("machine", np.array([])) == self.machine.name
+        if state["columns"] != [c.name for c in self.columns] or int(own.sum()) < rows:
+            raise InputError("tracks", self.machine.name, f"expected the first {rows} rows of the run")
+        empty = np.full(rows, NAN)
+        found = [table[c.name][own][:rows] if c.later is None else empty for c in self.columns]
+        self._rows = array("d", np.stack(found, axis=1).tobytes())
+        self._latest, self._due, self._is_open = dict(state["latest"]), state["due"], state["is_open"]
+
     def newest(self) -> dict[str, np.ndarray]:
         """Columns of one row at present, (1,) each, kept or not; {} before there is one."""
         if MachineState not in self._latest:
@@ -195,8 +218,22 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         data.append(pa.array(np.concatenate(filled)))
     about = {"format": TRACKS, "units": json.dumps({n: c.unit for n, c in columns.items()})}
     made = pa.BufferOutputStream()
-    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), made, compression="zstd")
+    table = pa.table(data, schema=pa.schema(fields, metadata=about))
+    busy = [f.name for f, column in zip(fields[1:], data[1:], strict=True) if _is_busy(column.to_numpy())]
+    pq.write_table(
+        table,
+        made,
+        compression="zstd",
+        use_dictionary=[name for name in table.column_names if name not in busy],
+        column_encoding=dict.fromkeys(busy, "BYTE_STREAM_SPLIT"),
+    )
     write_whole(path, made.getvalue().to_pybytes())
+
+
+def _is_busy(values: np.ndarray) -> bool:
+    """Whether values mostly differ from the one before, so that a dictionary of them is no shorter."""
+    changes = np.count_nonzero((values[1:] != values[:-1]) & ~np.isnan(values[1:]))
+    return bool(4 * changes > len(values))
 
 
 def read_tracks(path: Path) -> dict[str, np.ndarray]:

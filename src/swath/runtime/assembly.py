@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from swath.field.projection import Origin
 from swath.field.site_setup import TRAILER, Bodies, SiteSetup
 from swath.field.solids import machine_body, trailer_body
 from swath.field.track import EdgeShape
+from swath.machine.body.body import MachineBody, read_body
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.messages import OPTICAL_FRAME
 from swath.runtime.faults import displaced, make_fault
@@ -38,6 +40,7 @@ from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import SLOTS, TRUTH, kind_of
+from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup
 
 
@@ -161,7 +164,8 @@ def _build_machine(section: MachineSection, site: _Site) -> Machine:
     edge = edge_of(section, site.field)
     check_side(section, edge)
     start = start_pose(section, site.field, edge, sheet)
-    site.bodies.add(section.name, machine_body(sheet), start)
+    body = _body(section, site)
+    site.bodies.add(section.name, machine_body(sheet) if body is None else body.level, start)
     if sheet.hitch is not None and sheet.trailer is not None:
         towed = section.name + TRAILER
         behind = Pose(start.apply([sheet.hitch.x - sheet.hitch.drawbar, 0.0, 0.0]), start.rotation)
@@ -175,7 +179,15 @@ def _build_machine(section: MachineSection, site: _Site) -> Machine:
         mountings |= _told_mountings(place, slot, part)
     steer = parts.get("steer")
     overlap = float(steer.overlap) if isinstance(steer, HasOverlap) else 0.0
-    return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin)
+    return Machine(section, sheet, edge, start, parts, mountings, overlap, origin=site.origin, body=body)
+
+
+def _body(section: MachineSection, site: _Site) -> MachineBody | None:
+    """The machine's shape from the user's file, which its own sensors see, too."""
+    if section.common.body is None:
+        return None
+    site.bodies.show_to_itself(section.name)
+    return read_body(section.common.body, f"{section.name}.body")
 
 
 def _told_mountings(place: _Place, slot: str, part: Any) -> dict[str, Pose]:
@@ -237,13 +249,20 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
     mountings, height = _mountings(place, choice), site.field.crop_height
-    control = ControlSetup(place.sheet, mountings, section.common.edge_side, period, height)
+    side, lines = section.common.edge_side, partial(_read_line, site.origin)
+    control = ControlSetup(place.sheet, mountings, side, period, height, lines)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base, fed)
     if choice.kind.is_control and not choice.found.sees_truth:
         return control
     return _site_setup(place, period)
+
+
+def _read_line(origin: Origin | None, file: str, index: int) -> F64:
+    from swath.field_io.lines import read_line
+
+    return read_line(origin, file, index)
 
 
 def _site_setup(place: _Place, period: float) -> SiteSetup:

@@ -70,6 +70,11 @@ class Interventions:
                 self._set_slot(key, value)
         self.events.append({"t_s": t / NS, "set": key, "value": value})
 
+    def check(self, key: str, value: Any) -> None:
+        """What `set` finds wrong by reading alone. SwathError."""
+        with only_code(self._code):
+            after_change(self._now, key, value)
+
     def values(self) -> dict[str, Any]:
         """What can be set, and how it stands: plain numbers, texts, truths and lists of one kind."""
         found: dict[str, Any] = {}
@@ -84,17 +89,8 @@ class Interventions:
         return found | {f"{OBSTACLES}.{name}": text for name, text in self._added.items()}
 
     def _set_slot(self, key: str, value: Any) -> None:
-        machine, slot, part = [*key.split(".", 2), "", ""][:3]
-        section = self._now.machines.get(machine)
-        if section is None or slot not in section.slots or not part:
-            expected = "expected machine.slot.level, machine.slot.parameter or obstacles.name"
-            raise InputError(key, value, expected)
-        before = section.slots[slot]
-        wanted = _freshly_read(self._now, [f"{key}={_text(value)}"])
-        after = wanted.machines[machine].slots[slot]
-        if part.split(".")[0] in type(before.common).model_fields or after.common != before.common:
-            raise InputError(key, value, "expected a level or a parameter of it, rhythm and wires stay")
-        self._exchange(f"{machine}.{slot}", before, after)
+        slot, before, after, wanted = _slot_after(self._now, key, value)
+        self._exchange(slot, before, after)
         self._now = wanted
 
     def _exchange(self, name: str, before: SlotChoice, after: SlotChoice) -> None:
@@ -128,13 +124,10 @@ class Interventions:
             return
         if name in self._fixed:
             raise InputError(key, value, "expected another name: the scenario's own can only be removed")
-        text = _text(value)
-        read = _freshly_read(self._now, [f"field.{OBSTACLES}=[{text}]"]).field.obstacles
-        if any(o.path is not None for o in read):
-            raise InputError(f"{key}.path", value, "expected no path: only obstacles of the scenario go")
+        read = _obstacles(self._now, key, value)
         bodies.remove(key)
         bodies.add(key, make_obstacles(read, self.world.field), Pose.identity(), is_machine=False)
-        self._added[name] = text
+        self._added[name] = _text(value)
 
     def _keep_fixed(self) -> None:
         """The solids of the scenario that are left, in place: every sensor holds the same object."""
@@ -143,6 +136,39 @@ class Interventions:
         left = merge(*(thing.in_world for thing in things if thing.way is None))
         for field in dataclasses.fields(Solids):
             setattr(self.world.obstacles, field.name, getattr(left, field.name))
+
+
+def after_change(scenario: Scenario, key: str, value: Any) -> Scenario:
+    """The scenario with another level or parameter; that of obstacles is only read. SwathError."""
+    first, _, rest = key.partition(".")
+    if first != OBSTACLES or not rest:
+        return _slot_after(scenario, key, value)[3]
+    if value not in (None, ""):
+        _obstacles(scenario, key, value)
+    return scenario
+
+
+def _slot_after(scenario: Scenario, key: str, value: Any) -> tuple[str, SlotChoice, SlotChoice, Scenario]:
+    """Slot, what it is, what it is to be, and the scenario with that."""
+    machine, slot, part = [*key.split(".", 2), "", ""][:3]
+    section = scenario.machines.get(machine)
+    if section is None or slot not in section.slots or not part:
+        expected = "expected machine.slot.level, machine.slot.parameter or obstacles.name"
+        raise InputError(key, value, expected)
+    before = section.slots[slot]
+    wanted = _freshly_read(scenario, [f"{key}={_text(value)}"])
+    after = wanted.machines[machine].slots[slot]
+    if part.split(".")[0] in type(before.common).model_fields or after.common != before.common:
+        raise InputError(key, value, "expected a level or a parameter of it, rhythm and wires stay")
+    return f"{machine}.{slot}", before, after, wanted
+
+
+def _obstacles(scenario: Scenario, key: str, value: Any) -> tuple[Any, ...]:
+    """What an obstacle's text says."""
+    read = _freshly_read(scenario, [f"field.{OBSTACLES}=[{_text(value)}]"]).field.obstacles
+    if any(o.path is not None for o in read):
+        raise InputError(f"{key}.path", value, "expected no path: only obstacles of the scenario go")
+    return tuple(read)
 
 
 class Script:

@@ -26,6 +26,7 @@ RUN_FILES = (
     "scenario.yaml",
 )
 LOCK = "run.lock"
+SAVES, SAVED, PAGES = "saves", ".save", "field.bin"  # a folder, names in it
 
 
 def choose_run_folder(name: str, seed: int, out: Path | None = None, *, what: str = "") -> Path:
@@ -96,6 +97,10 @@ def clear_run_folder(folder: Path) -> None:
     """
     for name in (*RUN_FILES[:-1], *(f"{n}{PART}" for n in RUN_FILES)):
         (folder / name).unlink(missing_ok=True)
+    for file in (*(folder / SAVES).glob(f"*{SAVED}"), folder / SAVES / PAGES):
+        file.unlink(missing_ok=True)
+    with suppress(OSError):
+        (folder / SAVES).rmdir()
 
 
 def _lock(folder: Path) -> int:

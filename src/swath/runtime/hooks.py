@@ -7,7 +7,9 @@ from typing import Any
 
 from swath.core.graph import Observer
 from swath.judge.evaluation import Evaluation
+from swath.record.digest import Digest
 from swath.record.recorder import Recorder
+from swath.runtime.branch import Start
 from swath.runtime.changes import Interventions
 from swath.runtime.world import World
 
@@ -19,6 +21,7 @@ class ActiveRun:
     out: its folder, None = it has none
     observers: called after every step in this order, a hook may append its own
     changes: to make changes while it goes on; rest: to be told how long a pause was [ns]
+    start: where it branched off from another run, None where it began anew
     """
 
     world: World
@@ -28,6 +31,8 @@ class ActiveRun:
     observers: list[Observer]
     changes: Interventions
     rest: Callable[[int], None]
+    digest: Digest
+    start: Start | None = None
 
 
 class RunHook:

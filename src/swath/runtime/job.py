@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from swath.judge.summary import make_summary, write_summary
 from swath.record.digest import Digest
 from swath.record.recorder import Recorder
 from swath.runtime.assembly import assemble
+from swath.runtime.branch import Branch, Start
 from swath.runtime.changes import Interventions, Restart, Script
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import occupied
@@ -26,6 +27,7 @@ from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.kept import KeptFields
 from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
+from swath.runtime.resume import Resumed, UnusableSave
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 
@@ -55,6 +57,7 @@ def run_job(
     begun: Callable[[], None] | None = None,
     allow: Sequence[str] = (),
     fields: KeptFields | None = None,
+    start: Start | None = None,
 ) -> JobResult:
     """Run a scenario into a folder.
 
@@ -62,6 +65,7 @@ def run_job(
     begun: called once the world is assembled, before the first tick
     allow: code that changes on the way may name beside the scenario's own, as `file.py:Class` or an FMU
     fields: of runs before, of which this one may have the same
+    start: the run branches off from an earlier one, whose events before that time are among `events`
 
     The folder appears only once the world is assembled, so bad input leaves nothing behind. Ctrl-C, SIGTERM
     and crashes leave a valid folder marked incomplete; the exception goes on.
@@ -69,9 +73,11 @@ def run_job(
     with stoppable():
         while True:
             try:
-                summary = _run_once(scenario, out, progress, events, hooks, begun, allow, fields)
-            except Restart:
-                begun = None
+                summary = _run_once(scenario, out, progress, events, hooks, begun, allow, fields, start)
+            except Branch as branch:
+                out, events, start, begun = branch.out, branch.events, branch.start, None
+            except (Restart, UnusableSave):
+                begun, start = None, None if start is None else replace(start, saves=False)
             else:
                 return JobResult(summary, 1 if is_failed(summary["expect"]) else 0, out)
 
@@ -93,6 +99,7 @@ def _run_once(
     begun: Callable[[], None] | None = None,
     allow: Sequence[str] = (),
     fields: KeptFields | None = None,
+    start: Start | None = None,
 ) -> dict[str, Any]:
     world = assemble(scenario, fields=fields)
     try:
@@ -101,6 +108,8 @@ def _run_once(
             running = _Running(world, out, pacer, hooks, allow)
             if begun is not None:
                 begun()
+            if start is not None:
+                running.resume(start, events)
             return _drive(running, progress, events)
     finally:
         world.close()
@@ -112,7 +121,7 @@ def _drive(running: "_Running", progress: bool, events: Sequence[Mapping[str, An
     try:
         with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, running.pacer):
             running.begin(events)
-            drive(world, running.observers, progress=show)
+            drive(world, running.observers, progress=show, resume=world.graph.t > 0)
     except BaseException:
         with suppress(OSError):  # on a full disk the first error says what matters
             running.finish(time.perf_counter() - started, incomplete=True)
@@ -176,6 +185,19 @@ class _Running:
             scenario="" if out is None else world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
+        self.start: Start | None = None
+        self._saved_s, self._done = 0.0, 0  # time of the save it goes on from, events before
+
+    def resume(self, start: Start, events: Sequence[Mapping[str, Any]]) -> None:
+        """Go on from the newest save before `start`, if there is one. UnusableSave."""
+        self.start = start
+        resumed = Resumed(self.world, self.digest, self.evaluation, self.recorder, self.changes)
+        try:
+            self._done = resumed.load(start, events)
+        except BaseException:
+            self.recorder.close()
+            raise
+        self._saved_s = self.world.graph.t / NS
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
@@ -183,11 +205,19 @@ class _Running:
         for hook in self.hooks:
             hook.begin(
                 ActiveRun(
-                    self.world, self.out, self.recorder, self.evaluation, self.observers, self.changes, rest
+                    self.world,
+                    self.out,
+                    self.recorder,
+                    self.evaluation,
+                    self.observers,
+                    self.changes,
+                    rest,
+                    self.digest,
+                    self.start,
                 )
             )
         if events or self.hooks:
-            self.world.graph.before_tick.append(Script(self.changes, events))
+            self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
 
     def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
         """Judge, write summary.json, let the hooks finish; returns the summary.
@@ -238,6 +268,8 @@ class _Running:
             summary["notes"] = notes
         if self.changes.events:
             summary["events"] = self.changes.events
+        if self.start is not None:
+            summary |= self.start.entry(self._saved_s)
         for hook in self.hooks:
             summary |= hook.summarize(world.graph.t)
         return summary

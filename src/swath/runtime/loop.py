@@ -49,7 +49,7 @@ def drive(
     limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
     end = round(limit_s * NS)
     while graph.t < end and not has_arrived(world) and not graph.ended:
-        graph.run(min(graph.t + REPORT_EVERY, end), stop=lambda: has_arrived(world))
+        graph.run(min((graph.t // REPORT_EVERY + 1) * REPORT_EVERY, end), stop=lambda: has_arrived(world))
         raise_if_lost()
         if progress is not None:
             progress(driven_m(world), graph.t / NS)

@@ -5,19 +5,22 @@
     control.pause(True)               # in another thread; so are all others here but `join`
 
 The ROS 2 services and the live page use the same one. Requests are served between two ticks by the thread of
-the run; none of them changes a result but a change that is listed in `events`.
+the run; none of them changes a result but a change that is listed in `events`. Going back ends the run, and
+another goes on from an earlier moment of it.
 """
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
+from swath.runtime.branch import ask_branch
 from swath.runtime.changes import Interventions, Restart
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.request_queue import Reply, RequestQueue
+from swath.runtime.saves import Saves
 
 POLL_S = 0.1
 SPEEDS = (0.05, 100.0)  # simulated seconds per second
@@ -25,11 +28,12 @@ SPEEDS = (0.05, 100.0)  # simulated seconds per second
 
 class RunControl(RunHook):
     """Run hook. is_paused: the run waits before its first tick; speed: simulated seconds per second, 0 = as
-    fast as it can. listeners: called in the thread of the run when something was changed
+    fast as it can. saves: another hook of the run, without which it cannot go back
+    listeners: called in the thread of the run when something was changed
     """
 
-    def __init__(self, *, is_paused: bool = False, speed: float = 0.0) -> None:
-        self.is_paused, self.speed = is_paused, speed
+    def __init__(self, *, is_paused: bool = False, speed: float = 0.0, saves: Saves | None = None) -> None:
+        self.is_paused, self.speed, self.saves = is_paused, speed, saves
         self.listeners: list[Callable[[], None]] = []
         self._until = 0
         self._requests = RequestQueue()
@@ -46,7 +50,8 @@ class RunControl(RunHook):
     def join(self, run: ActiveRun) -> None:
         """As `begin`; again for the same run it does nothing."""
         if self._run is None or self._run.world is not run.world:
-            self._run, self._until, self._origin = run, 0, None
+            self._run, self._origin = run, None
+            self._until = run.start.at if run.start is not None else 0
             run.world.graph.before_tick.insert(0, self._before_tick)
 
     def close(self) -> None:
@@ -56,7 +61,7 @@ class RunControl(RunHook):
 
     def _before_tick(self, t: int) -> None:
         self._requests.serve(t)
-        if self.speed and not self.is_paused:
+        if self.speed and not self.is_paused and t > self._until:
             self._keep_pace(t)
         while self.is_paused and t > self._until:  # asked for before, or while it kept pace
             self._hold(t)
@@ -112,7 +117,8 @@ class RunControl(RunHook):
         def act(t: int) -> str:
             if not self.is_paused:
                 raise SwathError("expected a paused run: pause it first")
-            self._until = t if length_s is None else self._now() + max(1, round(length_s * NS))
+            wanted = t if length_s is None else self._now() + max(1, round(length_s * NS))
+            self._until = max(wanted, self._until)  # a run that went back is on its way to there
             self._is_waiting.clear()
             return ""
 
@@ -127,6 +133,24 @@ class RunControl(RunHook):
 
         def act(t: int) -> str:
             raise Restart(f"reset at {self._now() / NS:g} s")
+
+        return self.ask(act)
+
+    @property
+    def back_refused(self) -> str:
+        """Why the run cannot go back, empty where it can."""
+        if self.saves is None:
+            return "the run is not saved on the way, which --save-every does"
+        return self.saves.refused
+
+    def branch(self, at_s: float, sets: Mapping[str, Any]) -> Reply:
+        """End the run; another goes on from `at_s` [s] with something changed there, into its own folder."""
+
+        def act(t: int) -> str:
+            if self.back_refused:
+                raise SwathError(self.back_refused)
+            assert self._run is not None
+            raise ask_branch(self.changes, self._run.out, self._now(), at_s, sets)
 
         return self.ask(act)
 

@@ -16,13 +16,16 @@ from swath.field.memory_layout import Solids
 from swath.field.projection import Origin
 from swath.field.site_setup import TRAILER, Bodies
 from swath.field.track import EdgeShape
+from swath.machine.body.body import MachineBody
+from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.machine_sheet import MachineSheet
 from swath.machine.towing import pose_of
 from swath.record.messages import RecordedMachine
 from swath.scenario.resolved import MachineSection
 from swath.scenario.scenario import Scenario
-from swath.signals import F64
+from swath.signals import F64, HeaderState
 
+BODY = "body"  # the part of a machine that its file gives, beside the grain that it carries
 EDGE_STEP = 0.5  # between the points of a drawn edge [m]
 
 
@@ -34,6 +37,7 @@ class Machine:
     overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
     retired: parts that others replaced while running
     origin: where on Earth the world's origin lies, if that is known
+    body: its shape from the user's file, if it has one
     """
 
     section: MachineSection
@@ -45,6 +49,7 @@ class Machine:
     overlap: float
     retired: list[Any] = dataclasses.field(default_factory=list)
     origin: Origin | None = None
+    body: MachineBody | None = None
 
     @property
     def name(self) -> str:
@@ -104,6 +109,7 @@ class Machine:
             self.edge,
             self.start,
             scanners,
+            triangles=np.zeros((0, 3, 3)) if self.body is None else self.body.triangles,
         )
 
 
@@ -158,17 +164,32 @@ class World:
         """Everything as at the start: the field uncut, the machines where they begin."""
         self.field.reset()
         self.bodies.reset()
+        for machine in self.machines.values():
+            self._lift_header(machine, None)
         self.graph.reset()
 
     def save(self) -> dict[str, Any]:
         """Everything that changes while running."""
-        return {"graph": self.graph.save(), "field": self.field.save(), "bodies": self.bodies.save()}
+        retired = {m.name: [part.save() for part in m.retired] for m in self.machines.values() if m.retired}
+        return {
+            "graph": self.graph.save(),
+            "field": self.field.save(),
+            "bodies": self.bodies.save(),
+            "retired": retired,
+        }
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Back to a saved moment, in a world of the same scenario."""
+        """Back to a saved moment, in a world of the same scenario after the same changes."""
         self.graph.load(state["graph"])
         self.field.load(state["field"])
         self.bodies.load(state["bodies"])
+        for name, saved in state.get("retired", {}).items():
+            for part, own in zip(self.machines[name].retired, saved, strict=True):
+                part.load(own)
+        for name, machine in self.machines.items():
+            if machine.body is not None:
+                height = self.graph.latest(f"{name}.header", "height")
+                self._lift_header(machine, height if isinstance(height, HeaderState) else None)
 
     def close(self) -> None:
         """Let go of what parts hold outside: processes, nodes, buses. Calling it again does nothing."""
@@ -192,6 +213,16 @@ class World:
             self.bodies.place(name, state.pose, along)
             if (trailer := outputs.get("trailer")) is not None:
                 self.bodies.place(name + TRAILER, pose_of(trailer))
+        elif (height := outputs.get("height")) is not None:
+            self._lift_header(self.machines[slot.partition(".")[0]], height)
+
+    def _lift_header(self, machine: Machine, height: HeaderState | None) -> None:
+        """Show sensors where the header of a body from a file is."""
+        if machine.body is not None:
+            at = Pose.identity()
+            if height is not None:
+                at = HeaderKinematics(machine.sheet, 0.0).pose(height.lift, height.tilt)
+            self.bodies.show(machine.name, machine.body.with_header_at(at), BODY)
 
 
 _KINDS: dict[type, bool] = {}

@@ -17,7 +17,7 @@ from swath.scenario.slots import PEER, SlotKind
 from swath.scenario.versions import SECTIONS
 
 MOST_MACHINES = 50
-MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side", "field_edge", "peer")
+MACHINE_KEYS = ("machine", "header_width_m", "start", "edge_side", "field_edge", "peer", "body")
 
 
 def machine_names(reader: SectionReader, data: dict[str, Any]) -> list[str]:

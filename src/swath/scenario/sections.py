@@ -219,6 +219,37 @@ class SlotCommon(BaseModel):
     ] = None
 
 
+BodyPlace = Annotated[float, Field(ge=-50, le=50)]
+
+
+class BodySection(BaseModel):
+    """The shape of a machine from the user's own file."""
+
+    model_config = STRICT
+    file: Annotated[str, Field(description="URDF, SDF, or a mesh (OBJ, PLY, STL, GLB; extra mesh)")]
+    x_m: Annotated[
+        BodyPlace, Field(description="the file's origin ahead of the middle of the fixed axle [m]")
+    ] = 0.0
+    y_m: Annotated[BodyPlace, Field(description="the file's origin to the left of it [m]")] = 0.0
+    z_m: Annotated[BodyPlace, Field(description="the file's origin above the ground [m]")] = 0.0
+    heading_deg: Annotated[
+        float, Field(ge=-360, le=360, description="the file's x axis to the left of ahead [deg]")
+    ] = 0.0
+    scale: Annotated[float, Field(gt=0, le=1e4, description="on top of the unit")] = 1.0
+    unit: Annotated[
+        Literal["m", "cm", "mm", "inch"], Field(description="of a mesh; URDF and SDF are in m")
+    ] = "m"
+    up: Annotated[
+        Literal["x", "y", "z"] | None,
+        Field(description="axis of a mesh that points up; default: y in GLB, else z"),
+    ] = None
+    header: Annotated[
+        str | None,
+        Field(description="link, or part of a mesh, that the header lifts with all that hangs on it; header"),
+    ] = None
+    reflectance: Annotated[float, Field(gt=0, le=1, description="at 905 nm, diffuse")] = 0.3
+
+
 class MachineCommon(BaseModel):
     """What a machine section takes beside its slots."""
 
@@ -237,4 +268,8 @@ class MachineCommon(BaseModel):
     ] = None
     peer: Annotated[
         str | None, Field(description="name of the machine that it works with: its slot `peer_link` hears it")
+    ] = None
+    body: Annotated[
+        BodySection | None,
+        Field(description="its shape from your own file: docs/machines.md; default: boxes"),
     ] = None

@@ -6,11 +6,11 @@ connects those of its kind's list whose port it has, an optional one only where 
 gives it; a scenario's `wires:` override them. Which slots a machine has unasked: `machine_types.py`.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
 from swath.core.component import Port
 from swath.core.registry import Registry
+from swath.scenario.slot_kind import SlotKind as SlotKind
 from swath.signals import (
     CropAhead,
     CropEdge,
@@ -20,9 +20,11 @@ from swath.signals import (
     FieldMap,
     Fix,
     GroundSpeed,
+    GuidanceState,
     HeaderState,
     HeapState,
     Image,
+    ImageBoxes,
     Inertial,
     LossReading,
     MachineLoad,
@@ -30,6 +32,7 @@ from swath.signals import (
     Objects,
     Odometry,
     PeerState,
+    PoseEstimate,
     Scan,
     ScanTruth,
     SpeedCommand,
@@ -43,33 +46,6 @@ from swath.signals import (
     YieldReading,
 )
 from swath.signals.radar import RadarTargets
-
-
-@dataclass(frozen=True)
-class SlotKind:
-    """One kind of slot.
-
-    packages: where its levels lie; level: the default one; rate_hz: the default rate
-    outputs: ports that every level of it has; more: that some levels have
-    wires: input port -> (slot kind, output port) of the same machine
-    is_control: told the geometry of the machine, never the truth
-    is_plural: a machine may have several of it, each named `kind_something`
-    is_exchangeable: its level may change while a run goes on, it keeps nothing of motion and masses
-    link_adapter: `module:Class` that completes a part from elsewhere (FMU, ROS 2 node, log) in this slot
-    """
-
-    name: str
-    packages: tuple[str, ...]
-    level: str
-    rate_hz: float
-    outputs: tuple[Port, ...]
-    wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    more: tuple[Port, ...] = ()
-    is_control: bool = False
-    is_plural: bool = False
-    is_exchangeable: bool = False
-    link_adapter: str = ""
-
 
 _STATE = {"state": ("motion", "state")}
 PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
@@ -165,6 +141,7 @@ SLOTS: tuple[SlotKind, ...] = (
         5.0,
         (Port("image", Image),),
         _STATE,
+        more=(Port("boxes", ImageBoxes),),
         is_plural=True,
         is_exchangeable=True,
     ),
@@ -214,7 +191,22 @@ SLOTS: tuple[SlotKind, ...] = (
         "error",
         100.0,
         (Port("inertial", Inertial),),
-        _STATE,
+        {**_STATE, "engine": ("powertrain", "engine")},
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
+        "pose",
+        ("swath.control.pose",),
+        "raw",
+        50.0,
+        (Port("pose", PoseEstimate),),
+        {
+            "fix": ("gnss", "fix"),
+            "odometry": ("odometry", "odometry"),
+            "inertial": ("imu", "inertial"),
+        },
+        is_control=True,
         is_plural=True,
         is_exchangeable=True,
     ),
@@ -325,7 +317,9 @@ SLOTS: tuple[SlotKind, ...] = (
             "inertial": ("imu", "inertial"),
             "station": ("cooperate", "station"),
             "ground": ("ground_speed", "speed"),
+            "pose": ("pose", "pose"),
         },
+        more=(Port("guidance", GuidanceState),),
         is_control=True,
         is_exchangeable=True,
     ),

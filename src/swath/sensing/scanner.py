@@ -71,8 +71,10 @@ class Scanner:
         lines = self.sheet.line_elevation
         self.line_count = len(lines)
         self.azimuth = np.repeat(azimuth, len(lines))
-        self.elevation = np.tile(lines, len(azimuth))
+        self.elevation = np.tile(lines, len(azimuth)).copy()
         self.beam_t = (self.azimuth - azimuth[-1]) / (2 * np.pi) * setup.period
+        for held in (self.azimuth, self.elevation, self.beam_t):  # every scan has them
+            held.setflags(write=False)
         self.axes = _beam_axes(self.azimuth, self.elevation)
         self.reach = min(params.reach_m, self.sheet.range_max)
         self.inputs = (Port("state", MachineState, history=True),)

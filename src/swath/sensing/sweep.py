@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.rays.device import start_warp
+from swath.kernels import repeatable, start_warp
 from swath.signals import F64, MachineState
 
 ROOM = 64  # states between two sweeps; more are thinned out
@@ -43,4 +43,4 @@ class Sweep:
 
         arrays = (self._states, self._mounting, self._beam_t, self._sizes, self._origins, self._rotations)
         inputs = [wp.array(a.reshape(-1), dtype=wp.float64, device="cpu", copy=False) for a in arrays]
-        return wp.launch(sweep, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+        return repeatable(sweep, inputs)

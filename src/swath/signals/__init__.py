@@ -8,6 +8,7 @@ from swath.core.signal import Signal as Signal
 from swath.signals.arrays import F32 as F32
 from swath.signals.arrays import F64 as F64
 from swath.signals.arrays import U8 as U8
+from swath.signals.arrays import U16 as U16
 from swath.signals.commands import SpeedCommand as SpeedCommand
 from swath.signals.commands import SteerCommand as SteerCommand
 from swath.signals.cooperation import HeapState as HeapState
@@ -25,9 +26,12 @@ from swath.signals.drivetrain import EngineState as EngineState
 from swath.signals.drivetrain import MachineLoad as MachineLoad
 from swath.signals.field_map import FieldMap as FieldMap
 from swath.signals.ground_speed import GroundSpeed as GroundSpeed
+from swath.signals.guidance import GuidancePath as GuidancePath
+from swath.signals.guidance import GuidanceState as GuidanceState
 from swath.signals.header import CropFlow as CropFlow
 from swath.signals.header import HeaderState as HeaderState
 from swath.signals.image import Image as Image
+from swath.signals.image import ImageBoxes as ImageBoxes
 from swath.signals.motion import MachineState as MachineState
 from swath.signals.motion import SteerState as SteerState
 from swath.signals.motion import WheelState as WheelState
@@ -39,6 +43,7 @@ from swath.signals.positioning import FIX_QUALITIES as FIX_QUALITIES
 from swath.signals.positioning import Fix as Fix
 from swath.signals.positioning import Inertial as Inertial
 from swath.signals.positioning import Odometry as Odometry
+from swath.signals.positioning import PoseEstimate as PoseEstimate
 from swath.signals.scan import Scan as Scan
 from swath.signals.scan import ScanTruth as ScanTruth
 from swath.signals.scan import beam_directions as beam_directions

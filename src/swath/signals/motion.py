@@ -43,6 +43,12 @@ _STATE = (
     Message(
         "visualization_msgs/MarkerArray", "edge and boundary of the field", "/machine/field_markers", "`map`"
     ),
+    Message(
+        "visualization_msgs/MarkerArray",
+        "the machine's body where that is from a file",
+        "/machine/body_markers",
+        "`machine/base_link`",
+    ),
 )
 
 

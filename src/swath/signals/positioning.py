@@ -1,9 +1,12 @@
 """What a machine measures of its own motion and place."""
 
+from collections.abc import Callable
+from math import sqrt
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Message, Quantity, Signal
+from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
+from swath.signals.arrays import F64
 
 FIX_QUALITIES = ("none", "single", "dgps", "float", "fix")  # of a Fix, by number
 _NAN = float("nan")
@@ -90,3 +93,59 @@ class Fix(Signal, about=About("world", _FIX, time_column="fix_t_s")):
         float,
         Quantity("m", "in the field's geodetic system", nan="no position, or nowhere on Earth"),
     ] = _NAN
+    heading: Annotated[
+        float,
+        Quantity(
+            "rad", "of the machine by two antennas, from east, > 0 left", nan="one antenna, or not known",
+            column="fix_heading_rad",
+        ),
+    ] = _NAN  # fmt: skip
+    heading_sd: Annotated[float, Quantity("rad", "1 sigma as reported", nan="not known")] = _NAN
+    age: Annotated[
+        float, Quantity("s", "of the corrections", nan="without corrections, or not told", column="fix_age_s")
+    ] = _NAN
+    satellites: Annotated[int, Quantity("", "that it uses, -1 = not modelled", column="fix_satellites")] = -1
+    hdop: Annotated[
+        float, Quantity("", "horizontal dilution of precision", nan="not modelled", column="fix_hdop")
+    ] = _NAN
+
+
+def _sd(i: int) -> Callable[[F64], float]:
+    return lambda covariance: sqrt(max(float(covariance[i, i]), 0.0))
+
+
+_SPREAD = (
+    TrackColumn("pose_x_sd_m", "m", "of the estimate, 1 sigma", _sd(0)),
+    TrackColumn("pose_y_sd_m", "m", "of the estimate, 1 sigma", _sd(1)),
+    TrackColumn("pose_heading_sd_rad", "rad", "of the estimate, 1 sigma", _sd(2)),
+    TrackColumn("pose_speed_sd_m_s", "m/s", "of the estimate, 1 sigma", _sd(3)),
+)
+
+
+_POSE = Message("nav_msgs/Odometry", "once it is known, with its covariance", frame="`map` -> `machine/slot`")
+
+
+@frozen
+class PoseEstimate(Signal, about=About("world", (_POSE,))):
+    """Where the machine takes itself to be: the centre of its fixed axle on the ground, by its sensors."""
+
+    x: Annotated[float, Quantity("m", "estimated, east", nan="not known yet", column="pose_x_m")]
+    y: Annotated[float, Quantity("m", "estimated, north", nan="not known yet", column="pose_y_m")]
+    heading: Annotated[
+        float,
+        Quantity("rad", "estimated, from east, > 0 left", nan="not known yet", column="pose_heading_rad"),
+    ]
+    speed: Annotated[float, Quantity("m/s", "estimated, forward", column="pose_speed_m_s")]
+    yaw_rate: Annotated[float, Quantity("rad/s", "estimated, > 0 left")]
+    covariance: Annotated[
+        F64,
+        Quantity("", "of x, y, heading, speed in SI units", (4, 4), "not known yet", columns=_SPREAD),
+    ]
+    fix_age: Annotated[
+        float, Quantity("s", "since the newest position that counts", nan="none yet", column="pose_fix_age_s")
+    ]
+
+    @property
+    def position_sd(self) -> float:
+        """The greater of east and north [m], nan where it is not known."""
+        return sqrt(max(float(self.covariance[0, 0]), float(self.covariance[1, 1]), 0.0))

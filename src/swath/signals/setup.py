@@ -1,12 +1,13 @@
 """What the parts of a machine know about the machine: geometry from the data sheet, never the truth."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.signals.arrays import F64
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,8 @@ class ControlSetup:
     to the left of the edge and the standing crop to its right; with `right` the other way round
     period [s] of the component
     crop_height: usual one [m], standing upright, of the crop that the driver chose at the terminal; 0 = none
+    line_of: reads the n-th line of a GeoJSON file as points (n, 2) of the field's frame [m], as a terminal
+    reads its guidance lines; raises InputError
     """
 
     machine: MachineGeometry
@@ -113,6 +116,7 @@ class ControlSetup:
     edge_side: str
     period: float
     crop_height: float = 0.0
+    line_of: Callable[[str, int], F64] | None = None
 
     @property
     def mounting(self) -> Pose:

@@ -4,7 +4,7 @@ from math import cos, sin
 
 import numpy as np
 
-from swath.core.frames import Array
+from swath.core.frames import Array, Pose
 from swath.machine.machine_sheet import MachineSheet
 from swath.signals.setup import MachineGeometry
 
@@ -41,3 +41,10 @@ class HeaderKinematics:
         x = x - self._pivot[0]
         turned = (self._pivot[0] + x * cl - z * sl, y, self._pivot[1] + x * sl + z * cl)
         return np.stack(turned, axis=1)
+
+    def pose(self, lift: float, tilt: float) -> Pose:
+        """Of the header in the machine frame, identity with both angles [rad] 0."""
+        leaning = Pose.from_euler([0.0, 0.0, self._tilt_z], roll=tilt)
+        lifted = Pose.from_euler([self._pivot[0], 0.0, self._pivot[1]], pitch=-lift)
+        to_tilt, to_pivot = (Pose(-p, np.eye(3)) for p in (leaning.position, lifted.position))
+        return lifted @ to_pivot @ leaning @ to_tilt

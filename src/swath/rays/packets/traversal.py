@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.memory_layout import PlantLibrary
-from swath.kernels import filled
+from swath.kernels import filled, repeatable
 from swath.rays.device import ThreadPool, start_warp
 from swath.rays.hits import Hits
 from swath.rays.packets.index import PacketIndex, make_index
@@ -95,7 +95,7 @@ class PacketTraversal:
         if self._launch is None:
             job = wp.array(self._job.view(np.uint8), dtype=wp.uint8, device="cpu", copy=False)
             inputs = [scene, self._shared, job]
-            self._launch = wp.launch(traverse, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+            self._launch = repeatable(traverse, inputs)
         elif version != self._version:
             self._launch.set_param_at_index(0, scene)
         self._version = version

@@ -6,7 +6,7 @@ import numpy as np
 
 from swath.field.memory_layout import Solids
 from swath.field.solids import NOTHING, solid_count
-from swath.kernels import filled
+from swath.kernels import filled, repeatable
 from swath.rays.device import start_warp
 from swath.rays.geometry import make_solid_arrays
 
@@ -49,7 +49,7 @@ class BeamBuffer:
     def record(self, kernel: Any, inputs: list[Any], *, threads: int | None = None) -> Any:
         """A launch that can be repeated, one thread per packet of beams unless said otherwise."""
         threads = self.packet_count if threads is None else threads
-        return start_warp().launch(kernel, dim=threads, inputs=inputs, device="cpu", record_cmd=True)
+        return repeatable(kernel, inputs, threads=threads)
 
     def meet(self, solids: Solids | None, range_max: float) -> bool:
         """False where there are none; else distance, kind (organ), cosine, reflectance become those of the

@@ -1,8 +1,8 @@
 """The run hook of `swath run --view`: sends frames to the pages that are open, and does what they ask.
 
 A page sends JSON: {"id": 1, "do": "pause", "value": true}; do: pause, step, speed, set (with "key" and
-"value"; null takes an obstacle away), and the word `seen` after each frame. The answer has the same id,
-"ok" and "text"; what has changed goes to all pages.
+"value"; null takes an obstacle away), branch (as set, with "at_s"), and the word `seen` after each frame. The
+answer has the same id, "ok" and "text"; what has changed goes to all pages.
 """
 
 import json
@@ -52,9 +52,13 @@ class LiveView(RunHook):
 
     def begin(self, run: ActiveRun) -> None:
         """Connect to a world at its start."""
-        self._run, self._frames, self._shown = run, None, -1
-        self._is_ready.clear()
+        before, self._run, self._frames, self._shown = self._frames, run, None, -1
         self._control.join(run)
+        if run.start is not None and before is not None:  # the same field and way ahead: the page stays
+            self._frames = Frames(run.world, run.recorder.tracks, before.origin)
+            self._tell({"again": True})
+        else:
+            self._is_ready.clear()
         run.world.graph.before_tick.insert(0, self._before_tick)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
@@ -105,6 +109,8 @@ class LiveView(RunHook):
             "paused": self._control.is_paused,
             "speed": self._control.speed,
             "is_paced": run.world.scenario.is_paced,
+            "no_way_back": self._control.back_refused,
+            "folder": "" if run.out is None else run.out.name,
             "values": changes.values(),
             "events": changes.events,
             "things": things,
@@ -166,6 +172,7 @@ class LiveView(RunHook):
             "step": control.step,
             "speed": lambda: control.set_speed(float(value or 0.0)),
             "set": lambda: control.set(str(asked["key"]), value),
+            "branch": lambda: control.branch(float(asked["at_s"]), {str(asked["key"]): value}),
         }
 
     def _tell(self, message: Mapping[str, Any]) -> None:

@@ -8,7 +8,10 @@ class Live {
     app.machines.forEach((machine, k) => this.makeRoom(machine.track, data.live.columns[k]));
     app.scans.scanners.forEach((scanner) => { scanner.kept = []; });
     element("verdict").textContent = "live";
-    element("time").addEventListener("input", () => { this.follows = false; });
+    element("time").addEventListener("input", () => {
+      this.follows = false;
+      this.back.value = Math.max(0.1, this.at - Number(element("time").value)).toFixed(1);
+    });
     this.panel();
     this.connect();
   }
@@ -139,6 +142,8 @@ class Live {
     this.stepButton.disabled = !state.paused;
     this.speed.value = String(state.speed);
     this.speed.disabled = state.is_paced;
+    element("go-back").hidden = Boolean(state.no_way_back);
+    element("no-way-back").textContent = state.no_way_back ? `cannot go back: ${state.no_way_back}` : "";
     this.keys.replaceChildren(...Object.entries(state.values).map(([key, value]) => new Option(`${value}`, key)));
     this.obstacles.replaceChildren(...Object.keys(state.values).filter((key) => key.startsWith("obstacles.")).map((key) => {
       const item = document.createElement("li");
@@ -190,7 +195,10 @@ class Live {
     this.box.setAttribute("aria-label", "control of the run");
     this.box.innerHTML = `<h2>Run</h2><p class="row" id="run"></p>
 <form id="change"><label>change <input name="key" list="keys" placeholder="combine.speed.speed_kmh" required autocomplete="off"></label>
-<label>to <input name="value" required autocomplete="off"></label><button>set</button><datalist id="keys"></datalist></form>
+<label>to <input name="value" required autocomplete="off"></label><button>set</button>
+<span id="go-back"><button name="branch" title="a new run goes on from there, in a folder of its own">go back</button>
+<label><input name="back" type="number" min="0.1" step="0.1" value="10"> s and set it there</label></span>
+<small id="no-way-back"></small><datalist id="keys"></datalist></form>
 <form id="obstacle"><label>obstacle <input name="name" value="pole" required pattern="[^.]+"></label>
 <label>is <input name="value" value="{kind: post, x_m: 12, y_m: 3}" required></label><button>put in</button>
 <ul id="there"></ul></form><p id="answer" role="status"></p>`;
@@ -212,9 +220,12 @@ class Live {
       const value = this.state.values[changed.elements.key.value];
       if (value !== undefined) changed.elements.value.value = typeof value === "object" ? JSON.stringify(value) : value;
     });
+    this.back = changed.elements.back;
     changed.addEventListener("submit", (e) => {
       e.preventDefault();
-      this.ask("set", { key: changed.elements.key.value, value: changed.elements.value.value });
+      const change = { key: changed.elements.key.value, value: changed.elements.value.value };
+      if (e.submitter && e.submitter.name === "branch") this.ask("branch", { ...change, at_s: Math.max(0.001, this.at - Number(this.back.value)) });
+      else this.ask("set", change);
     });
     put.addEventListener("submit", (e) => {
       e.preventDefault();

@@ -149,10 +149,11 @@ class ErrorRadar(IdealRadar):
         rcs = level - beam - s.snr(0.0, distance)
         return [distance, azimuth, elevation, speed, rcs, level, sds[0], sds[1], sds[3]]
 
-    def _false_alarms(self, draw: np.random.Generator) -> list[list[float]]:
-        """Noise above the threshold: as many as cells times their probability, on average."""
+    def _false_alarms(self, draw: np.random.Generator, share: float = 1.0) -> list[list[float]]:
+        """Noise above the threshold in a share of the cells: as many as them times their probability, on
+        average."""
         s, rows = self.sheet, []
-        for _ in range(int(draw.poisson(10.0**s.false_alarm_lg * s.cells))):
+        for _ in range(int(draw.poisson(10.0**s.false_alarm_lg * s.cells * share))):
             a, b, c, d = (2.0 * draw.random(4) - 1.0).tolist()
             distance = s.range_min + (s.range_max - s.range_min) * 0.5 * (1.0 + a)
             place = 0.5 * b * s.azimuth_fov, 0.5 * d * s.elevation_fov

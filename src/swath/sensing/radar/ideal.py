@@ -76,19 +76,19 @@ class IdealRadar(KeepsState):
 
     def look(self, now: int, inputs: Inputs) -> list[Target]:
         """What is in the field of view from `_eye` (3,), the nearest first; nothing hides it."""
-        known: tuple[MachineState, ...] = (*self._last, *inputs["state"])
-        self._last = tuple(s for s in known if s.t >= now - 3 * TAP) or known[-1:]
-        self._eye, rotation, velocity = self._motion(known, now)
+        self._eye, rotation, velocity = self.locate(now, inputs)
         bodies = self._setup.bodies.around(self._setup.name)
         seen = [self._seen(body, self._eye, rotation, velocity) for body in bodies]
         return sorted((s for s in seen if s is not None), key=lambda s: s.distance)
 
-    def _motion(self, states: tuple[MachineState, ...], now: int) -> tuple[F64, F64, F64]:
+    def locate(self, now: int, inputs: Inputs) -> tuple[F64, F64, F64]:
         """Place (3,) [m], rotation (3, 3) and velocity (3,) [m/s] of the sensor in the world.
 
         The velocity by three points backward, of second order: the lever arm to the axle is in it, and
         whatever the machine pitches and rolls.
         """
+        states: tuple[MachineState, ...] = (*self._last, *inputs["state"])
+        self._last = tuple(s for s in states if s.t >= now - 3 * TAP) or states[-1:]
         tap = min(TAP, (now - states[0].t) // 2)
         times = np.array([now, now - tap, now - 2 * tap], dtype=float)
         at, turned = poses_at(states, times)

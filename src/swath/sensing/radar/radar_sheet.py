@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import log10
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from swath.documents.data_sheets import read_sheet
 from swath.documents.sheet_fields import Quantity
@@ -74,6 +74,10 @@ class RadarSheet:
 
     def gain(self, azimuth: float, elevation: float) -> float:
         """Antenna against its axis [dB], one way: a Gaussian beam."""
+        return float(self.gains(azimuth, elevation))
+
+    def gains(self, azimuth: Any, elevation: Any) -> Any:
+        """As `gain`, of arrays of angles."""
         a, e = azimuth / self.azimuth_beam_width, elevation / self.elevation_beam_width
         return -12.0412 * (a * a + e * e)  # 40 lg 2: -3.01 at half the width
 

@@ -67,7 +67,7 @@ class StandLoss:
         if not stands.any():
             return np.zeros(len(ends))
         x, y, share = x[stands], y[stands], share[stands]
-        scale, lean_x, lean_y, density = self._tiles(x, y)
+        scale, lean_x, lean_y, density = self.tiles(x, y)
         above = eye[2] + (ends[:, 2:] - eye[2]) * share - self._field.ground_height(x, y)
         k = density * np.interp(above / scale, self._heights, self.profile, right=0.0)
         rise = ends[:, 2] - eye[2]
@@ -79,7 +79,11 @@ class StandLoss:
         turned = np.sqrt(np.maximum(stem - along**2, 0.0))
         return np.asarray((k * turned).sum(axis=1) * length / count)
 
-    def _tiles(self, x: F64, y: F64) -> F64:
+    def turned(self, ways: F64) -> tuple[F64, F64]:
+        """Directions (n, 2) of the world in the frame of the stand: two of (n,)."""
+        return self._field.to_stand(ways[:, 0], ways[:, 1])
+
+    def tiles(self, x: F64, y: F64) -> F64:
         """Scale, lean_x, lean_y and density fraction of the tiles below points, (4, n)."""
         u, v = (
             np.floor(a / self._field.library.tile_size).astype(np.int64) for a in self._field.to_stand(x, y)

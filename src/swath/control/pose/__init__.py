@@ -1,0 +1,1 @@
+"""Levels of the pose estimate: where the machine takes itself to be, by satellites, wheels and inertia."""

@@ -1,0 +1,99 @@
+"""A finished run gone back in: another run that is the same up to a time, and has something changed there."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.core.foreign_code import file_of, only_code
+from swath.core.schedule import NS
+from swath.documents.json_file import read_json
+from swath.replay.writer import ReplayWriter
+from swath.report.report import ReportWriter
+from swath.runtime.branch import Start, branched_events
+from swath.runtime.changes import after_change, read_events
+from swath.runtime.hooks import RunHook
+from swath.runtime.job import JobResult, run_job
+from swath.runtime.saves import EVERY_S, Saves, saves_in
+from swath.scenario.code import code_of
+from swath.scenario.scenario import Scenario, load_scenario
+
+OUTSIDE = ("ros2", "can")  # levels whose state another process or box keeps
+
+
+@dataclass(frozen=True)
+class PlannedBranch:
+    """start: where it branches off; events: all changes of the new run; saved_s: time of the save from which
+    it goes on, 0 where it has to begin at the start [s]
+    """
+
+    scenario: Scenario
+    start: Start
+    events: Sequence[Mapping[str, Any]]
+    saved_s: float
+    allow: Sequence[str] = ()
+
+    def run(
+        self, out: Path, *, progress: bool = False, report: bool = True, save_every_s: float | None = None
+    ) -> JobResult:
+        """Make the run. save_every_s: 0 = without saves, None = with them where the earlier one has some"""
+        if save_every_s is None:
+            save_every_s = EVERY_S if saves_in(self.start.folder) else 0.0
+        pages: list[RunHook] = [ReportWriter(), ReplayWriter()] if report else []
+        hooks = [*pages, *([Saves(save_every_s)] if save_every_s else [])]
+        return run_job(
+            self.scenario,
+            out,
+            progress=progress,
+            events=self.events,
+            hooks=hooks,
+            allow=self.allow,
+            start=self.start,
+        )
+
+
+def plan_branch(run: Path, at_s: float, sets: Mapping[str, Any], allow: Sequence[str] = ()) -> PlannedBranch:
+    """What to run. sets: keys and values as after `--set`; allow: as of `swath run`. InputError."""
+    for name in ("scenario.yaml", "summary.json"):
+        if not (run / name).is_file():
+            raise InputError("RUN", str(run), f"expected a run folder, it has no {name}")
+    summary = read_json(run / "summary.json", "RUN", "the summary of a run")
+    scenario, events = load_scenario(run / "scenario.yaml"), read_events(run)
+    end_s = summary.get("simulated_s") if isinstance(summary, dict) else None
+    if not isinstance(end_s, int | float):
+        raise InputError("RUN", str(run), "expected a summary.json with simulated_s")
+    if not 0.0 < at_s <= end_s:
+        raise InputError("--at", at_s, f"expected a time of the run, above 0 and up to {end_s:g} s")
+    _check_repeats(scenario, summary)
+    with only_code((*code_of(scenario), *map(file_of, allow))):
+        changed = scenario
+        for event in branched_events(events, at_s, sets):
+            changed = after_change(changed, event["set"], event["value"])
+    start = Start(run, round(at_s * NS))
+    before = [t for t in saves_in(run) if t < start.at]
+    new = branched_events(events, at_s, sets)
+    return PlannedBranch(scenario, start, new, max(before, default=0) / NS, tuple(allow))
+
+
+def pairs(texts: Sequence[str]) -> dict[str, str]:
+    """Keys and values of texts as after `--set`. InputError."""
+    found = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise InputError(f"--set {text}", None, "expected KEY=VALUE")
+        found[key.strip()] = value
+    return found
+
+
+def _check_repeats(scenario: Scenario, summary: Mapping[str, Any]) -> None:
+    """A run that would not come to the same moment again has none to go back to."""
+    if "realtime" in summary:
+        expected = "expected a run without --real-time: at the pace of real time none repeats"
+        raise InputError("RUN", scenario.name, expected)
+    for machine in scenario.machines.values():
+        for slot, choice in machine.slots.items():
+            if choice.level in OUTSIDE:
+                expected = "expected parts of this process, the state of this one cannot be saved"
+                raise InputError(f"{machine.name}.{slot}.level", choice.level, expected)

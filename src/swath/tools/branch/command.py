@@ -1,0 +1,68 @@
+"""`swath branch`: go back in a run, change something, go on from there."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from swath.terminal.options import add_no_code
+
+
+def add(parsers: Any) -> None:
+    """Add the command."""
+    parser = parsers.add_parser(
+        "branch", help="go back in a run, change something, go on from there", description=_DESCRIPTION
+    )
+    parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
+    parser.add_argument("--at", type=float, required=True, metavar="S", help="time of the change [s]")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="sets",
+        metavar="KEY=VALUE",
+        help="what is other from then on, e.g. combine.speed.speed_kmh=5; may be given several times",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
+    )
+    parser.add_argument(
+        "--allow",
+        action="append",
+        default=[],
+        metavar="CODE",
+        help="file.py:Class or FMU that may be set; may be given several times",
+    )
+    parser.add_argument("--save-every", type=float, metavar="S", help="as of swath run")
+    add_no_code(parser)
+    parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Exit code as of `swath run`."""
+    from swath.core.errors import InputError
+    from swath.runtime.folder import choose_run_folder, remove_empty
+    from swath.terminal.outcome import print_outcome
+    from swath.tools.branch.branch import pairs, plan_branch
+
+    plan = plan_branch(args.folder, args.at, pairs(args.sets), args.allow)
+    scenario = plan.scenario
+    out = choose_run_folder(scenario.name, scenario.seed, args.out, what="branch")
+    if not args.quiet:
+        begin = f"from its save at {plan.saved_s:g} s" if plan.saved_s else "from the start, it has no save"
+        print(f"going on {begin}", flush=True)
+    try:
+        result = plan.run(out, progress=not args.quiet, save_every_s=args.save_every)
+    except InputError as error:
+        remove_empty(out)
+        raise scenario.locate(error) from error
+    if args.quiet:
+        print(out)
+    else:
+        print_outcome(result.summary, out, scenario.evaluators)
+    return int(result.exit_code)
+
+
+_DESCRIPTION = """Run a finished run again from one of its moments on, with something changed there, into a
+new folder: sample by sample what swath run --events gives with that change. Saves of the run (swath
+run --save-every) spare the way to that moment: docs/branch.md."""

@@ -1,0 +1,185 @@
+"""Back and branch: what goes on from a save is the run that a fresh start with the same events gives."""
+
+import json
+import shutil
+from itertools import pairwise
+
+import pytest
+
+import swath
+from swath.commands.main import main
+from swath.core.errors import InputError
+from swath.runtime.branch import Start, branch_folder, branched_events
+from swath.runtime.folder import clear_run_folder
+from swath.runtime.job import run_job
+from swath.runtime.saves import MOST, SAVES, Saves, saves_in, superfluous
+from tests.whole.small import small
+
+SETS = ("run.distance_m=2.5", "combine.lidar.sub_rays=1")
+WINDOW = "expect={lateral_rms_m: {max: 1, from_m: 0.5, to_m: 2}}"
+EARLY = [{"t_s": 0.7, "set": "combine.edge.level", "value": "otsu"}]
+AT_S, CHANGE = 1.3, {"combine.speed.speed_kmh": "5", "obstacles.pole": "{kind: post, x_m: 8, y_m: 3}"}
+FILES = ("tracks.parquet", "run.mcap", "metadata.yaml", "scenario.yaml")
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A run with saves, changed on the way already."""
+    out = tmp_path_factory.mktemp("runs") / "saved"
+    run_job(small(*SETS), out, hooks=[Saves(0.5)], events=EARLY)
+    return out
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    """What a start from the beginning gives with the same changes."""
+    out = tmp_path_factory.mktemp("runs") / "fresh"
+    run_job(small(*SETS), out, events=branched_events(EARLY, AT_S, CHANGE))
+    return out
+
+
+def summary_of(folder):
+    kept = json.loads((folder / "summary.json").read_text())
+    for key in ("wall_s", "real_time_factor", "cost", "branch", "saves"):
+        kept.pop(key, None)
+    return kept
+
+
+def assert_same(folder, fresh):
+    for name in FILES:
+        assert (folder / name).read_bytes() == (fresh / name).read_bytes(), name
+    assert summary_of(folder) == summary_of(fresh)
+
+
+def test_a_branch_is_the_fresh_run_with_that_event(saved, fresh, tmp_path):
+    made = swath.branch(saved, AT_S, tmp_path / "branch", sets=CHANGE, report=False)
+    assert made.summary["branch"] == {"of": "saved", "at_s": AT_S, "saved_s": 1.0}
+    assert [e["t_s"] for e in made.summary["events"]] == [0.7, AT_S, AT_S]
+    assert_same(tmp_path / "branch", fresh)
+
+
+def test_a_branch_of_a_branch_uses_the_saves_of_the_first(saved, tmp_path):
+    run_job(
+        small(*SETS), tmp_path / "one", events=branched_events(EARLY, AT_S, {}), hooks=[Saves(0.5)],
+        start=Start(saved, 1_300_000_000),
+    )  # fmt: skip
+    assert list(saves_in(tmp_path / "one"))[:2] == [500_000_000, 1_000_000_000]
+    second = swath.branch(tmp_path / "one", 0.9, tmp_path / "two", sets=CHANGE, report=False)
+    assert second.summary["branch"] == {"of": "one", "at_s": 0.9, "saved_s": 0.5}
+    run_job(small(*SETS), tmp_path / "fresh", events=branched_events(EARLY, 0.9, CHANGE))
+    assert_same(tmp_path / "two", tmp_path / "fresh")
+
+
+def test_without_saves_or_with_torn_ones_it_begins_at_the_start(saved, fresh, tmp_path, capsys):
+    torn = tmp_path / "torn"
+    shutil.copytree(saved, torn)
+    [_, second, *_] = saves_in(torn).values()
+    second.write_bytes(second.read_bytes()[:-40])  # the one before serves
+    made = swath.branch(torn, AT_S, tmp_path / "a", sets=CHANGE, report=False)
+    assert made.summary["branch"]["saved_s"] == 0.5
+    (torn / "run.mcap").write_bytes(
+        (torn / "run.mcap").read_bytes()[:2000]
+    )  # saves, but no beginning of the recording
+    made = swath.branch(torn, AT_S, tmp_path / "b", sets=CHANGE, report=False)
+    assert made.summary["branch"]["saved_s"] == 0.0
+    shutil.rmtree(torn / SAVES)
+    line = ["branch", str(torn), "--at", str(AT_S), "--out", str(tmp_path / "c"), "--no-code"]
+    assert main([*line, *(f"--set={k}={v}" for k, v in CHANGE.items())]) == 0
+    assert "going on from the start, it has no save" in capsys.readouterr().out
+    digest = json.loads((fresh / "summary.json").read_text())["digest"]
+    for name in "abc":
+        assert json.loads((tmp_path / name / "summary.json").read_text())["digest"] == digest
+        assert (tmp_path / name / "run.mcap").read_bytes() == (fresh / "run.mcap").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("at", "key", "words"),
+    [
+        ("9", "combine.speed.speed_kmh=5", "expected a time of the run, above 0 and up to"),
+        ("0", "combine.speed.speed_kmh=5", "expected a time of the run"),
+        ("1", "combine.speed.speed_kmh=-5", "combine.speed.speed_kmh"),
+        ("1", "combine.speed", "expected KEY=VALUE"),
+        ("1", "combine.motion.rate_hz=50", "rhythm and wires stay"),
+    ],
+)
+def test_what_cannot_be_is_said_and_leaves_no_folder(saved, tmp_path, capsys, at, key, words):
+    assert main(["branch", str(saved), "--at", at, "--set", key, "--out", str(tmp_path / "no")]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+
+
+def test_runs_that_do_not_repeat_are_refused(saved, tmp_path):
+    paced = tmp_path / "paced"
+    shutil.copytree(saved, paced)
+    told = json.loads((paced / "summary.json").read_text())
+    (paced / "summary.json").write_text(json.dumps({**told, "realtime": {"factor": 1.0}}))
+    with pytest.raises(InputError, match="without --real-time"):
+        swath.branch(paced, 1.0, tmp_path / "no")
+    node = tmp_path / "node"
+    shutil.copytree(saved, node)
+    plan = small(*SETS, "combine.steer={level: ros2}")
+    (node / "scenario.yaml").write_text(plan.resolved())
+    with pytest.raises(InputError, match=r"combine\.steer\.level = ros2: .* cannot be saved"):
+        swath.branch(node, 1.0, tmp_path / "no")
+    assert not (tmp_path / "no").exists()
+
+
+@pytest.mark.parametrize("is_without", [False, True])
+def test_a_part_that_cannot_be_saved_is_named_and_the_run_goes_on(tmp_path, is_without):
+    text = PART.replace("def save", "def keep").replace("def load", "def back") if is_without else PART
+    (tmp_path / "mine.py").write_text(text)
+    plan = small("run.distance_m=1.2", *SETS[1:], f"combine.steer.level={tmp_path / 'mine.py'}:Straight")
+    summary = run_job(plan, tmp_path / "run", hooks=[Saves(0.5)]).summary
+    assert summary["saves"]["refused"].startswith("combine.steer")
+    assert not summary["incomplete"]
+    assert not saves_in(tmp_path / "run")
+
+
+PART = """
+from swath.core.component import Port
+from swath.signals import SteerCommand
+
+class Straight:
+    inputs = ()
+    outputs = (Port("command", SteerCommand),)
+    def __init__(self, params, setup): self.draw = lambda: 0.0
+    def reset(self, rng): return {"command": SteerCommand(0, 0.0, True)}
+    def step(self, t, dt, inputs): return {"command": SteerCommand(t + dt, self.draw(), True)}
+    def save(self): return {"draw": self.draw}
+    def load(self, state): self.draw = state["draw"]
+"""
+
+
+def test_windows_and_their_evaluators_are_saved_too(tmp_path):
+    run_job(small(*SETS, WINDOW), tmp_path / "run", hooks=[Saves(0.5)])
+    swath.branch(tmp_path / "run", 1.3, tmp_path / "branch", report=False)
+    whole, branch = summary_of(tmp_path / "run"), summary_of(tmp_path / "branch")
+    [judged] = [e for e in whole["expect"] if "window" in e]
+    assert judged["result"] == "pass"
+    assert judged["value"] > 0.0
+    assert branch == whole
+
+
+def test_saves_are_bounded_and_gone_with_the_run(saved, tmp_path):
+    times = list(range(0, 400, 5))
+    kept = []
+    for t in times:
+        kept.append(t)
+        if len(kept) > MOST:
+            kept.pop(superfluous(kept))
+    gaps = [b - a for a, b in pairwise(kept)]
+    assert len(kept) == MOST
+    assert (kept[0], kept[-4:]) == (0, times[-4:])
+    assert max(gaps) <= 0.25 * times[-1]
+    shutil.copytree(saved, tmp_path / "run")
+    clear_run_folder(tmp_path / "run")
+    assert [f.name for f in (tmp_path / "run").iterdir()] == ["scenario.yaml"]
+    with pytest.raises(InputError, match="at least"):
+        Saves(0.01)
+
+
+def test_folders_of_branches_have_numbers(tmp_path):
+    first = branch_folder(tmp_path / "demo")
+    first.mkdir()
+    assert first.name == "demo-branch"
+    assert branch_folder(first).name == branch_folder(tmp_path / "demo").name == "demo-branch-2"
