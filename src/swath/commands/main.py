@@ -26,6 +26,7 @@ from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
 from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
+from swath.tools.fleet import command as fleet
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
@@ -48,6 +49,7 @@ COMMANDS = (
     metrics,
     sheets,
     field,
+    fleet,
     lab,
     reda,
     height_map,
