@@ -10,6 +10,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
+from tests.control.box_rig import DUST, EYE, MOUNT, THICK, errors, look
 from tests.machine.test_heap import BOXES, SLOPE, until_it_runs_over
 from tests.machine.test_trailer import make, run
 from tests.machine.test_unload import pour, setup_with_box
@@ -117,6 +118,45 @@ def fill() -> None:
         say(f"filled while driving, {level}", f"{100 * share:.1f} %, spilled {100 * spilled:.3f} %", expected)
 
 
+def box() -> None:
+    """Rim and grain as a LiDAR above the pipe sees them, at twelve stations drawn by chance."""
+    rng = np.random.default_rng(2024)
+    for air, name in (("", "day"), (DUST, "dust 0.1 1/m, puffs"), (THICK, "dust 1 1/m, puffs")):
+        for fill in (0.0, 0.5, 1.0, 1.1):
+            rows, nees = [], []
+            for k in range(12):
+                place = rng.uniform((-2.0, 8.3, -6.0), (2.0, 9.2, 6.0)).tolist()
+                seen, truth = look(
+                    air=air, fill=fill, ahead=place[0], left=place[1], heading=place[2], seed=50 + k
+                )
+                if seen.is_seen:
+                    rows.append(np.abs(errors(seen, truth)))
+                    ratio = (seen.x - truth.x) / seen.x_sd, (seen.y - truth.y) / seen.y_sd
+                    nees.append(0.5 * (ratio[0] ** 2 + ratio[1] ** 2))
+            found = f"{len(rows)} of 12 seen"
+            if rows:
+                most = np.nanmax(np.array(rows), axis=0)
+                found += f", largest: rim {most[:3].max():.3f} m {most[3]:.2f} deg, grain {most[4]:.3f} m"
+                found += f", known {np.array(rows)[:, 5].mean():.2f}, NEES {np.mean(nees):.2f}"
+            say(f"box, {name}, {100 * fill:.0f} %", found, "0.10 m, 1 deg, 0.10 m, or not seen")
+
+
+def seen_box() -> None:
+    """Links wrong by 0.35 m across and 0.30 m along, without and with the scanner; filling by it."""
+    wrong = "{level: radio, rate_hz: 10, delay_ms: 100, left_error_m: %s, ahead_error_m: %s}"
+    links = "combine.peer_link=" + wrong % (0.35, -0.3), "cart.peer_link=" + wrong % (-0.35, 0.3)
+    sees = "combine.lidar=" + EYE % (MOUNT, ""), "combine.box={level: rim, rate_hz: 5}"
+    for name, sets in (("the link alone", ()), ("with the scanner", sees)):
+        along, across = np.abs(Run(*links, *sets, seconds=25).while_pouring(4.0)[:, 1:3]).mean(axis=0)
+        say(f"links off by 0.30, 0.35 m, {name}", f"along {along:.3f}, across {across:.3f} m", "-")
+    for level in ("front_to_back", "by_profile"):
+        aim = f"cart.cooperate={{level: {level}, keep: {{profile: seen}}}}"
+        found = Run(*sees, aim, "cart.heap.start_percent=86", seconds=150)
+        pipe, share = found.of("combine", UnloadState), found.of("cart", HeapState).level
+        spilled = f"{100 * share:.1f} %, spilled {100 * pipe.missed / pipe.drawn:.3f} %"
+        say(f"filled by what is seen, {level}", spilled, "95 %, spill 0.1 %")
+
+
 if __name__ == "__main__":
-    for part in (heap, trailer, unloading, station, link, fill):
+    for part in (heap, trailer, unloading, station, link, fill, box, seen_box):
         part()

@@ -61,6 +61,12 @@ LIMITS = {
         "ideal": Limit("exact", EXACT),
         "radio": Limit("equal to ideal with every number at 0", EXACT),
     },
+    # of place and height of the rim and of the grain [m]
+    "box": {
+        "truth": Limit("exact", 1e-9),
+        "gnss_link": Limit("within 3 cm of truth with a link without error", 0.03),
+        "rim": Limit("rim within 0.10 m and 1 deg, grain within 0.10 m", 0.10),
+    },
     # of the largest heap, poured along the places that a strategy wants; unloader: s after its limits
     "cooperate": {
         "one_spot": Limit("fills 71 to 78 %", (0.71, 0.78)),

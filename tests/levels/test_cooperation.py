@@ -21,6 +21,7 @@ from swath.signals import (
     UnloadState,
 )
 from swath.signals.setup import ControlSetup
+from tests.control.box_rig import look
 from tests.levels.limits import each_level, make
 from tests.machine.machine_fakes import STREAM, Ground, site
 
@@ -88,6 +89,21 @@ def test_relative_place_of_the_other_machine(level, limit):
     peer = link.step(0, NS, {"state": own, "peer_state": other})["peer"]
     found = (peer.x, peer.y, peer.heading, peer.speed, peer.age)
     np.testing.assert_allclose(found, (1.0, 7.0, 0.1, 1.3, 0.0), atol=max(limit, 1e-12))
+
+
+@each_level("box")
+def test_box_of_the_machine_beside(level, limit):
+    """3 deg askew, 0.4 m ahead of the pipe, filled to 0.7 m below the rim."""
+    seen, truth = look("cart.heap.start_percent=55", ahead=0.4, left=8.5, heading=3.0, level=level)
+    assert seen.is_seen
+    np.testing.assert_allclose(
+        (seen.x, seen.y, seen.rim_height), (truth.x, truth.y, truth.rim_height), atol=limit
+    )
+    assert seen.heading == pytest.approx(truth.heading, abs=max(limit * math.radians(1.0) / 0.1, 1e-9))
+    assert truth.profile == pytest.approx(0.55 * BOX.depth - BOX.depth)
+    if level != "gnss_link":
+        np.testing.assert_allclose(seen.profile, truth.profile, atol=limit)
+        np.testing.assert_allclose(seen.freeboard, truth.freeboard, atol=limit)
 
 
 @each_level("cooperate")

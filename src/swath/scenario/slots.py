@@ -12,6 +12,7 @@ from swath.core.component import Port
 from swath.core.registry import Registry
 from swath.scenario.slot_kind import SlotKind as SlotKind
 from swath.signals import (
+    BoxSeen,
     CropAhead,
     CropEdge,
     CropFlow,
@@ -49,6 +50,7 @@ from swath.signals.radar import RadarTargets
 
 _STATE = {"state": ("motion", "state")}
 PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
+_BOX = {f"peer_{n}": (PEER + k, n) for k, n in (("motion", "state"), ("motion", "trailer"), ("heap", "heap"))}
 
 SLOTS: tuple[SlotKind, ...] = (
     SlotKind(
@@ -218,10 +220,8 @@ SLOTS: tuple[SlotKind, ...] = (
         (Port("peer", PeerState),),
         {
             **_STATE,
-            "peer_state": (PEER + "motion", "state"),
-            "peer_trailer": (PEER + "motion", "trailer"),
+            **_BOX,
             "peer_load": (PEER + "process", "load"),
-            "peer_heap": (PEER + "heap", "heap"),
             "peer_unload": (PEER + "unload", "unload"),
             "peer_station": (PEER + "cooperate", "station"),
         },
@@ -288,6 +288,23 @@ SLOTS: tuple[SlotKind, ...] = (
         is_exchangeable=True,
     ),
     SlotKind(
+        "box",
+        ("swath.control.box", "swath.sensing.box"),
+        "rim",
+        5.0,
+        (Port("box", BoxSeen),),
+        {
+            **_STATE,
+            "scan": ("lidar", "scan"),
+            "peer": ("peer_link", "peer"),
+            "odometry": ("odometry", "odometry"),
+            **_BOX,
+        },
+        is_control=True,
+        is_plural=True,
+        is_exchangeable=True,
+    ),
+    SlotKind(
         "cooperate",
         ("swath.control.cooperate",),
         "one_spot",
@@ -299,6 +316,8 @@ SLOTS: tuple[SlotKind, ...] = (
             "load": ("process", "load"),
             "heap": ("heap", "heap"),
             "unload": ("unload", "unload"),
+            "box": ("box", "box"),
+            "seen": (PEER + "box", "box"),
         },
         more=(Port("station", Station), Port("command", UnloadCommand)),
         is_control=True,
@@ -370,10 +389,7 @@ def is_instance(name: str, kind: SlotKind) -> bool:
     )
 
 
-FIELD_PACKAGES: dict[str, tuple[str, ...]] = {
-    "terrain": ("swath.field.terrain",),
-    "stand": ("swath.field.stand",),
-}
+FIELD_PACKAGES: dict[str, tuple[str, ...]] = {n: (f"swath.field.{n}",) for n in ("terrain", "stand")}
 FIELD_LEVELS = {"terrain": "formula", "stand": "uniform"}
 
 REGISTRY = Registry(

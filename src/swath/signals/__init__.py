@@ -11,12 +11,14 @@ from swath.signals.arrays import U8 as U8
 from swath.signals.arrays import U16 as U16
 from swath.signals.commands import SpeedCommand as SpeedCommand
 from swath.signals.commands import SteerCommand as SteerCommand
+from swath.signals.cooperation import BoxSeen as BoxSeen
 from swath.signals.cooperation import HeapState as HeapState
 from swath.signals.cooperation import PeerState as PeerState
 from swath.signals.cooperation import Station as Station
 from swath.signals.cooperation import TrailerState as TrailerState
 from swath.signals.cooperation import UnloadCommand as UnloadCommand
 from swath.signals.cooperation import UnloadState as UnloadState
+from swath.signals.cooperation import box_unseen as box_unseen
 from swath.signals.crop import CropAhead as CropAhead
 from swath.signals.crop import CropEdge as CropEdge
 from swath.signals.crop_sensors import FeedReading as FeedReading

@@ -2,6 +2,8 @@
 
 from typing import Annotated
 
+import numpy as np
+
 from swath.core.frozen import frozen
 from swath.core.signal import About, Quantity, Signal
 from swath.signals.arrays import F64
@@ -126,3 +128,46 @@ class Station(Signal, about=About()):
         float, Quantity("m", "where in the box grain is to come down, ahead of its middle", column="spot_m")
     ]
     is_full: Annotated[bool, Quantity("", "no grain now: the box is full there", column="station_full")]
+
+
+@frozen
+class BoxSeen(Signal, about=About()):
+    """The open box of the machine beside, as a machine sees it, in its own frame at the time t.
+
+    The grain is told against the rim: heights at even places along the middle line of the box.
+    """
+
+    is_seen: Annotated[bool, Quantity("", "there is a box", column="box_seen")]
+    x: Annotated[float, Quantity("m", "middle of the box, ahead", nan="not seen", column="box_seen_x_m")]
+    y: Annotated[float, Quantity("m", "leftward", nan="not seen", column="box_seen_y_m")]
+    heading: Annotated[
+        float, Quantity("rad", "of its length, > 0 left", nan="not seen", column="box_seen_heading_rad")
+    ]
+    rim_height: Annotated[float, Quantity("m", "above the ground under the fixed axle", nan="not seen")]
+    x_sd: Annotated[float, Quantity("m", "standard deviation of x", nan="not seen")]
+    y_sd: Annotated[float, Quantity("m", "of y", nan="not seen")]
+    heading_sd: Annotated[float, Quantity("rad", "of the heading", nan="not seen")]
+    rim_height_sd: Annotated[float, Quantity("m", "of the height of the rim", nan="not seen")]
+    confidence: Annotated[float, Quantity("", "that it is the box, 0..1", column="box_seen_confidence")]
+    profile: Annotated[
+        F64,
+        Quantity(
+            "m", "grain above the rim along the middle line, rear to front, < 0 below", shape=("station",),
+            nan="not seen there",
+        ),
+    ]  # fmt: skip
+    profile_sd: Annotated[F64, Quantity("m", "its standard deviation", ("station",), "not seen there")]
+    freeboard: Annotated[
+        F64,
+        Quantity(
+            "m", "rim above the grain at the walls beside each place, the least", shape=("station",),
+            nan="not seen there",
+        ),
+    ]  # fmt: skip
+    lean: Annotated[float, Quantity("m", "grain at the left wall above that at the right one, mean")] = 0.0
+
+
+def box_unseen(t: int) -> BoxSeen:
+    """No box is seen at t [ns]."""
+    none = np.full(1, _NAN)
+    return BoxSeen(t, False, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, 0.0, none, none, none)

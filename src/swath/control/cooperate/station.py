@@ -6,18 +6,19 @@ of its trailer by what that tracks off in a bend; what is left at the box is tak
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2, copysign, cos, hypot, sin, sqrt
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
 from swath.control.cooperate.peer_track import PeerTrack
+from swath.control.cooperate.seen_box import SeenBox
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.signals import HeapState, Odometry, PeerState, UnloadState
+from swath.signals import BoxSeen, HeapState, Odometry, PeerState, UnloadState
 from swath.signals import Station as Wanted
 from swath.signals.setup import ControlSetup
 
@@ -36,12 +37,16 @@ class Shared:
     """margin_m: of the rim above the grain at the walls with which the box counts as full
     compensate: whether the age of messages is made up for; hold_s: silence through which the station is kept
     by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
+    profile: of the grain from the own `heap`, or as slot `box` of the other machine has `seen` it; then the
+    box takes no grain before it is seen, nor blind_s after it was seen last
     """
 
     margin_m: Annotated[float, Ge(0), Le(1)] = 0.01
     compensate: bool = True
     hold_s: Annotated[float, Ge(0), Le(60)] = 2.5
     clear_m: Annotated[float, Gt(0), Le(50)] = 3.0
+    profile: Literal["heap", "seen"] = "heap"
+    blind_s: Annotated[float, Gt(0), Le(60)] = 2.0
 
 
 @dataclass(frozen=True)
@@ -86,13 +91,14 @@ class StationKeeper(KeepsState, ABC):
 
     kept = (
         "_track", "_hitch_angle", "_swing", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside",
-        "_memory", "_seen",
+        "_memory", "_seen", "_box_seen",
     )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
         Port("odometry", Odometry),
         Port("heap", HeapState),
         Port("unload", UnloadState, optional=True),
+        Port("seen", BoxSeen, optional=True),
     )
     outputs = (Port("station", Wanted),)
 
@@ -101,6 +107,7 @@ class StationKeeper(KeepsState, ABC):
             raise InputError("level", type(self).__name__, "expected a machine whose data sheet has a `box`")
         self._keep, self._box, self._hitch = keep, setup.machine.box, setup.machine.hitch
         self._track = PeerTrack(compensated=keep.compensate)
+        self._box_seen = SeenBox()
 
     @abstractmethod
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
@@ -109,6 +116,7 @@ class StationKeeper(KeepsState, ABC):
     def reset(self, stream: Stream) -> Outputs:
         """Nothing to keep yet."""
         self._track.reset()
+        self._box_seen.clear()
         self._hitch_angle = self._swing = self._integral = self._spot = self._aside = 0.0
         self._is_full = self._waits = False
         self._full_at, self._seen = -1.0, 0.0
@@ -125,14 +133,20 @@ class StationKeeper(KeepsState, ABC):
         if not peer.is_heard or peer.impact_x != peer.impact_x:
             return {"station": self._idle(now)}
         before = self._spot
-        view = self._view(inputs["heap"])
+        self._box_seen.update(inputs.get("seen"), *self._track.to_peer(*self._middle()))
+        heap, is_blind = inputs["heap"], False
+        if self._keep.profile == "seen":
+            is_blind = self._box_seen.age(now) > self._keep.blind_s
+            heights, freeboard = self._box_seen.grain(self._box.depth)
+            heap = replace(heap, profile=heights, freeboard=freeboard, lean=self._box_seen.lean)
+        view = self._view(heap)
         spot, is_full = self.aim(now / NS, view)
-        self._waits = self._is_full or not view.has_room(self._spot)
+        self._waits = self._is_full or is_blind or not view.has_room(self._spot)
         if not self._is_full:
             self._spot, self._is_full = spot, is_full
             self._full_at = now / NS
         shift = (self._spot - before) / h if abs(self._spot - before) < 0.5 * h else 0.0
-        return {"station": self._station(now, h, peer, shift, float(inputs["heap"].lean))}
+        return {"station": self._station(now, h, peer, shift, float(heap.lean))}
 
     def _fold(self, own: Odometry, h: float) -> None:
         """Angle of the trailer against the machine, by rolling without slip."""
@@ -165,8 +179,8 @@ class StationKeeper(KeepsState, ABC):
         scale = max(1.0 - k * y, 0.2)
         bend = k / scale
         away = self._leave(now / NS, h, peer, y)
-        aside, _, along = on_arc(k, *track.to_peer(*self._middle()))
-        lateral, tangent, _ = on_arc(k, *track.to_peer(0.0, 0.0))
+        aside, _, along = on_arc(k, *self._corrected(*self._middle()))
+        lateral, tangent, _ = on_arc(k, *self._corrected(0.0, 0.0))
         if away == 0.0 and abs(y - aside) < NEAR and abs(self._swing) < STEADY:
             gain = h / SLOW_INTEGRAL
             self._integral = min(max(self._integral + gain * (y - aside), -MOST_INTEGRAL), MOST_INTEGRAL)
@@ -182,6 +196,11 @@ class StationKeeper(KeepsState, ABC):
         else:
             self._seen = speed
         return Wanted(now, True, ahead, left, heading, bend, speed, rate, self._spot, self._waits)
+
+    def _corrected(self, x: float, y: float) -> tuple[float, float]:
+        """A point of the own frame in the other one's, less the error of the messages as far as seen [m]."""
+        px, py = self._track.to_peer(x, y)
+        return px + self._box_seen.dx, py + self._box_seen.dy
 
     def _stream(self, h: float, y: float) -> tuple[float, float]:
         """Where the stream comes down to the left [m], and how fast that moves as the grain rises [m/s]."""

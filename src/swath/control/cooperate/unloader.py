@@ -7,13 +7,14 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.control.cooperate.peer_track import PeerTrack
+from swath.control.cooperate.seen_box import SeenBox
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
-from swath.signals import MachineLoad, Odometry, PeerState, UnloadCommand, UnloadState
+from swath.signals import BoxSeen, MachineLoad, Odometry, PeerState, UnloadCommand, UnloadState
 from swath.signals.setup import ControlSetup
 
 FOLD_AFTER = 4.0  # the pipe swings back so long after the last grain [s]
@@ -39,12 +40,13 @@ class Params:
 class Unloader(KeepsState):
     """Watches the box from the messages of the other machine, and where the own stream comes down."""
 
-    kept = ("_track", "_wants", "_pours", "_good_since", "_poured_at", "_relative")
+    kept = ("_track", "_wants", "_pours", "_good_since", "_poured_at", "_relative", "_box_seen")
     inputs = (
         Port("peer", PeerState),
         Port("odometry", Odometry),
         Port("load", MachineLoad),
         Port("unload", UnloadState),
+        Port("box", BoxSeen, optional=True),
     )
     outputs = (Port("command", UnloadCommand),)
 
@@ -53,11 +55,12 @@ class Unloader(KeepsState):
             raise InputError("level", "unloader", "expected a machine whose data sheet has a `pipe`")
         self._p, self._pipe = params, setup.machine.pipe
         self._may_swing = params.over_crop or not setup.machine.has_header or setup.edge_side == "left"
-        self._track = PeerTrack()
+        self._track, self._box_seen = PeerTrack(), SeenBox()
 
     def reset(self, stream: Stream) -> Outputs:
         """Folded back."""
         self._track.reset()
+        self._box_seen.clear()
         self._wants = self._pours = False
         self._good_since, self._poured_at = inf, -inf
         self._relative: tuple[float, float] | None = None
@@ -75,6 +78,8 @@ class Unloader(KeepsState):
             self._wants = False
         is_heard = self._track.age <= p.silence_s
         may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x
+        if may_pour:
+            self._box_seen.update(inputs.get("box"), *self._track.to_own(peer.box_x, peer.box_y))
         room = self._room(peer, unload, dt / NS) if may_pour else -inf
         self._pours = self._decide(now / NS, room) and self._wants and self._may_swing
         near = hypot(self._track.x, self._track.y) <= p.call_m and is_heard
@@ -98,7 +103,8 @@ class Unloader(KeepsState):
         """Least distance of the stream from the rim, also when the auger has run out [m]; < 0 outside."""
         x, y = self._track.to_own(peer.box_x, peer.box_y)
         turn = self._track.heading + peer.box_heading
-        dx, dy = unload.impact_x - x, unload.impact_y - y
+        dx = unload.impact_x - x - self._box_seen.dx
+        dy = unload.impact_y - y - self._box_seen.dy
         along, across = cos(turn) * dx + sin(turn) * dy, cos(turn) * dy - sin(turn) * dx
         before = self._relative or (along, across)
         self._relative = along, across

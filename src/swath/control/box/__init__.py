@@ -1,0 +1,1 @@
+"""Levels of the box of the machine beside: where its rim is and how grain lies in it."""

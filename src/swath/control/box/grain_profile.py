@@ -1,0 +1,72 @@
+"""How grain lies in a box whose rim is known, from the points of a scan."""
+
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+
+from swath.signals import F64
+
+MIDDLE = 0.15  # to both sides of the middle line, where the profile is taken [m]
+STRIP = (0.03, 0.25)  # from a wall, where grain is looked for that may run over [m]
+FEWEST = 6  # points that make a place of the profile
+SCATTER = 0.12  # of heights at one place, as a standard deviation; more is dust [m]
+ABOVE, BELOW = 1.5, 2.5  # the rim: beyond there is no grain [m]
+
+
+@dataclass(frozen=True)
+class Fill:
+    """Places along a box, rear to front, (station,) [m], nan where nothing was seen.
+
+    height: of the grain along the middle line above the rim, < 0 below it; sd: of that
+    freeboard: rim above the grain beside the walls, the least of both; lean: left wall above right one, 0
+    where one of them is not seen
+    """
+
+    height: F64
+    sd: F64
+    freeboard: F64
+    lean: float
+
+
+def fill_of(points: F64, length: float, width: float, rim: float, rim_sd: float, count: int) -> Fill:
+    """Grain among points (n, 3) of the box's frame [m]; rim: its height; count: of the places.
+
+    A strip beside a wall that is not seen is hidden by that wall: grain lies low there.
+    """
+    inside = np.abs(points[:, 0]) < 0.5 * length - STRIP[0]
+    inside &= np.abs(points[:, 1]) < 0.5 * width - STRIP[0]
+    inside &= (points[:, 2] < rim + ABOVE) & (points[:, 2] > rim - BELOW)
+    points = points[inside]
+    place = np.minimum(((points[:, 0] / length + 0.5) * count).astype(np.int64), count - 1)
+    middle = np.abs(points[:, 1]) < MIDDLE
+    height, sd, sides = np.full(count, np.nan), np.full(count, np.nan), np.full((2, count), np.nan)
+    for k in range(count):
+        own = place == k
+        found = _height(points[own & middle, 2])
+        if found is not None:
+            height[k], sd[k] = found[0] - rim, hypot(rim_sd, 0.02, found[1])
+        for side, sign in enumerate((1.0, -1.0)):
+            beside = own & (0.5 * width - sign * points[:, 1] < STRIP[1])
+            found = _height(points[beside, 2])
+            if found is not None:
+                sides[side, k] = found[0] + found[1] - rim
+    there = np.isfinite(sides)
+    highest = np.where(there.any(axis=0), np.where(there, sides, -np.inf).max(axis=0), np.nan)
+    for k, sign in ((0, -1.0), (count - 1, 1.0)):
+        beside = 0.5 * length - sign * points[:, 0] < STRIP[1]
+        found = _height(points[beside, 2])
+        if found is not None:
+            highest[k] = float(np.fmax(highest[k], found[0] + found[1] - rim))
+    both = there.all(axis=0)
+    lean = float((sides[0, both] - sides[1, both]).mean()) if bool(both.any()) else 0.0
+    return Fill(height, sd, -highest, lean)
+
+
+def _height(heights: F64) -> tuple[float, float] | None:
+    """Median and scatter of the heights at one place [m]; None where there are too few, or dust."""
+    if len(heights) < FEWEST:
+        return None
+    middle = float(np.median(heights))
+    scatter = float(np.median(np.abs(heights - middle))) * 1.4826
+    return (middle, scatter) if scatter <= SCATTER else None

@@ -1,0 +1,1 @@
+"""The box of the machine beside, from the truth."""

@@ -1,0 +1,93 @@
+"""Box level `rim` against the truth, with a cart beside a combine, and what is no box.
+
+Stations, headings, fills and seeds here are others than those that the level was made with.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swath.control.box.rim_fit import edges_of, fit_rim
+from tests.control.box_rig import DUST, MOUNT, THICK, errors, look
+
+STATIONS = ((0.3, 8.6, 1.5), (-1.3, 8.2, -3.5), (1.1, 8.9, 6.5))
+CASES = [
+    (air, fill, *station)
+    for k, (air, fill) in enumerate((a, f) for a in ("", DUST) for f in (0.0, 0.47, 1.05))
+    for station in (STATIONS[k % 3],)
+]
+
+
+@pytest.mark.parametrize(("air", "fill", "ahead", "left", "heading"), CASES)
+def test_rim_and_grain(air, fill, ahead, left, heading):
+    """Rim within 0.10 m and 1 deg, grain within 0.10 m, all of it known at three of four places."""
+    seen, truth = look(air=air, fill=fill, ahead=ahead, left=left, heading=heading, seed=11)
+    assert seen.is_seen
+    along, across, high, turn, grain, share = errors(seen, truth)
+    assert max(abs(along), abs(across), abs(high)) <= 0.10
+    assert abs(turn) <= 1.0
+    assert grain <= 0.10
+    assert share >= 0.75
+    free = seen.freeboard - truth.freeboard
+    assert np.nanmax(np.abs(free)) <= 0.15  # from strips beside the walls, not the walls' own cells
+    assert abs(along) <= 4.0 * seen.x_sd
+    assert abs(turn) <= np.degrees(4.0 * seen.heading_sd)
+
+
+def test_not_seen_in_thick_dust():
+    assert not look(air=THICK, fill=0.47, ahead=0.3, seed=11)[0].is_seen
+
+
+def test_not_seen_when_there_is_no_cart():
+    assert not look(ahead=-30.0, seed=11)[0].is_seen
+
+
+def test_not_seen_half_in_the_picture():
+    """The cart is too far back: the scanner sees its front end and two sides that run out of the picture."""
+    seen, truth = look(ahead=-6.5, fill=0.47, seed=11)
+    assert not seen.is_seen or abs(errors(seen, truth)[0]) <= 0.10
+
+
+def test_another_size_than_said_is_not_taken_for_it():
+    level = "{level: rim, length_m: 4.0, width_m: 2.2, rim_m: 3.6}"
+    assert not look(f"combine.box={level}", seed=11)[0].is_seen
+
+
+def test_a_scanner_of_one_line_sees_no_box():
+    eye = "{level: empirical, sensor: sick-lms511-hr, rate_hz: 25, sector_deg: [-60, 60], mount: {%s}}"
+    assert not look(f"combine.lidar={eye % MOUNT}", seed=11)[0].is_seen
+
+
+@pytest.mark.parametrize("turn", [-0.31, 0.0, 0.24])
+def test_the_fit_alone(turn):
+    """Points on the lines of a box of 7 x 3.2 m, 1 cm of noise, a fifth of them astray."""
+    rng = np.random.default_rng(5)
+    half = 3.525, 1.625
+    rows = []
+    for k in range(600):
+        u, side = rng.uniform(-1.0, 1.0), k % 4
+        rows.append((u * half[0], half[1] * (side - 2)) if side % 2 else (half[0] * (side - 1), u * half[1]))
+    points = np.array(rows) + rng.normal(0.0, 0.01, (600, 2))
+    points[::5] += rng.uniform(-1.0, 1.0, (120, 2))
+    c, s = np.cos(turn), np.sin(turn)
+    there = points @ np.array([[c, s], [-s, c]]) + (0.7, 8.1)
+    rim = fit_rim(np.column_stack([there, np.full(600, 3.4)]), 7.0, 3.2)
+    assert (rim.x, rim.y, rim.height) == pytest.approx((0.7, 8.1, 3.4), abs=0.01)
+    assert rim.heading == pytest.approx(turn, abs=np.radians(0.2))
+    assert rim.wall_count == 4
+
+
+def test_an_edge_is_the_nearer_of_two_neighbours():
+    """4.0 before 9.0, 4.1 before 9.0 and before nothing, 9.1 beside nothing."""
+    points = np.arange(18.0).reshape(3, 2, 3)
+    away = np.array([[4.0, 4.0], [4.1, 9.0], [np.inf, 9.1]])
+    found = edges_of(points, away)
+    np.testing.assert_array_equal(found, [points[0, 1], points[1, 0], points[2, 1]])
+
+
+def test_a_sample_says_that_it_knows_nothing():
+    seen, _ = look(air=THICK, seed=11)
+    assert np.isnan([seen.x, seen.y, seen.heading, seen.rim_height, seen.x_sd]).all()
+    assert seen.confidence == 0.0
+    assert replace(seen, t=0).is_seen is False
