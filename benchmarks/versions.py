@@ -114,17 +114,17 @@ def simulated_s(folder: Path) -> float:
     return float(json.loads((folder / "summary.json").read_text(encoding="utf-8"))["simulated_s"])
 
 
-def interleaved(rows: Sequence[Row], versions: Sequence[Version], rounds: int) -> dict[str, Any]:
-    """Seconds of each row and version in every round; one round before them is not counted."""
+def interleaved(rows: Sequence[Row], versions: Sequence[Version], rounds: int, warm: int) -> dict[str, Any]:
+    """Seconds of each row and version in every round; `warm` rounds before them are not counted."""
     found: dict[str, Any] = {row.title: {v.name: [] for v in versions} for row in rows}
     shuffler = random.Random(1)
     with tempfile.TemporaryDirectory() as base:
-        for number in range(rounds + 1):
+        for number in range(1 - warm, rounds + 1):
             jobs = [(row, version) for row in rows for version in versions]
             shuffler.shuffle(jobs)
             for row, version in jobs:
                 seconds = measure(row, version, Path(base) / f"{version.name}-{rows.index(row)}")
-                if number:
+                if number > 0:
                     found[row.title][version.name].append(seconds)
                 print(f"{number}/{rounds} {row.title}, {version.name}: {seconds:.2f} s", file=sys.stderr)
     return found
@@ -156,6 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--base", type=Path, required=True, help="checkout of the older version")
     parser.add_argument("--base-python", default=sys.executable, help="its Python")
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--warm", type=int, default=1, help="rounds before, which compile what is missing")
     parser.add_argument("--rows", type=int, nargs="*", help="numbers of rows, from 0 (default: all)")
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     options = parser.parse_args(arguments)
@@ -165,7 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         Version("before", options.base.resolve(), options.base_python),
         Version(NOW, here, sys.executable),
     ]
-    found = interleaved(rows, versions, options.rounds)
+    found = interleaved(rows, versions, options.rounds, options.warm)
     show(rows, versions, found)
     data = {"machine": machine(), "cpu_s": found}
     write_json(options.out, "versions", data)

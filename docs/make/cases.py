@@ -13,7 +13,8 @@ import numpy as np
 
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.case import Case, find_cases
-from swath.tools.function_test.cells import Cell, margin
+from swath.tools.function_test.cells import Cell
+from swath.tools.function_test.margin import margin
 from swath.tools.function_test.session import open_session
 
 HERE = Path(__file__).parents[1]
@@ -77,23 +78,18 @@ def _point(at: Any) -> str:
 
 
 def results(cells: list[Cell]) -> str:
-    """A table of finished runs, a case a row. The margin is that to limits other than a way that was driven."""
+    """A table of finished runs, a case a row. The margin is that of the worst run."""
     rows = ["| case | passed | known failures | verdict | worst margin | why |", "|---" * 6 + "|"]
     for cell in cells:
         counted, known = cell.counted, len(cell.runs) - len(cell.counted)
         passed = f"{len(counted) - len(cell.failed)} of {len(counted)}" if cell.runs else "not run"
         failed = f"{known - len(cell.surprises)} of {known}" if known else ""
-        far, worst = min(((_margin(run), run) for run in cell.runs), key=lambda m: m[0], default=(None, None))
+        far, worst = min(((margin(run), run) for run in cell.runs), key=lambda m: m[0], default=(None, None))
         why = worst["reason"] if worst else ""
         verdict = cell.verdict if counted else ""
         shown = "" if far is None else f"{far + 0.0:.2f}"
         rows.append(f"| {cell.case.name} | {passed} | {failed} | {verdict} | {shown} | {why} |")
     return "\n".join(rows)
-
-
-def _margin(run: Any) -> float:
-    told = [e for e in run["expect"] if e["name"] != "distance_m" or e["result"] == "fail"]
-    return margin({**run, "expect": told})
 
 
 def draw(case: Case) -> None:

@@ -55,7 +55,17 @@ class PathDrive:
     path: object = None
     pose: object = RawPose
     pose_params: object = None
-    imu: object = None
+    poses: list = field(default_factory=list)
+
+    def nees(self, after):
+        """Normalised estimation error squared of every pose known after so many seconds, (n,)."""
+        found = []
+        for pose, x, y, psi, speed in self.poses:
+            if pose.t * 1e-9 > after and np.isfinite(pose.x):
+                turn = np.angle(np.exp(1j * (pose.heading - psi)))
+                off = np.array([pose.x - x, pose.y - y, turn, pose.speed - speed])
+                found.append(off @ np.linalg.solve(pose.covariance, off))
+        return np.array(found)
 
     def run(self, seconds):
         """Rows (t [s], x, y [m], heading [rad], engaged) of every 20 ms, and the last GuidanceState."""
@@ -103,6 +113,7 @@ class PathDrive:
             pose = estimate.step(t - PERIOD, PERIOD, {"fix": fix, "odometry": samples, "inertial": None})[
                 "pose"
             ]
+            self.poses.append((pose, x, y, psi, self.speed))
             given = {"pose": pose, "odometry": samples[-1], "path": self.path(t) if self.path else None}
             wanted = law.step(t - PERIOD, PERIOD, given)
             command, guidance = wanted["command"].curvature, wanted["guidance"]

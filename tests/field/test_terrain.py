@@ -13,7 +13,11 @@ from swath.field.field_setup import FieldSetup
 from swath.field.raster import Raster
 from swath.field.terrain import dem, formula, plane
 from swath.field.waves import N0, ROUGHNESS_CLASSES, make_random_field, make_roughness
+from swath.kernels import start_warp
 from tests.field.made_field import SETUP, made_field
+
+start_warp()
+from swath.field.waves_kernel import sum_products  # noqa: E402
 
 
 def profile_psd(height, direction, length=8_000.0, spacing=0.125):
@@ -82,6 +86,18 @@ def test_lattice_agrees_with_height_and_pages_share_their_border_exactly():
         here, right, above = maker.ground(i, j), maker.ground(i + 1, j), maker.ground(i, j + 1)
         assert np.array_equal(here[:, -1], right[:, 0])
         assert np.array_equal(here[-1], above[0])
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "waves"), [(65, 65, 514), (70, 9, 40), (4, 8, 700), (3, 1, 9000)]
+)
+def test_compiled_sums_have_the_bits_of_einsum(rows, columns, waves):
+    draw = np.random.default_rng(rows).standard_normal
+    along, across = draw((rows, waves)), draw((waves, columns))
+    wanted = np.zeros((rows, columns))
+    for k in range(waves):
+        wanted += along[:, k, None] * across[k]
+    assert np.array_equal(sum_products(along, across), wanted)
 
 
 def test_ground_height_is_the_lattice():

@@ -55,6 +55,7 @@ LIMITS = {
     # straight on, sensors without error: of the place [m]
     "pose": {
         "raw": Limit("exact with sensors without error on a straight line", 1e-6),
+        "ekf": Limit("within 2 mm with sensors without error on a straight line", 2e-3),
     },
     "peer_link": {
         "ideal": Limit("exact", EXACT),
@@ -91,7 +92,11 @@ LIMITS = {
         "empirical": Limit("Wasserstein-1 2 cm", 0.02),
         "replay": Limit("within 2 cm of plants (Wasserstein-1)", 0.02),
     },
-    "camera": {"rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5)},
+    "camera": {
+        "rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5),
+        "error": Limit("equal to rays within 0.5 px without distortion", 0.5),
+        "depth": Limit("equal to rays within 0.5 px without noise", 0.5),
+    },
     "odometry": {
         "ideal": Limit("exact", EXACT),
         "error": Limit("equal to ideal with every error at 0", EXACT),
@@ -121,6 +126,7 @@ LIMITS = {
     "gnss": {
         "ideal": Limit("exact", 1e-5),  # speeds from poses 20 ms apart
         "error": Limit("equal to ideal with every error at 0", 1e-5),
+        "sky": Limit("equal to ideal with every error at 0", 1e-5),
     },
     "imu": {
         "ideal": Limit("exact", 1e-5),  # means over poses 5 ms apart

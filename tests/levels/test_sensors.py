@@ -161,7 +161,7 @@ def test_the_share_of_a_person_that_a_wall_hides(wall, share):
 def test_position_and_speed_on_a_circle(level, limit):
     """An antenna 2 m ahead of the axle: farther from the centre, faster, and with a course to the left."""
     antenna = {"antenna": Antenna(x_m=2.0, y_m=0.0, z_m=4.0)}
-    sensor = reset(make("gnss", level, setup_of(), **antenna, **(ZERO_GNSS if level == "error" else {})))
+    sensor = reset(make("gnss", level, setup_of(), **antenna, **({} if level == "ideal" else ZERO_GNSS)))
     for fix in feed(sensor, circle(SPEED, RADIUS), 20):
         turn = RATE * fix.t * 1e-9
         x = RADIUS * np.sin(turn) + 2.0 * np.cos(turn)
@@ -186,7 +186,7 @@ def test_rates_and_forces_on_a_circle(level, limit):
 def test_where_a_box_appears(level, limit):
     """A convex body spans in the image what its corners span."""
     solid, u, v = test_camera.box_by_hand()
-    image = test_camera.look(test_camera.camera(solid, horizontal_fov_deg=60.0))
+    image = test_camera.look(test_camera.camera_of(level, solid))
     rows, columns = np.nonzero(image.label == Organ.SOLID)
     assert len(rows) > 400
     for seen, corner in ((columns, u), (rows, v)):

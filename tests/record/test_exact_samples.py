@@ -1,5 +1,6 @@
 """Samples in run.mcap come back bit for bit, and every message as it was published."""
 
+import zlib
 from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.record import packed_columns
 from swath.record.mcap_file import McapFile
 from swath.record.read.feed import exact_samples, exact_topic, own_outputs
 from swath.record.read.mcap_log import McapLog
@@ -191,6 +193,43 @@ def test_rosbags_reads_every_message_as_it_was_published(run):
     assert count == len(written)
 
 
+courses = st.sampled_from(["<f8", "<f4"]).flatmap(
+    lambda kind: st.lists(st.floats(width=8 * int(kind[2])), min_size=6, max_size=180).map(
+        lambda v: np.array(v[: len(v) // 3 * 3], dtype=kind).reshape(-1, 3)
+    )
+)
+
+
+@given(st.one_of(courses, courses.map(lambda c: np.cumsum(np.ones_like(c), axis=0) * c[0])))
+@settings(max_examples=60, deadline=None)
+def test_packed_columns_keep_every_bit(column):
+    how, data = packed_columns.pack(column)
+    assert len(data) == column.nbytes
+    if how:
+        assert packed_columns.unpack(data, how, column.dtype, column.shape).tobytes() == column.tobytes()
+    else:
+        assert data == column.tobytes()
+
+
+def test_a_smooth_course_takes_fewer_bytes():
+    t = np.arange(100) / 200.0
+    place = np.stack([2.0 * t, 0.01 * np.sin(t), 1e-3 * np.cos(3.0 * t)], axis=1)
+    how, data = packed_columns.pack(place)
+    assert how == packed_columns.SMOOTH
+    assert len(zlib.compress(data)) < 0.8 * len(zlib.compress(place.tobytes()))
+
+
+def test_a_recording_without_packed_columns_is_read(tmp_path, monkeypatch):
+    """As format 1 has them."""
+    monkeypatch.setattr(packed_columns, "pack", lambda column: ("", column.tobytes()))
+    samples = [Odd(k, Pose.identity(), 0.5 * k, k, True, np.ones(2), 1.0) for k in range(20)]
+    with Recorder(tmp_path, [machine()]) as recorder:
+        for sample in samples:
+            recorder("combine.odd", sample.t, {"odd": sample})
+    found = read_exact(tmp_path / "run.mcap", "combine.odd", "odd")
+    assert all(same_bits(made, sample) for (_, made), sample in zip(found, samples, strict=True))
+
+
 def test_what_cannot_be_kept_is_not(tmp_path):
     @dataclass(frozen=True)
     class Worded(Signal):
@@ -221,5 +260,5 @@ def test_a_file_within_the_file(tmp_path):
         pass
     log = McapLog(tmp_path / "run.mcap")
     assert log.attachment("scenario.yaml") == b"name: x\n"
-    assert b"swath recording 1" in log.attachment("recording.json")
+    assert b"swath recording 2" in log.attachment("recording.json")
     assert log.attachment("nothing") is None

@@ -6,6 +6,7 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.field.site_setup import Bodies
 from swath.signals import MachineState
 
 STATE_STEP = 5_000_000  # the motion runs at 200 Hz
@@ -13,7 +14,9 @@ STATE_STEP = 5_000_000  # the motion runs at 200 Hz
 
 def setup_of(origin=None, start=None, period=0.1):
     start = Pose.identity() if start is None else start
-    return SimpleNamespace(origin=origin, machine=None, edge_side="left", start=start, period=period)
+    return SimpleNamespace(
+        origin=origin, machine=None, edge_side="left", start=start, period=period, bodies=Bodies()
+    )
 
 
 def standing(**angles):

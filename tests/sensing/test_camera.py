@@ -2,17 +2,21 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.random import Stream
 from swath.field.memory_layout import Organ, Solids
+from swath.field.site_setup import Bodies
 from swath.rays.engine import RayCaster
 from swath.record.digest import sample_bytes
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
+from swath.sensing.camera import depth, error
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
 from swath.sensing.camera.shading import COLOURS
@@ -54,10 +58,49 @@ def box(centre, half, yaw=0.3):
     )
 
 
+def standing(solids):
+    """The site with one more thing in it."""
+    bodies = Bodies({"box": solids} if solids else {})
+    return replace(site(), obstacles=solids or Solids(), bodies=bodies)
+
+
 def camera(solids=None, threads=1, **keys):
-    setup = replace(site(), obstacles=solids or Solids())
-    made = RaysCamera(Params(**{"width_px": 160, "height_px": 120} | keys), setup)
+    setup = standing(solids)
+    made = RaysCamera(Params(**{"width_px": 160, "height_px": 120, "texture": False} | keys), setup)
     made.caster = RayCaster(setup.field, threads=threads)
+    return made
+
+
+def camera_of(level, solids):
+    """A camera of any level with 160 x 120 pixels that span 60 deg, without distortion, noise and blur."""
+    if level == "rays":
+        return camera(solids, horizontal_fov_deg=60.0)
+    setup = replace(standing(solids), base=Path(__file__).parent)
+    if level == "depth":
+        params = depth.Params(
+            width_px=160,
+            height_px=120,
+            horizontal_fov_deg=60.0,
+            channels=("depth", "label"),
+            disparity_sd_px=0.0,
+            disparity_step_px=0.0,
+            disparity_min_px=0.01,
+            holes=False,
+        )
+        made = depth.DepthCamera(params, setup)
+    else:
+        made = error.ErrorCamera(
+            error.Params(
+                sensor="camera_60deg.yaml",
+                binning=1,
+                samples_per_pixel=1,
+                distortion="none",
+                noise="none",
+                blur="none",
+            ),
+            setup,
+        )
+    made.reset(Stream(1, "combine.camera"))
     return made
 
 
@@ -127,16 +170,17 @@ def test_labels_and_depths_are_those_of_single_rays():
     caster = RayCaster(site().field, threads=1)
     image = look(one)
     d = one.pinhole.rays().reshape(-1, 3) @ (Pose.from_euler(EYE, ROLL, PITCH, YAW) @ OPTICAL).rotation.T
-    np.testing.assert_allclose(d.reshape(120, 160, 3), rays_by_hand(160, 120, one.pinhole.focal), atol=1e-12)
-    length = np.linalg.norm(d, axis=1)
-    hits = caster.cast(np.tile(EYE, (len(d), 1)), d / length[:, None], range_max=60.0, solids=solids)
+    by_hand = rays_by_hand(160, 120, one.pinhole.focal).reshape(-1, 3)
+    length = np.linalg.norm(by_hand, axis=1)
+    np.testing.assert_allclose(d, by_hand / length[:, None], atol=1e-12)
+    hits = caster.cast(np.tile(EYE, (len(d), 1)), d, range_max=60.0, solids=solids)
     assert len(np.unique(hits.organ)) >= 6
     # Two kernels: they agree on 99.9 % of rays that may graze (docs/rays.md), here on all on most machines.
     same = image.label.ravel() == hits.organ
     assert same.mean() >= 0.999
     np.testing.assert_allclose(image.depth.ravel()[same], (hits.distance / length)[same], rtol=1e-4)
     for i in range(0, len(d), 97):  # by the camera's own kernel a ray alone gives the very same
-        alone = caster.cast_image(EYE, (d[i] / length[i])[None, None], range_max=60.0, solids=solids)
+        alone = caster.cast_image(EYE, d[i][None, None], range_max=60.0, solids=solids)
         assert alone.organ[0, 0] == image.label.ravel()[i]
     # Four samples: what a camera of twice the pixels sees, the nearest of each 2 x 2.
     double = look(camera(solids, width_px=320, height_px=240))

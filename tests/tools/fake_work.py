@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 from swath.tools.function_test.one_run import no_result
 
@@ -10,6 +11,7 @@ def fake_work(run, fields):
     """A result that passes; the run named in FAKE_WORK_KILLS kills its process."""
     if run.id == os.environ.get("FAKE_WORK_KILLS"):
         os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(float(os.environ.get("FAKE_WORK_S", "0")))
     return {**no_result(run, ""), "verdict": "pass", "metrics": {"distance_m": 6.0}, "digest": "d"}
 
 
@@ -21,3 +23,20 @@ def begin_fake():
 def no_begin():
     """For workers that cannot begin."""
     raise RuntimeError("as a script without a main guard")
+
+
+def analytic_value(length, depth, stems, speed):
+    """A smooth value of four parameters, limited to 0.3."""
+    return 0.12 * length * (0.4 + 0.5 * depth) + 0.0002 * abs(stems - 350) + 0.0006 * speed**2 * depth
+
+
+def analytic_work(run, fields):
+    """A result whose edge_rmse_m is a formula of its point; with ANALYTIC_ERRORS some crash."""
+    point = run.point
+    if os.environ.get("ANALYTIC_ERRORS") and point["speed_kmh"] > 9:
+        return no_result(run, "crashed")
+    value = analytic_value(point["length_m"] - 20, point["depth_m"], point["stems"], point["speed_kmh"])
+    entry = {"subject": "combine", "name": "edge_rmse_m", "limit": {"max": 0.3}, "value": value,
+             "result": "fail" if value > 0.3 else "pass"}  # fmt: skip
+    return {**no_result(run, ""), "verdict": entry["result"], "metrics": {"edge_rmse_m": value},
+            "expect": [entry], "digest": f"{value}"}  # fmt: skip

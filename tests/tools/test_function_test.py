@@ -12,9 +12,10 @@ from docs.make.cases import PAGE, PICTURES, page
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.function_test.case import find_cases, read_case
-from swath.tools.function_test.cells import cells_of, judged_again, margin
+from swath.tools.function_test.cells import cells_of, judged_again
 from swath.tools.function_test.journal import Journal, finished, results_of, write_table
 from swath.tools.function_test.junit import write_junit
+from swath.tools.function_test.margin import margin
 from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.plan import Plan, plan_of

@@ -13,6 +13,7 @@ from swath.field.crop_sheet import load_crop
 from swath.field.obstacle_sheet import load_obstacle
 from swath.machine.machine_sheet import load_machine
 from swath.scenario.scenario import find_scenario, load_scenario, scenario_names
+from swath.sensing.camera.camera_sheet import load_camera
 from swath.sensing.ground_speed.radar import load_ground_radar
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.radar.radar_sheet import load_radar
@@ -93,6 +94,8 @@ def test_every_bundled_sheet_is_read(kind):
 
 
 def load_sensor(name):
+    if name.startswith("camera-"):
+        return load_camera(name)
     radars = {"ground-radar": load_ground_radar, "radar": load_radar}
     return radars.get(name.partition("-24ghz")[0].partition("-77ghz")[0], load_lidar)(name)
 

@@ -55,6 +55,7 @@ def _check(file: str) -> int:
     from swath.field.crop_sheet import load_crop
     from swath.field.obstacle_sheet import load_obstacle
     from swath.machine.machine_sheet import load_machine
+    from swath.sensing.camera.camera_sheet import load_camera
     from swath.sensing.ground_speed.radar import load_ground_radar
     from swath.sensing.lidar_sheet import load_lidar
     from swath.sensing.radar.radar_sheet import load_radar
@@ -66,7 +67,7 @@ def _check(file: str) -> int:
     if kind is None:
         formats = ", ".join(f"format: swath {word} 2" for word in WORDS.values())
         raise InputError("format", said or None, f"expected one of {formats}", file=file)
-    sensors = {"radar": load_radar, "ground_radar": load_ground_radar}
+    sensors = {"radar": load_radar, "ground_radar": load_ground_radar, "camera": load_camera}
     load_sensor = sensors.get(str(data.get("kind")), load_lidar)
     load: Any = {
         "sensors": load_sensor,

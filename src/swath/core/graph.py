@@ -240,7 +240,8 @@ class Graph:
         if not isinstance(outputs, dict):
             raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(sends)}")
         for output, signal in outputs.items():
-            if not isinstance(signal, sends.get(output, ())):
+            wanted = sends.get(output, ())
+            if type(signal) is not wanted and not isinstance(signal, wanted):
                 raise _unfit(name, output, signal, sends)
             self._latest[name, output] = signal
         if name in self._listeners:

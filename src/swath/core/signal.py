@@ -79,7 +79,7 @@ class About:
 
     frame: `base` (machine), `sensor`, `optical` (of a camera) or `world`
     messages: () = one `swath_msgs/<Class>` with all its fields in that frame
-    is_thinned: messages come at the rate of tracks.parquet, not sample by sample
+    is_thinned: messages come at the rate of tracks.parquet at most, not sample by sample
     is_bulky: beside exact samples, messages in the file come five times a second
     samples: recorded bit for bit with `record: exact`, only with `full` (large truth, for metrics and
     pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit

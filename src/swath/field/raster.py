@@ -78,9 +78,13 @@ class Raster:
 
     @staticmethod
     def from_geotiff(
-        path: Path | str, origin: tuple[float, float] | None = None, *, may_be_empty: bool = False
+        path: Path | str,
+        origin: tuple[float, float] | None = None,
+        *,
+        may_be_empty: bool = False,
+        band: int = 1,
     ) -> "Raster":
-        """First band of a GeoTIFF. origin: (easting, northing) [m] to subtract, None = keep the file's.
+        """A band of a GeoTIFF. origin: (easting, northing) [m] to subtract, None = keep the file's.
 
         Raises InputError naming the file when it cannot be read, has no projected system in metres, is
         rotated, has cells that are not square, or, unless it `may_be_empty`, holds no number at all. A nodata
@@ -91,7 +95,9 @@ class Raster:
             epsg = _metric_epsg(dataset.crs, path)
             cell = _cell(dataset.transform, path)
             _check_cells(dataset, path)
-            values = dataset.read(1, masked=True).astype(np.float32).filled(np.nan)[::-1]
+            if dataset.count < band:
+                raise InputError("raster", dataset.count, f"expected {band} bands or more", file=path)
+            values = dataset.read(band, masked=True).astype(np.float32).filled(np.nan)[::-1]
             west, north = float(dataset.transform.c), float(dataset.transform.f)
         if not (may_be_empty or np.isfinite(values).any()):
             raise InputError("raster", None, "expected at least one number, every cell is empty", file=path)

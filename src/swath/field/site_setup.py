@@ -37,6 +37,15 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Sighted:
+    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`"""
+
+    name: str
+    kind: str
+    solids: Solids
+
+
+@dataclass(frozen=True)
 class Body:
     """A thing of the scene or a machine as it is now. kind: as in `OBSTACLE_KINDS`; solids: in the world
 
@@ -165,6 +174,14 @@ class Bodies:
         rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
         return merge(*(moved(self._seen(n), self._poses[n]) for n in rest))
 
+    def in_sight(self, name: str) -> list[Sighted]:
+        """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
+        only where it sees itself.
+        """
+        standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
+        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        return standing + [Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n])) for n in rest]
+
     def around(self, name: str = "") -> list[Body]:
         """Every obstacle, thing and machine but one, as they are now."""
         return [self._body(n) for n in (*self._obstacles, *sorted(self._solids)) if n != name]
@@ -221,17 +238,21 @@ class Bodies:
 
     def _body(self, name: str) -> Body:
         thing, moves = self._things.get(name), name in self._solids
+        kind = self._kind(name)
         if thing is not None:
-            kind, own, rcs = thing.kind, thing.solids, thing.rcs_dbsm
+            own, rcs = thing.solids, thing.rcs_dbsm
         else:
-            is_machine = moves and name not in self._standing
-            own = self._solids[name] if moves else self._standing_solids[name]
-            kind, rcs = "machine" if is_machine else "unknown", None
+            own, rcs = self._solids[name] if moves else self._standing_solids[name], None
         pose = self._poses[name] if moves else Pose.identity() if thing is None else thing.pose
         velocity = self._velocities[name] if moves else np.zeros(3)
         if name not in self._bounds:
             self._bounds[name] = bounds(parts_of(own))
         return Body(name, kind, moved(own, pose), pose, velocity, *self._bounds[name], rcs)
+
+    def _kind(self, name: str) -> str:
+        if name in self._things:
+            return self._things[name].kind
+        return "machine" if name in self._solids and name not in self._standing else "unknown"
 
     def _in_world(self, name: str) -> Parts:
         """The parts of a body where it stands now."""

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.random import Stream
+from swath.kernels import start_warp
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ ROUGHNESS_CLASSES = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 409
 N0 = 0.1  # reference wave number of ISO 8608 [cycles/m]
 ROUGHNESS_BAND = (0.05, 4.0)  # wave numbers in the surface [cycles/m]
 WAVE_COUNT = 256
+FEW = 20_000  # products that need no compiled sum
 KEPT = 32  # lines of a lattice in memory, a quarter of a MB each
 GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 
@@ -68,11 +70,17 @@ class Waves:
     def lattice(self, u: Array, v: Array, yaw: float) -> Array:
         """Value at the crossings of u (n,) and v (m,) of a frame turned by yaw, shape (m, n).
 
-        sin(a + b) = sin a cos b + cos a sin b. einsum adds row after row of `across`, wave by wave, so that a
-        crossing has the same bits in every lattice that holds it (a matrix product need not; tested).
+        sin(a + b) = sin a cos b + cos a sin b. Sums go row after row of `across`, wave by wave, as those
+        of einsum, so that a crossing has the same bits in every lattice that holds it (a matrix product need
+        not; tested).
         """
         along, across = self._along(v.tobytes(), yaw), self._across(u.tobytes(), yaw)
-        return np.asarray(np.einsum("vk,ku->vu", along, across, optimize=False))
+        if along.shape[1] * len(v) * len(u) < FEW:
+            return np.asarray(np.einsum("vk,ku->vu", along, across, optimize=False))
+        start_warp()
+        from swath.field.waves_kernel import sum_products
+
+        return sum_products(along, across)
 
     @cached_property
     def _across(self) -> Callable[[bytes, float], Array]:

@@ -13,7 +13,7 @@ from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.signal import per_signal
 from swath.record.samples import DEFINITION, MSGTYPE
-from swath.signals import F32, F64, U8, Signal
+from swath.signals import F32, F64, U8, U16, Signal
 
 FIELD_TYPES = {
     float: "float64",
@@ -23,6 +23,7 @@ FIELD_TYPES = {
     F64: "float64[]",
     F32: "float32[]",
     U8: "uint8[]",
+    U16: "uint16[]",
     Pose: "geometry_msgs/Pose",
 }
 # Public definitions that rosbags' Jazzy set lacks, and that of swath which no sample type gives.

@@ -14,7 +14,7 @@ from swath.record.messages import Maker, RecordedMachine, Sent, Source
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
 from swath.record.obstacle_messages import object_messages, obstacle_messages
 from swath.record.own_messages import own_messages
-from swath.record.positioning_messages import fix_messages, imu_messages
+from swath.record.positioning_messages import fix_messages, imu_messages, pose_messages
 from swath.record.radar_messages import radar_messages
 from swath.record.scan_messages import scan_messages, truth_messages
 from swath.signals import (
@@ -26,6 +26,7 @@ from swath.signals import (
     Objects,
     Obstacles,
     Odometry,
+    PoseEstimate,
     Scan,
     ScanTruth,
     Signal,
@@ -43,6 +44,7 @@ MAKERS: dict[type[Signal], Maker] = {
     ScanTruth: lambda source: partial(truth_messages, source),
     Image: lambda source: partial(image_messages, source),
     Fix: lambda source: partial(fix_messages, source),
+    PoseEstimate: lambda source: partial(pose_messages, source),
     Inertial: lambda source: partial(imu_messages, source),
     CropEdge: lambda source: partial(edge_messages, source),
     RadarTargets: lambda source: partial(radar_messages, source),

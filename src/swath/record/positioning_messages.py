@@ -8,7 +8,7 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.record.messages import Sent, Source
 from swath.record.templates import Draft
-from swath.signals import F64, FIX_QUALITIES, Fix, Inertial
+from swath.signals import F64, FIX_QUALITIES, Fix, Inertial, PoseEstimate
 
 UNKNOWN = 1e6  # variance of what a receiver does not know
 STATUS = {"none": -1, "single": 0, "dgps": 1, "float": 2, "fix": 2}  # sensor_msgs/NavSatStatus
@@ -33,6 +33,20 @@ def imu_messages(source: Source, sample: Inertial) -> Iterator[Sent]:
     values = (sample.rate_x, sample.rate_y, sample.rate_z, sample.force_x, sample.force_y, sample.force_z)
     variant = (sample.rate_sd, sample.force_sd)
     yield Sent(source.topic, Draft(sample.t, INERTIAL, values, lambda: _imu(source, sample), variant))
+
+
+def pose_messages(source: Source, pose: PoseEstimate) -> Iterator[Sent]:
+    """nav_msgs/Odometry in `map`, its child frame `<machine>/<slot>`; until it is known it is announced."""
+    make, is_known = source.make, bool(np.isfinite(pose.x))
+    place = Pose.from_euler((pose.x, pose.y, 0.0), yaw=pose.heading) if is_known else Pose.identity()
+    spread = np.diag([UNKNOWN] * 6)
+    spread[:2, :2] = pose.covariance[:2, :2]
+    spread[5, [0, 1, 5]] = spread[[0, 1, 5], 5] = pose.covariance[2, :3]
+    speed = np.diag([float(pose.covariance[3, 3]), *[UNKNOWN] * 5])
+    twist = make.twist(pose.speed, yaw_rate=pose.yaw_rate)
+    head = make.header(pose.t, "map")
+    message = make.odometry(head, source.frame, place, twist, spread.ravel(), speed.ravel())
+    yield Sent(source.topic, message, "" if is_known else "announced")
 
 
 def _imu(source: Source, sample: Inertial) -> Any:

@@ -12,6 +12,7 @@ from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
+from swath.record.message_factory import plain_names
 from swath.record.messages import RecordedMachine
 from swath.record.messenger import Messenger
 from swath.record.samples import Blocks, is_recordable
@@ -22,7 +23,9 @@ from swath.signals import Signal
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
 TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
-LARGE_PERIOD = NS // 5  # between two messages of a large truth or scan, unless everything is wanted
+BESIDE_PERIOD = NS // 10  # between two messages of an output whose samples are all there beside them
+BULKY_PERIOD = NS // 5  # the same of a scan
+LARGE_PERIOD = NS * 2 // 5  # between two messages of a large truth, unless everything is wanted
 
 
 class Recorder:
@@ -33,8 +36,8 @@ class Recorder:
     extra: per machine name, further columns of tracks.parquet
     rate_hz: of tracks.parquet and of the thinned messages in run.mcap; mcap: write run.mcap
     detail: `none`: no file, the tracks are in memory alone; `standard` messages only, `exact` samples beside
-    them, messages of scans then five times a second; `full`: samples of the large truth too, which else is
-    seen five times a second. Taps of the file see every scan.
+    them, messages then at most 10 times a second, of scans 5 times; `full`: samples of the large truth too,
+    of which else there are 2.5 messages a second. With taps of the file messages come as with `standard`.
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -80,7 +83,7 @@ class Recorder:
                 sink.tracks.take(t, sink.source, signal)
             if sink.messenger is None:
                 continue
-            if not sink.is_thinned or self._is_due(sink, t):
+            if self._is_due(sink, t):
                 sink.messenger.write(sink.part, output, t, signal)
             if sink.blocks is not None:
                 sink.blocks.add(t, signal)
@@ -109,9 +112,9 @@ class Recorder:
             self.file.begin_as(folder / RECORDING_FILE, state["messages"])
         for name, messenger in self._messengers.items():
             messenger.load(state["makers"][name])
-        for key, (flags, blocks) in state["outputs"].items():
+        for key, (timing, blocks) in state["outputs"].items():
             sink = self._sinks[key] = self._empty_sink(*key)
-            sink.is_thinned, sink.is_large, sink.is_bulky, sink.due = flags
+            sink.period, sink.alone, sink.due = timing
             if blocks is not None:
                 sink.blocks = self._new_blocks(*key)
                 sink.blocks.load(blocks)
@@ -144,19 +147,24 @@ class Recorder:
 
     def _tell_time(self, file: McapFile, t: int) -> None:
         """`/clock`, as often as the thinned messages."""
-        self._clock_due = (t // self._period + 1) * self._period
+        period = self._period if file.taps or self._detail == "standard" else BESIDE_PERIOD
+        self._clock_due = (t // period + 1) * period
         file.write("/clock", t, Draft(t, (), (), lambda: _clock(file, t)))
 
     def _sink(self, slot: str, output: str, signal: Signal) -> "_Sink":
         """What takes the samples of an output, of which this is the first."""
         sink = self._empty_sink(slot, output)
-        about, is_exact = signal.about, self._detail == "exact"
-        sink.is_large = about.samples == "full" and self._detail != "full"
-        sink.is_bulky = about.is_bulky and is_exact
-        sink.is_thinned = about.is_thinned or sink.is_large or sink.is_bulky
-        is_wanted = about.samples in ("exact", self._detail) and is_recordable(signal)
-        if sink.messenger is not None and self._detail != "standard" and is_wanted:
+        about, detail = signal.about, self._detail
+        sink.period = self._period if about.is_thinned else 0
+        if about.samples == "full" and detail != "full":
+            sink.period = LARGE_PERIOD if detail == "exact" else BULKY_PERIOD
+        is_wanted = about.samples in ("exact", detail) and is_recordable(signal)
+        if sink.messenger is not None and detail != "standard" and is_wanted:
             sink.blocks = self._new_blocks(slot, output)
+            is_small = about.is_thinned or plain_names(type(signal)) is not None
+            if detail == "exact":
+                sink.alone = BULKY_PERIOD if about.is_bulky else BESIDE_PERIOD if is_small else 0
+        sink.alone = max(sink.alone, sink.period)
         return sink
 
     def _empty_sink(self, slot: str, output: str) -> "_Sink":
@@ -167,13 +175,11 @@ class Recorder:
         return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}")
 
     def _is_due(self, sink: "_Sink", t: int) -> bool:
-        is_large = sink.is_large
-        if sink.is_bulky:
-            is_large = self.file is not None and not self.file.taps
-        if t < sink.due and (is_large or sink.is_large or not sink.is_bulky):
+        """Whether a message is to be written."""
+        period = sink.period if self.file is not None and self.file.taps else sink.alone
+        if t < sink.due and period:
             return False
-        period = LARGE_PERIOD if is_large else self._period
-        sink.due = (t // period + 1) * period
+        sink.due = (t // period + 1) * period if period else 0
         return True
 
 
@@ -181,8 +187,7 @@ class Recorder:
 class _Sink:
     """Where the samples of an output go. part, source: its slot, and with the output, without the machine
 
-    is_thinned: messages of some samples only; is_large: of a large truth; is_bulky: of a scan beside exact
-    samples; due: when the next message is [ns]
+    period: between two messages [ns], 0 = all; alone: the same where nobody listens; due: when the next is
     """
 
     part: str
@@ -190,15 +195,14 @@ class _Sink:
     tracks: Tracks | None
     messenger: Messenger | None
     blocks: Blocks | None = None
-    is_thinned: bool = False
-    is_large: bool = False
-    is_bulky: bool = False
+    period: int = 0
+    alone: int = 0
     due: int = 0
 
     def save(self) -> Any:
         """What it is, and the samples that wait for their block."""
-        flags = self.is_thinned, self.is_large, self.is_bulky, self.due
-        return flags, None if self.blocks is None else self.blocks.save()
+        timing = self.period, self.alone, self.due
+        return timing, None if self.blocks is None else self.blocks.save()
 
 
 def _clock(file: McapFile, t: int) -> Any:

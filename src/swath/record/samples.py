@@ -15,6 +15,7 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.signal import signal_types
+from swath.record import packed_columns
 from swath.signals import Signal
 
 MSGTYPE = "swath_msgs/msg/Samples"
@@ -90,8 +91,7 @@ class Blocks:
 
     def _write(self, values: Sequence[tuple[Any, ...]], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
-        kinds = [_kind(column[0]) for column in values]
-        columns = [_column(c, k) for c, k in zip(values, kinds, strict=True)]
+        columns = [_column(column, _kind(column[0])) for column in values]
         message = self.file.make(
             MSGTYPE,
             header=self.file.make.header(t[-1], ""),
@@ -99,9 +99,9 @@ class Blocks:
             published=np.array(published, dtype=np.int64),
             t=np.array(t, dtype=np.int64),
             names=list(self._names),
-            kinds=kinds,
-            held=np.array([held for held, _ in columns], dtype=bool),
-            data=np.frombuffer(b"".join(data for _, data in columns), dtype=np.uint8),
+            kinds=[kind for kind, _, _ in columns],
+            held=np.array([held for _, held, _ in columns], dtype=bool),
+            data=np.frombuffer(b"".join(data for _, _, data in columns), dtype=np.uint8),
         )
         self.file.write(self.topic, published[-1], message)
 
@@ -129,12 +129,15 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
         count, data, at = len(message.t), bytes(message.data), 0
         columns: dict[str, Any] = {}
         for name, text, held in zip(message.names, message.kinds, message.held, strict=True):
-            code, _, shape = text.partition(" ")
-            dims = tuple(int(n) for n in shape.split(",") if n)
+            code, dims, packing = _described(text)
             length = 1 if held else count
             dtype = np.dtype(CODES.get(code, code))
             size = dtype.itemsize * length * int(np.prod(dims, dtype=int))
-            values = np.frombuffer(data[at : at + size], dtype=dtype).reshape(length, *dims).copy()
+            part = data[at : at + size]
+            if packing:
+                values = packed_columns.unpack(part, packing, dtype, (length, *dims))
+            else:
+                values = np.frombuffer(part, dtype=dtype).reshape(length, *dims).copy()
             values.setflags(write=False)
             at += size
             column = values.tolist() if code in CODES else list(values)
@@ -143,6 +146,13 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
         yield from [(out, _build(kind, t, columns, i)) for i, (out, t) in enumerate(stamps)]
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
         raise InputError("recording", MSGTYPE, f"expected a block of samples ({error})") from error
+
+
+def _described(text: str) -> tuple[str, tuple[int, ...], str]:
+    """Type, shape and packing of the values of a column, from its entry in `kinds`."""
+    code, *rest = text.split(" ")
+    packing = rest.pop() if rest and rest[-1] in (packed_columns.PLANES, packed_columns.SMOOTH) else ""
+    return code, tuple(int(n) for n in "".join(rest).split(",") if n), packing
 
 
 def leaf_names(signal: Signal) -> list[str]:
@@ -184,13 +194,17 @@ def _kind(value: Any) -> str:
     raise TypeError(f"a sample field of type {type(value).__name__} cannot be recorded")
 
 
-def _column(values: tuple[Any, ...], kind: str) -> tuple[bool, bytes]:
-    """Whether the values are one and the same array, bit for bit, and their bytes."""
+def _column(values: tuple[Any, ...], kind: str) -> tuple[str, bool, bytes]:
+    """Entry in `kinds`, whether the values are one and the same array, bit for bit, and their bytes."""
     code = kind.partition(" ")[0]
     first = values[0]
     if isinstance(first, np.ndarray) and _are_same(first, values):
-        return True, np.ascontiguousarray(first, dtype=code).tobytes()
-    return False, np.array(values, dtype=CODES.get(code, code)).tobytes()
+        return kind, True, np.ascontiguousarray(first, dtype=code).tobytes()
+    column = np.array(values, dtype=CODES.get(code, code))
+    if column.dtype.kind != "f":
+        return kind, False, column.tobytes()
+    packing, data = packed_columns.pack(column)
+    return f"{kind} {packing}" if packing else kind, False, data
 
 
 def _are_same(first: np.ndarray, values: tuple[Any, ...]) -> bool:

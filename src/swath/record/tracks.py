@@ -225,8 +225,22 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         data.append(pa.array(np.concatenate(filled)))
     about = {"format": TRACKS, "units": json.dumps({n: c.unit for n, c in columns.items()})}
     made = pa.BufferOutputStream()
-    pq.write_table(pa.table(data, schema=pa.schema(fields, metadata=about)), made, compression="zstd")
+    table = pa.table(data, schema=pa.schema(fields, metadata=about))
+    busy = [f.name for f, column in zip(fields[1:], data[1:], strict=True) if _is_busy(column.to_numpy())]
+    pq.write_table(
+        table,
+        made,
+        compression="zstd",
+        use_dictionary=[name for name in table.column_names if name not in busy],
+        column_encoding=dict.fromkeys(busy, "BYTE_STREAM_SPLIT"),
+    )
     write_whole(path, made.getvalue().to_pybytes())
+
+
+def _is_busy(values: np.ndarray) -> bool:
+    """Whether values mostly differ from the one before, so that a dictionary of them is no shorter."""
+    changes = np.count_nonzero((values[1:] != values[:-1]) & ~np.isnan(values[1:]))
+    return bool(4 * changes > len(values))
 
 
 def read_tracks(path: Path) -> dict[str, np.ndarray]:

@@ -8,6 +8,7 @@ from swath.core.signal import Signal as Signal
 from swath.signals.arrays import F32 as F32
 from swath.signals.arrays import F64 as F64
 from swath.signals.arrays import U8 as U8
+from swath.signals.arrays import U16 as U16
 from swath.signals.commands import SpeedCommand as SpeedCommand
 from swath.signals.commands import SteerCommand as SteerCommand
 from swath.signals.cooperation import HeapState as HeapState
@@ -30,6 +31,7 @@ from swath.signals.guidance import GuidanceState as GuidanceState
 from swath.signals.header import CropFlow as CropFlow
 from swath.signals.header import HeaderState as HeaderState
 from swath.signals.image import Image as Image
+from swath.signals.image import ImageBoxes as ImageBoxes
 from swath.signals.motion import MachineState as MachineState
 from swath.signals.motion import SteerState as SteerState
 from swath.signals.motion import WheelState as WheelState

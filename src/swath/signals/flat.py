@@ -14,11 +14,11 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.signal import Quantity, per_signal, quantities
-from swath.signals import F32, F64, U8, Signal
+from swath.signals import F32, F64, U8, U16, Signal
 
 Value = Any  # float, int, bool or an array, as the field's kind says
 POSE = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
-ARRAYS: dict[Any, Any] = {F64: np.float64, F32: np.float32, U8: np.uint8}
+ARRAYS: dict[Any, Any] = {F64: np.float64, F32: np.float32, U8: np.uint8, U16: np.uint16}
 _KINDS: dict[Any, str] = {float: "real", int: "int", bool: "bool", **dict.fromkeys(ARRAYS, "array")}
 
 

@@ -1,24 +1,33 @@
-"""Pictures of a camera."""
+"""Pictures of a camera, and where things are in them."""
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any, Protocol
+
+import numpy as np
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Message, Quantity, Signal
-from swath.signals.arrays import F32, U8
+from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
+from swath.signals.arrays import F32, F64, U8, U16
 
 _IMAGE = (
     Message("sensor_msgs/Image", "colour, rgb8"),
+    Message("sensor_msgs/CompressedImage", "colour, jpeg", "/machine/slot/output/compressed"),
     Message("sensor_msgs/Image", "depth, 32FC1 [m]", "/machine/slot/output_depth"),
     Message("sensor_msgs/Image", "label, mono8", "/machine/slot/output_label"),
+    Message("sensor_msgs/Image", "instance, mono16", "/machine/slot/output_instance"),
+    Message("sensor_msgs/Image", "raw, mono16 or rgb16", "/machine/slot/output_raw"),
     Message("sensor_msgs/CameraInfo", "", "/machine/slot/camera_info"),
 )
+_N = ("box_count",)
+_COUNT = (TrackColumn("box_count", "-", "things in the picture", lambda x: float(len(x))),)
 
 
 @frozen
 class Image(Signal, about=About("optical", _IMAGE, samples="messages")):
-    """One picture of a camera, all pixels at the time t. A channel that was not asked for has no pixels.
+    """One picture of a camera. A channel that was not asked for has no pixels.
 
-    Optical frame: x right, y down, z forward; the middle of the upper left pixel is (0, 0).
+    Optical frame: x right, y down, z forward; the middle of the upper left pixel is (0, 0). t: when the
+    exposure of the last row ends.
     """
 
     width: Annotated[int, Quantity("", "of the image [px]")]
@@ -31,3 +40,71 @@ class Image(Signal, about=About("optical", _IMAGE, samples="messages")):
     ]
     colour: Annotated[U8, Quantity("", "sRGB", ("height", "width", 3))]
     label: Annotated[U8, Quantity("", "`field.layout.Organ` that was hit, 0 = none", ("height", "width"))]
+    instance: Annotated[U16, Quantity("", "thing that was hit, from 1 on, 0 = none", ("height", "width"))]
+    raw: Annotated[U16, Quantity("", "digital numbers of the image sensor", ("height", "width", "channels"))]
+    distortion: Annotated[
+        F64, Quantity("", "of the lens: none, 5 or 8 of Brown-Conrady, 4 of a fisheye", ("coefficients",))
+    ]
+    exposure: Annotated[float, Quantity("s", "exposure time, 0 = no light was counted")] = 0.0
+    gain: Annotated[float, Quantity("", "of the image sensor over its least one")] = 1.0
+
+
+@frozen
+class ImageBoxes(Signal, about=About("optical")):
+    """Boxes around the things of a picture [px]: the truth of what is seen of them, hidden parts left out.
+
+    Outer edges of the outermost pixels: a thing of one pixel (3, 4) spans 2.5 to 3.5 and 3.5 to 4.5. Kinds by
+    number, as in `OBSTACLE_KINDS`.
+    """
+
+    instance: Annotated[F64, Quantity("", "its number in the channel `instance`", _N, columns=_COUNT)]
+    kind: Annotated[U8, Quantity("", "what it is", _N)]
+    left: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
+    top: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
+    right: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
+    bottom: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
+    area: Annotated[F64, Quantity("", "pixels that show it", _N)]
+    distance: Annotated[F64, Quantity("m", "of its nearest pixel, along the optical axis", _N)]
+
+
+class Intrinsics(Protocol):
+    """What an image says of its camera's geometry."""
+
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def focal(self) -> float: ...
+    @property
+    def centre_x(self) -> float: ...
+    @property
+    def centre_y(self) -> float: ...
+    @property
+    def coefficients(self) -> tuple[float, ...]: ...
+
+
+def empty_image(
+    t: int,
+    camera: Intrinsics,
+    channels: Sequence[str],
+    *,
+    exposure: float = 0.0,
+    gain: float = 1.0,
+    **filled: Any,
+) -> Image:
+    """An image with the channels in `filled`; those in `channels` are black and show nothing; read-only."""
+    size = (camera.height, camera.width)
+    made: dict[str, Any] = {
+        "depth": np.full(size, np.nan, np.float32) if "depth" in channels else np.zeros((0, 0), np.float32),
+        "colour": np.zeros((*size, 3) if "colour" in channels else (0, 0, 3), np.uint8),
+        "label": np.zeros(size if "label" in channels else (0, 0), np.uint8),
+        "instance": np.zeros(size if "instance" in channels else (0, 0), np.uint16),
+        "raw": np.zeros((*size, 1) if "raw" in channels else (0, 0, 1), np.uint16),
+        **filled,
+        "distortion": np.array(camera.coefficients, dtype=np.float64),
+    }
+    for array in made.values():
+        array.setflags(write=False)
+    geometry = camera.width, camera.height, camera.focal, camera.centre_x, camera.centre_y
+    return Image(t, *geometry, **made, exposure=exposure, gain=gain)

@@ -93,6 +93,21 @@ class Fix(Signal, about=About("world", _FIX, time_column="fix_t_s")):
         float,
         Quantity("m", "in the field's geodetic system", nan="no position, or nowhere on Earth"),
     ] = _NAN
+    heading: Annotated[
+        float,
+        Quantity(
+            "rad", "of the machine by two antennas, from east, > 0 left", nan="one antenna, or not known",
+            column="fix_heading_rad",
+        ),
+    ] = _NAN  # fmt: skip
+    heading_sd: Annotated[float, Quantity("rad", "1 sigma as reported", nan="not known")] = _NAN
+    age: Annotated[
+        float, Quantity("s", "of the corrections", nan="without corrections, or not told", column="fix_age_s")
+    ] = _NAN
+    satellites: Annotated[int, Quantity("", "that it uses, -1 = not modelled", column="fix_satellites")] = -1
+    hdop: Annotated[
+        float, Quantity("", "horizontal dilution of precision", nan="not modelled", column="fix_hdop")
+    ] = _NAN
 
 
 def _sd(i: int) -> Callable[[F64], float]:
@@ -107,8 +122,11 @@ _SPREAD = (
 )
 
 
+_POSE = Message("nav_msgs/Odometry", "once it is known, with its covariance", frame="`map` -> `machine/slot`")
+
+
 @frozen
-class PoseEstimate(Signal, about=About("world")):
+class PoseEstimate(Signal, about=About("world", (_POSE,))):
     """Where the machine takes itself to be: the centre of its fixed axle on the ground, by its sensors."""
 
     x: Annotated[float, Quantity("m", "estimated, east", nan="not known yet", column="pose_x_m")]

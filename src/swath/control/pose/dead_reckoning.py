@@ -70,12 +70,12 @@ class DeadReckoning(KeepsState):
                 break
         return _gone_on(before, t)
 
-    def between(self, first: int, last: int) -> tuple[float, float, float]:
-        """x, y [m] and heading [rad] at the time `last` in the machine's frame at `first` [ns]."""
-        a, b = self.at(first), self.at(last)
-        c, s = cos(a.heading), sin(a.heading)
-        dx, dy = b.x - a.x, b.y - a.y
-        return c * dx + s * dy, c * dy - s * dx, b.heading - a.heading
+
+def seen_from(a: Step, b: Step) -> tuple[float, float, float]:
+    """x, y [m] and heading [rad] of the pose b in the frame of a."""
+    c, s = cos(a.heading), sin(a.heading)
+    dx, dy = b.x - a.x, b.y - a.y
+    return c * dx + s * dy, c * dy - s * dx, b.heading - a.heading
 
 
 def _gone_on(step: Step, t: int) -> Step:

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.pose.dead_reckoning import DeadReckoning, wrapped
+from swath.control.pose.dead_reckoning import DeadReckoning, Step, seen_from, wrapped
 from swath.control.pose.receiver import AntennaPlace
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
@@ -42,7 +42,7 @@ class Params:
 class RawPose(KeepsState):
     """Position of the newest fix, heading of a complementary filter."""
 
-    kept = ("_reckoning", "_heading", "_course_count", "_fix", "_fix_way", "_tilt")
+    kept = ("_reckoning", "_heading", "_course_count", "_fix", "_fix_way", "_then", "_tilt")
 
     inputs = (
         Port("fix", Fix),
@@ -64,6 +64,7 @@ class RawPose(KeepsState):
         self._heading = NAN  # at the newest fix with a course, less the dead reckoning's
         self._course_count = 0
         self._fix: Fix | None = None
+        self._then: Step | None = None  # of the dead reckoning at the time of the fix
         self._fix_way = 0.0
         return {"pose": PoseEstimate(0, NAN, NAN, NAN, 0.0, 0.0, UNKNOWN, NAN)}
 
@@ -82,7 +83,7 @@ class RawPose(KeepsState):
     def _take(self, fix: Fix) -> None:
         here = self._reckoning.at(fix.t)
         seconds = 0.0 if self._fix is None else (fix.t - self._fix.t) / NS
-        self._fix, self._fix_way = fix, self._reckoning.distance
+        self._fix, self._fix_way, self._then = fix, self._reckoning.distance, here
         if not isfinite(fix.course) or fix.speed < self._p.course_from_m_s:
             return
         lead = self._antenna.course_lead(here.speed, here.yaw_rate)
@@ -99,13 +100,13 @@ class RawPose(KeepsState):
         if not self._reckoning.is_known:
             return PoseEstimate(now, NAN, NAN, NAN, 0.0, 0.0, UNKNOWN, NAN)
         gone = self._reckoning.at(now)
-        fix = self._fix
-        if fix is None or not isfinite(self._heading):
+        fix, before = self._fix, self._then
+        if fix is None or before is None or not isfinite(self._heading):
             return PoseEstimate(now, NAN, NAN, NAN, gone.speed, gone.yaw_rate, UNKNOWN, NAN)
         heading = gone.heading + self._heading
-        then = self._reckoning.at(fix.t).heading + self._heading
+        then = before.heading + self._heading
         x, y = self._antenna.axle(fix.x, fix.y, then)
-        ahead, left, _ = self._reckoning.between(fix.t, now)
+        ahead, left, _ = seen_from(before, gone)
         c, s = cos(then), sin(then)
         way = self._reckoning.distance - self._fix_way
         sd = max(fix.horizontal_sd, LEAST_SD) + self._p.way_percent * PERCENT * way

@@ -8,13 +8,17 @@ from swath.signals.setup import ControlSetup
 
 
 class AntennaPlace:
-    """Where the antenna stands over the fixed axle, by its mounting and the inclination of the machine."""
+    """Where the antenna stands over the fixed axle, by its mounting and the inclination of the machine.
+
+    height: above the ground [m]
+    """
 
     def __init__(self, setup: ControlSetup, port: str = "fix") -> None:
         mounting = setup.mountings.get(port)
         if mounting is None:
             raise InputError("wires", port, f"expected a gnss slot on the machine, wired as {port}: gnss.fix")
         self._at: tuple[float, float, float] = tuple(mounting.position.tolist())
+        self.height = self._at[2]
         self.inclination = Inclination(setup.mountings.get("inertial"))
 
     def offset(self) -> tuple[float, float]:

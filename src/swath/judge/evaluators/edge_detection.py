@@ -21,6 +21,7 @@ NEAR_M = 5.0  # an edge this near to the header end has to be detected
 FAR_M = 8.0  # one this near may be detected
 MATCH_M = 1.5  # a detected edge is none that stands there when it is farther from it
 SURE, WRONG_M = 0.5, 0.3  # confidence, and error, of an edge that is wrong and sure
+RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
 CHUNK = 256  # samples that are judged together
 
@@ -78,6 +79,8 @@ class EdgeDetection:
                f"{MATCH_M:g} m", GROUP, "lower", "edges reported where none is", "%", 1),
         Metric("sure_wrong_share", "1", f"share of edge samples with a confidence of {SURE:g} or more and an "
                f"error above {WRONG_M:g} m", GROUP, "lower", "sure and wrong", "%", 1),
+        Metric("unsure_right_share", "1", f"share of the edges with an error up to {RIGHT_M:g} m that have a "
+               f"confidence below {SURE:g}; after settling", GROUP, "lower", "right, not sure", "%", 1),
         Metric("edge_sample_count", "", "edge samples that were judged", GROUP, "", "edge samples", "", 0),
         Metric("edge_judged_share", "1", "share of them with a detected and a true edge, over which the edge "
                "error is", GROUP, "higher", "of them with an error", "%", 1),
@@ -208,12 +211,14 @@ def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
     asked = series.exists & (series.distance >= settling)
     claimed = series.found & ~series.is_held
     off = ~right | (np.abs(series.error) > WRONG_M)
+    near = claimed & (np.abs(series.error) <= RIGHT_M) & (series.distance >= settling)
     return {
         "edge_rmse_m": rms(series.error[right]),
         "edge_bias_m": mean(series.error[right]),
         "detection_availability": mean(right[asked].astype(float)),
         "false_edge_share": mean(~right[claimed]),
         "sure_wrong_share": mean(series.found & (series.confidence >= SURE) & off),
+        "unsure_right_share": mean(series.confidence[near] < SURE),
         "edge_sample_count": float(len(series.t)),
         "edge_judged_share": mean(right),
     }

@@ -1,17 +1,19 @@
-"""The pinhole camera: which way each pixel looks, and where a point appears.
+"""A camera's geometry: which way each pixel looks, and where a point appears.
 
-Optical frame (REP 103): x right, y down, z forward along the axis. A point (x, y, z) appears at u = f x / z +
-centre_x, v = f y / z + centre_y [px] (Hartley and Zisserman, Multiple View Geometry, eq. 6.2). The middle of
-the upper left pixel is u = v = 0, as OpenCV and ROS count.
+Optical frame (REP 103): x right, y down, z forward along the axis. Without a lens a point (x, y, z) appears
+at u = f x / z + centre_x, v = f y / z + centre_y [px] (Hartley and Zisserman, Multiple View Geometry, eq.
+6.2); a lens moves (x / z, y / z) first (`lens.py`). The middle of the upper left pixel is u = v = 0, as
+OpenCV and ROS count.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import tan
 from typing import Any
 
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.sensing.camera.lens import Lens
 from swath.signals import F64
 
 # pose_sensor_optical: the optical frame in the sensor's, which has x forward, y left, z up (ISO 8855).
@@ -20,37 +22,42 @@ OPTICAL = Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -
 
 @dataclass(frozen=True)
 class Pinhole:
-    """width, height of the image, focal length and principal point (centre_x, centre_y), all [px]."""
+    """width, height of the image, focal length and principal point (centre_x, centre_y), all [px]; lens"""
 
     width: int
     height: int
     focal: float
     centre_x: float
     centre_y: float
+    lens: Lens = field(default_factory=Lens)
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """Of the lens, as OpenCV orders them."""
+        return self.lens.coefficients
 
     @staticmethod
-    def centred(width: int, height: int, focal: float) -> "Pinhole":
+    def centred(width: int, height: int, focal: float, lens: Lens | None = None) -> "Pinhole":
         """A camera whose axis goes through the middle of the image."""
-        return Pinhole(width, height, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+        return Pinhole(width, height, focal, 0.5 * (width - 1), 0.5 * (height - 1), lens or Lens())
 
     def rays(self, per_side: int = 1) -> F64:
-        """What the image's samples look at, in the optical frame at z = 1.
+        """Unit directions that the image's samples look in, in the optical frame.
 
         Shape (height * per_side, width * per_side, 3): an even grid, per_side x per_side samples in a pixel.
         """
         u = (np.arange(self.width * per_side) + 0.5) / per_side - 0.5
         v = (np.arange(self.height * per_side) + 0.5) / per_side - 0.5
         x, y = np.meshgrid((u - self.centre_x) / self.focal, (v - self.centre_y) / self.focal)
-        return np.stack([x, y, np.ones_like(x)], axis=-1)
+        return self.lens.directions(np.stack([x, y], axis=-1))
 
     def project(self, points: Any) -> F64:
-        """Where points (..., 3) of the optical frame appear, (u, v) [px], (..., 2), nan behind the camera."""
-        p = np.asarray(points, dtype=np.float64)
-        z = np.where(p[..., 2] > 0.0, p[..., 2], np.nan)
-        u, v = self.focal * p[..., 0] / z + self.centre_x, self.focal * p[..., 1] / z + self.centre_y
+        """Where points (..., 3) of the optical frame appear, (u, v) [px], (..., 2), nan without an image."""
+        at = self.lens.distorted(points)
+        u, v = self.focal * at[..., 0] + self.centre_x, self.focal * at[..., 1] + self.centre_y
         return np.stack([u, v], axis=-1)
 
 
 def focal_of(width: int, fov: float) -> float:
-    """Focal length [px] of an image that spans the horizontal angle fov [rad], from edge to edge."""
+    """Focal length [px] of an image that spans the angle fov [rad] without a lens, edge to edge."""
     return 0.5 * width / tan(0.5 * fov)

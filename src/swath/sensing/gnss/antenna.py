@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -67,17 +67,25 @@ class Antenna(KeepsState):
 
 
 def fix_of(
-    t: int, setup: SiteSetup, position: F64, velocity: F64, sd: tuple[float, float, float], quality: int
+    t: int,
+    setup: SiteSetup,
+    position: F64,
+    velocity: F64,
+    sd: tuple[float, float, float],
+    quality: int,
+    **more: Any,
 ) -> Fix:
-    """A sample from a position [m] and velocity [m/s], (3,) each. sd: as in Fix, in its order."""
+    """A sample from a position [m] and velocity [m/s], (3,) each. sd: as in Fix, in its order; more: its
+    fields from `heading` on
+    """
     x, y, z = (float(v) for v in position)
     speed = float(np.hypot(velocity[0], velocity[1]))
     course = atan2(velocity[1], velocity[0]) if speed >= COURSE_ABOVE else NAN
     if setup.origin is None:
-        return Fix(t, x, y, z, speed, course, *sd, quality)
+        return Fix(t, x, y, z, speed, course, *sd, quality, **more)
     longitude, latitude = np.radians(setup.origin.to_lon_lat([[x, y]])[0])
     place = float(longitude), float(latitude), float(setup.origin.height + z)
-    return Fix(t, x, y, z, speed, course, *sd, quality, *place)
+    return Fix(t, x, y, z, speed, course, *sd, quality, *place, **more)
 
 
 def no_fix(t: int) -> Fix:

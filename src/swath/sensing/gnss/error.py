@@ -1,7 +1,8 @@
 """GNSS with latency, white noise, a slowly wandering error, and times at which the fix is lost."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -16,6 +17,7 @@ from swath.core.units import CM
 from swath.field.site_setup import SiteSetup
 from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
 from swath.sensing.gnss.receiver_errors import FIGURES, RECEIVERS, Figures
+from swath.sensing.gnss.two_antennas import TwoAntennas
 from swath.signals import F64, FIX_QUALITIES, Fix, MachineState
 
 Centimetres = Annotated[float, Ge(0), Le(10_000)] | None
@@ -39,6 +41,8 @@ class Loss:
 class Params:
     """receiver: whose figures count (docs/positioning.md); antenna: where it sits on the machine
 
+    second_antenna: place of another one, for the heading; heading_noise_mm: of its place relative to the
+    first across the line between them, sd per sample, while the fix is one of carriers; an estimate
     latency_ms: from the measurement to its sample, 20 to 100 (uncited)
     noise_cm: white, sd per sample, here and below instead of the receiver's
     wander_cm: sd of the error that wanders; wander_s: its correlation time
@@ -47,8 +51,10 @@ class Params:
     losses: times at which the fix is lost
     """
 
-    receiver: Literal["rtk", "rtk_standing", "rtk_float", "dgps", "single"] = "rtk"
+    receiver: Literal["rtk", "rtk_standing", "rtk_float", "ppp", "dgps", "single"] = "rtk"
     antenna: Place = field(default_factory=Place)
+    second_antenna: Place | None = None
+    heading_noise_mm: Annotated[float, Ge(0), Le(1000)] = 3.5
     latency_ms: Annotated[float, Ge(0), Le(2000)] = 50.0
     noise_cm: Centimetres = None
     wander_cm: Centimetres = None
@@ -79,10 +85,21 @@ class Params:
         return replace(own, **{k: v for k, v in given.items() if v is not None})
 
 
+class Reception(NamedTuple):
+    """What comes in. quality: by number; stretch: errors over those of the table; offset: of a wrong fix,
+    (3,) [m]; more: fields of Fix from `age` on
+    """
+
+    quality: int
+    stretch: float = 1.0
+    offset: F64 = np.zeros(3)
+    more: Mapping[str, Any] = {}
+
+
 class ErrorGnss(KeepsState):
     """The true place, late and a little off."""
 
-    kept = ("_wander", "_antenna")
+    kept: ClassVar[tuple[str, ...]] = ("_wander", "_antenna", "_pair")
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("fix", Fix),)
@@ -92,6 +109,10 @@ class ErrorGnss(KeepsState):
         self._latency = round(params.latency_ms * MS_NS)
         self._antenna = Antenna(params.antenna, self._latency)
         self.mounting = self._antenna.mounting
+        self._pair: TwoAntennas | None = None
+        if params.second_antenna is not None:
+            noise = params.heading_noise_mm * 1e-3
+            self._pair = TwoAntennas(params.antenna, params.second_antenna, noise, self._latency)
         own, _ = RECEIVERS[params.receiver]
         self._figures = {**FIGURES, own: params.figures()}
         self._own = FIX_QUALITIES.index(own)
@@ -102,8 +123,10 @@ class ErrorGnss(KeepsState):
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing received yet; draws where the wandering errors begin."""
-        self._normals = Normals(stream)
+        self._normals, self._turns = Normals(stream), Normals(stream.child("heading"))
         self._antenna.reset()
+        if self._pair is not None:
+            self._pair.reset()
         self._wander: F64 = stream.at(0).standard_normal((len(self._figures), 3))
         return {"fix": no_fix(0)}
 
@@ -114,17 +137,32 @@ class ErrorGnss(KeepsState):
         kept = portable.exp(-dt / NS / self._times)
         self._wander = self._wander * kept + np.sqrt(1.0 - kept**2) * draw[:-2]
         at = t + dt - self._latency
-        quality = self.quality_at(at)
-        if quality == 0:
+        if self._pair is not None:
+            self._pair.take(inputs["state"])
+        got = self.receive(at, dt)
+        if got.quality == 0:
             return {"fix": no_fix(max(at, 0))}
-        name = FIX_QUALITIES[quality]
+        name = FIX_QUALITIES[got.quality]
         figures = self._figures[name]
         off = figures.noise * draw[-2] + figures.wander * self._wander[list(self._figures).index(name)]
         position, velocity = self._antenna.at(at)
-        position = position + off * (1.0, 1.0, figures.vertical)
+        position = position + got.stretch * off * (1.0, 1.0, figures.vertical) + got.offset
         velocity = velocity + figures.velocity * draw[-1]
-        sd = (figures.sd, figures.sd * figures.vertical, figures.velocity)
-        return {"fix": fix_of(at, self._setup, position, velocity, sd, quality)}
+        spread = figures.sd * got.stretch
+        sd = (spread, spread * figures.vertical, figures.velocity)
+        more = {**self._heading(t + dt, at, got.quality), **got.more}
+        return {"fix": fix_of(at, self._setup, position, velocity, sd, got.quality, **more)}
+
+    def receive(self, at: int, dt: int) -> Reception:
+        """What is received at a time [ns], a period [ns] after the last."""
+        return Reception(self.quality_at(at))
+
+    def _heading(self, t: int, at: int, quality: int) -> dict[str, float]:
+        """Of two antennas, while the carriers are tracked."""
+        if self._pair is None or quality < FIX_QUALITIES.index("float"):
+            return {}
+        draw = float(self._turns.at(t, 1)[0])
+        return {"heading": self._pair.heading(at, draw), "heading_sd": self._pair.sd}
 
     def quality_at(self, t: int) -> int:
         """Of a fix measured at t [ns]: the least of all that holds then; none before the start."""

@@ -7,20 +7,22 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
 from swath.sensing.gnss.antenna import Antenna, Place, fix_of, no_fix
+from swath.sensing.gnss.two_antennas import TwoAntennas
 from swath.signals import FIX_QUALITIES, Fix, MachineState
 
 
 @dataclass(frozen=True)
 class Params:
-    """antenna: where it sits on the machine."""
+    """antenna: where it sits on the machine; second_antenna: place of another one, for the heading"""
 
     antenna: Place = field(default_factory=Place)
+    second_antenna: Place | None = None
 
 
 class IdealGnss(KeepsState):
     """Passes the truth on, without delay."""
 
-    kept = ("_antenna",)
+    kept = ("_antenna", "_pair")
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("fix", Fix),)
@@ -29,10 +31,14 @@ class IdealGnss(KeepsState):
         self._setup = setup
         self._antenna = Antenna(params.antenna)
         self.mounting = self._antenna.mounting
+        second = params.second_antenna
+        self._pair = None if second is None else TwoAntennas(params.antenna, second, 0.0, 0)
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing received yet."""
         self._antenna.reset()
+        if self._pair is not None:
+            self._pair.reset()
         return {"fix": no_fix(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -40,7 +46,11 @@ class IdealGnss(KeepsState):
         self._antenna.take(inputs["state"])
         position, velocity = self._antenna.at(t + dt)
         quality = FIX_QUALITIES.index("fix")
-        return {"fix": fix_of(t + dt, self._setup, position, velocity, (0.0, 0.0, 0.0), quality)}
+        more = {}
+        if self._pair is not None:
+            self._pair.take(inputs["state"])
+            more = {"heading": self._pair.heading(t + dt, 0.0), "heading_sd": 0.0}
+        return {"fix": fix_of(t + dt, self._setup, position, velocity, (0.0, 0.0, 0.0), quality, **more)}
 
 
 LEVEL = Level(

@@ -42,6 +42,7 @@ RECEIVERS = {
         "fix",
         Figures(0.0007, 0.0046, 250.0, vertical=2.1),
     ),  # fitted: a u-blox log of 41 minutes
+    "ppp": ("float", Figures(0.01, 0.04, 1200.0)),  # converged
     "rtk_float": ("float", FIGURES["float"]),
     "dgps": ("dgps", FIGURES["dgps"]),
     "single": ("single", FIGURES["single"]),

@@ -14,8 +14,9 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
-from swath.sensing.imu.strapdown import Place, Reading, Strapdown, sample_of
-from swath.signals import F64, Inertial, MachineState
+from swath.sensing.imu.strapdown import Place, Reading, Strapdown, back, sample_of
+from swath.sensing.imu.vibration import Shaking, Vibration
+from swath.signals import F64, EngineState, Inertial, MachineState
 
 Share = Annotated[float, Ge(0), Le(30)]
 Factor = Annotated[float, Ge(0), Le(1000)]
@@ -30,6 +31,7 @@ class Params:
     gyro_bias_deg_s: sd of the bias at the start, drawn once per run and axis, as the three below; estimates
     accel_bias_mg: the same of the accelerometers, in thousandths of g
     gyro_scale_percent: sd of the scale error; accel_scale_percent: the same of the accelerometers
+    vibration: of engine, drum and sieves; none = they do not shake
     """
 
     unit: Literal["mti-1", "adis16470", "bmi088"] = "mti-1"
@@ -40,14 +42,15 @@ class Params:
     accel_bias_mg: Annotated[float, Ge(0), Le(1000)] = 2.0
     gyro_scale_percent: Share = 0.1
     accel_scale_percent: Share = 0.1
+    vibration: Vibration | None = None
 
 
 class ErrorImu(KeepsState):
     """The true rates and forces, scaled, biased and noisy."""
 
-    kept = ("_bias", "_motion")
+    kept = ("_bias", "_motion", "_shaking")
 
-    inputs = (Port("state", MachineState, history=True),)
+    inputs: tuple[Port, ...] = (Port("state", MachineState, history=True),)
     outputs = (Port("inertial", Inertial),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -55,6 +58,10 @@ class ErrorImu(KeepsState):
         self.mounting = p.mount.pose()
         self._start = setup.start
         self._motion = Strapdown(self.mounting)
+        self._shaking = None if p.vibration is None else Shaking(p.vibration)
+        if self._shaking is not None:
+            self.inputs = (*self.inputs, Port("engine", EngineState, optional=True))
+        self._turn = self.mounting.rotation.tolist()
         # rows: gyroscopes, accelerometers
         self._density = p.noise_factor * np.array([[unit.gyro.density], [unit.accel.density]])
         self._walk = p.walk_factor * np.array([[unit.gyro.walk], [unit.accel.walk]])
@@ -69,6 +76,8 @@ class ErrorImu(KeepsState):
         draw = stream.at(0).standard_normal((2, 2, 3))
         self._bias: F64 = self._bias_sd * draw[0]
         self._scale: F64 = 1.0 + self._scale_sd * draw[1]
+        if self._shaking is not None:
+            self._shaking.reset(stream.child("vibration").at(0).random(3).tolist())
         return self._read(0, self._motion.reset(self._start), np.zeros((2, 3)))
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -76,7 +85,18 @@ class ErrorImu(KeepsState):
         white, walk = self._normals.at(t + dt, (2, 2, 3))
         seconds = dt / NS
         self._bias = self._bias + self._walk * sqrt(seconds) * walk
-        return self._read(t + dt, self._motion.take(inputs["state"]), self._density / sqrt(seconds) * white)
+        truth = self._motion.take(inputs["state"])
+        if self._shaking is not None:
+            truth = self._shaken(self._shaking, truth, seconds, inputs.get("engine"))
+        return self._read(t + dt, truth, self._density / sqrt(seconds) * white)
+
+    def _shaken(self, by: Shaking, truth: Reading, seconds: float, engine: EngineState | None) -> Reading:
+        """The reading and what shakes the machine, in the axes of the unit."""
+        more = by.take(seconds, 1.0 if engine is None else engine.speed_ratio)
+        return tuple(
+            tuple(a + b for a, b in zip(own, back(self._turn, extra), strict=True))
+            for own, extra in zip(truth, more, strict=True)
+        )  # type: ignore[return-value]
 
     def _read(self, t: int, truth: Reading, noise: F64) -> Outputs:
         rate, force = (np.array(truth) * self._scale + self._bias + noise).tolist()

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Any
 
 from swath.judge.limits import check_metric
 from swath.scenario.sections import Limit
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.journal import Result
+from swath.tools.function_test.margin import is_kept_or_not, margin, margin_of
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, verdict
 
 OPEN = "open"  # verdict of a run that no limit of its case judges
@@ -48,6 +49,21 @@ class Cell:
     def worst(self) -> Result | None:
         """The run farthest beyond a limit, or nearest to one; an error before all others."""
         return max(self.runs, key=lambda run: -margin(run), default=None)
+
+    @property
+    def nearest(self) -> list[tuple[str, float, dict[str, Any]]]:
+        """Of each limit the run nearest to it or farthest beyond it, as name, margin and entry; least first.
+
+        Limits that can only be kept or not are left out where they are kept.
+        """
+        found: dict[str, tuple[float, dict[str, Any]]] = {}
+        for run in self.runs:
+            for entry in run["expect"]:
+                name, share = f"{entry['subject']}.{entry['name']}", margin_of(entry)
+                if name not in found or share < found[name][0]:
+                    found[name] = share, entry
+        rows = [(name, share, entry) for name, (share, entry) in found.items() if not _is_kept(entry)]
+        return sorted(rows, key=lambda row: row[1])
 
     def judge(self) -> None:
         """Work out the verdict from the runs."""
@@ -126,6 +142,10 @@ def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
         }
 
 
+def _is_kept(entry: dict[str, Any]) -> bool:
+    return entry["result"] != "fail" and is_kept_or_not(entry)
+
+
 def _present(case: Case, entry: dict[str, Any]) -> Limit | None:
     """The limit on a metric of the whole run that a case has now; None where it is of another kind."""
     expect = case.file.expect
@@ -135,27 +155,6 @@ def _present(case: Case, entry: dict[str, Any]) -> Limit | None:
         return None
     limit = Limit.model_validate(found)
     return None if limit.window or limit.hold is not None else limit
-
-
-def margin(result: Result) -> float:
-    """How far a run is from its nearest limit, as a share of the limit, in -1..1; < 0 it fails, -1 without a
-    value. A limit of 0, such as that on contacts, has no share: it counts only where it fails.
-    """
-    if result["verdict"] == "error":
-        return -2.0
-    margins = [1.0]
-    for entry in result["expect"]:
-        value, limit = entry["value"], entry["limit"]
-        if value is None or not isfinite(value):
-            margins.append(-1.0 if entry["result"] == "fail" else 1.0)
-            continue
-        for key, sign in (("max", 1.0), ("min", -1.0)):
-            bound = limit.get(key)
-            if bound:
-                margins.append(min(1.0, max(-1.0, sign * (bound - value) / abs(bound))))
-            elif bound is not None and entry["result"] == "fail":
-                margins.append(-1.0)
-    return min(margins)
 
 
 def _mean(name: str, values: Sequence[float | None], bounds: Any) -> tuple[str, str]:

@@ -6,7 +6,7 @@ from math import log1p
 from typing import Any
 
 from swath.judge.evaluators.edge_detection import WRONG_M as ALERT_M
-from swath.tools.function_test.cells import Cell, margin
+from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.integrity import (
     BIN_COUNT,
     BIN_M,
@@ -14,6 +14,7 @@ from swath.tools.function_test.integrity import (
     episodes_per_km,
     pooled,
 )
+from swath.tools.function_test.margin import margin
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "#22262b")
 WIDTH, HEIGHT, PAD = 250.0, 110.0, 14.0  # of a chart [px]

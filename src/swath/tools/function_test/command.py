@@ -1,14 +1,14 @@
-"""`swath test`: list, run, work, report, compare, again."""
+"""`swath test`: list, run, search, work, report, compare, again."""
 
 import argparse
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.tools.function_test import search_command
+from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 
 def add(parsers: Any) -> None:
@@ -45,8 +45,10 @@ def add(parsers: Any) -> None:
     run.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
+    run.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
     run.add_argument("--plan-only", action="store_true", help="write the plan, for `swath test work`")
     run.set_defaults(run=_run)
+    search_command.add(verbs)
     work = verbs.add_parser("work", help="do one share of a plan, on any machine that sees the folder")
     work.add_argument("folder", type=Path)
     work.add_argument("--shard", required=True, metavar="I/N", help="which share, such as 3/200")
@@ -104,8 +106,8 @@ def _run(args: argparse.Namespace) -> int:
     if args.plan_only:
         print(f"{len(left)} runs to do: swath test work {args.out} --shard 1/N ... N/N")
         return 0
-    with _progress(len(left)) as done:
-        session.do(max(1, args.workers), done)
+    with progress(len(left)) as done, engine(args.cluster, args.workers) as client:
+        session.do(max(1, args.workers), done, client)
     return _finish(session.folder, session, again=False)
 
 
@@ -128,9 +130,13 @@ def _work(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.search import open_search
     from swath.tools.function_test.session import open_session
 
-    return _finish(args.folder, open_session(args.folder, same_code=False), again=True)
+    session = open_session(args.folder, same_code=False)
+    if (searched := open_search(session)) is not None:
+        return search_command.tell(searched)
+    return _finish(args.folder, session, again=True)
 
 
 def _compare(args: argparse.Namespace) -> int:
@@ -203,25 +209,6 @@ def _finish(folder: Path, session: Any, *, again: bool) -> int:
         print(f"open loop: {first} steers, the others see its scans and do not act on the machine")
     print(f"report  {page}")
     return next((EXIT[v] for v in (BROKEN, NOT_SHOWN) if v in verdicts), 0)
-
-
-@contextmanager
-def _progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A bar over the runs on a terminal; failures are counted in it."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    failed = 0
-    with Progress(console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"{count} runs", total=count)
-
-        def done(result: dict[str, Any]) -> None:
-            nonlocal failed
-            failed += result["verdict"] != "pass"
-            bar.update(task, advance=1, description=f"{count} runs, {failed} did not pass")
-
-        yield done
 
 
 _CASES = "a case file, a folder of them, `catalogue`, or one of its cases"

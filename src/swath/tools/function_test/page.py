@@ -6,11 +6,12 @@ from typing import Any
 
 from swath import __version__
 from swath.report.html import write_page
-from swath.tools.function_test.cells import Cell, margin
+from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.charts import HEIGHT as HIGH
 from swath.tools.function_test.charts import WIDTH as WIDE
 from swath.tools.function_test.charts import colour, over_parameters, stanford
 from swath.tools.function_test.journal import Result
+from swath.tools.function_test.margin import margin
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?"}
@@ -69,9 +70,19 @@ def _cell(cell: Cell) -> dict[str, Any]:
         "mark": MARKS[cell.verdict],
         "text": cell.text,
         "means": cell.means,
+        "limits": [_limit(*nearest) for nearest in cell.nearest],
         "dots": [_dot(run, number) for number, run in enumerate(cell.runs)],
         "worst": None if worst is None else _failure(cell, worst),
     }
+
+
+def _limit(name: str, share: float, entry: dict[str, Any]) -> dict[str, Any]:
+    """The nearest run to one limit: its margin, value and the limit."""
+    value = entry["value"]
+    bounds = [f"{key} {entry['limit'][key]:g}" for key in ("min", "max") if key in entry["limit"]]
+    said = "no value" if value is None else f"{value:.3g}"
+    return {"name": name, "margin": f"{share:+.2f}", "is_broken": share < 0.0,
+            "text": f"{said} ({', '.join(bounds)})"}  # fmt: skip
 
 
 def _dot(run: Result, number: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import swath
 from swath.core.errors import InputError
 from swath.documents.yaml_document import parse_value
 from swath.scenario.scenario import load_scenario
-from swath.tools.function_test.case import Case, Scalar, find_cases
+from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.fidelity import CHEAP, chosen_level, scanners
 
 ID_LENGTH = 16  # hexadecimal digits: a clash in a million runs has a chance of 3e-8
@@ -50,6 +50,7 @@ class Plan:
     sets: changes of every scenario, after those of its case and before the candidate's
     shadow: the first candidate steers, the others go along in shadow
     level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits
+    points: (seed, point) of each run instead of all points with all seeds, as a search chose them
     code: hash of the code that its results come from, "" = this
     """
 
@@ -62,6 +63,7 @@ class Plan:
     sets: tuple[str, ...] = ()
     shadow: bool = False
     level: str = ""
+    points: tuple[tuple[int, Point], ...] = ()
     code: str = ""
 
     @cached_property
@@ -74,25 +76,32 @@ class Plan:
         number = 0
         for case in self.found:
             base = _base(case, self.code or code_hash())
-            points = case.drawn(self.drawn, self.draw_seed) if self.drawn else case.grid()
-            seeds = case.seeds if self.seeds is None else list(range(1, self.seeds + 1))
             changed = {name: [*self.sets, *sets] for name, sets in self.candidates.items()}
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
-            for seed in seeds:
-                for point in points:
-                    at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
-                    steering = list(at)[:1] if self.shadow else list(at)
-                    for name in steering:
-                        more, why = self._level_at(case, at[name])
-                        shadows = {other: [*at[other], *more] for other in at if other not in steering}
-                        sets = [*at[name], *more]
-                        told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
-                        told += [[other, contents[other], *shadows[other]] for other in shadows]
-                        run_id = _sha(told)[:ID_LENGTH]
-                        yield PlannedRun(
-                            run_id, number, case.name, name, point, seed, case.scenario, sets, shadows, why
-                        )
-                        number += 1
+            for seed, point in self._points_of(case):
+                at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
+                steering = list(at)[:1] if self.shadow else list(at)
+                for name in steering:
+                    more, why = self._level_at(case, at[name])
+                    shadows = {other: [*at[other], *more] for other in at if other not in steering}
+                    sets = [*at[name], *more]
+                    told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
+                    told += [[other, contents[other], *shadows[other]] for other in shadows]
+                    run_id = _sha(told)[:ID_LENGTH]
+                    yield PlannedRun(
+                        run_id, number, case.name, name, point, seed, case.scenario, sets, shadows, why
+                    )
+                    number += 1
+
+    def _points_of(self, case: Case) -> Iterator[tuple[int, Point]]:
+        """Seed and point of the runs of a case with each candidate."""
+        if self.points:
+            for seed, point in self.points:  # in the order of the case, which a file does not keep
+                yield seed, {name: point[name] for name in case.file.vary}
+            return
+        points = case.drawn(self.drawn, self.draw_seed) if self.drawn else case.grid()
+        for seed in case.seeds if self.seeds is None else range(1, self.seeds + 1):
+            yield from ((seed, point) for point in points)
 
     def _level_at(self, case: Case, sets: Sequence[str]) -> tuple[list[str], str]:
         """Changes for the level at which a run is judged, and why that is the dear one, if so."""
@@ -124,8 +133,9 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
-    keys = {f.name: data[f.name] for f in fields(Plan)}
-    return Plan(**{**keys, "tags": tuple(data["tags"]), "sets": tuple(data["sets"])})
+    keys = {f.name: data[f.name] for f in fields(Plan) if f.name in data}
+    points = tuple((seed, point) for seed, point in data.get("points", ()))
+    return Plan(**{**keys, "tags": tuple(data["tags"]), "sets": tuple(data["sets"]), "points": points})
 
 
 @cache

@@ -9,6 +9,7 @@ from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of, in_shadow, judged_again
+from swath.tools.function_test.cluster import run_on_cluster
 from swath.tools.function_test.journal import Journal, Result, finished, results_of, write_table
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
@@ -35,9 +36,12 @@ class Session:
         left: dict[str, PlannedRun] = {run.id: run for run in self.plan.runs() if run.id not in done}
         return list(left.values())
 
-    def do(self, workers: int, done: Done) -> None:
-        """Do what is left on worker processes; `done` is called with each result."""
-        run_all(self.left(), self.journals, workers, done)
+    def do(self, workers: int, done: Done, client: Any = None) -> None:
+        """Do what is left on worker processes, or those of a client of dask; `done` gets each result."""
+        if client is not None:
+            run_on_cluster(self.left(), self.journals, client, done)
+        else:
+            run_all(self.left(), self.journals, workers, done)
 
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process."""

@@ -1,0 +1,285 @@
+"""Pose level `ekf`: receiver, wheels, gyroscope and, of two antennas, their heading in one filter.
+
+A fix comes late. The filter stands at the newest fix; from there the stored steps of wheels and gyroscope
+bring it to the present, and another fix is taken in at the time when it was measured. A position that is
+further off than its covariance allows is left out; if that goes on for `gate_s`, the filter is wrong and
+takes the receiver's word.
+"""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import atan2, cos, fsum, hypot, isfinite, sin
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from swath.control.inclination import CRAB
+from swath.control.pose.dead_reckoning import wrapped
+from swath.control.pose.kalman import (
+    BIAS,
+    EAST,
+    HEADING,
+    NORTH,
+    SCALE,
+    SIZE,
+    SLIP,
+    SPEED,
+    Kalman,
+    Motion,
+    Noise,
+    Wander,
+    X,
+    Y,
+)  # fmt: skip
+from swath.control.pose.receiver import AntennaPlace
+from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.core.units import DEG, PERCENT
+from swath.signals import FIX_QUALITIES, Fix, Inertial, Odometry, PoseEstimate
+from swath.signals.setup import ControlSetup
+
+NAN = float("nan")
+OLDEST = NS  # a fix that was measured longer ago is left out [ns]
+# Share of the reported variance that is white, and correlation time of the rest [s], by the quality of the
+# fix: what the filter assumes of a receiver (docs/positioning.md).
+ASSUMED: Mapping[str, tuple[float, float]] = {
+    "single": (0.003, 3600.0),
+    "dgps": (0.004, 10_800.0),
+    "float": (0.01, 300.0),
+    "fix": (0.38, 120.0),
+}
+
+
+@dataclass(frozen=True)
+class Params:
+    """What the filter assumes of its sensors, as 1 sigma; estimates where a data sheet says nothing.
+
+    wheel_noise_m_s: of a sample of the wheels' speed; wheel_scale_percent: of slip and calibration at first
+    slip_percent: that the wheels are expected to turn too fast
+    gyro_noise_deg_s: of a sample, beside what the sensor says itself; gyro_bias_deg_s: of the bias at first
+    crab: side slip that is expected, per side slope or lateral acceleration in g; crab_deg: beside that
+    tilt_deg: of the inclination, for the antenna above the ground
+    gate: squared distance of a position in its standard deviations beyond which it is left out; gate_s: for
+    so long at most
+    course_from_m_s: speed from which on the course gives the first heading
+    """
+
+    wheel_noise_m_s: Annotated[float, Gt(0), Le(1)] = 0.03
+    wheel_scale_percent: Annotated[float, Gt(0), Le(50)] = 4.0
+    slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
+    gyro_noise_deg_s: Annotated[float, Ge(0), Le(10)] = 0.05
+    gyro_bias_deg_s: Annotated[float, Gt(0), Le(10)] = 0.15
+    crab: Annotated[float, Ge(0), Le(1)] = CRAB
+    crab_deg: Annotated[float, Gt(0), Le(10)] = 0.3
+    tilt_deg: Annotated[float, Ge(0), Le(10)] = 0.1
+    gate: Annotated[float, Gt(0), Le(1e6)] = 25.0
+    gate_s: Annotated[float, Gt(0), Le(600)] = 10.0
+    course_from_m_s: Annotated[float, Gt(0), Le(5)] = 0.5
+
+
+class EkfPose(KeepsState):
+    """Extended Kalman filter."""
+
+    kept = (
+        "_filter",
+        "_now",
+        "_steps",
+        "_fix_t",
+        "_used_t",
+        "_quality",
+        "_tilt",
+        "_is_known",
+        "_wheels",
+    )
+
+    inputs = (
+        Port("fix", Fix),
+        Port("odometry", Odometry, history=True),
+        Port("inertial", Inertial, history=True, optional=True),
+    )
+    outputs = (Port("pose", PoseEstimate),)
+
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        self._p = params
+        self._antenna = AntennaPlace(setup)
+        self._tilt = self._antenna.inclination
+        mounting = setup.mountings.get("inertial")
+        self._turn = np.eye(3).tolist() if mounting is None else mounting.rotation.tolist()
+        self._noise = Noise(0.3, 0.003, 1e-5, params.crab_deg * DEG, 30.0)
+        self._filter, self._now = Kalman(self._noise), Kalman(self._noise)
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Nothing known."""
+        self._tilt.clear()
+        self._steps: deque[Motion] = deque()
+        self._fix_t, self._used_t, self._quality = -1, -1, 0
+        self._is_known = False
+        self._wheels = Odometry(0, 0.0, 0.0, 0.0)
+        unknown = np.full((4, 4), NAN)
+        return {"pose": PoseEstimate(0, NAN, NAN, NAN, 0.0, 0.0, unknown, NAN)}
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """The pose at t + dt."""
+        now = t + dt
+        m = self._motion(now, dt, inputs["odometry"], inputs.get("inertial"))
+        fix: Fix | None = inputs["fix"]
+        self._steps.append(m)
+        if self._is_known:
+            self._go(self._now, m)
+        if fix is not None and isfinite(fix.x) and fix.t > self._fix_t and now - fix.t <= OLDEST:
+            self._fix_t = fix.t
+            self._take(fix)
+        while self._steps and self._steps[0].t <= now - OLDEST:
+            old = self._steps.popleft()
+            if self._is_known:
+                self._go(self._filter, old)
+        return {"pose": self._estimate(now, m)}
+
+    def _motion(
+        self, now: int, dt: int, wheels: Sequence[Odometry], samples: Sequence[Inertial] | None
+    ) -> Motion:
+        good = [w for w in wheels if isfinite(w.speed) and isfinite(w.yaw_rate)]
+        last = self._wheels = good[-1] if good else self._wheels
+        self._tilt.take(samples, last.speed)
+        own = self._p.gyro_noise_deg_s * DEG
+        rates = [v for s in samples or () if all(map(isfinite, v := (s.rate_x, s.rate_y, s.rate_z)))]
+        turn, p, q = last.yaw_rate, 0.0, 0.0
+        sd = hypot(own, 0.1 * DEG)
+        if rates:
+            x, y, z = (fsum(c) / len(rates) for c in zip(*rates, strict=True))
+            p, q, r = (a * x + b * y + c * z for a, b, c in self._turn)
+            up = self._tilt.up
+            turn = p * float(up[0]) + q * float(up[1]) + r * float(up[2])
+            sd = hypot(own, (samples or ())[-1].rate_sd / len(rates) ** 0.5)
+        crab = self._tilt.crab(self._p.crab, last.speed * turn)
+        return Motion(now, dt / NS, turn, sd, crab, last.speed, (p, q, turn), self._antenna.offset())
+
+    def _go(self, filter_: Kalman, m: Motion) -> None:
+        filter_.go(m)
+        filter_.take_wheels(m.speed, self._p.wheel_noise_m_s)
+
+    def _take(self, fix: Fix) -> None:
+        """The filter goes to the time of the fix, takes it, and on to the present."""
+        if not self._is_known:
+            self._begin(fix)
+            return
+        m = self._steps[-1]
+        while self._steps and self._steps[0].t <= fix.t:
+            m = self._steps.popleft()
+            self._go(self._filter, m)
+        if self._steps:
+            m = self._steps[0]
+            share = m.seconds - (m.t - fix.t) / NS
+            if share > 0.0:
+                self._filter.go(m._replace(seconds=share))
+                self._steps[0] = m._replace(seconds=m.seconds - share)
+        self._correct(fix, m)
+        self._now = self._filter.copy()
+        for m in self._steps:
+            self._go(self._now, m)
+
+    def _begin(self, fix: Fix) -> None:
+        """The first position with a direction."""
+        m = self._steps[-1]
+        heading, sd = fix.heading, fix.heading_sd
+        if not isfinite(heading):
+            if not isfinite(fix.course) or fix.speed < self._p.course_from_m_s:
+                return
+            heading = fix.course - self._antenna.course_lead(fix.speed, m.yaw_rate) + m.crab
+            sd = hypot(fix.speed_sd / fix.speed, self._p.crab_deg * DEG)
+        self._is_known = True
+        f = self._filter = Kalman(self._noise)
+        x, y = self._antenna.axle(fix.x, fix.y, heading)
+        f.state[:] = (x, y, heading, m.speed, 0.0, self._p.slip_percent * PERCENT, 0.0, 0.0, 0.0)
+        scale = self._p.wheel_scale_percent * PERCENT
+        own = {
+            X: fix.horizontal_sd, Y: fix.horizontal_sd, HEADING: max(sd, 1e-3), SPEED: 0.3,
+            BIAS: self._p.gyro_bias_deg_s * DEG, SCALE: scale, SLIP: self._p.crab_deg * DEG,
+        }  # fmt: skip
+        f.covariance = np.diag([max(own.get(i, 0.0), 1e-4) ** 2 for i in range(SIZE)])
+        self._hear(fix)
+        white = ASSUMED[FIX_QUALITIES[fix.quality]][0] ** 0.5 * fix.horizontal_sd
+        for i, error in ((X, EAST), (Y, NORTH)):  # what the receiver is off by, the first position is
+            f.covariance[i, i] = f.wander.sd**2 + max(white, 1e-3) ** 2
+            f.covariance[i, error] = f.covariance[error, i] = -(f.wander.sd**2)
+        self._used_t = fix.t
+        while self._steps and self._steps[0].t <= fix.t:
+            self._steps.popleft()
+        self._now = f.copy()
+        for step in self._steps:
+            self._go(self._now, step)
+
+    def _hear(self, fix: Fix) -> None:
+        """The quality of the fix says how its error wanders."""
+        share, time = ASSUMED[FIX_QUALITIES[fix.quality]]
+        sd = (1.0 - share) ** 0.5 * fix.horizontal_sd
+        if fix.quality != self._quality:
+            self._quality = fix.quality
+            self._filter.roam(Wander(sd, time))
+        self._filter.wander = Wander(sd, time)
+
+    def _correct(self, fix: Fix, m: Motion) -> None:
+        f, p = self._filter, self._p
+        self._hear(fix)
+        high = self._antenna.height * p.tilt_deg * DEG
+        variance = ASSUMED[FIX_QUALITIES[fix.quality]][0] * fix.horizontal_sd**2 + high**2 + 1e-8
+        x, y, *rows = f.expected_place(m.offset)
+        east, north = rows
+        is_far = f.distance(fix.x - x, fix.y - y, (east, north), variance) > p.gate
+        if is_far and (fix.t - self._used_t) / NS < p.gate_s:
+            return
+        if is_far:
+            f.covariance[X, X] += (fix.x - x) ** 2 + fix.horizontal_sd**2
+            f.covariance[Y, Y] += (fix.y - y) ** 2 + fix.horizontal_sd**2
+        self._used_t = fix.t
+        f.take(fix.x - x, east, variance)
+        x, y, _, north = f.expected_place(m.offset)
+        f.take(fix.y - y, north, variance)
+        if isfinite(fix.heading):
+            f.take(wrapped(fix.heading - float(f.state[HEADING])), {HEADING: 1.0}, fix.heading_sd**2 + 1e-8)
+        if isfinite(fix.course):
+            self._take_velocity(fix, m, f)
+
+    def _take_velocity(self, fix: Fix, m: Motion, f: Kalman) -> None:
+        """Velocity of the antenna: that of the axle and what turning, rolling and pitching add."""
+        (ahead, left), (roll, pitch, _) = m.offset, m.rates
+        turn = m.yaw_rate - float(f.state[BIAS])
+        along, across = pitch * self._antenna.height - turn * left, turn * ahead - roll * self._antenna.height
+        variance = fix.speed_sd**2 + (0.1 * DEG * self._antenna.height) ** 2 + 1e-8
+        for axis, measured in ((0, fix.speed * cos(fix.course)), (1, fix.speed * sin(fix.course))):
+            heading, travel, v = float(f.state[HEADING]), f.travel(m.crab), float(f.state[SPEED])
+            c, s, ct, st = cos(heading), sin(heading), cos(travel), sin(travel)
+            vx, vy = v * ct + c * along - s * across, v * st + s * along + c * across
+            if axis == 0:
+                f.take(measured - vx, {HEADING: -vy, SLIP: -v * st, SPEED: ct}, variance)
+            else:
+                f.take(measured - vy, {HEADING: vx, SLIP: v * ct, SPEED: st}, variance)
+
+    def _estimate(self, now: int, m: Motion) -> PoseEstimate:
+        if not self._is_known:
+            unknown = np.full((4, 4), NAN)
+            return PoseEstimate(now, NAN, NAN, NAN, m.speed, m.yaw_rate, unknown, NAN)
+        s, heading = self._now.state, float(self._now.state[HEADING])
+        return PoseEstimate(
+            now,
+            float(s[X]),
+            float(s[Y]),
+            atan2(sin(heading), cos(heading)),
+            float(s[SPEED]),
+            m.yaw_rate - float(s[BIAS]),
+            self._now.covariance[:4, :4].copy(),
+            (now - self._used_t) / NS,
+        )
+
+
+LEVEL = Level(
+    EkfPose,
+    Params,
+    summary="extended Kalman filter over receiver, wheels, gyroscope and heading of two antennas",
+    cost="0.5 ms per step",
+    tolerance="within 2 mm with sensors without error on a straight line",
+)

@@ -1,0 +1,44 @@
+"""How old detected edges and steering commands are when they arrive."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.signals import CropEdge, Signal, SteerCommand
+
+
+class Delays:
+    """Time of arrival minus the time that a sample is valid for, by the samples' own time stamps.
+
+    What arrives at the start of the run does not count: every reader has to have something to begin with.
+    """
+
+    OF_FIELD = False
+    SIGNALS = (CropEdge, SteerCommand)
+    METRICS = (
+        Metric("edge_delay_s", "s", "age of detected edges on arrival, 95th percentile", "Edge detection",
+               "lower", "age of edges on arrival, 95th percentile", "ms"),
+        Metric("command_delay_s", "s", "age of steering commands on arrival, 95th percentile", "Steering",
+               "lower", "age of commands on arrival, 95th percentile", "ms"),
+    )  # fmt: skip
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self._ages: dict[str, list[int]] = {}
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Note the age of what arrives at t [ns]."""
+        for signal in outputs.values():
+            if t > 0 and isinstance(signal, CropEdge):
+                self._ages.setdefault("edge_delay_s", []).append(t - signal.t)
+            elif t > 0 and isinstance(signal, SteerCommand):
+                self._ages.setdefault("command_delay_s", []).append(t - signal.t)
+
+    def metrics(self) -> dict[str, float]:
+        """Of what the machine has: nothing without an edge detection or automatic steering."""
+        return {name: float(np.percentile(ages, 95.0)) / NS for name, ages in self._ages.items()}
+
+
+LEVEL = Level(Delays, None, summary="how old detected edges and steering commands are on arrival")

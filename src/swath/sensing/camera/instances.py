@@ -1,0 +1,97 @@
+"""Which thing a ray met, and what colour it has there.
+
+The ray engine gives the reflectance of the solid that a ray met. A camera casts with solids that carry their
+number there instead: 1, 2 ... in the order of `Bodies.in_sight`, so no other search is needed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.field.memory_layout import Organ, Solids
+from swath.field.site_setup import Sighted
+from swath.field.solids import merge
+from swath.rays.hits import Hits
+from swath.sensing.camera.shading import linear
+from swath.signals import F64
+
+SHAPES = ("box", "capsule", "ellipsoid", "mesh")  # in the order in which rays meet them
+Colour = tuple[int, int, int]
+PLAIN: Colour = (140, 146, 154)
+SKIN, TYRE, BARK, STEEL = (204, 158, 132), (40, 40, 42), (96, 78, 60), (150, 150, 152)
+# Of the parts of each shape, the last for all further ones; several rows: one is drawn by the thing's name.
+# sRGB, own choice by eye: nothing was measured.
+PAINTS: dict[str, list[dict[str, tuple[Colour, ...]]]] = {
+    "person": [
+        {"ellipsoid": (coat, SKIN), "capsule": (legs, legs, coat)}
+        for coat, legs in (
+            ((232, 110, 32), (52, 56, 70)),
+            ((206, 214, 40), (60, 62, 60)),
+            ((58, 84, 140), (44, 48, 60)),
+            ((150, 42, 40), (70, 66, 60)),
+            ((86, 88, 84), (46, 62, 96)),
+        )
+    ],
+    "animal": [{"ellipsoid": ((150, 98, 62),), "capsule": ((132, 86, 54),)}],
+    "vehicle": [
+        {"box": (hull, (52, 58, 64)), "capsule": (TYRE,)}
+        for hull in ((176, 34, 30), (40, 74, 128), (226, 228, 226), (58, 84, 62))
+    ],
+    "tree": [{"ellipsoid": ((66, 98, 46),), "capsule": (BARK,)}],
+    "hedge": [{"box": ((60, 90, 44),)}],
+    "building": [{"box": ((170, 152, 132),)}, {"box": ((128, 62, 48),)}],
+    "machine": [{"box": ((88, 150, 46),)}, {"box": ((178, 30, 32),)}, {"box": ((220, 176, 32),)}],
+    "post": [{"capsule": ((128, 104, 78),)}],
+    "stone": [{"ellipsoid": ((136, 130, 122),)}],
+    "unknown": [{}],
+}
+
+
+@dataclass(frozen=True)
+class Instances:
+    """Things in sight. solids: of all, each with the number of its part for a reflectance
+
+    names, kinds: of instance 1, 2 ...; owner: instance of each part, (parts + 1,), 0 = none; colours: linear
+    light of each part, (parts + 1, 3)
+    """
+
+    solids: Solids
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    owner: NDArray[np.uint16]
+    colours: F64
+
+    def part(self, hits: Hits) -> NDArray[np.int64]:
+        """Part that each ray met, 0 = no thing."""
+        return np.where(hits.organ == Organ.SOLID, hits.reflectance, 0.0).astype(np.int64)
+
+
+def instances_of(seen: Sequence[Sighted]) -> Instances:
+    """The things in sight, numbered."""
+    owner, colours, parts = [0], [(0, 0, 0)], []
+    for number, thing in enumerate(seen, start=1):
+        paint = _paint(thing)
+        arrays: dict[str, Any] = {}
+        for shape in SHAPES:
+            count = len(getattr(thing.solids, f"{shape}_reflectance"))
+            arrays[f"{shape}_reflectance"] = np.arange(len(owner), len(owner) + count, dtype=float)
+            owner += [number] * count
+            row = paint.get(shape, (PLAIN,))
+            colours += [row[min(k, len(row) - 1)] for k in range(count)]
+        parts.append(replace(thing.solids, **arrays))
+    return Instances(
+        merge(*parts),
+        tuple(thing.name for thing in seen),
+        tuple(thing.kind for thing in seen),
+        np.array(owner, np.uint16),
+        linear(np.array(colours)),
+    )
+
+
+def _paint(thing: Sighted) -> dict[str, tuple[Colour, ...]]:
+    rows = PAINTS.get(thing.kind, PAINTS["unknown"])
+    return rows[crc32(thing.name.encode()) % len(rows)]

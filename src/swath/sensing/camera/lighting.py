@@ -1,0 +1,141 @@
+"""The light that comes along the rays of a camera: surfaces in sun and sky, the sky itself, what is between.
+
+Dust, rain and haze follow Koschmieder (1924): of what a surface sends exp(-b d) is left, and the air itself
+adds (1 - exp(-b d)) of the light of the sky at the horizon. b is the extinction that the LiDAR has in the
+same weather (`sensing/weather.py`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core import portable
+from swath.field.field import Field
+from swath.field.memory_layout import Organ, Solids
+from swath.rays.device import ThreadPool
+from swath.rays.engine import RayCaster
+from swath.rays.hits import Hits
+from swath.sensing.camera.instances import Instances
+from swath.sensing.camera.orthophoto import Orthophoto
+from swath.sensing.camera.shading import air_light, linear, lit, organ_colours, sky_light
+from swath.sensing.camera.texture import brightness
+from swath.signals import F64
+
+SHADOW_REACH = 8.0  # nothing further from a surface than this throws a shadow on it [m]
+SKIN = 0.02  # without shadows: how far from the surface the ray from the sun starts [m]
+SAME_PLACE = 5e-4  # a ray from the sun that ends this near to where it should has met the surface seen [m]
+CANOPY = (206, 178, 122)  # mean colour of crop too far away for rays, in the sun, own choice
+CANOPY_COSINE = 0.6  # of its parts to the sun, on average, shadows counted as 0; own choice
+CLEAR_AIR = 2e-4  # extinction of clear air, visibility 20 km [1/m]: for what is beyond the reach of rays
+DUST_LAYER = 10.0  # dust and rain are looked through so high above the camera [m], own choice
+FAR = 2000.0  # the ground beyond the reach ends here [m]
+
+
+@dataclass(frozen=True)
+class LightSetup:
+    """sun: unit vector towards it, world (3,); cloud: 0 clear to 1 overcast; green: share of unripe colour
+
+    shadows, texture: whether there are any; extinction: of the air [1/m]; pixel_angle [rad]: of a pixel in
+    the middle; seed: of the texture; photo: laid onto the ground
+    """
+
+    sun: F64
+    cloud: float
+    green: float
+    shadows: bool
+    texture: bool
+    extinction: float
+    pixel_angle: float
+    seed: int
+    photo: Orthophoto | None = None
+
+
+class Lighting:
+    """Makes light of hits. ray_count: rays towards the sun so far."""
+
+    def __init__(self, setup: LightSetup, field: Field, pool: ThreadPool) -> None:
+        self.setup, self._field = setup, field
+        self._colours = organ_colours(setup.green)
+        self.ray_count, self._pool = 0, pool
+
+    def light(
+        self, hits: Hits, origins: F64, directions: F64, things: Instances, caster: RayCaster, t: int
+    ) -> F64:
+        """Linear light (rows, columns, 3) along rays; origins: (3,) or as directions (rows, columns, 3)."""
+        light = sky_light(directions[..., 2], self.setup.cloud)
+        seen = hits.is_hit
+        starts = np.broadcast_to(origins, directions.shape)
+        far = ~seen & (directions[..., 2] < 0.0)
+        if far.any():
+            light[far] = self._backdrop(starts[far], directions[far])
+        distance = hits.distance[seen].astype(np.float64)
+        points = starts[seen] + distance[:, None] * directions[seen]
+        colours = self._surface(hits, seen, points, distance, things)
+        light[seen] = (
+            colours * lit(self._sun_cosine(points, things.solids, caster, t), self.setup.cloud)[:, None]
+        )
+        if self.setup.extinction > 0.0:
+            self._through_air(light, hits, starts, directions)
+        return light
+
+    def _surface(
+        self, hits: Hits, seen: NDArray[np.bool_], points: F64, distance: F64, things: Instances
+    ) -> F64:
+        """Linear colour of what was hit (n, 3)."""
+        organ = hits.organ[seen]
+        colours = self._colours[organ]
+        is_solid = organ == Organ.SOLID
+        if is_solid.any():
+            colours[is_solid] = things.colours[things.part(hits)[seen][is_solid]]
+        if self.setup.photo is not None:
+            ground = np.flatnonzero(organ == Organ.GROUND)
+            photo = self.setup.photo.colours(points[ground, 0], points[ground, 1])
+            known = ~np.isnan(photo[:, 0])
+            colours[ground[known]] = photo[known]
+        if self.setup.texture:
+            pixel = (distance * self.setup.pixel_angle).astype(np.float32)
+            colours *= brightness(points, organ, pixel, self.setup.seed, self._pool)[:, None]
+        return colours
+
+    def _backdrop(self, starts: F64, directions: F64) -> F64:
+        """Light of the ground beyond the reach of rays (n, 3): crop, or the photo, in clear air."""
+        s = self.setup
+        eye = starts[0]
+        height = max(float(eye[2]) - float(self._field.ground_height(eye[0], eye[1])), 0.1)
+        distance = np.minimum(height / np.maximum(-directions[:, 2], 1e-6), FAR)
+        colours = np.repeat(
+            ((1.0 - s.green) * linear(CANOPY) + s.green * self._colours[Organ.LEAF])[None], len(starts), 0
+        )
+        if s.photo is not None:
+            at = starts + distance[:, None] * directions
+            photo = s.photo.colours(at[:, 0], at[:, 1])
+            colours = np.where(np.isnan(photo), colours, photo)
+        light = colours * lit(np.array([CANOPY_COSINE * float(s.sun[2]) ** 0.5]), s.cloud)[:, None]
+        clear = portable.exp(-CLEAR_AIR * distance)[:, None]
+        return np.asarray(clear * light + (1.0 - clear) * air_light(s.cloud))
+
+    def _through_air(self, light: F64, hits: Hits, starts: F64, directions: F64) -> None:
+        """Koschmieder's law, in place."""
+        up = np.maximum(directions[..., 2], 1e-6)
+        path = np.where(hits.is_hit, hits.distance, np.minimum(DUST_LAYER / up, FAR)).astype(np.float64)
+        clear = portable.exp(-self.setup.extinction * path)[..., None]
+        light *= clear
+        light += (1.0 - clear) * air_light(self.setup.cloud)
+
+    def _sun_cosine(self, points: F64, solids: Solids, caster: RayCaster, t: int) -> F64:
+        """Cosine of the angle between the surfaces at points (n, 3) and the sun, 0 in shadow."""
+        cosine = np.zeros(len(points))
+        if self.setup.cloud >= 1.0:
+            return cosine
+        length = SHADOW_REACH if self.setup.shadows else SKIN
+        starts = points + length * self.setup.sun
+        free = np.flatnonzero(starts[:, 2] >= self._field.ground_height(starts[:, 0], starts[:, 1]))
+        if len(free) == 0:
+            return cosine
+        back = np.broadcast_to(-self.setup.sun, (len(free), 3))
+        found = caster.cast(starts[free], back, range_max=length + SAME_PLACE, solids=solids, t=t)
+        self.ray_count += len(free)
+        is_lit = np.abs(found.distance - length) < SAME_PLACE
+        cosine[free[is_lit]] = found.cosine[is_lit]
+        return cosine

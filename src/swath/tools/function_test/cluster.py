@@ -1,0 +1,155 @@
+"""The runs of a function test on a cluster: dask.distributed hands them out, workers write their journals.
+
+A result is on the disk that all machines see before the run counts as done, so a worker that is lost with
+all that it did loses no finished run. Each worker has one run in hand and none waits beside it: a worker
+that dies puts no other run under suspicion.
+"""
+
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.runtime.kept import KeptFields
+from swath.runtime.workers import STRIKES
+from swath.tools.function_test.journal import Journal, read_journals
+from swath.tools.function_test.one_run import do_run, no_result
+from swath.tools.function_test.plan import PlannedRun, code_hash
+
+Result = dict[str, Any]
+LOOK_S = 2.0  # between looks at whether there are workers left
+PATIENCE = 150  # looks without a worker until a test gives up: a queue may start new ones
+KINDS = "local, slurm or the address of a scheduler, such as tcp://node1:8786"
+
+
+@contextmanager
+def cluster_client(kind: str, workers: int) -> Iterator[Any]:
+    """A client of dask. kind: `local`, `slurm` (dask-jobqueue with its own settings) or an address
+
+    workers: processes of `local`, jobs of `slurm`. MissingExtra without the extra, InputError for another
+    kind.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise MissingExtra("cluster", "--cluster") from None
+    if kind not in ("local", "slurm") and "://" not in kind:
+        raise InputError("--cluster", kind, f"expected {KINDS}")
+    with dask.config.set({"distributed.scheduler.allowed-failures": STRIKES - 1}):
+        if kind == "local":
+            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+        elif kind == "slurm":
+            cluster = _slurm(workers)
+        else:
+            cluster = None
+        try:
+            with Client(kind if cluster is None else cluster) as client:
+                yield client
+        finally:
+            if cluster is not None:
+                cluster.close()
+
+
+def run_on_cluster(
+    runs: Sequence[PlannedRun],
+    folder: Path,
+    client: Any,
+    done: Callable[[Result], None],
+    *,
+    work: Callable[[PlannedRun, KeptFields], Result] = do_run,
+) -> None:
+    """Do runs on the workers of a client; `done` is called with each result, which is in a journal by then.
+
+    folder: of the journals, seen by all; work: does a run, a function that can be imported. SwathError where
+    no worker is left for some minutes: what is finished is kept, and the same command goes on.
+    """
+    from distributed import wait
+
+    journal = Journal(folder, f"driver-{socket.gethostname()}-{os.getpid()}")
+    left, pending, alone = iter(runs), dict[Any, PlannedRun](), 0
+    is_over = False
+    try:
+        while pending or not is_over:
+            count = _worker_count(client)
+            while len(pending) < count and (run := next(left, None)) is not None:
+                job = client.submit(_do, run, str(folder), work, code_hash(), key=f"run-{run.id}", pure=False)
+                pending[job] = run
+            is_over = bool(count) and len(pending) < count
+            alone = 0 if count else alone + 1
+            if alone > PATIENCE:
+                raise SwathError("no worker is left; the same command goes on with what is not finished")
+            if not pending:
+                time.sleep(0.0 if is_over else LOOK_S)
+                continue
+            try:
+                ended = wait(list(pending), timeout=LOOK_S, return_when="FIRST_COMPLETED").done
+            except TimeoutError:
+                continue
+            for job in ended:
+                done(_result(job, pending.pop(job), folder, journal))
+    finally:
+        client.cancel(list(pending))
+        journal.close()
+
+
+def _result(job: Any, run: PlannedRun, folder: Path, journal: Journal) -> Result:
+    """What a job came to; one that ended its workers is an error of its run."""
+    from distributed import KilledWorker
+
+    try:
+        found: Result = job.result()
+    except KilledWorker:
+        there = next((result for result in read_journals(folder) if result["id"] == run.id), None)
+        if there is not None:
+            return there
+        found = no_result(run, f"ended its process {STRIKES} times")
+        journal.add(found)
+    finally:
+        job.release()
+    return found
+
+
+def _do(run: PlannedRun, folder: str, work: Callable[..., Result], code: str) -> Result:
+    """On a worker: do a run and write it down."""
+    if code_hash() != code:
+        raise SwathError(f"the worker {socket.gethostname()} has another version of swath than the driver")
+    with _LOCK:
+        journal, fields = _tools(folder)
+        result = work(run, fields)
+        journal.add(result)
+    return result
+
+
+_LOCK = Lock()  # a worker may have several threads, its journal and its fields are for one
+
+
+@cache
+def _tools(folder: str) -> tuple[Journal, KeptFields]:
+    """Of this worker process."""
+    os.environ.setdefault("SWATH_THREADS", "1")
+    return Journal(Path(folder), f"worker-{socket.gethostname()}-{os.getpid()}"), KeptFields()
+
+
+def _worker_count(client: Any) -> int:
+    return len(client.nthreads())
+
+
+def _slurm(jobs: int) -> Any:
+    """Jobs of SLURM, one worker process each, as dask's `jobqueue.slurm` settings describe them."""
+    try:
+        from dask_jobqueue import SLURMCluster
+    except ImportError:
+        raise MissingExtra("cluster", "--cluster slurm") from None
+    try:
+        cluster = SLURMCluster(processes=1, cores=1)
+    except ValueError as error:
+        raise InputError("--cluster", "slurm", f"expected settings of jobqueue.slurm: {error}") from error
+    cluster.scale(jobs=jobs)
+    return cluster

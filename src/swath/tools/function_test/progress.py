@@ -1,0 +1,38 @@
+"""What the commands that do runs have in common: a bar over the runs, and where they are done."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+CLUSTER = "on workers of dask: local, slurm or the address of a scheduler"
+
+
+@contextmanager
+def progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """A bar over the runs on a terminal; failures are counted in it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    failed = 0
+    with Progress(console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"{count} runs", total=count)
+
+        def done(result: dict[str, Any]) -> None:
+            nonlocal failed
+            failed += result["verdict"] != "pass"
+            bar.update(task, advance=1, description=f"{count} runs, {failed} did not pass")
+
+        yield done
+
+
+@contextmanager
+def engine(cluster: str, workers: int) -> Iterator[Any]:
+    """A client of dask, None where the runs are done on processes of this machine."""
+    if not cluster:
+        yield None
+        return
+    from swath.tools.function_test.cluster import cluster_client
+
+    with cluster_client(cluster, max(1, workers)) as client:
+        yield client

@@ -1,0 +1,183 @@
+"""`swath test search`: the boundary of failure of a case, in its own folder.
+
+Rounds of a few runs each: which ones depends on the results so far and on nothing else, neither on how many
+workers do them nor on who is first. A search that was stopped is gone through again, with the runs that are
+in a journal taken from there, and goes on where it was.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.whole_file import write_whole
+from swath.documents.hints import near_miss
+from swath.signals import F64
+from swath.tools.function_test.boundary import Boundary, first_points, next_points
+from swath.tools.function_test.case import Case, Point, Scalar, find_cases
+from swath.tools.function_test.journal import TABLE, Result, read_table
+from swath.tools.function_test.margin import margin
+from swath.tools.function_test.plan import Plan, code_hash
+from swath.tools.function_test.pool import Done
+from swath.tools.function_test.session import PLAN, Session
+
+SEARCH = "search.json"
+FEWEST = 8  # runs of a search
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a search asks. case: a bundled one or a file; limit: name of the one whose boundary it is, "" = of
+    all together; batch: runs of a round; sets: changes of the scenario
+    """
+
+    case: str
+    limit: str = ""
+    batch: int = 4
+    sets: tuple[str, ...] = ()
+    level: str = ""
+    code: str = field(default_factory=code_hash)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """A search in its folder: what it asks, its case, its runs so far."""
+
+    folder: Path
+    search: Search
+    case: Case
+    results: Sequence[Result]
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Parameters that are searched, with their ranges."""
+        return ranges_of(self.case)
+
+    @property
+    def boundary(self) -> Boundary:
+        """What the runs say. InputError for fewer than a search has."""
+        if len(self.results) < FEWEST:
+            expected = f"expected {FEWEST} runs or more: go on with the search"
+            raise InputError("search", len(self.results), expected, file=self.folder / SEARCH)
+        points = self.in_cube([result["point"] for result in self.results])
+        return Boundary(list(self.ranges), points, self.margins(self.results))
+
+    def margins(self, results: Sequence[Result]) -> F64:
+        """Margins to the limit that is asked for, (n,)."""
+        return np.array([max(-1.0, margin(result, self.search.limit)) for result in results])
+
+    def in_cube(self, points: Sequence[Point]) -> F64:
+        """Points as shares of the ranges, (n, d)."""
+        return np.array([
+            [(float(point[name]) - low) / (high - low) for name, (low, high) in self.ranges.items()]
+            for point in points
+        ])  # fmt: skip
+
+    def right_of(self, folder: Path) -> tuple[int, int]:
+        """How many runs of another test of this case the boundary foretells, of how many."""
+        table = folder / TABLE
+        if not table.is_file():
+            raise InputError("--check", str(folder), f"expected the folder of a function test, with {TABLE}")
+        names = set(self.ranges)
+        rows = [r for r in read_table(table) if r["case"] == self.case.name and names <= set(r["point"])]
+        if not rows:
+            raise InputError("--check", str(folder), f"expected runs of the case {self.case.name}")
+        foretold = self.boundary.passes(self.in_cube([row["point"] for row in rows]))
+        return int(np.sum(foretold == (self.margins(rows) >= 0.0))), len(rows)
+
+
+def ranges_of(case: Case) -> dict[str, tuple[float, float]]:
+    """Parameters of a case that have a range."""
+    return {name: varied.range for name, varied in case.file.vary.items() if varied.range is not None}
+
+
+def run_search(
+    folder: Path, search: Search, budget: int, workers: int, done: Done, client: Any = None
+) -> Searched:
+    """Search with `budget` runs, those in the folder among them; `done` is called with each new result.
+
+    client: of dask, None = on `workers` processes here
+    """
+    case = _check(search, budget)
+    _claim(folder, search)
+    seeds, points = case.seeds, list[Point]()
+    ranges = ranges_of(case)
+    found = Searched(folder, search, case, [])
+    while len(points) < budget:
+        if points:
+            margins = found.margins(found.results)
+            more = next_points(found.in_cube(points), margins, min(search.batch, budget - len(points)))
+        else:
+            more = first_points(len(ranges), budget)
+        points += [_point(case, ranges, row) for row in more]
+        chosen = tuple((seeds[i % len(seeds)], point) for i, point in enumerate(points))
+        plan = Plan(search.case, sets=search.sets, level=search.level, points=chosen)
+        write_whole(folder / PLAN, json.dumps(plan.plain(), indent=2, sort_keys=True) + "\n")
+        session = Session(folder, plan)
+        session.do(workers, done, client)
+        found = replace(found, results=session.results())
+    return found
+
+
+def open_search(session: Session) -> Searched | None:
+    """The search that a folder holds, None where it is another function test."""
+    file = session.folder / SEARCH
+    if not file.is_file():
+        return None
+    data = json.loads(file.read_text(encoding="utf-8"))
+    search = Search(**{**data, "sets": tuple(data["sets"])})
+    return Searched(session.folder, search, session.plan.found[0], session.results())
+
+
+def _point(case: Case, ranges: Mapping[str, tuple[float, float]], row: F64) -> dict[str, Scalar]:
+    """A point of the cube as values, four digits each; parameters without a range at their first value."""
+    values: dict[str, Scalar] = {name: varied.at[0] for name, varied in case.file.vary.items()}
+    for (name, (low, high)), share in zip(ranges.items(), row, strict=True):
+        values[name] = float(f"{low + share * (high - low):.4g}")
+    return values
+
+
+def _check(search: Search, budget: int) -> Case:
+    """The one case of a search. Raises InputError for what cannot be searched."""
+    cases = find_cases(search.case)
+    if len(cases) != 1:
+        raise InputError("case", search.case, f"expected one case, there are {len(cases)}")
+    (case,) = cases
+    if not ranges_of(case):
+        expected = "expected a parameter with a range, whose boundary is to be found"
+        raise InputError("vary", ", ".join(case.file.vary) or None, expected, file=case.document.file)
+    if budget < FEWEST:
+        raise InputError("--budget", budget, f"expected {FEWEST} runs or more")
+    names = _limits_of(case)
+    if search.limit and search.limit not in names:
+        expected = f"expected one of {', '.join(names)}{near_miss(search.limit, names)}"
+        raise InputError("--limit", search.limit, expected, file=case.document.file)
+    Plan(search.case, sets=search.sets).check()
+    return case
+
+
+def _limits_of(case: Case) -> list[str]:
+    """Names of the limits of a case; those of a machine stand under its name."""
+    names: list[str] = []
+    for name, limit in case.file.expect.items():
+        inner = isinstance(limit, dict) and all(isinstance(value, dict) for value in limit.values())
+        names += list(limit) if inner else [name]
+    return names
+
+
+def _claim(folder: Path, search: Search) -> None:
+    """Make the folder one of this search. InputError where there is another one."""
+    file, text = folder / SEARCH, json.dumps(asdict(search), indent=2, sort_keys=True) + "\n"
+    if file.is_file():
+        if file.read_text(encoding="utf-8") != text:
+            expected = "expected a new folder: this one holds another search, or one of other code"
+            raise InputError("--out", str(folder), expected)
+        return
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError("--out", str(folder), "expected a new or empty folder, or one of a search")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(file, text)

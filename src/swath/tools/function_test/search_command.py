@@ -1,0 +1,65 @@
+"""`swath test search`: the boundary of failure of a case."""
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from swath.tools.function_test.progress import CLUSTER, engine, progress
+
+
+def add(verbs: Any) -> None:
+    """Add the verb."""
+    search = verbs.add_parser("search", help="the boundary of failure in the ranges of a case's parameters")
+    search.add_argument("case", help="a case file or a bundled case; parameters with a range are searched")
+    search.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    search.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: all together)")
+    search.add_argument("--budget", type=int, default=64, metavar="N", help="runs in all (default 64)")
+    search.add_argument("--batch", type=int, default=4, metavar="N", help="runs of a round (default 4)")
+    search.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE")
+    search.add_argument("--check", type=Path, metavar="DIR", help="other runs of the case: foretold right?")
+    search.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
+    )
+    search.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
+    search.set_defaults(run=_search)
+
+
+def _search(args: argparse.Namespace) -> int:
+    from swath.core.errors import InputError
+    from swath.tools.function_test.search import Search, run_search
+
+    if args.batch < 1:
+        raise InputError("--batch", args.batch, "expected 1 run or more")
+    source = str(Path(args.case).resolve()) if Path(args.case).exists() else args.case
+    search = Search(source, args.limit, args.batch, tuple(args.sets))
+    with progress(args.budget) as done, engine(args.cluster, args.workers) as client:
+        found = run_search(args.out, search, args.budget, max(1, args.workers), done, client)
+    return tell(found, args.check)
+
+
+def tell(found: Any, check: Path | None = None) -> int:
+    """Table, page and what the search shows on the screen."""
+    from swath.terminal.tables import table
+    from swath.tools.function_test.journal import write_table
+    from swath.tools.function_test.search_page import write_search
+
+    boundary = found.boundary
+    write_table(found.folder, found.results)
+    checked = None if check is None else found.right_of(check)
+    page = write_search(found.folder / "report.html", found, checked)
+    ranges = found.ranges
+    rows = [
+        (name, "{:g} to {:g}".format(*ranges[name]), f"{first:.2f}", f"{total:.2f}")
+        for name, first, total in boundary.sensitivities()
+    ]
+    table("", ("parameter", "range", "share of the variance, alone", "with others"), rows)
+    passing, unknown = boundary.shares
+    print(f"{len(found.results)} runs, {int((boundary.margins >= 0.0).sum())} of them pass")
+    print(f"passes in {100 * passing:.0f} % of the ranges; in {100 * unknown:.0f} % it is not known (95 %)")
+    if checked is not None:
+        print(
+            f"{checked[0]} of {checked[1]} other runs foretold right: {100 * checked[0] / checked[1]:.1f} %"
+        )
+    print(f"report  {page}")
+    return 0
