@@ -149,6 +149,7 @@ LIMITS = {
         "pure_pursuit": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "stanley": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "station": Limit("against its differential equation within 2 cm", 0.02),
+        "edge_or_path": Limit("2 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.02),
         "path": Limit("3 cm RMS at 7 km/h on a straight path with RTK", 0.03),
     },
     "speed": {

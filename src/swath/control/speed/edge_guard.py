@@ -24,13 +24,14 @@ BEND_M = 1.0  # m of travel over which the bend of the edge is averaged
 class Guard:
     """What a speed law does where the edge is not confidently seen. Without an edge detector: nothing.
 
-    when_lost: `stop` = slow down, stop and end the run; `slow` = go on slowly; `ignore` = as if it were seen
+    when_lost: `stop` = slow down, stop and end the run; `slow` = go on slowly; `ignore` = as if it were seen;
+    `path` = go on slowly while the steering follows a path instead, stop where it does not
     blind_m: driven without seeing the edge ahead until the machine stands
     slow_kmh: where the edge is not sure; sure: confidence from which on the speed is full
     bend_m_s2: greatest lateral acceleration along the edge
     """
 
-    when_lost: Literal["stop", "slow", "ignore"] = "stop"
+    when_lost: Literal["stop", "slow", "ignore", "path"] = "stop"
     blind_m: Annotated[float, Gt(0), Le(1000)] = 4.5
     slow_kmh: Annotated[float, Gt(0), Le(40)] = 3.0
     sure: Annotated[float, Gt(0), Le(1)] = 0.5
@@ -50,9 +51,23 @@ class EdgeGuard(KeepsState):
         """Nothing driven yet."""
         self.blind, self.reason, self._bend = 0.0, "", 0.0
 
-    def limit(self, wanted: float, edge: CropEdge | None, odometry: Odometry | None, dt: int) -> float:
-        """The speed [m/s] that may be driven instead of a wanted one, over the next `dt` [ns]."""
+    def limit(
+        self,
+        wanted: float,
+        edge: CropEdge | None,
+        odometry: Odometry | None,
+        dt: int,
+        *,
+        is_led: bool = False,
+    ) -> float:
+        """The speed [m/s] that may be driven instead of a wanted one, over the next `dt` [ns].
+
+        is_led: the steering follows a path instead of the edge
+        """
         p = self._p
+        if is_led and p.when_lost == "path":
+            self.blind = 0.0
+            return min(wanted, p.slow_kmh * KMH)
         if edge is None or p.when_lost == "ignore":
             return wanted
         speed = abs(odometry.speed) if odometry is not None and isfinite(odometry.speed) else wanted

@@ -132,6 +132,10 @@ class Preview(KeepsState):
         self._command += min(max(wanted - self._command, -step), step)
         return {"command": SteerCommand(t + dt, self._command, self._lost <= self._p.hold_s)}
 
+    def was_commanded(self, curvature: float) -> None:
+        """What really went out last [1/m], where another law may have had its way."""
+        self._command = curvature
+
     def _measured(self, odometry: Odometry) -> float:
         """Driven curvature [1/m]: yaw rate over speed, at a crawl from the steering angle."""
         curvature = 0.0
