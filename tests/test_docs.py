@@ -13,6 +13,9 @@ import swath
 from swath.commands.main import RENAMED, UsageError, make_parser
 from swath.core.errors import InputError
 from swath.documents.yaml_document import dump, parse
+from swath.job.fleet import FORMAT as FLEET_FORMAT
+from swath.job.fleet import read_fleet
+from swath.job.work import work_off
 from swath.scenario.catalogue import CATALOGUE
 from swath.scenario.scenario import load_scenario, parse_scenario, scenario_names
 from swath.scenario.versions import FORMAT, SECTIONS
@@ -126,6 +129,10 @@ def filled(part):
 @pytest.mark.parametrize("text", list(listings("yaml")))
 def test_yaml_is_a_scenario_or_a_part_of_one(text, tmp_path):
     part = parse(text).data
+    if part.get("format") == FLEET_FORMAT:
+        (tmp_path / "job.yaml").write_text(text, encoding="utf-8")
+        assert work_off(read_fleet(str(tmp_path / "job.yaml"))[0]).grain > 0.0
+        return
     if part.get("format") == CASE_FORMAT:
         (tmp_path / "case.yaml").write_text(text, encoding="utf-8")
         Plan(str(tmp_path / "case.yaml")).check()

@@ -24,7 +24,9 @@ from swath.link.ros2.middleware import networked
 from swath.tools.branch import command as branch
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
+from swath.tools.fleet import command as fleet
 from swath.tools.function_test import command as function_test
 from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
@@ -47,6 +49,7 @@ COMMANDS = (
     metrics,
     sheets,
     field,
+    fleet,
     lab,
     reda,
     height_map,
@@ -56,6 +59,7 @@ COMMANDS = (
     calibrate,
     compare,
     scan,
+    dataset,
     yield_log,
     fmu,
     ros2,

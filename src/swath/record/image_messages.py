@@ -69,7 +69,7 @@ def _camera_info(source: Source, image: Image) -> Any:
         header=source.make.header(image.t, source.frame_of(Image)),
         height=image.height,
         width=image.width,
-        distortion_model=MODELS[len(image.distortion)],
+        distortion_model=MODELS.get(len(image.distortion), ""),
         d=np.zeros(5) if len(image.distortion) == 0 else image.distortion,
         k=k.ravel(),
         r=np.eye(3).ravel(),

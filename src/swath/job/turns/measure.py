@@ -42,7 +42,7 @@ def measure(time: Array, points: Array) -> TurnFigures:
         raise InputError("turn", None, "expected a track that turns through half a circle")
     middle = int(np.flatnonzero(turned)[0])
     before = np.flatnonzero(np.abs(heading[:middle]) < TOLERANCE)
-    from_next = np.abs(np.angle(-np.exp(1j * heading)))
+    from_next = math.pi - np.abs(heading)
     outside = np.flatnonzero(from_next[:-2] > TOLERANCE)
     first = int(before[-1]) if len(before) else 0
     last = min(int(outside[-1]) + 1, len(time) - 1)

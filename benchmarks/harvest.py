@@ -1,0 +1,91 @@
+"""A whole field: the rows of docs/fleet.md, with the numbers that come out now.
+
+SWATH_DATA=... python benchmarks/harvest.py
+"""
+
+import math
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from tests.job import measured_turns as turns
+from tests.job.jobs import finished, job_file
+from tests.job.test_events import gain_of
+from tests.job.test_plan import LOG
+
+from swath.job.fleet import read_fleet
+from swath.job.recorded import predict, read_day
+from swath.job.turns import limits_of
+from swath.job.work import work_off
+
+
+def say(case: str, found: str, expected: str) -> None:
+    """One row."""
+    print(f"{case:58s} {found:30s} {expected}", flush=True)
+
+
+def headland_turns() -> None:
+    """40 rolling turns in closed loop, each at its own shift, speed and excursion."""
+    measured = turns.rolling_turns()
+    for antenna in (turns.ANTENNA, 1.0, 2.5):
+        made = [turns.driven(t, antenna)[0] for t in measured]
+        for part, name in ((slice(None), "all"), (slice(0, None, 2), "even"), (slice(1, None, 2), "odd")):
+            found = turns.medians(made[part])
+            stated = turns.medians([t.figures for t in measured[part]])
+            for key in ("duration", "path", "depth"):
+                off = 100.0 * (found[key] / stated[key] - 1.0)
+                say(
+                    f"turns, {name}, antenna {antenna:g} m, {key}",
+                    f"{found[key]:.2f} ({off:+.1f} %)",
+                    f"{stated[key]:.2f}",
+                )
+    dubins = turns.dubins_length(11.9, 6.1)
+    say("Dubins turn of 6.1 m", f"{dubins:.1f} m ({100 * (dubins / 31.55 - 1):+.0f} %)", "31.6 m, 27 % short")
+
+
+def recorded_day() -> None:
+    """The first day of the 2014 log."""
+    day = read_day(LOG, limits_of(3.9, 6.4, math.radians(15.0), 2.0))
+    for hours in (1, 2, 3):
+        made = predict(day, 3600.0 * hours)
+        for name, found, stated in (
+            ("cutting", made.cutting, made.cutting_recorded),
+            ("between passes", made.turning, made.turning_recorded),
+            ("in all", made.total, made.total_recorded),
+        ):
+            off = 100.0 * (found / stated - 1.0)
+            say(
+                f"2014, {hours} h known, {name}",
+                f"{found / 3600:.2f} h ({off:+.1f} %)",
+                f"{stated / 3600:.2f} h",
+            )
+
+
+def whole_fields() -> None:
+    """Gain on the go, numbers of carts, bundled jobs."""
+    for flow, expected in ((8.7, "9-16 %"), (23.8, "26-44 %")):
+        say(f"on the go against standing, {flow} kg/s, in lands", f"{100 * gain_of(flow):.1f} %", expected)
+        combine = {"grain_kg_s": flow, "call_percent": 40.0, "speed_kmh": 15.0}
+        both = [
+            finished(job_file(combine=combine, unload={"mode": m})).time for m in ("on_the_go", "standing")
+        ]
+        say("  in a whole field of 18 ha, one cart", f"{100 * (both[1] / both[0] - 1):.1f} %", "-")
+    for carts in (1, 2, 3):
+        say(f"three combines, {carts} carts", f"{finished(job_file(3, carts)).time / 3600:.2f} h", "-")
+    for name in ("harvest-field", "echelon"):
+        file, _ = read_fleet(name)
+        began = time.perf_counter()
+        made = work_off(file)
+        took = time.perf_counter() - began
+        say(
+            f"{name}: {made.area / 1e4:.1f} ha in {took:.2f} s", f"{made.duration / 3600:.2f} h",
+            f"mass {made.mass_error:.0e}, {made.hectares_per_hour:.1f} ha/h, {made.litres_per_ha:.1f} l/ha",
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    whole_fields()
+    headland_turns()
+    recorded_day()

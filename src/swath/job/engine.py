@@ -1,0 +1,369 @@
+"""The decisions of a job: who cuts, calls, follows, pours and drives to the truck, and when.
+
+Machines are moved by a `Motion`: the cheap one jumps from event to event, the other drives every machine in
+steps of a tenth of a second. Decisions are the same for both, and so is the grain: what is cut per metre of
+a pass is its ground times the yield over its length.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import SwathError
+from swath.job.fleet import FleetFile
+from swath.job.fuel import combine_fuel, tractor_fuel
+from swath.job.machines import Fleet
+from swath.job.motion import Motion
+from swath.job.path import Pose
+from swath.job.plan import FieldPlan
+from swath.job.states import DONE, CartState, CombineState, at, cart_state, same_way, way_between
+from swath.job.team import Passes
+
+Array = NDArray[np.float64]
+LONGEST = 400.0 * 3600.0  # s
+MOST_MOVES = 20_000_000
+SHORT_POUR = 8.0  # s before the end of a pass within which pouring is not begun
+
+
+class Job:
+    """A field being worked off. time [s]; room: in the trucks that wait [kg]; ways: of combines between
+    passes, points (n, 2) [m] each.
+    """
+
+    def __init__(self, file: FleetFile, plan: FieldPlan, fleet: Fleet, motion: Motion) -> None:
+        self.file, self.plan, self.fleet, self.motion = file, plan, fleet, motion
+        self.grain_per_m2 = file.field.yield_t_ha / 10.0
+        self.passes = Passes(plan, len(fleet.combines), file.team.together)
+        self.truck = Pose(file.truck.x_m, file.truck.y_m, 0.0)
+        first = plan.passes[0].start
+        self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
+        self.carts = [CartState(c, Pose(*self.truck)) for c in fleet.carts]
+        self.time, self.moves = 0.0, 0
+        volume = file.truck.volume_m3
+        self.capacity = math.inf if volume is None else volume * fleet.density
+        self.room, self.away = self.capacity, 0.0
+        self.at_truck = 0.0
+        self.started = math.fsum(c.tank for c in self.combines)
+        self.cut_now: dict[int, float] = {}
+        self.ways: list[Array] = []
+        self.pass_times: dict[int, tuple[float, float]] = {}
+
+    def run(self) -> None:
+        """Until the field is empty and the grain at the truck. SwathError where it does not end."""
+        for combine in self.combines:
+            self._next_pass(combine)
+        while True:
+            self._decide()
+            if self.is_over:
+                return
+            before = self.time
+            self.cut_now = {}
+            dt = self.motion.move(self)
+            self.moves += 1
+            if not dt > 0.0 or self.time > LONGEST or self.moves > MOST_MOVES:
+                phases = [f"{c.spec.name} {c.phase}" for c in self.combines]
+                stuck = ", ".join(phases + [f"{k.spec.name} {k.phase}" for k in self.carts])
+                raise SwathError(f"the job does not end: after {self.time / 3600.0:.2f} h {stuck}")
+            self.time += dt
+            self._flow(dt)
+            self._note(before)
+
+    @property
+    def is_over(self) -> bool:
+        """True when all is cut and all grain at the truck."""
+        return all(c.phase == "done" for c in self.combines) and all(
+            k.phase == "idle" and k.grain <= DONE for k in self.carts
+        )
+
+    def leader_of(self, combine: CombineState) -> CombineState | None:
+        """The combine on the pass before in the same direction, in echelon; None where nobody is there."""
+        if self.file.team.together != "echelon" or combine.task is None:
+            return None
+        for other in self.combines:
+            ahead = other.task is not None and other.phase in ("cut", "stand", "way", "hold")
+            if ahead and other.index == combine.index - 1 and same_way(other, combine):
+                return other
+        return None
+
+    def gap(self, leader: CombineState, combine: CombineState) -> float:
+        """How far a leader is ahead of the one behind it, along the follower's pass [m]."""
+        assert leader.task is not None
+        assert combine.task is not None
+        if leader.phase in ("way", "hold"):
+            return -math.inf
+        course = combine.task.start.heading
+        ahead = at(leader), at(combine)
+        return (ahead[0].x - ahead[1].x) * math.cos(course) + (ahead[0].y - ahead[1].y) * math.sin(course)
+
+    # what machines decide
+
+    def _decide(self) -> None:
+        """Let machines react until nothing changes any more."""
+        for _ in range(1000):
+            changed = [self._combine(c) for c in self.combines] + [self._cart(k) for k in self.carts]
+            if not any(changed):
+                return
+        raise SwathError("the job's machines react to each other without end")
+
+    def _combine(self, c: CombineState) -> bool:
+        return any(
+            rule(c)
+            for rule in (self._pours, self._arrives, self._cuts, self._stands, self._calls, self._hauls)
+        )
+
+    def _arrives(self, c: CombineState) -> bool:
+        if c.phase not in ("way", "hold") or (c.phase == "way" and c.left > DONE):
+            return False
+        leader = self.leader_of(c)
+        assert c.task is not None
+        c.place = c.task.start
+        if leader is not None and self.gap(leader, c) < self.file.team.lag_m - DONE:
+            was, c.phase, c.state, c.pace = c.phase, "hold", "wait", 0.0
+            return was != "hold"
+        c.phase, c.state, c.left = "cut", "cut", c.task.length
+        c.per_metre = c.task.area * self.grain_per_m2 / c.task.length
+        c.pace = c.spec.speed_in(c.per_metre)
+        if c.cart is not None and c.cart.phase == "beside":
+            c.timer = self._ready_after(c)
+        self.pass_times[c.index] = (self.time, math.nan)
+        self.motion.begin_cut(self, c)
+        return True
+
+    def _cuts(self, c: CombineState) -> bool:
+        if c.phase != "cut":
+            return False
+        if c.left <= DONE:
+            return self._ends_pass(c)
+        if (c.tank >= c.spec.tank - DONE or self._pours_while_blocked(c)) and not c.is_pouring:
+            self._stand(c, "wait")
+            if c.cart is not None and c.cart.phase == "beside":
+                c.timer = max(c.timer, self._ready_after(c))
+            return True
+        return False
+
+    def _pours_while_blocked(self, c: CombineState) -> bool:
+        """In echelon behind one that stands: true where a cart is beside it and it only pours standing."""
+        if self.file.unload.mode == "on_the_go" or c.cart is None or c.cart.phase != "beside":
+            return False
+        leader = self.leader_of(c)
+        if leader is None or leader.phase != "stand" or c.tank <= DONE:
+            return False
+        return self.gap(leader, c) <= self.file.team.lag_m + 1.0
+
+    def _ends_pass(self, c: CombineState) -> bool:
+        assert c.task is not None
+        started = self.pass_times.get(c.index, (self.time, math.nan))[0]
+        if math.isnan(self.pass_times.get(c.index, (0.0, 0.0))[1]):
+            self.pass_times[c.index] = (started, self.time)
+            c.area += c.task.area
+        c.place = c.task.end
+        if c.is_pouring and c.tank > DONE:
+            rest = c.tank / c.spec.auger
+            if self.file.unload.at_row_end == "finish" and rest <= self.file.unload.finish_s:
+                self._stand(c, "unload")
+                return True
+            c.is_pouring = False
+            self._note_load(c)
+        elif self.file.unload.mode != "on_the_go" and c.tank + self._next_grain(c) > c.spec.tank:
+            self._stand(c, "wait")
+            return True
+        self._next_pass(c)
+        return True
+
+    def _next_grain(self, c: CombineState) -> float:
+        """Grain of a pass like the one that ends [kg]."""
+        assert c.task is not None
+        wants = self.file.unload.mode == "at_headland" and self.passes.left() > 0
+        return c.task.area * self.grain_per_m2 if wants else 0.0
+
+    def _next_pass(self, c: CombineState) -> None:
+        index = self.passes.take(c.number)
+        if index is None:
+            c.is_last, c.task, c.index, c.left = True, None, -1, 0.0
+            self._stand(c, "wait")
+            return
+        c.index, c.task, c.phase = index, self.passes[index], "way"
+        c.state = "turn"
+        self.motion.combine_way(self, c)
+
+    def _stand(self, c: CombineState, why: str) -> None:
+        c.phase, c.state, c.pace = "stand", why, 0.0
+
+    def _stands(self, c: CombineState) -> bool:
+        if c.phase != "stand" or c.hauling:
+            return False
+        if c.is_pouring:
+            state = "unload"
+            if c.left > DONE and self._may_pour_driving(c):
+                self._go_on(c)
+                return True
+            changed, c.state = c.state != state, state
+            return changed
+        if c.tank > DONE and (c.is_last or c.tank >= 0.5 * c.spec.tank or self._pours_while_blocked(c)):
+            return False
+        if c.is_last:
+            c.phase, c.state = "done", "wait"
+            return True
+        self._go_on(c)
+        return True
+
+    def _go_on(self, c: CombineState) -> None:
+        """From standing: along the pass, or to the next one where it is at its end."""
+        if c.left > DONE:
+            c.phase, c.state = "cut", "cut"
+            c.pace = c.spec.speed_in(c.per_metre)
+        else:
+            self._next_pass(c)
+
+    def _calls(self, c: CombineState) -> bool:
+        full = c.tank >= c.spec.call or (c.phase == "stand" and c.tank > DONE)
+        if c.called or not self.carts or not full or c.phase == "done":
+            return False
+        free = [k for k in self.carts if k.phase == "idle" and k.grain < k.spec.leave]
+        if not free:
+            return False
+        cart = min(free, key=lambda k: (way_between(k.place, at(c)), k.spec.name))
+        c.called, c.cart, cart.combine, cart.phase = True, cart, c, "to_combine"
+        self.motion.cart_to_combine(self, cart)
+        return True
+
+    def _hauls(self, c: CombineState) -> bool:
+        """Without carts: to the truck and back."""
+        if self.carts:
+            return False
+        if c.phase == "stand" and not c.hauling and c.tank > DONE:
+            c.hauling, c.phase, c.state = "there", "haul", "transport"
+            c.called = c.left > DONE
+            c.way_back, c.rest = at(c), c.left
+            self.motion.combine_to(self, c, self.truck)
+            return True
+        if c.phase == "haul" and c.left <= DONE:
+            c.place = self.truck
+            self._stand(c, "unload")
+            c.timer = self.file.truck.dock_s + c.spec.swing
+            c.hauling = "pour"
+            return True
+        if c.hauling == "pour" and c.timer <= DONE and c.tank <= DONE:
+            c.hauling, c.phase, c.state = "back", "back", "transport"
+            self.motion.combine_to(self, c, c.way_back)
+            return True
+        if c.phase == "back" and c.left <= DONE:
+            c.place, c.left, c.hauling, c.called = c.way_back, c.rest, "", False
+            self._stand(c, "wait")
+            return True
+        return False
+
+    def _ready_after(self, c: CombineState) -> float:
+        """Time until grain flows with a cart that has just come beside [s]."""
+        assert c.cart is not None
+        time = max(c.cart.spec.align, c.spec.swing) + self.file.unload.ramps_s
+        if c.phase == "stand" and c.task is not None and not c.task.cart_beside:
+            time += self.file.unload.pocket_s
+        return time
+
+    def _pours(self, c: CombineState) -> bool:
+        cart = c.cart
+        if cart is None or cart.phase != "beside":
+            return False
+        if c.is_pouring:
+            if c.tank > DONE and cart.grain < cart.spec.load - DONE:
+                return False
+            c.is_pouring = False
+            self._note_load(c)
+            self._parts(c, cart)
+            return True
+        if c.timer > DONE or c.tank <= DONE:
+            return False
+        may = c.phase == "stand" or (
+            c.phase == "cut" and self._may_pour_driving(c) and c.left > SHORT_POUR * max(c.pace, 0.1)
+        )
+        if may:
+            c.is_pouring = True
+            c.loads.append((self.time, -c.poured, "standing" if c.phase == "stand" else "on the go"))
+        return may
+
+    def _may_pour_driving(self, c: CombineState) -> bool:
+        """True in a pass on whose left a cart may drive."""
+        return self.file.unload.mode == "on_the_go" and c.task is not None and c.task.cart_beside
+
+    def _note_load(self, c: CombineState) -> None:
+        begun, before, kind = c.loads[-1]
+        c.loads[-1] = (begun, c.poured + before, kind)
+
+    def _parts(self, c: CombineState, cart: CartState) -> None:
+        """The cart is done with a combine."""
+        c.cart, c.called, cart.combine = None, False, None
+        cart.phase, cart.place = "idle", at(c)
+
+    def _cart(self, k: CartState) -> bool:
+        if k.phase == "to_combine" and k.left <= DONE:
+            assert k.combine is not None
+            k.phase = "beside"
+            k.combine.timer = self._ready_after(k.combine)
+            return True
+        if k.phase == "idle" and k.grain > DONE and (k.grain >= k.spec.leave or self._no_more()):
+            k.phase = "to_truck"
+            self.motion.cart_to_truck(self, k)
+            return True
+        if k.phase == "to_truck" and k.left <= DONE:
+            k.phase, k.place = "queue", self.truck
+            return True
+        if k.phase == "queue" and self.away <= DONE and not any(o.phase == "emptying" for o in self.carts):
+            k.phase, k.timer = "emptying", self.file.truck.dock_s
+            return True
+        if k.phase == "emptying" and k.timer <= DONE and k.grain <= DONE:
+            k.phase = "idle"
+            return True
+        if self.room <= DONE and self.away <= DONE:
+            self.away, self.room = max(60.0 * self.file.truck.away_min, 1.0), self.capacity
+            return True
+        return False
+
+    def _no_more(self) -> bool:
+        """True when no combine will pour again."""
+        return all(c.phase == "done" for c in self.combines)
+
+    # grain, fuel and times
+
+    def pours_at_truck(self, k: CartState) -> bool:
+        """True while a cart's auger runs at the truck."""
+        return k.phase == "emptying" and k.timer <= DONE and self.away <= DONE and self.room > DONE
+
+    def _flow(self, dt: float) -> None:
+        """Move grain over the time that passed, and count timers down."""
+        for c in self.combines:
+            grown = self.cut_now.get(c.number, 0.0) * c.per_metre
+            c.cut += grown
+            c.tank += grown
+            if c.is_pouring and c.cart is not None:
+                flow = min(c.spec.auger * dt, c.tank, c.cart.spec.load - c.cart.grain)
+                c.tank -= flow
+                c.poured += flow
+                c.cart.grain += flow
+            elif c.hauling == "pour" and c.timer <= DONE:
+                flow = min(c.spec.auger * dt, c.tank)
+                c.tank -= flow
+                c.poured += flow
+                self.at_truck += flow
+            c.timer = max(0.0, c.timer - dt)
+            c.fuel += combine_fuel(c, self.cut_now.get(c.number, 0.0) / dt) * dt
+        pours = [k for k in self.carts if self.pours_at_truck(k)]
+        for k in pours:
+            flow = min(k.spec.out * dt, k.grain, self.room)
+            k.grain -= flow
+            k.delivered += flow
+            self.room -= flow
+            self.at_truck += flow
+        for k in self.carts:
+            k.timer = max(0.0, k.timer - dt)
+            k.fuel += tractor_fuel(k) * dt
+        self.away = max(0.0, self.away - dt)
+
+    def _note(self, before: float) -> None:
+        """Add what each machine did to its timeline."""
+        for c in self.combines:
+            if c.phase != "done":
+                c.timeline.add(c.state, before, self.time, c.index if c.state == "cut" else -1)
+        for k in self.carts:
+            k.timeline.add(cart_state(k), before, self.time)

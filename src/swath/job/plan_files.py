@@ -1,0 +1,145 @@
+"""Plans made by others: lines of a GeoJSON file, guidance lines of ISO 11783-10 task data, or an outline
+alone.
+"""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.documents.json_file import read_json
+from swath.field.projection import Origin, origin_at, transform, utm_epsg
+from swath.field_io.isoxml import is_taskdata
+from swath.field_io.outline import read_outline, rings
+from swath.field_io.plan import EXTERIOR, read_plan
+from swath.job.lands import PlanSettings, plan_field
+from swath.job.plan import FieldPlan, PlannedPass, checked_ring, shapely_here, with_ground
+
+Array = NDArray[np.float64]
+MERCATOR = 3857  # EPSG, to see where on Earth an outline lies
+BEYOND = 1.0  # m: lines shorter than this inside the field are none
+
+
+def plan_from_file(path: Path, header: float, settings: PlanSettings, *, pipe: float) -> FieldPlan:
+    """The plan of a file. Its lines are driven in the order in which they stand there, each from its first
+    point; without lines the field inside its outline is planned by the settings. Guidance lines
+    of task data with two points, A and B, say the direction of all passes. Holes in a field are not driven
+    around: their ground counts as crop.
+
+    header [m]; pipe: how far left a cart drives [m]. InputError for a file without lines and outline.
+    """
+    if not path.exists():
+        raise InputError("field.file", str(path), "expected a file that is there")
+    is_task = _is_task(path)
+    lines, ring = _of_taskdata(path) if is_task else _of_geojson(path)
+    if is_task and lines and all(len(line) == 2 for line in lines):
+        (ax, ay), (bx, by) = lines[0].tolist()
+        settings = replace(settings, direction_deg=math.degrees(math.atan2(by - ay, bx - ax)))
+        lines = []
+    if not lines:
+        assert ring is not None
+        return plan_field(ring, header, settings, pipe=pipe)
+    width = header - settings.overlap_m
+    if ring is None:
+        ring = _around(lines, header)
+    clipped = [part for line in lines for part in _inside(line, ring)]
+    if not clipped:
+        raise InputError("field.file", str(path), "expected lines inside the field")
+    passes = with_ground([PlannedPass(line) for line in clipped], ring, header, pipe=pipe)
+    passes = tuple(p for p in passes if p.area > 0.02 * header * p.length)
+    area = float(shapely_here().Polygon(ring).area)
+    done = FieldPlan(ring, passes, width, 0.0, area)
+    left = done.area_left
+    notes = (f"{left / 1e4:.2f} ha of the field lie under no line",) if left > 0.02 * area else ()
+    return FieldPlan(ring, passes, width, 0.0, area - left, notes=notes)
+
+
+def _is_task(path: Path) -> bool:
+    return path.suffix.lower() not in (".geojson", ".json", ".kml", ".kmz") and is_taskdata(path)
+
+
+def _of_geojson(path: Path) -> tuple[list[Array], Array | None]:
+    """Lines and outline of a file in local metres, from its middle."""
+    if path.suffix.lower() in (".kml", ".kmz", ".shp", ".zip") or path.is_dir():
+        return [], _outline(path)
+    data = read_json(path, "field.file", "GeoJSON")
+    shapes = [_geometry(f) for f in data.get("features", [data])] if isinstance(data, dict) else []
+    lon_lat = [
+        np.asarray(part, dtype=float)[:, :2]
+        for kind, coordinates in shapes
+        for part in (coordinates if kind == "MultiLineString" else [coordinates])
+        if kind in ("LineString", "MultiLineString") and len(part) >= 2
+    ]
+    has_outline = any(kind in ("Polygon", "MultiPolygon") for kind, _ in shapes)
+    if not lon_lat and not has_outline:
+        raise InputError("field.file", str(path), "expected lines or a polygon", file=path)
+    if not lon_lat:
+        return [], _outline(path)
+    middle = np.median(np.concatenate(lon_lat), axis=0)
+    origin = origin_at(float(middle[1]), float(middle[0]))
+    ring = None
+    if has_outline:
+        exterior, _ = rings(read_outline(path, origin.epsg))
+        ring = checked_ring(exterior - (origin.easting, origin.northing), "field.file")
+    return [origin.to_local(line) for line in lon_lat], ring
+
+
+def _geometry(feature: Any) -> tuple[str, Any]:
+    geometry = feature.get("geometry", feature) if isinstance(feature, dict) else None
+    if not isinstance(geometry, dict):
+        return "", None
+    return str(geometry.get("type", "")), geometry.get("coordinates")
+
+
+def _outline(path: Path) -> Array:
+    """The outline of a file in local metres."""
+    rough, _ = rings(read_outline(path, MERCATOR))
+    lon, lat = transform(rough, f"EPSG:{MERCATOR}", "EPSG:4326").mean(axis=0).tolist()
+    exterior, _ = rings(read_outline(path, utm_epsg(lon, lat)))
+    return checked_ring(exterior - np.floor(exterior.min(axis=0)), "field.file")
+
+
+def _of_taskdata(path: Path) -> tuple[list[Array], Array]:
+    """Guidance lines and outline of the largest field of task data. A line of two points is one of many."""
+    parts, _ = read_plan(path)
+    if not parts:
+        raise InputError("field.file", str(path), "expected a field with a boundary", file=path)
+    made = []
+    for part in parts:
+        exterior = next((ring for kind, ring in part.rings if kind == EXTERIOR), part.rings[0][1])
+        epsg = utm_epsg(*np.median(exterior, axis=0))
+        ring = transform(exterior, "EPSG:4326", f"EPSG:{epsg}")
+        made.append((shapely_here().Polygon(ring).area, part, ring, epsg))
+    _, part, ring, epsg = max(made, key=lambda m: m[0])
+    corner = np.floor(ring.min(axis=0))
+    origin = Origin(epsg, float(corner[0]), float(corner[1]))
+    return [origin.to_local(line) for line in part.lines], checked_ring(ring - corner, "field.file")
+
+
+def _around(lines: list[Array], header: float) -> Array:
+    """The ground that lines cover, where a file has no outline."""
+    shapely = shapely_here()
+    strips = [shapely.LineString(line).buffer(0.5 * header, cap_style="flat") for line in lines]
+    grown = shapely.union_all(strips).buffer(0.5 * header, join_style="mitre").buffer(-0.5 * header)
+    ground = max(getattr(grown, "geoms", [grown]), key=lambda g: g.area)
+    return np.asarray(ground.exterior.coords, dtype=float)[:-1]
+
+
+def _inside(line: Array, ring: Array) -> list[Array]:
+    """The parts of a line inside a ring, in its direction."""
+    shapely = shapely_here()
+    whole = shapely.LineString(line)
+    cut = whole.intersection(shapely.Polygon(ring))
+    parts = [g for g in getattr(cut, "geoms", [cut]) if g.geom_type == "LineString" and g.length > BEYOND]
+    found = [np.asarray(p.coords, dtype=float)[:, :2] for p in parts]
+    return sorted(found, key=lambda p: _along(whole, p))
+
+
+def _along(whole: Any, part: Array) -> float:
+    shapely = shapely_here()
+    at = float(whole.project(shapely.Point(*part[0])))
+    return at if math.isfinite(at) else 0.0

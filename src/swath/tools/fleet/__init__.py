@@ -1,0 +1,1 @@
+"""`swath fleet`: a whole field, until it is empty."""

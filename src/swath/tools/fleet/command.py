@@ -1,0 +1,103 @@
+"""`swath fleet`: a whole field worked off by combines, carts and a truck; a recorded day predicted."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+
+def add(parsers: Any) -> None:
+    """Add the command and its verbs."""
+    parser = parsers.add_parser("fleet", help="work off a whole field: combines, carts, a truck")
+    verbs = parser.add_subparsers(metavar="VERB", required=True)
+    run = verbs.add_parser("run", help="run a job until the field is empty", description=_DESCRIPTION)
+    run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
+    run.add_argument("--out", type=Path, metavar="DIR", help="write report.html, picture and results.json")
+    run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change one key")
+    run.add_argument("--level", default="events", metavar="L", help="how machines move: events, kinematic")
+    run.set_defaults(run=run_job)
+    jobs = verbs.add_parser("list", help="list the bundled jobs")
+    jobs.set_defaults(run=run_list)
+    day = verbs.add_parser("day", help="a recorded day, predicted from its first hour")
+    day.add_argument("log", type=Path, metavar="LOG", help="yield log (CSV, shapefile, ISOXML)")
+    day.add_argument("--known-h", type=float, default=1.0, metavar="H", help="hours that are known (1)")
+    day.add_argument("--machine", default="lexion-700", metavar="M", help="data sheet: steering, wheelbase")
+    day.add_argument("--radius-m", type=float, default=6.4, metavar="R", help="of its turns [m] (6.4)")
+    day.add_argument("--number", type=int, default=0, metavar="N", help="machine of the log, from 0 (0)")
+    day.set_defaults(run=run_day)
+
+
+_DESCRIPTION = (
+    "Plans the field (opening rounds, lands, passes), lets the machines work until it is empty and all grain "
+    "is at the truck, and says what the time went into."
+)
+
+
+def run_job(args: argparse.Namespace) -> int:
+    """Run a job, print its tables, write its report."""
+    from swath.job.fleet import base_of, read_fleet
+    from swath.job.work import work_off
+    from swath.terminal.tables import table, wide_console
+    from swath.tools.fleet.page import check_target, machine_rows, result_rows, write_result
+
+    file, document = read_fleet(args.job, tuple(args.set))
+    if args.out is not None:
+        check_target(args.out)
+    result = work_off(file, base_of(document), args.level)
+    table(f"{file.name}: {file.summary}", ("", "", ""), result_rows(result))
+    head, rows = machine_rows(result)
+    table("minutes of each machine", head, rows)
+    console = wide_console()
+    for note in result.notes:
+        console.print(f"note: {note}", markup=False)
+    if args.out is not None:
+        write_result(result, args.out)
+        console.print(f"written: {args.out}/report.html", markup=False)
+    return 0
+
+
+def run_list(args: argparse.Namespace) -> int:
+    """List the bundled jobs."""
+    from swath.documents.data_sheets import sheet_names
+    from swath.job.fleet import read_fleet
+    from swath.terminal.tables import paragraphs
+
+    paragraphs([(name, read_fleet(name)[0].summary) for name in sheet_names("jobs")])
+    return 0
+
+
+def run_day(args: argparse.Namespace) -> int:
+    """Predict the rest of a recorded day."""
+    from swath.core.errors import InputError
+    from swath.job.recorded import predict, read_day
+    from swath.job.turns import limits_of
+    from swath.machine.machine_sheet import dynamics_of, load_machine
+    from swath.terminal.tables import table
+
+    if not 0.05 <= args.known_h <= 24.0:
+        raise InputError("--known-h", args.known_h, "expected 0.05 to 24")
+    if not 3.0 <= args.radius_m <= 50.0:
+        raise InputError("--radius-m", args.radius_m, "expected 3 to 50")
+    sheet = load_machine(args.machine)
+    limits = limits_of(sheet.wheelbase, args.radius_m, dynamics_of(sheet).steer_rate, 2.0)
+    day = read_day(args.log, limits, args.number)
+    made = predict(day, 3600.0 * args.known_h)
+    rows = [
+        _row("cutting, of the rest", made.cutting, made.cutting_recorded),
+        _row("between passes, of the rest", made.turning, made.turning_recorded),
+        _row("in all, with the recorded stops", made.total, made.total_recorded),
+    ]
+    table(f"{args.log.name}: {len(day.lines)} passes", ("", "predicted h", "recorded h", "off %"), rows)
+    known = [
+        ("speed in the crop", f"{made.speed:.2f} m/s"),
+        ("speed between passes", f"{made.turn_speed:.2f} m/s"),
+        ("driven over planned way there", f"{made.longer:.3f}"),
+        ("stops in all", f"{day.stops / 3600.0:.2f} h"),
+    ]
+    table(f"from the first {args.known_h:g} h", ("", ""), known)
+    return 0
+
+
+def _row(name: str, found: float, recorded: float) -> tuple[str, str, str, str]:
+    off = 100.0 * (found / recorded - 1.0) if recorded > 0.0 else math.nan
+    return name, f"{found / 3600.0:.2f}", f"{recorded / 3600.0:.2f}", f"{off:+.1f}"

@@ -1,0 +1,98 @@
+"""The files of a job: results.json, picture and report."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from swath.core.errors import InputError
+from swath.job.timeline import STATES
+from swath.job.work import JobResult
+from swath.judge.summary import json_safe
+from swath.report.html import write_page
+from swath.report.plots import as_image
+from swath.tools.fleet.picture import draw
+
+FILES = ("results.json", "job.png", "report.html")
+
+
+def check_target(out: Path) -> None:
+    """InputError unless a folder is new, empty, or that of an earlier job."""
+    if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
+        raise InputError("--out", str(out), "expected a new or empty folder, or that of an earlier job")
+
+
+def result_rows(r: JobResult) -> list[tuple[str, str, str]]:
+    """Name, number and unit of what a job comes to."""
+    return [
+        ("until the last grain is at the truck", f"{r.duration / 3600.0:.2f}", "h"),
+        ("until the last pass is cut", f"{r.harvest_time / 3600.0:.2f}", "h"),
+        ("field", f"{r.area / 1e4:.2f}", "ha"),
+        ("passes", str(len(r.plan.passes)), ""),
+        ("grain at the truck", f"{r.grain / 1000.0:.1f}", "t"),
+        ("mass error, over all grain", f"{r.mass_error:.0e}", "1"),
+        ("harvested per hour", f"{r.hectares_per_hour:.2f}", "ha/h"),
+        ("field efficiency", f"{100.0 * r.field_efficiency:.1f}", "%"),
+        ("diesel of all machines", f"{r.litres_per_ha:.1f}", "l/ha"),
+    ]
+
+
+def machine_rows(r: JobResult) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Heads and rows of the times of all machines."""
+    rows = [
+        [
+            m.name, *(f"{m.times[s] / 60.0:.1f}" for s in STATES), str(m.loads), f"{m.grain / 1000.0:.1f}",
+            f"{m.way / 1000.0:.1f}", f"{m.fuel / 0.835:.0f}",
+        ]
+        for m in r.machines
+    ]  # fmt: skip
+    return ("machine", *STATES, "loads", "grain t", "way km", "diesel l"), rows
+
+
+def write_result(r: JobResult, out: Path) -> None:
+    """Write the files of a job."""
+    check_target(out)
+    out.mkdir(parents=True, exist_ok=True)
+    fig = draw(r)
+    fig.savefig(out / "job.png", dpi=130, metadata={"Software": None})
+    text = json.dumps(json_safe(to_dict(r)), indent=2, allow_nan=False)
+    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    head, rows = machine_rows(r)
+    write_page(
+        out / "report.html",
+        "fleet.html.j2",
+        name=r.file.name,
+        summary=r.file.summary,
+        level=r.level,
+        results=result_rows(r),
+        head=head,
+        machines=rows,
+        image=as_image(fig, kind="png", dpi=130),
+        notes=r.notes,
+    )
+
+
+def to_dict(r: JobResult) -> dict[str, Any]:
+    """Plain numbers of a job, in SI."""
+    return {
+        "name": r.file.name,
+        "level": r.level,
+        "duration_s": r.duration,
+        "harvest_time_s": r.harvest_time,
+        "area_m2": r.area,
+        "grain_kg": r.grain,
+        "mass_error": r.mass_error,
+        "field_efficiency": r.field_efficiency,
+        "diesel_l_per_ha": r.litres_per_ha,
+        "machines": {
+            m.name: {
+                "kind": m.kind, "times_s": m.times, "way_m": m.way, "fuel_kg": m.fuel, "grain_kg": m.grain,
+                "loads": m.loads, "timeline": [[s.state, s.start, s.end] for s in m.timeline.spans],
+            }
+            for m in r.machines
+        },
+        "passes": [
+            {"kind": p.kind, "length_m": p.length, "area_m2": p.area, "cart_beside": p.cart_beside,
+             "begin_end_s": r.pass_times.get(i)}
+            for i, p in enumerate(r.plan.passes)
+        ],
+    }  # fmt: skip
