@@ -1,11 +1,13 @@
 """What hard edges shall come to, on values drawn at random within each row's ranges.
 
     python benchmarks/edge_drawn.py --out runs.jsonl [--number 20] [--rows NAME ...] [--pool training]
+                                    the same line goes on after a stop: runs that the file holds stay
     python benchmarks/edge_drawn.py --table runs.jsonl
     python benchmarks/edge_drawn.py --figure docs/figures/edge_reliability.png --table runs.jsonl
 
-A run is a line of JSON; `--table` prints what the lines hold. Draws depend on the pool, the row and the
-number alone: pool `judged` is what docs/edge-detection.md shows, `training` is for setting constants.
+A run is a line of JSON; `--table` prints what the lines hold, and `--rows` picks rows by how their names
+begin. Draws depend on the pool, the row and the number alone: pool `judged` is what docs/edge-detection.md
+shows, `training` is for setting constants.
 """
 
 import argparse
@@ -23,7 +25,7 @@ from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
-POOLS = {"judged": 20261121, "training": 7}
+POOLS = {"judged": 5021, "training": 7}
 Draw = Callable[[np.random.Generator], dict[str, Any]]
 Run = dict[str, Any]
 DISTANCE = 46.0
@@ -33,10 +35,7 @@ SECOND = {  # beside the one at the left end: at the right end, across the heade
     "combine.lidar_right": {
         "level": "plants", "mount": {"at": "right_end", "z_m": 3.0, "pitch_deg": 14, "yaw_deg": -30},
     },
-    "combine.edge": {
-        "level": f"{Path(__file__).parents[1] / 'examples' / 'two_scanners.py'}:TwoScanners",
-        "wires": {"left": "lidar_left.scan", "right": "lidar_right.scan"},
-    },
+    "combine.edge": {"level": "joined", "wires": {"left": "lidar_left.scan", "right": "lidar_right.scan"}},
 }  # fmt: skip
 
 
@@ -144,7 +143,7 @@ ROWS = {
     "stand leans 30 to 45 deg out": Row(
         lambda rng: lean(rng.uniform(30, 45), -rng.uniform(70, 110)), "never sure, <= 5 km/h", unsure
     ),
-    "the same, examples/two_scanners.py": Row(
+    "the same, two scanners and level joined": Row(
         lambda rng: {**lean(rng.uniform(30, 45), -rng.uniform(70, 110)), **SECOND}, "95 % <= 15 cm",
         within(15.0),
     ),
@@ -177,6 +176,20 @@ def run(name: str, number: int, pool: str, level: str) -> Run:
     drive(world, [watch])
     hole = drawn.get(f"{EDGE}.gaps", [{}])[0]
     return {"row": name, "number": number, "sets": sets, **watch.numbers(hole.get("end_m", np.nan) + 3.0)}
+
+
+def drawn_before(file: Path) -> set[tuple[str, int]]:
+    """(row, number) of the runs that a file holds; a line that a stop cut short is taken out of it."""
+    lines = file.read_text().splitlines(keepends=True) if file.exists() else []
+    whole = [line for line in lines if line.endswith("\n")]
+    if len(whole) < len(lines):
+        file.write_text("".join(whole))
+    return {(run["row"], run["number"]) for run in map(json.loads, whole)}
+
+
+def rows_of(names: list[str]) -> list[str]:
+    """Rows whose names begin with one of these, all where there is none."""
+    return [row for row in ROWS if not names or any(row.startswith(name) for name in names)]
 
 
 def table(runs: list[Run]) -> list[list[str]]:
@@ -235,17 +248,21 @@ def main() -> None:
     parser.add_argument("--table", type=Path)
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--number", type=int, default=20)
-    parser.add_argument("--rows", nargs="+", default=list(ROWS), choices=list(ROWS))
+    parser.add_argument("--rows", nargs="+", default=[], help="beginnings of the names of rows")
     parser.add_argument("--pool", default="judged", choices=list(POOLS))
     parser.add_argument("--level", default="likelihood_ratio")
     options = parser.parse_args()
+    rows = rows_of(options.rows)
+    if not rows:
+        parser.error(f"--rows {options.rows}: expected beginnings of {', '.join(ROWS)}")
     if options.out:
-        for number in range(options.number):
-            for name in options.rows:
-                with options.out.open("a") as file:
-                    print(json.dumps(run(name, number, options.pool, options.level)), file=file, flush=True)
+        known = drawn_before(options.out)
+        for number, name in [(n, r) for n in range(options.number) for r in rows if (r, n) not in known]:
+            with options.out.open("a") as file:
+                print(json.dumps(run(name, number, options.pool, options.level)), file=file, flush=True)
     if options.table:
         runs = [json.loads(line) for line in options.table.read_text().splitlines()]
+        runs = [r for r in runs if r["row"] in rows]
         print("| " + " | ".join(HEAD) + " |\n" + "|---" * len(HEAD) + "|")
         for line in table(runs):
             print("| " + " | ".join(line) + " |")

@@ -21,9 +21,7 @@ from swath.documents.hints import unknown_key
 from swath.documents.packed import read_arrays
 from swath.documents.yaml_document import Document
 from swath.judge.limits import is_failed
-from swath.replay.writer import ReplayWriter
 from swath.report.notebook import picture, run_html
-from swath.report.report import ReportWriter
 from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
@@ -158,7 +156,7 @@ def run(
             scenario = load_scenario(scenario, sets=sets, seed=seed)
         else:
             _check_alone(sets, seed)
-        hooks = [ReportWriter(), ReplayWriter()] if report and scenario.run.record != "none" else []
+        hooks = _pages() if report and scenario.run.record != "none" else []
         folder = choose_run_folder(scenario.name, scenario.seed, None if out is None else Path(out))
         try:
             made = run_job(scenario, folder, progress=progress, hooks=hooks)
@@ -324,6 +322,14 @@ def _scenario_of(entry: Any) -> tuple[Scenario, Any]:
         _check_alone(sets, seed)
         return source, told.get("out")
     return load_scenario(source, sets=sets, seed=seed), told.get("out")
+
+
+def _pages() -> list[Any]:
+    """What writes the pages of a run."""
+    from swath.replay.writer import ReplayWriter
+    from swath.report.report import ReportWriter
+
+    return [ReportWriter(), ReplayWriter()]
 
 
 def _check_alone(sets: Sets, seed: int | None) -> None:

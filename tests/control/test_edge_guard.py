@@ -80,3 +80,14 @@ def test_a_saved_guard_goes_on():
     other = EdgeGuard(Guard())
     other.load(guard.save())
     assert after(LOST, guard=other, speed=1.0)[1:] == after(LOST, guard=guard, speed=1.0)[1:]
+
+
+@pytest.mark.parametrize("kmh", [5.0, 8.0, 10.0])
+def test_a_drive_with_a_lag_stands_before_five_metres_too(kmh):
+    guard, speed, driven = EdgeGuard(Guard()), kmh * KMH, 0.0
+    for _ in range(400):
+        bound = guard.limit(kmh * KMH, LOST, Odometry(0, speed, 0.0, 0.0), STEP)
+        speed += (bound - speed) * 0.1 / 0.4
+        driven += speed * 0.1
+    assert guard.reason
+    assert 3.5 < driven < 4.8

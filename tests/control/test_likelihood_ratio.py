@@ -194,3 +194,18 @@ def test_any_scans(sequence, is_warm):
         t += PERIOD
         inputs = {"scan": stamped(scan, max(0, t - ticks * PERIOD)), "odometry": driven}
         check(level.step(t - PERIOD, PERIOD, inputs)["edge"])
+
+
+def test_an_edge_grows_unsure_with_the_age_of_the_newest_scan():
+    scanner, rng = Scanner(Stand(lambda x, y: 6.0 - y), mounting("left")), np.random.default_rng(1)
+    level, still = detector(), Odometry(0, 2.0, 0.0, 0.0)
+    for k in range(100):
+        scan = scanner.scan((k + 1) * PERIOD, (0.08 * k, 0.1, 0.0), rng)
+        level.step(k * PERIOD, PERIOD, {"scan": scan, "odometry": still})
+    late = [
+        level.step(k * PERIOD, PERIOD, {"scan": scan, "odometry": still})["edge"] for k in range(100, 112)
+    ]
+    sure = [edge.confidence for edge in late]
+    assert sure[2] > 0.9
+    assert sure[2] > sure[5] > sure[8]
+    assert not late[-1].is_found

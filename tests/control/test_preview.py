@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from swath.control.speed import constant
+from swath.control.steer.plant_model import SlipObserver
 from swath.control.steer.preview import Params, Preview
 from swath.core.random import Stream
 from swath.signals import CropEdge, Odometry
@@ -163,3 +164,19 @@ def test_constant_speed():
     assert law.reset(Stream(1, "speed"))["command"].speed == pytest.approx(2.0)
     command = law.step(0, 40_000_000, {"odometry": None, "edge": None})["command"]
     assert (command.t, command.speed) == (40_000_000, pytest.approx(2.0))
+
+
+def observed(errors, deviations, *, slip_m=6.0):
+    """Slip [rad] after lateral errors [m] every 4 cm of travel, of edges known to deviations [m]."""
+    observer = SlipObserver(slip_m, 0.1, 0.07)
+    for error, sd in zip(errors, deviations, strict=True):
+        observer.update(error, 0.0, 0.04, min(1.0, (0.05 / sd) ** 2), sd)
+    return observer.slip
+
+
+def test_an_edge_that_becomes_better_known_is_no_slip():
+    way = np.arange(0.0, 8.0, 0.04)
+    settles = 0.2 * np.exp(-way / 1.5)
+    known = 0.03 + settles
+    assert abs(observed(settles, known)) < 0.1 * abs(observed(settles, np.full(len(way), 0.03)))
+    assert observed(-0.01 * np.arange(0.0, 60.0, 0.04), np.full(1500, 0.03)) == pytest.approx(0.01, rel=0.05)

@@ -134,6 +134,7 @@ LIMITS = {
     },
     "edge": {
         "likelihood_ratio": Limit("within 0.05 m RMS of the true edge at 50 to 700 stems/m2", 0.05),
+        "joined": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "max_likelihood": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "otsu": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
         "threshold": Limit("within 0.05 m RMS of the true edge at 500 stems/m2", 0.05),
@@ -148,6 +149,7 @@ LIMITS = {
         "pure_pursuit": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "stanley": Limit("3 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.03),
         "station": Limit("against its differential equation within 2 cm", 0.02),
+        "edge_or_path": Limit("2 cm RMS at 7 km/h on a straight edge known to 3 cm", 0.02),
         "path": Limit("3 cm RMS at 7 km/h on a straight path with RTK", 0.03),
     },
     "speed": {

@@ -124,7 +124,7 @@ def test_numbers_are_those_of_the_radiometry():
 def test_exposure_follows_the_light():
     """The first picture is exposed as it would settle; after a step of the light the mean comes back."""
     setup = site(wall=wall(3.0, -9.0, 9.0, z1=9.0))
-    made = camera(setup, samples_per_pixel=1, noise="data_sheet")
+    made = camera(setup, samples_per_pixel=1, noise="data_sheet", target_percent=18.0)
     states = driving(speed=0.0)
 
     def share(image):

@@ -66,7 +66,7 @@ def test_opencv_projects_the_rays_onto_their_pixels(name):
 )
 def test_a_picture_that_folds_is_refused(model, numbers):
     with pytest.raises(InputError, match="does not fold"):
-        Pinhole.centred(640, 480, 250.0, Lens(model, numbers)).rays()
+        Pinhole.centred(160, 120, 62.5, Lens(model, numbers)).rays()
 
 
 def test_coefficients_are_counted():

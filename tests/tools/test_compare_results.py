@@ -10,6 +10,8 @@ from swath.core.errors import InputError
 from swath.tools.function_test.compare import METRICS, SAME_BYTES, WORSE, Comparison, compare
 from swath.tools.function_test.journal import write_table
 from swath.tools.function_test.paired import difference, holm, verdict_test
+from swath.tools.function_test.plan import Plan
+from swath.tools.function_test.session import begin
 
 FIELD_SD, NOISE_SD = 0.03, 0.006  # of a metric between fields, and of one field between two versions [m]
 
@@ -156,3 +158,30 @@ def test_candidates_of_one_folder_that_were_run(tmp_path, capsys):
     assert compare(f"{out}:base", f"{out}:named").outcomes == [SAME_BYTES] * 2
     assert compare(f"{out}:base", f"{out}:slow").outcomes.count(SAME_BYTES) == 0
     capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("level", "change", "bias", "expected"),
+    [
+        ("empirical", "combine.edge.level=otsu", 0.01, "undecided at empirical"),
+        ("empirical", "combine.edge.level=otsu", 0.06, "changed"),
+        ("empirical", "combine.edge.hold_m=3", 0.01, "changed"),
+        ("plants", "combine.edge.level=otsu", 0.01, "changed"),
+    ],
+)
+def test_the_cheap_level_does_not_rank_detectors_that_differ_by_less_than_its_bias(
+    tmp_path, level, change, bias, expected
+):
+    text = CASE.replace("level: empirical, step_deg: 2", f"level: {level}").replace("seeds: 2", "seeds: 4")
+    (tmp_path / "drives.yaml").write_text(text, encoding="utf-8")
+    plan = Plan(str(tmp_path / "drives.yaml"), candidates={"base": (), "other": (change,)})
+    begin(tmp_path / "out", plan)
+    rng = np.random.default_rng(4)
+    rows = [
+        {**row, "candidate": name, "id": f"{name} {row['id']}"}
+        for name, shift in (("base", 0.0), ("other", bias))
+        for row in made(rng, 40, bias=shift)
+    ]
+    stored(tmp_path / "out", rows)
+    found = compare(f"{tmp_path / 'out'}:base", f"{tmp_path / 'out'}:other", ["edge_bias_m"])
+    assert found.says("edge_bias_m") == expected

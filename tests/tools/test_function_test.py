@@ -189,7 +189,7 @@ def test_known_failures_do_not_count_and_are_told_when_they_pass(case_file):
         [case], ["base"], {("drives", "base"): 4}, results([(0.5, 5), (2.0, 8), (0.3, 8), (2.0, 5)])
     )
     (cell,) = cells
-    assert [r["metrics"]["distance_m"] for r in cell.surprises] == [0.3]
+    assert [r["expect"][0]["value"] for r in cell.surprises] == [0.3]
     assert [r["point"]["speed_kmh"] for r in cell.failed] == [5]
     assert cell.text.startswith("1 of 2 passed")
 
@@ -255,7 +255,7 @@ def test_shares_of_a_plan_come_to_the_whole(case_file, tmp_path, monkeypatch):
     monkeypatch.setattr("swath.tools.function_test.session.do_run", fake_work)
     for share in (1, 2, 3):
         open_session(tmp_path / "out").do_share(share, 3, lambda result: None)
-    assert session.left() == []
+    assert list(session.left()) == []
     assert [r["id"] for r in session.results()] == [r.id for r in session.plan.runs()]
     data = json.loads((tmp_path / "out" / "plan.json").read_text(encoding="utf-8"))
     with pytest.raises(InputError, match="this version of swath"):

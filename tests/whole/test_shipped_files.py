@@ -12,7 +12,7 @@ from swath.documents.yaml_document import read_document
 from swath.field.crop_sheet import load_crop
 from swath.field.obstacle_sheet import load_obstacle
 from swath.machine.machine_sheet import load_machine
-from swath.scenario.scenario import find_scenario, load_scenario, scenario_names
+from swath.scenario.scenario import load_scenario, scenario_names
 from swath.sensing.camera.camera_sheet import load_camera
 from swath.sensing.ground_speed.radar import load_ground_radar
 from swath.sensing.lidar_sheet import load_lidar
@@ -117,9 +117,12 @@ def test_own_levels_and_evaluators_of_the_examples_run(tmp_path):
     assert "steering_reversals_per_100_m" in summary
 
 
-def test_the_bundled_detector_of_two_scanners_is_the_example():
-    bundled = find_scenario("two-scanners").with_name("two_scanners.py")
-    assert bundled.read_text() == (EXAMPLES / "two_scanners.py").read_text()
+def test_the_example_that_joins_two_scanners_runs(tmp_path):
+    cheap = [
+        f"combine.lidar_{side}.{key}" for side in ("left", "right") for key in ("sub_rays=3", "step_deg=1")
+    ]
+    level = f"combine.edge.level={EXAMPLES}/two_scanners.py:TwoScanners"
+    run_short("two-scanners", tmp_path / "run", level, *cheap)
 
 
 @pytest.mark.parametrize(

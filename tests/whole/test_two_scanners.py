@@ -1,4 +1,4 @@
-"""A scanner at both header ends, and one detector, of a user's file, that joins them."""
+"""A scanner at both header ends, and one detector that joins them."""
 
 import pyarrow.parquet as pq
 import pytest

@@ -24,6 +24,7 @@ from swath.link.ros2.middleware import networked
 from swath.tools.branch import command as branch
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
+from swath.tools.dataset import command as dataset
 from swath.tools.diff import command as diff
 from swath.tools.fleet import command as fleet
 from swath.tools.function_test import command as function_test
@@ -31,6 +32,7 @@ from swath.tools.height_map import command as height_map
 from swath.tools.lab import command as lab
 from swath.tools.migrate import command as migrate
 from swath.tools.part import command as part
+from swath.tools.reda import command as reda
 from swath.tools.rerun import command as rerun
 from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
@@ -49,6 +51,7 @@ COMMANDS = (
     field,
     fleet,
     lab,
+    reda,
     height_map,
     function_test,
     rerun,
@@ -56,6 +59,7 @@ COMMANDS = (
     calibrate,
     compare,
     scan,
+    dataset,
     yield_log,
     fmu,
     ros2,

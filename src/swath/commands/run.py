@@ -82,8 +82,6 @@ def run(args: argparse.Namespace) -> int:
         )
     scenario = load(args)
     out = choose_run_folder(scenario.name, scenario.seed, args.out)
-    from swath.replay.writer import ReplayWriter
-    from swath.report.report import ReportWriter
     from swath.runtime.changes import read_events
     from swath.runtime.job import run_job
     from swath.runtime.saves import EVERY_S, Saves
@@ -93,11 +91,7 @@ def run(args: argparse.Namespace) -> int:
     events = read_events(args.events) if args.events is not None else []
     if not args.quiet and (code := code_of(scenario)):
         print(f"code of the scenario, run with your rights: {', '.join(map(str, code))}", flush=True)
-    pages = (
-        []
-        if scenario.run.record == "none"
-        else [ReportWriter(), *([] if args.no_replay else [ReplayWriter()])]
-    )
+    pages = [] if scenario.run.record == "none" else _pages(has_replay=not args.no_replay)
     begun = None if args.quiet or args.no_defaults else partial(print_defaults, scenario, whole=args.defaults)
     try:
         saves: list[Any] = [] if args.save_field is None else [SavesField(args.save_field)]
@@ -127,6 +121,17 @@ def run(args: argparse.Namespace) -> int:
 
         print_outcome(result.summary, out, scenario.evaluators)
     return int(result.exit_code)
+
+
+def _pages(*, has_replay: bool) -> list[Any]:
+    """What writes the pages of a run."""
+    from swath.report.report import ReportWriter
+
+    if not has_replay:
+        return [ReportWriter()]
+    from swath.replay.writer import ReplayWriter
+
+    return [ReportWriter(), ReplayWriter()]
 
 
 def print_defaults(scenario: Any, *, whole: bool = True) -> None:

@@ -1,6 +1,7 @@
 """The cut of a field: one compiled pass over the cells, the sums after it."""
 
 from math import ceil, floor
+from operator import attrgetter, is_
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ CORNERS_MAX = 64
 PAGES_MAX = 256  # of one launch, as in the kernel
 STATUS, PAGE_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED = range(5)
 POOLS = ("table", "cut_slot", "cut", "tile_stand", "tile_prototype", "tile_top")
+POOLS_OF = attrgetter(*POOLS)
 
 
 class Cutter:
@@ -33,6 +35,7 @@ class Cutter:
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
         self._masses = np.zeros((2, 3))  # grain, straw, grain left; of them by earlier cuts [kg]
         self._pools: dict[str, Any] = {}
+        self._held: tuple[Any, ...] = ()
         self._lines: dict[tuple[int, int], _Lines] = {}
         self._land: Any = None
         self._launch: Any = None
@@ -112,10 +115,12 @@ class Cutter:
     def _refresh(self) -> None:
         """The launch with the pools as they are now."""
         p, store = self.store.pages, self.store
+        held = (store.code_max, *POOLS_OF(p))
+        if self._launch is not None and all(map(is_, held, self._held)):
+            return
+        self._held = held
         pools = {name: getattr(p, name) for name in POOLS} | {"code_max": store.code_max}
         stale = [name for name, pool in pools.items() if self._pools.get(name) is not pool]
-        if self._launch is not None and not stale:
-            return
         start_warp()
         from swath.field import cut_kernel as kernel
 

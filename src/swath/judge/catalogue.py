@@ -20,6 +20,7 @@ GROUPS = (
     "Driving",
     "Edge detection",
     "Steering",
+    "Positioning",
     "Harvest",
     "Header height",
     "Crop and engine",

@@ -15,7 +15,7 @@ from swath.record.container import Container
 from swath.record.message_factory import MessageFactory
 from swath.record.templates import Draft, Template
 
-CHUNK_BYTES = 512 * 1024
+CHUNK_BYTES = 384 * 1024
 QOS = "offered_qos_profiles"  # key of a channel's metadata
 LATCHED = (
     "- history: keep_last\n  depth: 1\n  reliability: reliable\n  durability: transient_local\n"

@@ -7,9 +7,10 @@ columns of that name, those of the others begin with the name of their slot: `gn
 
 import json
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import attrgetter
 from os import SEEK_END
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -41,6 +42,7 @@ class Column:
     later: called with the columns of `value` when the table is read, gives the whole column, (row_count,)
     is_by_row: `later` gives each value from its row alone
     source: what its value depends on alone, a key of the newest samples; None where it depends on more
+    field: of the newest sample of the source, "" where the value is not of one; number: from what it holds
     """
 
     name: str
@@ -50,13 +52,15 @@ class Column:
     later: Callable[[Mapping[str, Any]], Any] | None = None
     source: Any = None
     is_by_row: bool = False
+    field: str = ""
+    number: Callable[[Any], float] = float
 
 
 def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
     def value(latest: Mapping[Any, Any]) -> float:
         return column.value(getattr(latest[key], field)) if key in latest else NAN
 
-    return Column(name, column.unit, column.meaning, value, source=key)
+    return Column(name, column.unit, column.meaning, value, source=key, field=field, number=column.value)
 
 
 def signal_columns(signal: type[Signal], key: Any, prefix: str = "") -> list[Column]:
@@ -113,7 +117,8 @@ class Tracks:
     def __init__(self, machine: RecordedMachine, period: int, extra: tuple[Column, ...] = ()) -> None:
         self.machine = machine
         self.columns = (*machine_columns(machine), *extra)
-        self._groups = [(source, [*columns]) for source, columns in groupby(self.columns, lambda c: c.source)]
+        groups = [(source, [*columns]) for source, columns in groupby(self.columns, lambda c: c.source)]
+        self._groups = [(source, columns, _reader(columns)) for source, columns in groups]
         self._values: list[tuple[Any, list[float]]] = [(None, []) for _ in self._groups]  # of the last row
         self._rows, self._stored = array("d"), TemporaryFile()  # noqa: SIM115
         finalize(self, self._stored.close)
@@ -156,12 +161,15 @@ class Tracks:
         self._rows = array("d", np.stack(found, axis=1).tobytes())
         self._latest, self._due, self._is_open = dict(state["latest"]), state["due"], state["is_open"]
 
-    def newest(self) -> dict[str, np.ndarray]:
-        """Columns of one row at present, (1,) each, kept or not; {} before there is one."""
+    def newest(self, names: Container[str] | None = None) -> dict[str, np.ndarray]:
+        """Columns of one row at present, (1,) each, kept or not; {} before there is one.
+
+        names: of columns that are looked at; others that are worked out from the row are left out
+        """
         if MachineState not in self._latest:
             return {}
         found = {c.name: np.array([c.value(self._latest)]) for c in self.columns}
-        return self._later(found, is_over=False)
+        return self._later(found, is_over=False, names=names)
 
     def arrays(self, *, is_over: bool = True) -> dict[str, np.ndarray]:
         """Columns so far, shape (row_count,) each.
@@ -176,18 +184,25 @@ class Tracks:
         found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
         return self._later(found, is_over=is_over)
 
-    def _later(self, found: dict[str, np.ndarray], *, is_over: bool) -> dict[str, np.ndarray]:
+    def _later(
+        self, found: dict[str, np.ndarray], *, is_over: bool, names: Container[str] | None = None
+    ) -> dict[str, np.ndarray]:
         return found | {
-            c.name: c.later(found) for c in self.columns if c.later is not None and (is_over or c.is_by_row)
+            c.name: c.later(found)
+            for c in self.columns
+            if c.later is not None and (is_over or c.is_by_row) and (names is None or c.name in names)
         }
 
     def _finish_row(self) -> None:
         if self._is_open and MachineState in self._latest:
-            for i, (source, columns) in enumerate(self._groups):
+            for i, (source, columns, read) in enumerate(self._groups):
                 sample = self._latest.get(source)
                 before, values = self._values[i]
                 if sample is None or sample is not before:
-                    values = [c.value(self._latest) for c in columns]
+                    if read is not None and sample is not None:
+                        values = read(sample)
+                    else:
+                        values = [c.value(self._latest) for c in columns]
                     self._values[i] = sample, values
                 self._rows.extend(values)
             self._is_open = False
@@ -199,6 +214,15 @@ class Tracks:
         self._stored.seek(0, SEEK_END)
         self._stored.write(self._rows)
         del self._rows[:]
+
+
+def _reader(columns: Sequence[Column]) -> Callable[[Any], list[float]] | None:
+    """Values of columns from a sample of their source, None where some are made of more than its fields."""
+    if not all(column.field for column in columns):
+        return None
+    fields = attrgetter(*(column.field for column in columns), "t")  # a tuple also of one
+    numbers = [column.number for column in columns]
+    return lambda sample: [number(v) for number, v in zip(numbers, fields(sample), strict=False)]
 
 
 def write_tracks(path: Path, tracks: list[Tracks]) -> None:

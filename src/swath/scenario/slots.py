@@ -339,6 +339,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "station": ("cooperate", "station"),
             "objects": ("objects", "objects"),
             "map": ("field_map", "map"),
+            "guidance": ("steer", "guidance"),
         },
         is_control=True,
         is_exchangeable=True,

@@ -20,7 +20,7 @@ from swath.signals import F64
 BEND_STEP = 0.02  # 1/m per sqrt(m): how fast the bend of an edge changes
 ANGLE_STEP = 0.01  # rad per sqrt(m), of a ragged one
 CLIP = 2.0  # standard deviations that an innovation may count
-BACK = 6  # blocks that a break takes back
+BACK, BACK_M = 6, 4.0  # blocks that a break takes back, and the way along the edge [m] that they lie in
 KEPT = 12  # earlier states
 _ONE = np.eye(3)
 
@@ -114,7 +114,8 @@ class ArcTrack(KeepsState):
         assert self.arc is not None
         way = self.arc.way
         for _ in range(min(BACK, len(self._past) - 1)):
-            self._past.pop()
+            if self._past[-1].way > way - BACK_M:
+                self._past.pop()
         if not self._past:
             return way
         old = self._past[-1]

@@ -116,7 +116,7 @@ class BlockTrack(KeepsState):
         along = block.along if np.isfinite(block.along) else block.travel
         swing = self._lodged_swing(found, arc.angle - heading)
         if swing > 0.0 and abs(found.beside) < swing + 0.1:
-            self._pass_lodged(along, swing)
+            self._pass_lodged(found, along, swing)
         elif found.gain >= LEAST_GAIN and is_near:
             self._accept(found, along, heading)
         else:
@@ -179,18 +179,21 @@ class BlockTrack(KeepsState):
         if np.isfinite(now):
             self._usual = now if np.isnan(self._usual) else self._usual + 0.1 * (now - self._usual)
 
-    def _pass_lodged(self, along: float, swing: float) -> None:
-        """Lodged crop shows no edge: the line goes on through it, less and less sure."""
+    def _pass_lodged(self, found: Found, along: float, swing: float) -> None:
+        """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
         if not self._is_lodged:
             self.points.doubt(self.track.rewind(STRAIGHTEN))
         self._is_lodged = True
         self.track.advance(along)
+        assert self.track.arc is not None
+        unseen, doubt = self.track.arc.unseen, (DOUBT * swing) ** 2
+        if found.gain >= LEAST_GAIN:
+            self.track.accept(found.beside, doubt + found.variance)
         arc = self.track.arc
-        assert arc is not None
-        self.points.add(arc.x, arc.u, (DOUBT * swing) ** 2, arc.way)
+        self.points.add(arc.x, arc.u, doubt, arc.way)
         crop, stubble = self._block.sides(0.0)
         self.populations.add(0.2 * crop, stubble)
-        self.track.arc = replace(arc, unseen=min(arc.unseen, 0.5 * self._search.forget))
+        self.track.arc = replace(arc, unseen=min(unseen, 0.5 * self._search.forget))
 
     def _crop_height(self) -> float:
         height = self.populations.heights()[0]

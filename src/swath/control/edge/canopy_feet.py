@@ -73,6 +73,7 @@ class CanopyFeet(KeepsState):
             return 0.0
         dense = float(np.clip((stopped - THIN) / (DENSE - THIN), 0.0, 1.0))
         seen = float(np.clip((DUSTY - dust) / (DUSTY - CLEAR), 0.0, 1.0))
+        dense = max(dense, 1.0 - seen)  # in dust it is not seen how dense the crop is
         most = MOST if self._ramp.is_known else USUAL
         learned = min(self._offset.shift(height), most * height)
         upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)

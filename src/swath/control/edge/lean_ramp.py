@@ -17,7 +17,9 @@ HALF = 1.2  # m to either side of the edge that are kept
 MEMORY = 4.0  # m of travel
 SHARES = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the crop's height
 ENOUGH = 400.0  # counts
+LOWEST_CROP = 0.35  # m above the stubble: of a lower one too few layers are seen
 LEAST, SURE = 0.2, 0.35  # slopes from which on it may be a ramp, and is one
+SOAK = 0.08  # m per slope by which half of the rays are stopped later than the stand begins
 _CELLS = 2 * round(HALF / CELL)
 _PLACE = -HALF + CELL * np.arange(_CELLS)
 
@@ -54,7 +56,7 @@ class LeanRamp(KeepsState):
 
         height: of the crop [m]
         """
-        if not height > 0.25 or not self.is_known:
+        if not height > LOWEST_CROP or not self.is_known:
             return 0.0, 0.0, 0.0
         above = np.cumsum(self._counts[:, ::-1], axis=1)[:, ::-1]
         tall = np.array(SHARES) * height
@@ -69,6 +71,6 @@ class LeanRamp(KeepsState):
         level = LOWEST + LAYER * layer
         apart = level - level.mean()
         slope = float((apart * begins).sum() / (apart * apart).sum())
-        foot = float(begins.mean()) - slope * float(level.mean())
+        foot = float(begins.mean()) - slope * (float(level.mean()) + SOAK)
         is_ramp = float(np.clip((slope - LEAST) / (SURE - LEAST), 0.0, 1.0))
         return is_ramp, float(np.clip(foot, -0.5, 0.2)), slope

@@ -7,7 +7,7 @@ edge just ahead of the knife, between blocks seen before and behind it (`near_li
 the feet of the crop (`canopy_feet`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, erf, hypot, isfinite, sin, sqrt, tan
 from typing import Annotated
 
@@ -16,6 +16,7 @@ from annotated_types import Ge, Gt, Le
 from swath.control.edge.block_track import BlockTrack, Search
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.near_line import LineFit, NearLine
+from swath.control.edge.overhang import HeightOverhang, Overhang
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import CRAB, Inclination
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -27,14 +28,14 @@ from swath.signals import CropEdge, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
 TOLERANCE = 0.10  # m, of the confidence
-FLOOR = 0.025  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
-RAGGED, EVEN = 2.0, 0.025  # of the scatter [m] beyond that of an even edge: bites, swing
+FLOOR = 0.018  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
+RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bites, swing
+DUSTY, CLEAR, THICK = 0.12, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 RAMP = 0.25  # of the way from a ramp to its feet
 UNSURE = 0.45  # greatest confidence of an edge that is held, not seen
-LEANS, DENSE = 0.92, 0.9  # of the upright crop's height, in a stand that stops this share of the rays
-LEANS_THIN, THIN = 0.82, 0.5  # the same of one that shows less of its tops
-LATE = 0.4  # s: an older scan shows no edge
+BETWEEN = 0.7  # m to the nearest block from which on an edge is held
+OLD, LATE = 0.15, 0.4  # s: age of the newest scan from which on an edge is less sure, and is none
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
 
 
@@ -69,11 +70,11 @@ class LikelihoodRatio(KeepsState):
     )
     outputs = (Port("edge", CropEdge),)
 
-    def __init__(self, params: Params, setup: ControlSetup) -> None:
+    def __init__(self, params: Params, setup: ControlSetup, overhang: Overhang | None = None) -> None:
         self._p = params
         self._sign = crop_sign(setup.edge_side)
         knife_x, end_y = setup.machine.header_end(setup.edge_side)
-        self._upright = params.upright_m or setup.crop_height
+        self._overhang = overhang or HeightOverhang(params.upright_m or setup.crop_height)
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
         self._blocks = BlockTrack(Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE))
@@ -138,7 +139,9 @@ class LikelihoodRatio(KeepsState):
         line = self._near(self._moved(speed, yaw_rate, age))
         if line is None or line.gap > self._p.hold_m:
             return self._no_edge(now)
-        return self._as_edge(now, line)
+        edge = self._as_edge(now, line)
+        fresh = min((LATE - age) / (LATE - OLD), 1.0)
+        return edge if fresh >= 1.0 else replace(edge, confidence=max(fresh * edge.confidence, 0.01))
 
     def _near(self, at: tuple[float, float, float]) -> NearLine | None:
         """The edge abreast of the reference, seen from a machine at x, u [m] with a heading [rad]."""
@@ -152,16 +155,19 @@ class LikelihoodRatio(KeepsState):
         crop, stubble, stopped = self._blocks.populations.heights()
         dust = self._blocks.populations.dust()
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
-        shift = self._blocks.feet.shift(crop, stopped, line.spread, dust)
-        ragged = max(0.0, sqrt(self._blocks.scatter) - EVEN)
+        feet = self._blocks.feet
+        shift = feet.shift(crop, stopped, line.spread, dust)
+        hang, hang_sd = self._overhang.of(crop, stopped, feet.lean[0])
+        ragged = sqrt(max(0.0, self._blocks.scatter - EVEN**2))
         known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), BENT * edge.bend, FLOOR)
-        sd = hypot(known, self._overhang(crop, stopped)) / steep
+        known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
+        sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
-        if line.seen_to < 0.0 or not isfinite(crop):
+        if line.seen_to < 0.0 or line.gap > BETWEEN or not isfinite(crop):
             sure = min(sure, UNSURE)
         return CropEdge(
             t=now,
-            offset=sign * (canopy + shift / steep),
+            offset=sign * (canopy + (shift + hang) / steep),
             heading=sign * edge.angle,
             curvature=sign * edge.bend,
             reference_x=self._reference,
@@ -173,18 +179,6 @@ class LikelihoodRatio(KeepsState):
             seen_to=self._reference + line.seen_to * steep,
             is_held=line.gap > 1.0,
         )
-
-    def _overhang(self, crop: float, stopped: float) -> float:
-        """How far tops may hang over the edge [m]: 0 where the crop [m] stands, or a ramp shows it leans in.
-
-        Stems of length h whose tops are at z lean by acos(z / h). stopped: share of the rays in the crop that
-        it stopped
-        """
-        dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
-        limit = LEANS_THIN + dense * (LEANS - LEANS_THIN)
-        if not crop < limit * self._upright or self._blocks.feet.lean[0] >= 0.5:
-            return 0.0
-        return sqrt(self._upright**2 - crop**2)
 
     def _no_edge(self, now: int) -> CropEdge:
         nan = float("nan")

@@ -62,7 +62,8 @@ class Params:
     slip_percent: that the wheels are expected to turn too fast
     gyro_noise_deg_s: of a sample, beside what the sensor says itself; gyro_bias_deg_s: of the bias at first
     crab: side slip that is expected, per side slope or lateral acceleration in g; crab_deg: beside that
-    tilt_deg: of the inclination, for the antenna above the ground
+    tilt_deg: of the inclination, by which an antenna above the ground stands aside; it changes over tilt_s
+    (biases of the inertial unit). 0 on a plane, the slope where there is no inertial unit
     gate: squared distance of a position in its standard deviations beyond which it is left out; gate_s: for
     so long at most
     course_from_m_s: speed from which on the course gives the first heading
@@ -71,11 +72,12 @@ class Params:
     wheel_noise_m_s: Annotated[float, Gt(0), Le(1)] = 0.03
     wheel_scale_percent: Annotated[float, Gt(0), Le(50)] = 4.0
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
-    gyro_noise_deg_s: Annotated[float, Ge(0), Le(10)] = 0.05
+    gyro_noise_deg_s: Annotated[float, Ge(0), Le(10)] = 0.1
     gyro_bias_deg_s: Annotated[float, Gt(0), Le(10)] = 0.15
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
     crab_deg: Annotated[float, Gt(0), Le(10)] = 0.3
-    tilt_deg: Annotated[float, Ge(0), Le(10)] = 0.1
+    tilt_deg: Annotated[float, Ge(0), Le(10)] = 0.3
+    tilt_s: Annotated[float, Gt(0), Le(1000)] = 30.0
     gate: Annotated[float, Gt(0), Le(1e6)] = 25.0
     gate_s: Annotated[float, Gt(0), Le(600)] = 10.0
     course_from_m_s: Annotated[float, Gt(0), Le(5)] = 0.5
@@ -107,9 +109,10 @@ class EkfPose(KeepsState):
         self._p = params
         self._antenna = AntennaPlace(setup)
         self._tilt = self._antenna.inclination
+        self._leaning = self._antenna.height * params.tilt_deg * DEG
         mounting = setup.mountings.get("inertial")
         self._turn = np.eye(3).tolist() if mounting is None else mounting.rotation.tolist()
-        self._noise = Noise(0.3, 0.003, 1e-5, params.crab_deg * DEG, 30.0)
+        self._noise = Noise(0.3, 0.003, 2e-5, params.crab_deg * DEG, 30.0)
         self._filter, self._now = Kalman(self._noise), Kalman(self._noise)
 
     def reset(self, stream: Stream) -> Outputs:
@@ -216,17 +219,19 @@ class EkfPose(KeepsState):
     def _hear(self, fix: Fix) -> None:
         """The quality of the fix says how its error wanders."""
         share, time = ASSUMED[FIX_QUALITIES[fix.quality]]
-        sd = (1.0 - share) ** 0.5 * fix.horizontal_sd
+        own, leaning = (1.0 - share) * fix.horizontal_sd**2, self._leaning**2
+        both = max(own + leaning, 1e-12)
+        wander = Wander(both**0.5, (own * time + leaning * self._p.tilt_s + 1e-12 * time) / (both + 1e-12))
         if fix.quality != self._quality:
             self._quality = fix.quality
-            self._filter.roam(Wander(sd, time))
-        self._filter.wander = Wander(sd, time)
+            self._filter.roam(wander)
+        self._filter.wander = wander
 
     def _correct(self, fix: Fix, m: Motion) -> None:
         f, p = self._filter, self._p
         self._hear(fix)
-        high = self._antenna.height * p.tilt_deg * DEG
-        variance = ASSUMED[FIX_QUALITIES[fix.quality]][0] * fix.horizontal_sd**2 + high**2 + 1e-8
+        shaken = 0.2 * self._leaning  # the part of the inclination that is no bias
+        variance = ASSUMED[FIX_QUALITIES[fix.quality]][0] * fix.horizontal_sd**2 + shaken**2 + 1e-8
         x, y, *rows = f.expected_place(m.offset)
         east, north = rows
         is_far = f.distance(fix.x - x, fix.y - y, (east, north), variance) > p.gate

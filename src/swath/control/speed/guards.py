@@ -5,10 +5,14 @@ from dataclasses import dataclass, field
 from swath.control.speed.edge_guard import EdgeGuard, Guard
 from swath.control.speed.obstacle_stop import ObstacleStop, Stop
 from swath.core.component import Inputs, KeepsState, Port
-from swath.signals import CropEdge, Objects
+from swath.signals import CropEdge, GuidanceState, Objects
 from swath.signals.setup import MachineGeometry
 
-GUARD_INPUTS = (Port("edge", CropEdge, optional=True), Port("objects", Objects, optional=True))
+GUARD_INPUTS = (
+    Port("edge", CropEdge, optional=True),
+    Port("objects", Objects, optional=True),
+    Port("guidance", GuidanceState, optional=True),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +24,7 @@ class Guarded:
 
 
 class Guards(KeepsState):
-    """Both together; needs the inputs `edge`, `objects` and `odometry`, each may be None or missing."""
+    """Both together; needs the inputs `edge`, `objects`, `guidance` and `odometry`, each may be missing."""
 
     kept = ("_edge", "_stop")
 
@@ -36,7 +40,9 @@ class Guards(KeepsState):
     def limit(self, wanted: float, inputs: Inputs, dt: int) -> float:
         """The speed [m/s] that may be driven instead of a wanted one, over the next `dt` [ns]."""
         odometry = inputs.get("odometry")
-        by_edge = self._edge.limit(wanted, inputs.get("edge"), odometry, dt)
+        guidance: GuidanceState | None = inputs.get("guidance")
+        is_led = guidance is not None and guidance.is_following
+        by_edge = self._edge.limit(wanted, inputs.get("edge"), odometry, dt, is_led=is_led)
         return min(by_edge, self._stop.limit(wanted, inputs.get("objects"), odometry, dt))
 
     @property

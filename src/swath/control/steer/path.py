@@ -179,6 +179,20 @@ class PathSteer(KeepsState):
         self._line, self._number, self._way = GuidanceLine(points, "path"), path.number, None
         self._observer.restart()
 
+    @property
+    def has_line(self) -> bool:
+        """Whether there is a path to follow."""
+        return self._line is not None
+
+    def lead_along(self, line: GuidanceLine) -> None:
+        """Another path of the own machine, instead of that of the scenario."""
+        self._line, self._way = line, None
+        self._observer.restart()
+
+    def was_commanded(self, curvature: float) -> None:
+        """What really went out last [1/m], where another law may have had its way."""
+        self._command = curvature
+
     def _measured(self, odometry: Odometry) -> float:
         """Driven curvature [1/m]: yaw rate over speed, at a crawl from the steering angle."""
         curvature = 0.0

@@ -62,16 +62,20 @@ class ActuatorModel(KeepsState):
         return Place(x, y, heading)
 
 
+BETTER = 0.85  # of the deviation an edge was known with: below, the edge is taken anew
+FORGET_M = 3.0  # m of travel over which it is forgotten how well the edge was known
+
+
 class SlipObserver(KeepsState):
     """Side slip of the header end: its direction of travel against what the steering explains [rad].
 
     On a side slope a combine crabs by about slope / normalised cornering stiffness, 1.4 deg on 10 %. Observer
     of lateral error e and slip c over the travelled distance s, de/ds = angle - direction - c, both poles at
     1 / `distance` [1/m]; innovations are clipped to +-`clip` [m] so that a step of the edge is not taken for
-    slip.
+    slip. Nor is what the edge moves by when it becomes better known: the error then begins anew.
     """
 
-    kept = ("slip", "_error")
+    kept = ("slip", "_error", "_sd")
 
     def __init__(self, distance: float, clip: float, limit: float) -> None:
         self._pole = 1.0 / distance if distance > 0.0 else 0.0
@@ -86,15 +90,17 @@ class SlipObserver(KeepsState):
     def restart(self) -> None:
         """Keep the slip, forget the lateral error (the edge was lost)."""
         self._error: float | None = None
+        self._sd = 0.0  # with which the edge was known lately [m]
 
-    def update(self, error: float, drift: float, travel: float, weight: float = 1.0) -> None:
+    def update(self, error: float, drift: float, travel: float, weight: float = 1.0, sd: float = 0.0) -> None:
         """A period's `travel` [m] with lateral `error` [m] and the drift [rad] expected without slip.
 
-        weight: 0..1, of the error as evidence
+        weight: 0..1, of the error as evidence; sd: standard deviation of the edge [m], 0 = not told
         """
-        if self._error is None or self._pole == 0.0:
-            self._error = error
+        if self._error is None or self._pole == 0.0 or sd < BETTER * self._sd:
+            self._error, self._sd = error, sd
             return
+        self._sd += min(1.0, travel / FORGET_M) * max(sd - self._sd, 0.0)
         self._error += (drift - self.slip) * travel
         missed = min(max(error - self._error, -self._clip), self._clip)
         self._error += missed * min(1.0, 2.0 * self._pole * weight * travel)

@@ -132,6 +132,10 @@ class Preview(KeepsState):
         self._command += min(max(wanted - self._command, -step), step)
         return {"command": SteerCommand(t + dt, self._command, self._lost <= self._p.hold_s)}
 
+    def was_commanded(self, curvature: float) -> None:
+        """What really went out last [1/m], where another law may have had its way."""
+        self._command = curvature
+
     def _measured(self, odometry: Odometry) -> float:
         """Driven curvature [1/m]: yaw rate over speed, at a crawl from the steering angle."""
         curvature = 0.0
@@ -147,8 +151,9 @@ class Preview(KeepsState):
         if speed > CRAWL:
             error, angle = self._target(edge, now, self._end)
             drift = angle - self._direction(self._actuator.curvature) - (self._slip - self._observer.slip)
-            weight = min(1.0, (SURE / edge.offset_sd) ** 2) if edge.offset_sd > SURE else 1.0
-            self._observer.update(error, drift, speed * seconds, weight)
+            sd = edge.offset_sd if isfinite(edge.offset_sd) else 0.0
+            weight = (SURE / max(sd, SURE)) ** 2
+            self._observer.update(error, drift, speed * seconds, weight, sd)
         then = _chain(now, self._actuator.ahead(speed, self._slip))
         wanted = self._aim(edge, then, speed) + self._actuator.deficit
         self._held += min(1.0, seconds / 0.5) * (wanted - self._held)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import hypot
 
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
@@ -26,6 +27,7 @@ class Gaps:
         self._looked_at = -STEP_M
         self._events: list[Event] = []
         self._open: dict[int, int] = {}  # gap -> index of its event
+        self._circles: list[tuple[float, float, float]] | None = None  # around gaps: x, y, radius [m]
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look where the header end is."""
@@ -44,8 +46,19 @@ class Gaps:
         """Every gap that was passed."""
         return self._events
 
+    def _is_near(self, x: float, y: float) -> bool:
+        """Whether a place can be beside a gap: its ends are half its length from its middle at most."""
+        if self._circles is None:
+            middles = [(g, self.setup.edge.point_at(0.5 * (g.start + g.end))) for g in self.setup.gaps]
+            self._circles = [
+                (float(at[0]), float(at[1]), 0.5 * (g.end - g.start) + BESIDE_M + 1e-3) for g, at in middles
+            ]
+        return any(hypot(x - u, y - v) <= radius for u, v, radius in self._circles)
+
     def _look(self, state: MachineState) -> None:
         x, y, _ = (float(v) for v in state.pose.apply(self._end))
+        if not self._open and not self._is_near(x, y):
+            return
         along, offset = (float(v) for v in self.setup.edge.project(x, y))
         for index, gap in enumerate(self.setup.gaps):
             is_beside = gap.start <= along < gap.end and abs(offset) <= BESIDE_M

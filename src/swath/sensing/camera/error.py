@@ -65,7 +65,7 @@ class Params(SceneParams):
     noise: Literal["data_sheet", "none"] = "data_sheet"
     blur: Literal["data_sheet", "none"] = "data_sheet"
     exposure_ms: Annotated[float, Gt(0), Le(1e4)] | None = None
-    target_percent: Annotated[float, Gt(0), Le(100)] = 18.0
+    target_percent: Annotated[float, Gt(0), Le(100)] = 30.0
     damping: Annotated[float, Gt(0), Le(1)] = 0.5
 
 
@@ -239,6 +239,6 @@ LEVEL = Level(
     ErrorCamera,
     Params,
     "a camera by its data sheet: lens, shutter, blur, exposure control, EMVA 1288 noise, mosaic",
-    cost="about 2 s of one core per image of 816 x 682 with four samples per pixel",
+    cost="2 to 3.5 s of one core per image of 640 x 480 with four samples per pixel",
     tolerance="equal to rays within 0.5 px without distortion; K, dark noise and efficiency within 2 %",
 )

@@ -36,6 +36,7 @@ FAR = 2000.0  # the ground beyond the reach ends here [m]
 class LightSetup:
     """sun: unit vector towards it, world (3,); cloud: 0 clear to 1 overcast; green: share of unripe colour
 
+    per_side: samples across a pixel; shared: so many of a pixel's samples have one ray towards the sun
     shadows, texture: whether there are any; extinction: of the air [1/m]; pixel_angle [rad]: of a pixel in
     the middle; seed: of the texture; photo: laid onto the ground
     """
@@ -44,6 +45,8 @@ class LightSetup:
     cloud: float
     green: float
     shadows: bool
+    per_side: int
+    shared: int
     texture: bool
     extinction: float
     pixel_angle: float
@@ -73,7 +76,8 @@ class Lighting:
         points = starts[seen] + distance[:, None] * directions[seen]
         colours = self._surface(hits, seen, points, distance, things)
         light[seen] = (
-            colours * lit(self._sun_cosine(points, things.solids, caster, t), self.setup.cloud)[:, None]
+            colours
+            * lit(self._shared_cosine(seen, points, things.solids, caster, t), self.setup.cloud)[:, None]
         )
         if self.setup.extinction > 0.0:
             self._through_air(light, hits, starts, directions)
@@ -122,6 +126,25 @@ class Lighting:
         clear = portable.exp(-self.setup.extinction * path)[..., None]
         light *= clear
         light += (1.0 - clear) * air_light(self.setup.cloud)
+
+    def _shared_cosine(
+        self, seen: NDArray[np.bool_], points: F64, solids: Solids, caster: RayCaster, t: int
+    ) -> F64:
+        """As `_sun_cosine`, of samples seen (rows, columns), where several share the ray of the first."""
+        if self.setup.shared == 1:
+            return self._sun_cosine(points, solids, caster, t)
+        number = np.full(seen.shape, len(points))  # of the point of each sample
+        number[seen] = np.arange(len(points))
+        side, (rows, columns) = self.setup.per_side, seen.shape
+        pixels = number.reshape(rows // side, side, columns // side, side).swapaxes(1, 2)
+        groups = pixels.reshape(-1, self.setup.shared)
+        first = groups.min(axis=1)
+        chosen = first[first < len(points)]
+        cosine = np.zeros(len(points) + 1)
+        cosine[chosen] = self._sun_cosine(points[chosen], solids, caster, t)
+        given = cosine[first]
+        cosine[groups.ravel()] = np.repeat(given, self.setup.shared)
+        return cosine[:-1]
 
     def _sun_cosine(self, points: F64, solids: Solids, caster: RayCaster, t: int) -> F64:
         """Cosine of the angle between the surfaces at points (n, 3) and the sun, 0 in shadow."""

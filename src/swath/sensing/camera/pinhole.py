@@ -7,6 +7,7 @@ OpenCV and ROS count.
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import tan
 from typing import Any
 
@@ -46,6 +47,9 @@ class Pinhole:
 
         Shape (height * per_side, width * per_side, 3): an even grid, per_side x per_side samples in a pixel.
         """
+        return _rays(self, per_side)
+
+    def _own_rays(self, per_side: int) -> F64:
         u = (np.arange(self.width * per_side) + 0.5) / per_side - 0.5
         v = (np.arange(self.height * per_side) + 0.5) / per_side - 0.5
         x, y = np.meshgrid((u - self.centre_x) / self.focal, (v - self.centre_y) / self.focal)
@@ -56,6 +60,14 @@ class Pinhole:
         at = self.lens.distorted(points)
         u, v = self.focal * at[..., 0] + self.centre_x, self.focal * at[..., 1] + self.centre_y
         return np.stack([u, v], axis=-1)
+
+
+@lru_cache(maxsize=4)
+def _rays(camera: Pinhole, per_side: int) -> F64:
+    """Kept, read-only: cameras of a data set are all alike."""
+    rays = camera._own_rays(per_side)
+    rays.setflags(write=False)
+    return rays
 
 
 def focal_of(width: int, fov: float) -> float:

@@ -52,6 +52,7 @@ class SceneParams:
     sun_azimuth_deg: clockwise from north; sun_elevation_deg: above the horizon
     cloud_percent: 0 clear, 100 overcast: no direct light
     shadows: things up to 8 m away shade each other
+    samples_per_sun_ray: samples of a pixel that share the ray towards the sun: fewer rays, coarser light
     texture: soil, straw and plants are not of one colour each
     green_percent: of the colour of unripe plants in that of the crop
     weather: dust and rain between camera and scene, as the LiDAR has them; the puffs of near_returns are not
@@ -67,6 +68,7 @@ class SceneParams:
     sun_elevation_deg: Annotated[float, Gt(0), Le(90)] = 45.0
     cloud_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     shadows: bool = True
+    samples_per_sun_ray: Literal[1, 2, 4] = 1
     texture: bool = True
     green_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     weather: Weather = field(default_factory=Weather)
@@ -112,6 +114,9 @@ class SceneCamera(KeepsState):
     def __init__(self, params: SceneParams, setup: SiteSetup, pinhole: Pinhole) -> None:
         self.params, self.setup, self.pinhole = params, setup, pinhole
         check_samples(self.pinhole, params.samples_per_pixel)
+        if params.samples_per_pixel % params.samples_per_sun_ray:
+            expected = f"expected a divisor of samples_per_pixel, {params.samples_per_pixel}"
+            raise InputError("samples_per_sun_ray", params.samples_per_sun_ray, expected)
         if params.weather.near_returns > 0.0:
             raise InputError("weather.near_returns", params.weather.near_returns, "expected 0 for a camera")
         self.mounting: Pose = params.mount.pose(setup.machine, setup.edge_side)
@@ -135,6 +140,8 @@ class SceneCamera(KeepsState):
             cloud=p.cloud_percent * PERCENT,
             green=p.green_percent * PERCENT,
             shadows=p.shadows,
+            per_side=isqrt(p.samples_per_pixel),
+            shared=p.samples_per_sun_ray,
             texture=p.texture,
             extinction=p.weather.extinction,
             pixel_angle=1.0 / self.pinhole.focal,

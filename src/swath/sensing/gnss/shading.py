@@ -1,5 +1,7 @@
 """What stands between an antenna and the satellites: the scene, the other machines and the own body."""
 
+from math import hypot
+
 import numpy as np
 
 from swath.field.memory_layout import Solids
@@ -42,5 +44,5 @@ class Shading:
 
 def _is_near(body: Body, antenna: F64) -> bool:
     middle = body.pose.apply(body.middle)
-    away = float(np.hypot(middle[0] - antenna[0], middle[1] - antenna[1]))
-    return away < REACH + float(np.linalg.norm(body.half))
+    away = hypot(*(middle[:2] - antenna[:2]).tolist())
+    return away < REACH + hypot(*body.half.tolist())

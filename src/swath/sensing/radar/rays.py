@@ -77,15 +77,20 @@ class RaysRadar(ErrorRadar):
         eye, rotation, velocity = self.locate(t + dt, inputs)
         self._setup.field.ensure(float(eye[0]), float(eye[1]), self.sheet.range_max + 2.0)
         parts = self.parts(eye, rotation, velocity)
-        mean, speed, spread = self.clutter(eye, rotation, velocity)
-        columns = self._columns(parts, mean, speed, spread, draw)
+        rows = self.detections(parts, self.clutter(eye, rotation, velocity), draw)
+        self._waiting.append(radar_targets_of(t + dt, rows))
+        return {"targets": self._waiting.popleft()}
+
+    def detections(
+        self, parts: Parts, clutter: tuple[F64, F64, F64], draw: np.random.Generator
+    ) -> list[list[float]]:
+        """Of one look, rows as `radar_targets_of` takes them, the strongest first."""
+        columns = self._columns(parts, *clutter, draw)
         found = peaks(columns, self.grid, self._r.training, self._false, self._r.cfar)
         rows = [self._measured(*peak, draw) for peak in found]
         if self._is_noisy:
             rows += self._false_alarms(draw, 1.0 - columns.power.size / self.grid.count)
-        strongest = sorted(rows, key=lambda row: -row[5])[: self.sheet.target_max]
-        self._waiting.append(radar_targets_of(t + dt, strongest))
-        return {"targets": self._waiting.popleft()}
+        return sorted(rows, key=lambda row: -row[5])[: self.sheet.target_max]
 
     def parts(self, eye: F64, rotation: F64, velocity: F64) -> Parts:
         """Echoes of all bodies in view: a point for each bin of distance and azimuth that a side fills."""

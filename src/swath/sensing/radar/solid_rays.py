@@ -34,7 +34,7 @@ def facing(bodies: list[Body], eye: F64, reach: float) -> list[Facing]:
     near = [(b, way, far, wide) for b, way, far, wide in near if wide < far <= reach + wide]
     found = []
     for body, way, far, wide in near:
-        directions = _aimed(body, eye)
+        directions = aimed(body, eye)
         own = distances(body.solids, eye, directions)
         meets = np.isfinite(own)
         if not meets.any():
@@ -74,16 +74,16 @@ def _sphere(body: Body, eye: F64) -> tuple[F64, float, float]:
     return way, hypot(*way.tolist()), hypot(*body.half.tolist())
 
 
-def _aimed(body: Body, eye: F64) -> F64:
-    """Unit directions (n, 3) over the silhouette of a body's box."""
+def aimed(body: Body, eye: F64, across: tuple[int, int] = COLUMNS, high_up: tuple[int, int] = ROWS) -> F64:
+    """Unit directions (n, 3) over the silhouette of a body's box: least and most of columns and rows."""
     middle = body.pose.apply(body.middle)
     flat = (middle - eye)[:2]
     far = max(hypot(*flat.tolist()), 1e-6)
     aside = np.array([-flat[1], flat[0], 0.0]) / far
     wide = float(product(body.half, np.abs(product(body.pose.rotation.T, aside))))
     high = float(product(body.half, np.abs(body.pose.rotation[2])))
-    columns = int(min(max(2.0 * wide / APART, COLUMNS[0]), COLUMNS[1]))
-    rows = int(min(max(2.0 * high / APART, ROWS[0]), ROWS[1]))
+    columns = int(min(max(2.0 * wide / APART, across[0]), across[1]))
+    rows = int(min(max(2.0 * high / APART, high_up[0]), high_up[1]))
     side = (2.0 * np.arange(columns) + 1.0 - columns) / columns * wide
     up = (2.0 * np.arange(rows) + 1.0 - rows) / rows * high
     at = middle + side[:, None, None] * aside + up[None, :, None] * np.array([0.0, 0.0, 1.0])

@@ -1,5 +1,6 @@
 """Results put together: a cell is a case with a candidate, pooled over points and seeds."""
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
@@ -8,10 +9,14 @@ from typing import Any
 from swath.judge.limits import check_metric
 from swath.scenario.sections import Limit
 from swath.tools.function_test.case import Case
+from swath.tools.function_test.integrity import SUMMARY, pooled
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.margin import is_kept_or_not, margin, margin_of
+from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
+from swath.tools.function_test.steering_accuracy import pooled as pooled_classes
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, verdict
 
+STEERING_TAG = "steering"  # of cases that stand in the table of steering accuracy
 OPEN = "open"  # verdict of a run that no limit of its case judges
 EXIT = {SHOWN: 0, BROKEN: 1, NOT_SHOWN: 3}
 
@@ -29,6 +34,26 @@ class Cell:
     verdict: str = NOT_SHOWN
     text: str = ""
     means: list[str] = field(default_factory=list)
+    integrity: dict[str, Any] = field(default_factory=lambda: pooled(()))
+    steering: dict[str, tuple[int, dict[str, Any]]] = field(default_factory=dict)
+    _limits: dict[str, Any] = field(default_factory=dict)
+
+    def add(self, result: Result) -> None:
+        """Take in a run: of its metrics and limits what is asked for later, so that many runs fit."""
+        if told := result.get(SUMMARY):
+            self.integrity = pooled((self.integrity, told))
+        if STEERING_TAG in self.case.file.tags and (classes := result.get(STEERING)):
+            point = ", ".join(f"{name} {value}" for name, value in result["point"].items())
+            count, before = self.steering.get(point, (0, pooled_classes(())))
+            self.steering[point] = count + 1, pooled_classes((before, classes))
+        kept = {name: result[name] for name in ("id", "point", "seed", "verdict", "reason")}
+        metrics = {name: result["metrics"].get(name) for name in self.case.file.mean}
+        entries = [
+            {**{k: entry.get(k) for k in ("subject", "name", "value", "result")},
+             "limit": self._limits.setdefault(json.dumps(entry["limit"]), entry["limit"])}
+            for entry in result["expect"]
+        ]  # fmt: skip
+        self.runs.append({**kept, "metrics": metrics, "expect": entries})
 
     @property
     def counted(self) -> list[Result]:
@@ -87,7 +112,7 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: dict[tup
     names = list(candidates)
     cells = {(c.name, name): Cell(c, name, planned.get((c.name, name), 0)) for c in cases for name in names}
     for result in results:
-        cells[result["case"], result["candidate"]].runs.append(result)
+        cells[result["case"], result["candidate"]].add(result)
     for cell in cells.values():
         cell.judge()
     return list(cells.values())
@@ -138,6 +163,7 @@ def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
             "reason": f"{broken[0]['name']}: {broken[0]['reason']}" if broken else "",
             "expect": entries,
             "incidents": [],
+            STEERING: None,
             **told,
         }
 

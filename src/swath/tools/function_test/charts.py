@@ -10,15 +10,16 @@ from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.integrity import (
     BIN_COUNT,
     BIN_M,
-    SUMMARY,
     episodes_per_km,
     pooled,
 )
+from swath.tools.function_test.journal import Result
 from swath.tools.function_test.margin import margin
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "#22262b")
 WIDTH, HEIGHT, PAD = 250.0, 110.0, 14.0  # of a chart [px]
 SIDE, CELL = 200.0, 200.0 / BIN_COUNT  # of the Stanford diagram [px]
+DOTS_MAX = 1000  # runs that are drawn in one strip or chart
 MISTAKES = 0.1  # share of runs on the wrong side of a boundary that is drawn
 
 
@@ -34,7 +35,7 @@ def over_parameters(cells: Sequence[Cell]) -> list[dict[str, Any]]:
         points = [
             (number, float(run["point"][name]), margin(run), run)
             for number, cell in enumerate(cells)
-            for run in cell.counted
+            for run in some(cell.counted)
             if isinstance(run["point"].get(name), int | float)
         ]
         values = [value for _, value, _, _ in points]
@@ -57,6 +58,16 @@ def over_parameters(cells: Sequence[Cell]) -> list[dict[str, Any]]:
             }
         )  # fmt: skip
     return charts
+
+
+def some(runs: Sequence[Result]) -> Sequence[Result]:
+    """Runs to draw: all, or of very many those that did not pass first, then every so-manieth."""
+    if len(runs) <= DOTS_MAX:
+        return runs
+    failed = [run for run in runs if run["verdict"] not in ("pass", "open")][: DOTS_MAX // 2]
+    rest = [run for run in runs if run["verdict"] in ("pass", "open")]
+    step = -(-len(rest) // (DOTS_MAX - len(failed)))
+    return [*failed, *rest[::step]]
 
 
 def boundary(runs: Sequence[tuple[float, bool]]) -> tuple[float, str] | None:
@@ -82,8 +93,7 @@ def boundary(runs: Sequence[tuple[float, bool]]) -> tuple[float, str] | None:
 
 def stanford(cells: Sequence[Cell], number: int) -> dict[str, Any] | None:
     """The diagram of one candidate over all its cases; None where no run has an edge detector."""
-    runs = [run[SUMMARY] for cell in cells for run in cell.runs if run.get(SUMMARY)]
-    whole = pooled(runs)
+    whole = pooled(cell.integrity for cell in cells)
     if not whole["samples"]:
         return None
     most = log1p(max(count for _, _, count in whole["bins"]))

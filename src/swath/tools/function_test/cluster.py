@@ -8,7 +8,7 @@ that dies puts no other run under suspicion.
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -58,7 +58,7 @@ def cluster_client(kind: str, workers: int) -> Iterator[Any]:
 
 
 def run_on_cluster(
-    runs: Sequence[PlannedRun],
+    runs: Iterable[PlannedRun],
     folder: Path,
     client: Any,
     done: Callable[[Result], None],

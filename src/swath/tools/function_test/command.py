@@ -102,13 +102,13 @@ def _run(args: argparse.Namespace) -> int:
         level=args.level,
     )
     session = begin(args.out, plan)
-    left = session.left()
+    left = sum(1 for _ in session.left())
     if args.plan_only:
-        print(f"{len(left)} runs to do: swath test work {args.out} --shard 1/N ... N/N")
+        print(f"{left} runs to do: swath test work {args.out} --shard 1/N ... N/N")
         return 0
-    with progress(len(left)) as done, engine(args.cluster, args.workers) as client:
+    with progress(left) as done, engine(args.cluster, args.workers) as client:
         session.do(max(1, args.workers), done, client)
-    return _finish(session.folder, session, again=False)
+    return finish(session.folder, session, again=False)
 
 
 def _work(args: argparse.Namespace) -> int:
@@ -125,7 +125,7 @@ def _work(args: argparse.Namespace) -> int:
         count += 1
 
     session.do_share(int(share), int(of), done)
-    print(f"{count} runs done, {len(session.left())} of the plan are left")
+    print(f"{count} runs done, {sum(1 for _ in session.left())} of the plan are left")
     return 0
 
 
@@ -136,7 +136,7 @@ def _report(args: argparse.Namespace) -> int:
     session = open_session(args.folder, same_code=False)
     if (searched := open_search(session)) is not None:
         return search_command.tell(searched)
-    return _finish(args.folder, session, again=True)
+    return finish(args.folder, session, again=True)
 
 
 def _compare(args: argparse.Namespace) -> int:
@@ -178,7 +178,7 @@ def _again(args: argparse.Namespace) -> int:
     return 0 if same else 1
 
 
-def _finish(folder: Path, session: Any, *, again: bool) -> int:
+def finish(folder: Path, session: Any, *, again: bool) -> int:
     """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
     from swath.terminal.tables import table
     from swath.tools.function_test.cells import EXIT

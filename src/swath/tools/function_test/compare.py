@@ -9,8 +9,11 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.judge.catalogue import load_evaluators
+from swath.scenario.scenario import load_scenario
+from swath.tools.function_test.fidelity import CHEAP, ERRORS, LEVEL_BIAS_M, detectors, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
 from swath.tools.function_test.paired import Difference, difference, holm, paired_values, verdict_test
+from swath.tools.function_test.session import open_session
 
 VERDICTS = "verdicts"
 METRICS = (
@@ -23,11 +26,15 @@ Key = tuple[str, str, int, str]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Pairs of results, old and new. metrics: compared; alone: runs that only one of the two has"""
+    """Pairs of results, old and new. metrics: compared; alone: runs that only one of the two has
+
+    undecided: difference of an error of edge or line up to which the level of the scanner cannot decide [m]
+    """
 
     pairs: Sequence[tuple[Result, Result]]
     metrics: Sequence[str]
     alone: int
+    undecided: float = 0.0
 
     @cached_property
     def outcomes(self) -> list[str]:
@@ -48,9 +55,13 @@ class Comparison:
         return holm({**p, VERDICTS: verdict_test(*changed)})
 
     def says(self, name: str) -> str:
-        """`better`, `worse`, `changed` (of a metric where neither direction is better), or nothing shown."""
+        """`better`, `worse`, `changed` (of a metric where neither direction is better), or nothing shown;
+        `undecided at empirical` where other detectors differ by less than the level's own bias.
+        """
         if name not in self.shown:
             return "no difference shown"
+        if name in ERRORS and abs(self.differences[name].estimate) <= self.undecided:
+            return f"undecided at {CHEAP}"
         if name == VERDICTS:
             return "worse" if self.outcomes.count(WORSE) > self.outcomes.count(BETTER) else "better"
         good = _direction(name)
@@ -90,12 +101,44 @@ def compare(old: str, new: str, metrics: Sequence[str] = ()) -> Comparison:
     if not keys:
         raise InputError("compare", new, f"expected runs of the same cases, points and seeds as in {old}")
     alone = len(a) + len(b) - 2 * len(keys)
-    return Comparison([(a[key], b[key]) for key in keys], metrics or METRICS, alone)
+    pairs = [(a[key], b[key]) for key in keys]
+    return Comparison(pairs, metrics or METRICS, alone, _undecided(old, new))
+
+
+def _undecided(old: str, new: str) -> float:
+    """What the cheap level of the scanner cannot decide between two detectors [m]; 0 at the dear one, for one
+    detector with other parameters, and where a plan is not there.
+    """
+    (before, was_cheap), (after, is_cheap) = _detectors(old), _detectors(new)
+    return LEVEL_BIAS_M if before != after and (was_cheap or is_cheap) else 0.0
+
+
+def _detectors(source: str) -> tuple[set[tuple[str, str]], bool]:
+    """Levels of the edge detectors of a result, and whether a scanner is at the cheap level."""
+    folder, candidate = _parts(source)
+    found, is_cheap, seen = set[tuple[str, str]](), False, set[str]()
+    try:
+        for run in open_session(Path(folder), same_code=False).plan.runs():
+            sets = run.shadows.get(candidate, run.sets if candidate in ("", run.candidate) else None)
+            if run.case not in seen and sets is not None:
+                seen.add(run.case)
+                scenario = load_scenario(run.scenario, sets=sets)
+                found |= set(detectors(scenario).items())
+                is_cheap |= bool(scanners(scenario, CHEAP))
+    except InputError:  # the table alone is there, or the case is not as it was
+        return set(), False
+    return found, is_cheap
+
+
+def _parts(source: str) -> tuple[str, str]:
+    """Folder and candidate, "" where none is named."""
+    folder, _, candidate = (source, "", "") if Path(source).is_dir() else source.rpartition(":")
+    return folder, candidate
 
 
 def _results(source: str) -> dict[Key, Result]:
     """Results by case, point, seed and candidate, the latter empty where one is named."""
-    folder, _, candidate = (source, "", "") if Path(source).is_dir() else source.rpartition(":")
+    folder, candidate = _parts(source)
     table = Path(folder) / TABLE
     if not table.is_file():
         raise InputError("compare", source, f"expected the folder of a function test, with {TABLE}")

@@ -12,6 +12,7 @@ from swath.sensing.tables import load_table, table_names, valid_range
 
 CHEAP, DEAR = "empirical", "plants"
 BIAS_M = 0.05  # limits on errors of detection and line up to this are beyond the cheap level
+LEVEL_BIAS_M = 0.03  # by which the bias of two detectors may move apart between the levels
 ERRORS = ("edge_rmse_m", "edge_bias_m", "lateral_rms_m", "lateral_p95_m", "lateral_bias_m")
 LODGED_DEG = 20.0  # lean from which on the table knows the crop no more
 
@@ -74,6 +75,16 @@ def chosen_level(scenario: Scenario, wanted: str) -> tuple[list[str], str]:
     if why:
         return [f"{name}.level={DEAR}" for name in cheap], why
     return [f"{name}.level={CHEAP}" for name in dear if wanted == CHEAP], ""
+
+
+def detectors(scenario: Scenario) -> dict[str, str]:
+    """Levels of the edge detectors by full name."""
+    return {
+        f"{machine.name}.{slot}": choice.level
+        for machine in scenario.machines.values()
+        for slot, choice in machine.slots.items()
+        if choice.kind.name == "edge"
+    }
 
 
 def told(reasons: Mapping[tuple[str, str], int]) -> list[str]:

@@ -7,16 +7,19 @@ is the same bytes however the work was split and interrupted.
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from swath.core.whole_file import write_whole
 from swath.documents.packed import readable
 
 Result = dict[str, Any]
 PRIVATE = ("cpu_s", "worker")  # of a line: not in the table
 TABLE = "results.parquet"
+TEXTS = ("id", "case", "candidate", "verdict", "reason", "digest", "point", "expect", "incidents")  # columns
+ROWS = 4096  # of the table that are in memory at a time
 
 
 class Journal:
@@ -46,13 +49,19 @@ class Journal:
 def read_journals(folder: Path) -> Iterator[Result]:
     """Every whole line of all journals; of runs that were done twice both."""
     for path in sorted(folder.glob("*.jsonl")):
-        with path.open("rb") as file:
-            for line in file:
-                if line.endswith(b"\n"):
-                    try:
-                        yield json.loads(line)
-                    except ValueError:
-                        continue  # torn by a kill, ended by the next one who wrote
+        for _, result in _lines(path):
+            yield result
+
+
+def _lines(path: Path) -> Iterator[tuple[int, Result]]:
+    """Every whole line of a journal with where it begins."""
+    with path.open("rb") as file:
+        offset = 0
+        for line in file:
+            if line.endswith(b"\n"):
+                with suppress(ValueError):  # torn by a kill, ended by the next one who wrote
+                    yield offset, json.loads(line)
+            offset += len(line)
 
 
 def finished(folder: Path) -> set[str]:
@@ -60,36 +69,77 @@ def finished(folder: Path) -> set[str]:
     return {result["id"] for result in read_journals(folder)}
 
 
+class Stored:
+    """The results in the journals of a folder, found by name and read when they are asked for."""
+
+    def __init__(self, folder: Path, known: Container[str] | None = None) -> None:
+        self._places: dict[str, tuple[int, int]] = {}
+        self._files = sorted(folder.glob("*.jsonl"))
+        self._open: dict[int, BinaryIO] = {}
+        self.metrics: set[str] = set()
+        for number, path in enumerate(self._files):
+            for offset, result in _lines(path):
+                if known is None or result["id"] in known:
+                    self._places.setdefault(result["id"], (number, offset))
+                    self.metrics |= result["metrics"].keys()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._places
+
+    def __enter__(self) -> "Stored":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for file in self._open.values():
+            file.close()
+
+    def of(self, name: str) -> Result:
+        """The result of a run."""
+        number, offset = self._places[name]
+        file = self._open.get(number) or self._open.setdefault(number, self._files[number].open("rb"))
+        file.seek(offset)
+        found: Result = json.loads(file.readline())
+        return found
+
+
 def results_of(folder: Path, wanted: Iterable[str]) -> list[Result]:
     """The results of runs by name, each once, in the order of `wanted`, without those that are missing."""
-    by_id: dict[str, Result] = {}
     names = list(wanted)
-    known = set(names)
-    for result in read_journals(folder):
-        if result["id"] in known:
-            by_id.setdefault(result["id"], result)
-    return [by_id[name] for name in names if name in by_id]
+    with Stored(folder, set(names)) as stored:
+        return [stored.of(name) for name in names if name in stored]
 
 
 def write_table(folder: Path, results: Iterable[Mapping[str, Any]]) -> Path:
     """Write results.parquet, a row per run sorted by name; every metric is a column `metric.NAME`."""
+    rows = sorted(results, key=lambda r: str(r["id"]))
+    metrics = {name for row in rows for name in row["metrics"]}
+    return write_rows(folder, iter(rows), metrics)
+
+
+def write_rows(folder: Path, rows: Iterator[Mapping[str, Any]], metrics: Iterable[str]) -> Path:
+    """Write results.parquet from rows that come in the order of their names, ROWS of them at a time."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = sorted(results, key=lambda r: str(r["id"]))
-    metrics = sorted({name for row in rows for name in row["metrics"]})
-    columns: dict[str, Any] = {
-        name: pa.array([row[name] for row in rows], pa.string())
-        for name in ("id", "case", "candidate", "verdict", "reason", "digest")
-    }
-    columns["seed"] = pa.array([row["seed"] for row in rows], pa.int64())
-    for name in ("point", "expect", "incidents"):
-        columns[name] = pa.array([json.dumps(row[name], sort_keys=True) for row in rows], pa.string())
-    for name in metrics:
-        columns[f"metric.{name}"] = pa.array([row["metrics"].get(name) for row in rows], pa.float64())
-    sink = pa.BufferOutputStream()
-    pq.write_table(pa.table(columns), sink, compression="zstd")
-    return write_whole(folder / TABLE, sink.getvalue().to_pybytes())
+    names = sorted(metrics)
+    fields = [(name, pa.string()) for name in TEXTS[:6]] + [("seed", pa.int64())]
+    fields += [(name, pa.string()) for name in TEXTS[6:]] + [(f"metric.{m}", pa.float64()) for m in names]
+    schema = pa.schema(fields)
+    path = folder / TABLE
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with pq.ParquetWriter(part, schema, compression="zstd") as writer:
+            while some := list(islice(rows, ROWS)):
+                columns = {name: [row[name] for row in some] for name in (*TEXTS[:6], "seed")}
+                for name in TEXTS[6:]:
+                    columns[name] = [json.dumps(row[name], sort_keys=True) for row in some]
+                for name in names:
+                    columns[f"metric.{name}"] = [row["metrics"].get(name) for row in some]
+                writer.write_table(pa.table(columns, schema=schema))
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path
 
 
 def read_table(path: Path) -> list[Result]:

@@ -14,6 +14,8 @@ from swath.tools.function_test.integrity import IntegrityHook
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
+from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
+from swath.tools.function_test.steering_accuracy import SteeringHook
 
 NOT_METRICS = ("seed", "real_time_factor", "ray_count", "simulated_s", "wall_s")
 
@@ -36,7 +38,7 @@ def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
     started = time.process_time()
     try:
         shadows = shadows_of(run)
-        hooks: list[RunHook] = [IntegrityHook(), *([ShadowHook(shadows)] if shadows else [])]
+        hooks: list[RunHook] = [IntegrityHook(), SteeringHook(), *([ShadowHook(shadows)] if shadows else [])]
         found = _result(run, run_unrecorded(scenario_of(run), fields, hooks=hooks))
     except SwathError as error:
         found = no_result(run, str(error))
@@ -72,7 +74,7 @@ def _result(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
-        **{key: summary[key] for key in (SHADOW, INTEGRITY) if key in summary},
+        **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING) if key in summary},
     }
 
 

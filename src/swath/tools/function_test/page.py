@@ -9,9 +9,10 @@ from swath.report.html import write_page
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.charts import HEIGHT as HIGH
 from swath.tools.function_test.charts import WIDTH as WIDE
-from swath.tools.function_test.charts import colour, over_parameters, stanford
+from swath.tools.function_test.charts import colour, over_parameters, some, stanford
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.margin import margin
+from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?"}
@@ -56,6 +57,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
             for number, c in enumerate(candidates)
             if (diagram := stanford([by_place[case, c] for case in cases], number))
         ],
+        steering=[row for cell in cells for row in _steering(cell)],
         failed=[_failure(cell, run) for cell, run in failed[:FAILED_MAX]],
         failed_count=len(failed),
         surprises=[_failure(cell, run) for cell in cells for run in cell.surprises],
@@ -71,7 +73,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         "text": cell.text,
         "means": cell.means,
         "limits": [_limit(*nearest) for nearest in cell.nearest],
-        "dots": [_dot(run, number) for number, run in enumerate(cell.runs)],
+        "dots": [_dot(run, number) for number, run in enumerate(some(cell.runs))],
         "worst": None if worst is None else _failure(cell, worst),
     }
 
@@ -83,6 +85,19 @@ def _limit(name: str, share: float, entry: dict[str, Any]) -> dict[str, Any]:
     said = "no value" if value is None else f"{value:.3g}"
     return {"name": name, "margin": f"{share:+.2f}", "is_broken": share < 0.0,
             "text": f"{said} ({', '.join(bounds)})"}  # fmt: skip
+
+
+def _steering(cell: Cell) -> list[list[str]]:
+    """Rows of the table of steering accuracy."""
+    rows = []
+    for point, (count, classes) in sorted(cell.steering.items()):
+        if found := accuracy(classes):
+            rms, upto = found
+            more = f"{CLASS_COUNT - 1} cm or more" if upto == CLASS_COUNT else f"{upto} cm"
+            rows.append(
+                [cell.case.name, point or "as it is", cell.candidate, str(count), f"{100 * rms:.1f} cm", more]
+            )
+    return rows
 
 
 def _dot(run: Result, number: int) -> dict[str, Any]:

@@ -4,7 +4,7 @@ Workers write their own journals, so a driver that is killed loses nothing.
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ Work = Callable[[PlannedRun, KeptFields], dict[str, Any]]
 
 
 def run_all(
-    runs: Sequence[PlannedRun], folder: Path, workers: int, done: Done, *, work: Work = do_run
+    runs: Iterable[PlannedRun], folder: Path, workers: int, done: Done, *, work: Work = do_run
 ) -> None:
     """Do runs on worker processes; `done` is called with each result, which is in a journal by then.
 

@@ -85,8 +85,8 @@ def _axis(found: Searched, number: int) -> dict[str, str]:
 
 
 def _colour(share: float) -> str:
-    """From orange (no run passes) over white to blue (all pass)."""
-    ends = ((213, 94, 0), (255, 255, 255), (0, 114, 178))
+    """From orange (no run passes) over white to blue (all pass), light enough for the runs on it."""
+    ends = ((234, 174, 128), (255, 255, 255), (127, 184, 216))
     a, b = ends[:2] if share < 0.5 else ends[1:]
     part = 2.0 * share if share < 0.5 else 2.0 * share - 1.0
     return "#" + "".join(f"{round(p + part * (q - p)):02x}" for p, q in zip(a, b, strict=True))

@@ -1,6 +1,7 @@
 """A folder of a function test: plan, journals, table; runs are done, gone on with and judged."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,15 @@ from swath.core.whole_file import write_whole
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of, in_shadow, judged_again
 from swath.tools.function_test.cluster import run_on_cluster
-from swath.tools.function_test.journal import Journal, Result, finished, results_of, write_table
+from swath.tools.function_test.journal import (
+    Journal,
+    Result,
+    Stored,
+    finished,
+    results_of,
+    write_rows,
+    write_table,
+)
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
 from swath.tools.function_test.pool import Done, run_all
@@ -30,11 +39,13 @@ class Session:
         """Folder of the journals."""
         return self.folder / JOURNALS
 
-    def left(self) -> list[PlannedRun]:
+    def left(self) -> Iterator[PlannedRun]:
         """Runs that are in no journal, each once: two candidates may come to the same scenario."""
         done = finished(self.journals)
-        left: dict[str, PlannedRun] = {run.id: run for run in self.plan.runs() if run.id not in done}
-        return list(left.values())
+        for run in self.plan.runs():
+            if run.id not in done:
+                done.add(run.id)
+                yield run
 
     def do(self, workers: int, done: Done, client: Any = None) -> None:
         """Do what is left on worker processes, or those of a client of dask; `done` gets each result."""
@@ -55,10 +66,14 @@ class Session:
 
     def results(self) -> list[Result]:
         """Finished runs in the order of the plan."""
-        runs = list(self.plan.runs())
-        found = {r["id"]: r for r in results_of(self.journals, (run.id for run in runs))}
-        planned = [(_as_planned(found[run.id], run), run) for run in runs if run.id in found]
-        return [result for whole, run in planned for result in (whole, *in_shadow(whole, run.shadows))]
+        with Stored(self.journals) as stored:
+            return list(self._each(stored))
+
+    def _each(self, stored: Stored) -> Iterator[Result]:
+        for run in self.plan.runs():
+            if run.id in stored:
+                whole = _as_planned(stored.of(run.id), run)
+                yield from (whole, *in_shadow(whole, run.shadows))
 
     def cells(self, *, again: bool = False) -> list[Cell]:
         """Judged cells; again: against the limits that the cases have now."""
@@ -67,14 +82,20 @@ class Session:
             for candidate in (run.candidate, *run.shadows):
                 planned[run.case, candidate] = planned.get((run.case, candidate), 0) + 1
         cases = {case.name: case for case in self.plan.found}
-        results = self.results()
-        if again:
-            results = [judged_again(result, cases[result["case"]]) for result in results]
-        return cells_of(self.plan.found, self.plan.candidates, planned, results)
+        with Stored(self.journals) as stored:
+            results = self._each(stored)
+            if again:
+                results = (judged_again(result, cases[result["case"]]) for result in results)
+            return cells_of(self.plan.found, self.plan.candidates, planned, results)
 
     def table(self) -> Path:
         """Write results.parquet."""
-        return write_table(self.folder, self.results())
+        if self.plan.shadow:
+            return write_table(self.folder, self.results())
+        planned = sorted(((run.id, run.number, _about(run)) for run in self.plan.runs()), key=lambda r: r[:2])
+        with Stored(self.journals, {name for name, _, _ in planned}) as stored:
+            rows = ({**stored.of(name), **about} for name, _, about in planned if name in stored)
+            return write_rows(self.folder, rows, stored.metrics)
 
     def run_of(self, name: str) -> tuple[PlannedRun, Result | None]:
         """A run by its name or the beginning of it, with its result. InputError when there is none, or
@@ -91,13 +112,11 @@ class Session:
 
 def _as_planned(result: Result, run: PlannedRun) -> Result:
     """A result under the case and candidate of a run: one with the same scenario may have been done."""
-    return {
-        **result,
-        "case": run.case,
-        "candidate": run.candidate,
-        "point": dict(run.point),
-        "seed": run.seed,
-    }
+    return {**result, **_about(run)}
+
+
+def _about(run: PlannedRun) -> dict[str, Any]:
+    return {"case": run.case, "candidate": run.candidate, "point": dict(run.point), "seed": run.seed}
 
 
 def begin(folder: Path, plan: Plan) -> Session:

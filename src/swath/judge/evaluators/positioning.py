@@ -1,0 +1,127 @@
+"""How well a machine knows where it is, how long its receiver was without a fix, and what steered it."""
+
+from collections.abc import Mapping, Sequence
+from math import atan2, cos, hypot, isfinite, sin
+
+import numpy as np
+
+from swath.core.portable import solve
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.statistics import mean, rms
+from swath.signals import F64, FIX_QUALITIES, Fix, GuidanceState, MachineState, PoseEstimate, Signal
+
+GROUP = "Positioning"
+FIXED = FIX_QUALITIES.index("fix")
+
+
+class Positioning:
+    """The estimated pose against the true one, the quality of the fix, the time on a path.
+
+    Events `fix_lost`: the receiver had a fix and has none until it comes back.
+    """
+
+    OF_FIELD = False
+    SIGNALS = (MachineState, Fix, PoseEstimate, GuidanceState)
+    METRICS = (
+        Metric("pose_error_rms_m", "m", "estimated against true place, root mean square", GROUP, "lower",
+               "pose error, RMS", "cm"),
+        Metric("pose_error_max_m", "m", "estimated against true place, largest", GROUP, "lower",
+               "pose error, largest", "cm"),
+        Metric("pose_heading_rms_rad", "rad", "estimated against true heading, root mean square", GROUP,
+               "lower", "heading error, RMS", "deg"),
+        Metric("pose_nees", "", "mean normalised estimation error squared of x, y, heading and speed; a "
+               "consistent estimate has 4", GROUP, "", "NEES", "", 1),
+        Metric("fix_share", "1", "share of the receiver's samples with the quality `fix`", GROUP, "higher",
+               "with a fix", "%", 1),
+        Metric("fix_lost_max_s", "s", "longest time from losing the quality `fix` to having it again", GROUP,
+               "lower", "longest without a fix", "s", 1),
+        Metric("path_share", "1", "share of the time on a path by the measured pose", GROUP, "",
+               "steered along a path", "%", 1),
+    )  # fmt: skip
+    EVENTS = ("fix_lost",)
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self._setup = setup
+        self._state: MachineState | None = None
+        self._rows: list[tuple[float, float, float]] = []  # error [m], of the heading [rad], NEES
+        self._fixes: list[bool] = []
+        self._led: list[bool] = []
+        self._lost: tuple[int, float, float, float] | None = None
+        self._had_fix = False
+        self._events: list[Event] = []
+        self._longest = 0.0
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Samples beside the true state of their time."""
+        for signal in outputs.values():
+            if isinstance(signal, MachineState):
+                self._state = signal
+            elif isinstance(signal, PoseEstimate):
+                self._take(signal)
+            elif isinstance(signal, Fix):
+                self._hear(t, signal)
+            elif isinstance(signal, GuidanceState):
+                self._led.append(signal.is_following)
+
+    def metrics(self) -> dict[str, float]:
+        """Of what the machine has."""
+        found: dict[str, float] = {}
+        if self._rows:
+            off, turn, nees = (np.array(column) for column in zip(*self._rows, strict=True))
+            found |= {"pose_error_rms_m": rms(off), "pose_error_max_m": float(off.max())}
+            found |= {"pose_heading_rms_rad": rms(turn), "pose_nees": mean(nees[np.isfinite(nees)])}
+        if self._fixes:
+            found |= {"fix_share": mean(np.array(self._fixes)), "fix_lost_max_s": self._longest}
+        if self._led:
+            found["path_share"] = mean(np.array(self._led))
+        return found
+
+    def events(self) -> Sequence[Event]:
+        """Every loss of the fix, and one that lasts."""
+        if self._lost is None:
+            return self._events
+        return [*self._events, self._event(self._lost, None, float("nan"))]
+
+    def _take(self, pose: PoseEstimate) -> None:
+        state = self._state
+        if state is None or not isfinite(pose.x) or not isfinite(pose.heading):
+            return
+        x, y, _ = state.pose.position.tolist()
+        turn = pose.heading - state.pose.euler()[2]
+        turn = atan2(sin(turn), cos(turn))
+        error = np.array([pose.x - x, pose.y - y, turn, pose.speed - state.speed])
+        self._rows.append((hypot(pose.x - x, pose.y - y), turn, _normalised(error, pose.covariance)))
+
+    def _hear(self, t: int, fix: Fix) -> None:
+        is_fixed = fix.quality == FIXED
+        self._had_fix = self._had_fix or is_fixed
+        self._fixes.append(is_fixed)
+        if self._state is None or not self._had_fix:
+            return
+        if not is_fixed and self._lost is None:
+            x, y, _ = self._state.pose.position.tolist()
+            self._lost = t, x, y, self._state.distance
+        if self._lost is None:
+            return
+        self._longest = max(self._longest, (t - self._lost[0]) / NS)
+        if is_fixed:
+            self._events.append(self._event(self._lost, t, self._state.distance))
+            self._lost = None
+
+    def _event(self, lost: tuple[int, float, float, float], end: int | None, gone: float) -> Event:
+        t, x, y, distance = lost
+        text = f"the receiver of {self._setup.name} lost its fix"
+        return Event(t, "fix_lost", self._setup.name, x, y, distance, text, end, end_distance=gone)
+
+
+def _normalised(error: F64, covariance: F64) -> float:
+    """e' P^-1 e, nan where the covariance is not known or singular."""
+    try:
+        return float(np.einsum("k,k->", error, solve(covariance, error)))
+    except ZeroDivisionError:
+        return float("nan")
+
+
+LEVEL = Level(Positioning, None, summary="the pose against the true one, the fix, and the time on a path")

@@ -1,0 +1,139 @@
+"""A data set of labelled pictures: which are still to be made, by whom, and the file of all annotations.
+
+A picture is a function of the settings and its number. Its annotations are written last, so what a killed job
+left is known, and a later one makes the rest: the same bytes as in one go, for any number of workers.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import swath
+from swath.core.errors import InputError, SwathError
+from swath.core.whole_file import write_whole
+from swath.runtime.workers import Lost, in_workers
+from swath.scenario.scenario import Scenario, load_scenario
+from swath.scenario.slots import kind_of
+from swath.tools.dataset.coco import CATEGORIES
+from swath.tools.dataset.pictures import SceneJob, Settings, part_of, worker
+
+SETTINGS = "dataset.json"
+VARIED = {"terrain": ("plane", "formula"), "stand": ("uniform",)}  # levels that may be replaced
+
+
+def settings_of(
+    scenario: str,
+    *,
+    count: int,
+    seed: int = 1,
+    sets: tuple[str, ...] = (),
+    width: int = 640,
+    height: int = 480,
+    per_scene: int = 5,
+) -> Settings:
+    """What a data set is made of. InputError for what no camera or scenario can be.
+
+    The camera is the first of the first machine that has one; where there is none, the first machine gets one
+    of level `error`.
+    """
+    for key, value, low in (("--count", count, 1), ("--per-scene", per_scene, 1), ("--width", width, 16)):
+        if value < low:
+            raise InputError(key, value, f"expected >= {low}")
+    machine, camera, own = _camera_of(load_scenario(scenario, sets=list(sets)))
+    usual = (
+        f"{machine}.{camera}.width_px={width}",
+        f"{machine}.{camera}.height_px={height}",
+        f"{machine}.{camera}.channels=[colour, label, instance]",
+    )
+    every = (*own, *usual, *sets)
+    read = load_scenario(scenario, sets=list(every))
+    varies = [
+        part
+        for part, levels in VARIED.items()
+        if getattr(read.field, part) is not None and getattr(read.field, part).level in levels
+    ]
+    return Settings(scenario, every, machine, camera, (*varies, "light", "things"), count, seed, per_scene)
+
+
+def _camera_of(scenario: Scenario) -> tuple[str, str, tuple[str, ...]]:
+    """Machine, slot, and the changes that make the slot where there is none."""
+    for name, machine in scenario.machines.items():
+        for slot in machine.slots:
+            kind = kind_of(slot)
+            if kind is not None and kind.name == "camera":
+                return name, slot, ()
+    name = next(iter(scenario.machines))
+    mount = "{at: axle, x_m: 2.5, y_m: 0, z_m: 3.2, pitch_deg: 12}"
+    return (
+        name,
+        "camera",
+        (f"{name}.camera={{level: error, reach_m: 50, samples_per_sun_ray: 4, mount: {mount}}}",),
+    )
+
+
+def make_dataset(
+    settings: Settings, out: Path, *, workers: int, progress: Callable[[int, int], None] | None = None
+) -> Path:
+    """Make the pictures that are missing in the folder `out`, then its annotations.json; returns its path.
+
+    progress: told (pictures there, all of them)
+    InputError where the folder holds a data set of other settings; SwathError where a picture cannot be made.
+    """
+    for folder in ("images", "masks", "parts"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    _check_same(settings, out)
+    jobs = missing(settings, out)
+    there = settings.count - sum(len(job.pictures) for job in jobs)
+    if progress is not None:
+        progress(there, settings.count)
+    for job, found in in_workers(jobs, partial(worker, settings, out), workers):
+        if isinstance(found, Lost | str):
+            raise SwathError(f"scene {job.scene}: {found}")
+        there += len(found)
+        if progress is not None:
+            progress(there, settings.count)
+    return join(settings, out)
+
+
+def missing(settings: Settings, out: Path) -> list[SceneJob]:
+    """The pictures that are not there, by scene."""
+    rest: dict[int, list[int]] = {}
+    for picture in range(settings.count):
+        if not part_of(out, picture).is_file():
+            rest.setdefault(picture // settings.per_scene, []).append(picture)
+    return [SceneJob(scene, tuple(pictures)) for scene, pictures in rest.items()]
+
+
+def join(settings: Settings, out: Path) -> Path:
+    """Write annotations.json from the parts of all pictures."""
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for picture in range(settings.count):
+        part = json.loads(part_of(out, picture).read_text(encoding="utf-8"))
+        images.append(part["image"])
+        for annotation in part["annotations"]:
+            numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
+            annotations.append({**numbers, **annotation})
+    info = {"description": f"swath {swath.__version__}: {settings.scenario}", "version": swath.__version__}
+    whole: dict[str, Any] = {"info": info, "licenses": [], "images": images, "annotations": annotations}
+    whole["categories"] = CATEGORIES
+    return write_whole(out / "annotations.json", json.dumps(whole, separators=(",", ":")))
+
+
+def _check_same(settings: Settings, out: Path) -> None:
+    """The folder's settings, but the count, are these; written where there are none."""
+    said = {**asdict(settings), "version": swath.__version__}
+    del said["count"]
+    said = json.loads(json.dumps(said))
+    file = out / SETTINGS
+    if not file.is_file():
+        write_whole(file, json.dumps(said, indent=1))
+        return
+    there = json.loads(file.read_text(encoding="utf-8"))
+    for key, value in said.items():
+        if there.get(key) != value:
+            expected = f"expected {there.get(key)}, as in {SETTINGS} there, or another folder"
+            raise InputError(key, value, expected, file=file)

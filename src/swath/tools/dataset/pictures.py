@@ -1,0 +1,188 @@
+"""The pictures of one scene: its world, the camera from place to place, files of each picture."""
+
+import io
+import json
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import SwathError
+from swath.core.frames import Pose
+from swath.core.random import Stream
+from swath.core.whole_file import write_whole
+from swath.field.obstacles import things_of
+from swath.runtime.assembly import assemble
+from swath.scenario.scenario import Scenario, load_scenario
+from swath.sensing.camera.pinhole import OPTICAL
+from swath.signals import OBSTACLE_KINDS, Image
+from swath.signals.image import ImageBoxes
+from swath.tools.dataset.coco import annotations_of, category_map
+from swath.tools.dataset.variation import STRAW_KG_M, View, scene_of, things_of_view, view_of
+
+JPEG_QUALITY = 95
+BETWEEN = 10**9  # times of two pictures of a scene [ns]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """scenario: bundled name or path; sets: its changes; machine, camera: whose pictures
+
+    varies: of `terrain`, `stand`, `light`, `things`; per_scene: pictures of one field in one light
+    count, seed: of all pictures
+    """
+
+    scenario: str
+    sets: tuple[str, ...]
+    machine: str
+    camera: str
+    varies: tuple[str, ...]
+    count: int
+    seed: int
+    per_scene: int
+
+
+@dataclass(frozen=True)
+class SceneJob:
+    """The pictures of a scene that are still to be made."""
+
+    scene: int
+    pictures: tuple[int, ...]
+
+
+def name_of(picture: int) -> str:
+    """Of the files of a picture, without the ending."""
+    return f"{picture + 1:06d}"
+
+
+def part_of(out: Path, picture: int) -> Path:
+    """The file with the annotations of a picture: it is written last."""
+    return out / "parts" / f"{name_of(picture)}.json"
+
+
+def worker(settings: Settings, out: Path) -> Callable[[SceneJob], "list[int] | str"]:
+    """What a worker does with a job: pictures made, or what was wrong."""
+    return partial(make_scene, settings, out)
+
+
+def make_scene(settings: Settings, out: Path, job: SceneJob) -> "list[int] | str":
+    """Make the pictures of a job."""
+    try:
+        for picture, image, boxes, info in _pictures(settings, job):
+            write_picture(out, picture, image, boxes, info)
+    except SwathError as error:
+        return str(error)
+    return list(job.pictures)
+
+
+def scenario_of(settings: Settings, scene: int) -> Scenario:
+    """The scenario of a scene: what varies, then the user's changes."""
+    s = settings
+    own = scene_of(s.seed, scene, s.machine, s.camera, varies=s.varies)
+    written = {text.split("=", 1)[0].strip() for text in s.sets}
+    varied = [text for text in own.sets if not _is_written(text.split("=", 1)[0], written)]
+    return load_scenario(s.scenario, sets=[*varied, *s.sets])
+
+
+def _is_written(key: str, written: set[str]) -> bool:
+    return any(w == key or w.startswith(key + ".") for w in written)
+
+
+def _pictures(settings: Settings, job: SceneJob) -> Iterator[tuple[int, Image, ImageBoxes, dict[str, Any]]]:
+    s = settings
+    scenario = scenario_of(s, job.scene)
+    scene = scene_of(s.seed, job.scene, s.machine, s.camera, varies=s.varies)
+    slot = f"{s.machine}.{s.camera}"
+    world = assemble(scenario, only={slot})
+    with closing(world):
+        machine = world.machines[s.machine]
+        camera = machine.parts[s.camera]
+        setup = camera.setup
+        if scene.straw and "stand" in s.varies:
+            _lay_straw(setup)
+        for picture in job.pictures:
+            camera.reset(Stream(s.seed, f"dataset.{slot}.{picture}"))
+            view = view_of(s.seed, picture, picture % s.per_scene)
+            eye = _eye(setup, view) @ camera.mounting @ view.shift
+            if "things" in s.varies:
+                half = float(np.arctan(0.5 * camera.pinhole.width / camera.pinhole.focal))
+                wanted = things_of_view(s.seed, picture, eye, min(half, 1.2), camera.params.reach_m)
+                setup.bodies.set_things(things_of(wanted, setup.field))
+            t = (picture % s.per_scene + 1) * BETWEEN
+            made = camera.picture_from(t, eye @ OPTICAL)
+            yield picture, made["image"], made["boxes"], {"scene": job.scene, "sets": [*scene.sets]}
+
+
+def _eye(setup: Any, view: View) -> Pose:
+    """pose_world_machine: along the edge from the start, and aside."""
+    edge, start = setup.edge, setup.start
+    if edge is None:
+        forward = start.rotation[:, 0]
+        place, heading = start.position + view.along * forward, start.euler()[2]
+    else:
+        s0, _ = edge.project(start.position[0], start.position[1])
+        s1 = float(s0) + view.along
+        turn = float(edge.heading_at(s1)) - float(edge.heading_at(s0))
+        away = start.position[:2] - edge.point_at(s0)
+        c, d = np.cos(turn), np.sin(turn)
+        at = edge.point_at(s1) + np.array([c * away[0] - d * away[1], d * away[0] + c * away[1]])
+        place, heading = np.array([at[0], at[1], 0.0]), start.euler()[2] + turn
+    x = place[0] - view.aside * np.sin(heading)
+    y = place[1] + view.aside * np.cos(heading)
+    return Pose.from_euler((x, y, float(setup.field.ground_height(x, y))), yaw=float(heading))
+
+
+def _lay_straw(setup: Any) -> None:
+    """A swath of straw where the pass before went, half a header beside the edge."""
+    edge = setup.edge
+    if edge is None:
+        return
+    side = -1.0 if edge.crop_side == "left" else 1.0
+    s0, _ = edge.project(setup.start.position[0], setup.start.position[1])
+    away = 0.5 * setup.machine.header_width + 1.0 if setup.machine.has_header else 3.0
+    for s in np.arange(float(s0) - 5.0, float(s0) + 110.0):
+        (x, y), heading = edge.point_at(s), float(edge.heading_at(s))
+        left = side * np.array([-np.sin(heading), np.cos(heading)])
+        ahead = np.array([np.cos(heading), np.sin(heading)])
+        middle = np.array([x, y]) + away * left
+        corners = [middle + a * ahead + b * left for a, b in ((0, -0.8), (1, -0.8), (1, 0.8), (0, 0.8))]
+        if setup.field.covers(*middle):
+            setup.field.deposit_straw(np.array(corners), STRAW_KG_M, heading=heading)
+
+
+def write_picture(out: Path, picture: int, image: Image, boxes: ImageBoxes, info: dict[str, Any]) -> None:
+    """Picture, mask of categories, and last the annotations."""
+    kinds = {int(n): OBSTACLE_KINDS[k] for n, k in zip(boxes.instance, boxes.kind, strict=True)}
+    names = tuple(kinds.get(n, "other") for n in range(1, max(kinds, default=0) + 1))
+    categories = category_map(image.label, image.instance, names)
+    name = name_of(picture)
+    write_whole(out / "images" / f"{name}.jpg", _encoded(image.colour, "JPEG", quality=JPEG_QUALITY))
+    write_whole(out / "masks" / f"{name}.png", _encoded(categories, "PNG", compress_level=3))
+    entry = {
+        "image": {
+            "id": picture + 1,
+            "file_name": f"{name}.jpg",
+            "width": image.width,
+            "height": image.height,
+            "focal_px": image.focal,
+            "centre_px": [image.centre_x, image.centre_y],
+            "distortion": image.distortion.tolist(),
+            "exposure_s": image.exposure,
+            "gain": image.gain,
+            **info,
+        },
+        "annotations": annotations_of(image.instance, categories, names),
+    }
+    write_whole(part_of(out, picture), json.dumps(entry, separators=(",", ":")))
+
+
+def _encoded(pixels: Any, kind: str, **options: Any) -> bytes:
+    from PIL import Image as Picture
+
+    held = io.BytesIO()
+    Picture.fromarray(pixels).save(held, format=kind, **options)
+    return held.getvalue()

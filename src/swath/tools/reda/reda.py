@@ -1,0 +1,110 @@
+"""The run of `swath reda`: every condition, sensor and place."""
+
+import csv
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from swath.core.errors import SwathError
+from swath.runtime.workers import Lost, in_workers
+from swath.tools.reda.scene import Condition, Scene, Settings, places
+from swath.tools.reda.scores import Cell, Scores, scores_of
+from swath.tools.reda.sensors import SCANS, Sensor, make_sensor
+
+ASKED = 3.0  # of the places in the crop, for the table [m]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Of a condition. cells: by sensor; asked: by sensor and height of the person [m], 3 m in the crop"""
+
+    condition: Condition
+    cells: dict[str, list[Cell]]
+    asked: dict[tuple[str, float], Cell]
+
+    def scores(self, sensor: str, least: float) -> Scores:
+        """Of a sensor."""
+        return scores_of(self.cells[sensor], least)
+
+
+def run_reda(settings: Settings, *, processes: int = 1, progress: Progress | None = None) -> list[Found]:
+    """All conditions in their order. The same settings give the same numbers, whatever the processes."""
+    conditions = settings.conditions()
+    found = []
+    for done, made in enumerate(_made(settings, conditions, processes), 1):
+        found.append(made)
+        if progress is not None:
+            progress(done, len(conditions))
+    return found
+
+
+def _made(settings: Settings, conditions: list[Condition], processes: int) -> Iterator[Found]:
+    if processes < 2:
+        yield from map(partial(measure, settings), conditions)
+        return
+    begin = partial(_begin, settings)
+    for condition, made in in_workers(conditions, begin, processes, in_order=True):
+        if isinstance(made, Lost):
+            raise SwathError(f"{condition.name}: {made}")
+        if isinstance(made, SwathError):
+            raise made
+        yield made
+
+
+def _begin(settings: Settings) -> Callable[[Condition], Found | SwathError]:
+    return partial(_measured, settings)
+
+
+def _measured(settings: Settings, condition: Condition) -> Found | SwathError:
+    try:
+        return measure(settings, condition)
+    except SwathError as error:
+        return error
+
+
+def measure(settings: Settings, condition: Condition) -> Found:
+    """One condition."""
+    scene = Scene(settings, condition)
+    cells: dict[str, list[Cell]] = {}
+    asked: dict[tuple[str, float], Cell] = {}
+    for name in settings.sensors:
+        sensor = make_sensor(name, scene)
+        looks = settings.repeats * {"lidar": SCANS - 1, "camera": 1}.get(name, settings.looks)
+
+        cell = partial(_cell, sensor, looks)
+        cells[name] = [cell(*place) for place in places()]
+        standing = next(c for c in cells[name] if (c.inside, c.aside) == (ASKED, 0.0))
+        asked[name, _height(scene)] = standing
+        scene.height = settings.low_height
+        asked[name, settings.low_height] = cell(ASKED, 0.0)
+        scene.height = settings.target_height
+    return Found(condition, cells, asked)
+
+
+def _cell(sensor: Sensor, looks: int, inside: float, aside: float) -> Cell:
+    answer = sensor.look(inside, aside)
+    return Cell(inside, aside, answer.detected, sensor.false_share(inside, aside), looks, answer.why)
+
+
+def _height(scene: Scene) -> float:
+    from swath.field.obstacle_sheet import load_obstacle
+
+    return scene.height or load_obstacle(scene.settings.target).height
+
+
+def write_cells(path: Path, found: list[Found]) -> Path:
+    """A row per condition, sensor and place."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        head = ("crop_height_m", "stems_per_m2", "weather", "sensor", "inside_m", "aside_m")
+        writer.writerow((*head, "detected", "false", "net", "looks", "why"))
+        for made in found:
+            c = made.condition
+            for name, cells in made.cells.items():
+                for cell in cells:
+                    numbers = (f"{v:.4f}" for v in (cell.detected, cell.false, cell.net))
+                    place = (c.height, c.density, c.weather, name, cell.inside, cell.aside)
+                    writer.writerow((*place, *numbers, cell.looks, cell.why))
+    return path

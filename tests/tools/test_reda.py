@@ -1,0 +1,114 @@
+"""`swath reda`: visible shares, scores by hand, what each sensor answers in plain cases, what is written."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from swath.commands.main import main
+from swath.core.errors import InputError
+from swath.rays.engine import RayCaster
+from swath.tools.reda import reda
+from swath.tools.reda.scene import EDGE_M, Condition, Scene, Settings, places
+from swath.tools.reda.scores import Cell, lower_end, scores_of
+from swath.tools.reda.sensors import CameraSensor, RadarSensor, make_sensor, visible
+
+ONE = Settings(repeats=1, looks=10)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene(ONE, Condition(0.85, 500.0, "clear"))
+
+
+def cell(detected, false=0.0, looks=10):
+    return Cell(0.0, 0.0, detected, false, looks, "")
+
+
+def test_scores_by_hand():
+    """Four places: one always, one with as many reports of nobody, one half, one never."""
+    scores = scores_of([cell(1.0), cell(0.5, 0.5), cell(0.5), cell(0.0)], 0.9)
+    assert (scores.usability, scores.availability) == pytest.approx((0.25, 0.375))
+    right = (1.0 + 0.5 + 0.75 + 0.5) / 4
+    assert scores.reliability == pytest.approx(lower_end(right, 80))
+    assert lower_end(0.5, 100) == pytest.approx(0.4038, abs=1e-4)  # Wilson, 50 of 100
+    assert cell(0.75, 0.5).net == pytest.approx(0.5)
+
+
+def test_what_crop_leaves_in_sight(scene):
+    """On stubble all; in the crop what rises above it, seen from 3.8 m: top 1.75 m, crop about 0.85 m."""
+    caster, eye = RayCaster(scene.field), np.array([0.0, 0.0, 3.8])
+    share, points = visible(scene, caster, scene.put(-3.0, 0.0), eye)
+    assert share > 0.9
+    assert points[:, 2].min() < 0.3
+    share, points = visible(scene, caster, scene.put(11.0, 0.0), eye)
+    assert 0.3 < share < 0.7
+    assert 0.6 < points[:, 2].min() < 1.0
+
+
+def test_camera_counts_pixels(scene):
+    """Focal length times height over distance; nothing outside the field of view."""
+    camera = CameraSensor(scene)
+    assert camera._focal == pytest.approx(914.0, abs=0.5)
+    answer = camera.look(-1.0, 0.0)
+    assert answer.detected == 1.0
+    pixels = float(answer.why.split()[0])
+    assert pixels == pytest.approx(1.75 * 914.0 / (EDGE_M - 1.0), rel=0.02)
+    assert camera.look(-3.0, 8.0).detected == 0.0
+
+
+def test_dust_blinds_camera_and_not_radar():
+    thick = Scene(ONE, Condition(0.85, 500.0, "dust"))
+    clear = Scene(ONE, Condition(0.85, 500.0, "clear"))
+    radars = [RadarSensor(s, "radar-24ghz").look(3.0, 0.0) for s in (thick, clear)]
+    assert radars[0] == radars[1]
+    contrast = [float(CameraSensor(s).look(3.0, 0.0).why.rsplit(" ", 1)[1]) for s in (thick, clear)]
+    assert contrast[0] == pytest.approx(np.exp(-0.1 * 9.0), abs=0.01)
+    assert contrast[1] == 1.0
+
+
+def test_a_crouching_person_in_the_crop_is_out_of_sight(scene):
+    scene.height = 0.7
+    try:
+        assert make_sensor("lidar", scene).look(3.0, 0.0).detected == 0.0
+        assert make_sensor("camera", scene).look(11.0, 0.0).detected == 0.0
+        radar = make_sensor("radar-77ghz-corner", scene)
+        assert radar.false_share(-3.0, 0.0) < 0.2
+        answer = radar.look(5.0, 0.0)
+        assert answer.detected < 0.3
+        assert "lost in the crop" in answer.why
+    finally:
+        scene.height = None
+    assert radar.look(-1.0, 0.0).detected > 0.8  # standing, on the stubble
+    assert make_sensor("lidar", scene).look(-1.0, 0.0).detected > 0.6
+
+
+def test_command(tmp_path, capsys, monkeypatch):
+    """What it writes: a row per place, scores, a figure per condition, a page."""
+    monkeypatch.setattr(reda, "places", lambda: [p for p in places() if p[0] in (-1.0, 3.0)])
+    monkeypatch.setattr("swath.tools.reda.plots.INSIDE", (-1.0, 3.0))
+    line = ["reda", "--height", "0.85", "--density", "300", "--weather", "rain", "--sensor", "camera"]
+    line += ["--repeats", "1", "--processes", "1", "--out", str(tmp_path / "made")]
+    assert main(line) == 0
+    rows = list(csv.DictReader((tmp_path / "made" / "reda.csv").read_text(encoding="utf-8").splitlines()))
+    assert len(rows) == 10
+    assert {row["sensor"] for row in rows} == {"camera"}
+    names = {f.name for f in (tmp_path / "made").iterdir()}
+    assert names == {"reda.csv", "scores.csv", "report.html", "reda-85cm-300-rain.png"}
+    assert "3 m inside the crop" in capsys.readouterr().out
+    assert main(line) == 0  # over an earlier one
+    (tmp_path / "made" / "mine.txt").write_text("", encoding="utf-8")
+    assert main(line) == 2
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [
+        ({"heights": (9.0,)}, "--height"),
+        ({"weathers": ("fog",)}, "--weather"),
+        ({"sensors": ("eye",)}, "--sensor"),
+    ],
+)
+def test_bad_settings(settings, key):
+    with pytest.raises(InputError, match=key):
+        Settings(**settings)
