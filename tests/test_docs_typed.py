@@ -30,6 +30,7 @@ ELSEWHERE = {  # begin of a line: why it is not typed here, and which test does 
     "calibrate engine": "a log of the reader's: tests/tools/test_calibrate_engine.py",
     "can ": "a box on a bus: tests/link/test_can.py",
     "run examples/can/hil.yaml": "a box on a bus, at the pace of the clock: tests/link/test_can_udp.py",
+    "dataset straight": "hundreds of pictures: tests/tools/test_dataset.py",
     "lab stand": "a minute: tests/tools/test_lab.py",
     "migrate my-scenario.yaml": "files of version 0.1: tests/tools/test_migrate.py",
     "test compare": "results of many runs: tests/tools/test_compare_results.py",
