@@ -33,6 +33,7 @@ ELSEWHERE = {  # begin of a line: why it is not typed here, and which test does 
     "dataset straight": "hundreds of pictures: tests/tools/test_dataset.py",
     "lab stand": "a minute: tests/tools/test_lab.py",
     "migrate my-scenario.yaml": "files of version 0.1: tests/tools/test_migrate.py",
+    "reda ": "a minute: tests/tools/test_reda.py",
     "test compare": "results of many runs: tests/tools/test_compare_results.py",
     "test search": "64 runs: tests/tools/test_search.py",
     "test again": "results of many runs: tests/tools/test_function_test.py",
