@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 JOBS ?= 2
 
-.PHONY: demo test check bench docs clean
+.PHONY: demo test check bench docs replays clean
 
 demo: $(VENV)/.base
 	$(BIN)/swath run laser-pilot --out $(OUT)/demo
@@ -21,6 +21,9 @@ check: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py --out $(OUT)/bench
+
+replays: $(VENV)/.dev
+	$(BIN)/python -m docs.make.replays
 
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -W --keep-going -n -q -b html docs $(OUT)/site

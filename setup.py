@@ -1,5 +1,6 @@
-"""Puts the examples into the package; everything else is in pyproject.toml."""
+"""Puts the examples into the package and the README into its metadata; the rest is in pyproject.toml."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -19,4 +20,20 @@ class WithExamples(build_py):
             shutil.copytree("examples", target, ignore=shutil.ignore_patterns("__pycache__"))
 
 
-setup(cmdclass={"build_py": WithExamples})
+def without_relative_links(text: str) -> str:
+    """The README as it is read beside no other file: pictures go, links into the repository become text."""
+    text = re.sub(r"!\[[^]]*\]\((?!https?:)[^)]*\)\n*", "", text)
+    return re.sub(r"\[([^]]*)\]\((?!https?:|#)([^)]*)\)", _named, text)
+
+
+def _named(link: re.Match[str]) -> str:
+    words, path = link.groups()
+    return words if words.strip("`") == path else f"{words} ({path})"
+
+
+setup(
+    cmdclass={"build_py": WithExamples},
+    long_description=without_relative_links(Path("README.md").read_text(encoding="utf-8"))
+    + "\n\nPages named `docs/...` are in the source distribution.\n",
+    long_description_content_type="text/markdown",
+)

@@ -1,6 +1,6 @@
 """A whole field: the rows of docs/fleet.md, with the numbers that come out now.
 
-SWATH_DATA=... python benchmarks/harvest.py
+SWATH_DATA=... python benchmarks/harvest.py [--layouts]
 """
 
 import math
@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.job import measured_turns as turns
 from tests.job.jobs import finished, job_file
+from tests.job.layouts import CARTS, hours, layout, same_ranking
 from tests.job.test_events import gain_of
 from tests.job.test_plan import LOG
 
@@ -48,8 +49,8 @@ def headland_turns() -> None:
 def recorded_day() -> None:
     """The first day of the 2014 log."""
     day = read_day(LOG, limits_of(3.9, 6.4, math.radians(15.0), 2.0))
-    for hours in (1, 2, 3):
-        made = predict(day, 3600.0 * hours)
+    for known in (1, 2, 3):
+        made = predict(day, 3600.0 * known)
         for name, found, stated in (
             ("cutting", made.cutting, made.cutting_recorded),
             ("between passes", made.turning, made.turning_recorded),
@@ -57,7 +58,7 @@ def recorded_day() -> None:
         ):
             off = 100.0 * (found / stated - 1.0)
             say(
-                f"2014, {hours} h known, {name}",
+                f"2014, {known} h known, {name}",
                 f"{found / 3600:.2f} h ({off:+.1f} %)",
                 f"{stated / 3600:.2f} h",
             )
@@ -85,7 +86,21 @@ def whole_fields() -> None:
         )  # fmt: skip
 
 
+def layouts() -> None:
+    """Events against driven machines."""
+    for seed in range(1, 21):
+        pairs = [hours(seed, carts) for carts in CARTS]
+        cheap, dear = zip(*pairs, strict=True)
+        off = ", ".join(f"{100.0 * (b / a - 1.0):+.1f}" for a, b in pairs)
+        ranks = "same ranking" if same_ranking(cheap, dear) else "another ranking"
+        combines = layout(seed)["combines"]
+        say(f"layout {seed}, {combines} combines, 1, 2, 3 carts, % longer", off, ranks)
+
+
 if __name__ == "__main__":
+    if sys.argv[1:] == ["--layouts"]:
+        layouts()
+        sys.exit()
     whole_fields()
     headland_turns()
     recorded_day()

@@ -13,6 +13,7 @@ import drive
 import fmi
 import fmu_export
 import lidar
+import live
 import machine
 import rays
 import replay
@@ -28,6 +29,7 @@ BENCHMARKS = {
     "replay": replay.main,
     "fmi": fmi.main,
     "branch": branch.main,
+    "live": live.main,
     "ros2": ros2.main,
     "fmu_export": fmu_export.main,
 }

@@ -17,6 +17,8 @@ html_theme = "furo"
 html_title = "swath"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+EXTRA = ROOT / "out" / "site-extra"  # replays, where `make replays` made them
+html_extra_path = [str(EXTRA)] if EXTRA.is_dir() else []
 html_copy_source = False
 html_show_sphinx = False
 html_show_search_summary = False  # a page read from a file may not fetch others
@@ -31,6 +33,15 @@ default_role = "code"  # in docstrings
 
 PAGE = re.compile(r"(?<!\[)`docs/([\w/-]+\.md)`")
 OUTSIDE = re.compile(r"\[([^]]*)\]\((?:\.\./)+([\w./-]+)\)")
+PICTURE = re.compile(r"(!\[[^]]*\]\(\.\./figures/gallery/([\w-]+)\.webp\))")
+REPLAY = """
+\\1
+
+```{{raw}} html
+<details class="replay"><summary>Replay, {size:.1f} MB</summary>
+<iframe src="../replays/{name}.html" title="replay of {name}" loading="lazy"></iframe></details>
+```
+"""
 INCLUDED = ("SECURITY.md", "CONTRIBUTING.md", "CHANGELOG.md")
 
 
@@ -48,6 +59,16 @@ def read(app: object, name: str, source: list[str]) -> None:
         return f"`{path}`" if is_folder else found[0]
 
     source[0] = OUTSIDE.sub(outside, PAGE.sub(rf"[`\1`]({up}\1)", source[0]))
+    if name == "reference/gallery":
+        source[0] = PICTURE.sub(with_replay, source[0])
+
+
+def with_replay(found: re.Match[str]) -> str:
+    """The picture of a scenario, and its replay below where there is one."""
+    file = EXTRA / "replays" / f"{found[2]}.html"
+    if not file.is_file():
+        return found[0]
+    return found.expand(REPLAY.format(name=found[2], size=file.stat().st_size / 1e6))
 
 
 def included(app: object, relative: Path, parent: str, content: list[str]) -> None:

@@ -146,3 +146,10 @@ def test_a_machine_that_only_drives_needs_no_edge(tmp_path):
         parse_scenario(DRIVING.replace(", start: {x_m: 150, y_m: 150, heading_deg: 30}", ""))
     with pytest.raises(InputError, match=r"field\.edge\.shape: expected one of"):
         parse_scenario(DRIVING.replace("tractor-grain-cart", "combine-5m"))
+
+
+def test_levels_of_a_slot_that_hears_another_machine(capsys):
+    assert main(["levels", "peer_link"]) == 0
+    said = capsys.readouterr().out
+    assert "inputs   " in said
+    assert "loss_percent" in said

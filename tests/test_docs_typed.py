@@ -30,8 +30,10 @@ ELSEWHERE = {  # begin of a line: why it is not typed here, and which test does 
     "calibrate engine": "a log of the reader's: tests/tools/test_calibrate_engine.py",
     "can ": "a box on a bus: tests/link/test_can.py",
     "run examples/can/hil.yaml": "a box on a bus, at the pace of the clock: tests/link/test_can_udp.py",
+    "dataset straight": "hundreds of pictures: tests/tools/test_dataset.py",
     "lab stand": "a minute: tests/tools/test_lab.py",
     "migrate my-scenario.yaml": "files of version 0.1: tests/tools/test_migrate.py",
+    "reda ": "a minute: tests/tools/test_reda.py",
     "test compare": "results of many runs: tests/tools/test_compare_results.py",
     "test search": "64 runs: tests/tools/test_search.py",
     "test again": "results of many runs: tests/tools/test_function_test.py",
@@ -45,6 +47,8 @@ def shortened(words):
     """The same line, quicker: a moment of a run, the plan of a test."""
     if words[:2] == ["test", "run"]:
         return [*words, "--plan-only"]
+    if words[0] == "branch":  # of a run that was shortened, too
+        return [*words[: words.index("--at")], "--at", "0.2", *words[words.index("--at") + 2 :]]
     if words[0] not in ("run", "rerun"):
         return words
     unrecorded = [] if "--out" in words or words[0] == "rerun" else ["--set", "run.record=none"]

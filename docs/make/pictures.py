@@ -34,7 +34,8 @@ DRAWN = """new Promise((done) => {
 METRES, FRAMES, PER_SECOND = 30, 36, 8
 HEAD = """# Gallery
 The bundled scenarios. `swath run NAME` drives one and leaves its `replay.html`; `swath scenarios NAME` prints the
-file. The pictures are from the replays of their first {metres} m, made by `python -m docs.make.pictures gallery`.
+file. The pictures are from the replays of their first {metres} m, made by `python -m docs.make.pictures gallery`; after
+`make replays` (some minutes, 15 MB) the site has the replays themselves.
 
 """
 ENTRY = """## {name}

@@ -195,19 +195,30 @@ def test_frames_are_small_and_lie_where_the_run_was(watched):
     assert max(map(len, first.frames)) <= LARGEST
     assert "is over" in first.over
     tracks, columns = read_tracks(going.out / "tracks.parquet"), going.view._frames.columns["combine"]
-    origin, compared = going.view._frames.origin, 0
+    origin, compared, judged = going.view._frames.origin, 0, 0
+    straw = []
     for frame in first.frames[2:]:
         head, rows, scans = decoded(frame)
         row = dict(zip(columns, rows[0], strict=True))
         x = np.interp(row["t_s"], tracks["t_s"], tracks["x_m"] - origin[0])
         y = np.interp(row["t_s"], tracks["t_s"], tracks["y_m"] - origin[1])
         assert np.hypot(row["x_m"] - x, row["y_m"] - y) < 0.002
+        straw.append(row["straw_kg"])
+        if np.isfinite(row["edge_true_m"]):
+            same = np.flatnonzero(np.abs(tracks["edge_t_s"] - row["edge_t_s"]) < 1e-6)
+            if len(same):
+                assert abs(tracks["edge_true_m"][same[0]] - row["edge_true_m"]) < 1e-5
+                error = row["edge_offset_m"] - row["edge_true_m"]
+                assert np.isclose(row["edge_error_m"], error, atol=1e-5, equal_nan=True)
+                judged += 1
         for (_, t, *_), echoes in zip(head["scans"], scans, strict=True):
             truth = truths[round(t * 1e9)] - origin
             gaps = np.abs(truth[None] - echoes[:, None]).max(axis=2)
             assert np.nanmax(np.nanmin(gaps, axis=1)) < 0.004
             compared += len(echoes)
     assert compared > 100
+    assert judged >= 3
+    assert sorted(straw) == straw
 
 
 def test_the_page_is_whole_and_asks_for_nothing(watched):

@@ -45,6 +45,7 @@ def _ports(name: str) -> None:
     from dataclasses import fields
 
     from swath.scenario.catalogue import CATALOGUE
+    from swath.scenario.slots import PEER
 
     kind = next((slot for slot in CATALOGUE.slots if slot.name == name), None)
     if kind is None:
@@ -54,7 +55,10 @@ def _ports(name: str) -> None:
     def said(port: str, signal: type) -> str:
         return f"{port} ({signal.__name__}: {', '.join(f.name for f in fields(signal))})"
 
-    sees = [said(port, outputs[slot][output].signal) for port, (slot, output) in kind.wires.items()]
+    sees = [
+        said(port, outputs[slot.removeprefix(PEER)][output].signal)
+        for port, (slot, output) in kind.wires.items()
+    ]
     gives = [said(port.name, port.signal) for port in kind.outputs]
     gives += [f"{said(port.name, port.signal)}, optional" for port in kind.more]
     for title, ports in (("inputs", sees), ("outputs", gives)):

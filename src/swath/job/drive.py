@@ -85,11 +85,15 @@ class DrivenMachine:
 
 @dataclass
 class Follower:
-    """Keeps a machine on a path. tightest: curvature it may command [1/m]; at: how far it has come [m]."""
+    """Keeps a machine on a path. tightest: curvature it may command [1/m]; at: how far it has come [m]
+
+    heading: of the path there [rad]
+    """
 
     path: Path
     tightest: float
     at: float = 0.0
+    heading: float = 0.0
     _index: int = 0
 
     def __post_init__(self) -> None:
@@ -117,6 +121,7 @@ class Follower:
         span = max(self._s[i + 1] - self._s[i], 1e-9)
         share = min(max(along / span, 0.0), 1.0)
         heading: float = self._h[i] + share * (self._h[i + 1] - self._h[i])
+        self.heading = heading
         kappa = self._k[i] + share * (self._k[i + 1] - self._k[i])
         px, py = self._x[i] + along * math.cos(heading), self._y[i] + along * math.sin(heading)
         left = (py - y) * math.cos(heading) - (px - x) * math.sin(heading)

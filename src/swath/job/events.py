@@ -53,9 +53,14 @@ class Events:
         combine.pace = combine.spec.transport
 
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
-        """To where the combine is now; `move` goes on from there."""
-        assert cart.combine is not None
-        cart.left = way_between(cart.place, at(cart.combine)) + BEHIND
+        """To the start of the combine's pass, and after it."""
+        combine = cart.combine
+        assert combine is not None
+        if combine.task is None or combine.phase in ("way", "hold"):
+            cart.left = way_between(cart.place, at(combine)) + BEHIND
+            return
+        done = combine.task.length - combine.left
+        cart.left = max(way_to(cart.place, combine.task.start) + done - BEHIND, 0.0)
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Along headland and passes."""
@@ -150,6 +155,13 @@ def turn_path(combine: CombineState, start: Pose) -> Path:
     knife = combine.spec.sheet.knife_x
     here = axle_pose(combine.place, knife)
     return path_of(clothoid.plan(here, axle_pose(start, knife), combine.spec.limits), here)
+
+
+def way_to(here: Pose, start: Pose) -> float:
+    """Way from a place to the start of a pass [m], along its course and across."""
+    c, s = math.cos(start.heading), math.sin(start.heading)
+    dx, dy = start.x - here.x, start.y - here.y
+    return abs(c * dx + s * dy) + abs(c * dy - s * dx)
 
 
 def axle_pose(knife: Pose, ahead: float) -> Pose:

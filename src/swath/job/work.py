@@ -12,15 +12,17 @@ from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
 from swath.job.fuel import DIESEL
+from swath.job.kinematic import Kinematic
 from swath.job.lands import plan_field
 from swath.job.machines import Fleet, fleet_of
+from swath.job.motion import Motion
 from swath.job.plan import FieldPlan
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
 from swath.job.timeline import STATES, Timeline
 
 Array = NDArray[np.float64]
-LEVELS = ("events",)
+LEVELS: dict[str, type[Events] | type[Kinematic]] = {"events": Events, "kinematic": Kinematic}
 
 
 @dataclass(frozen=True)
@@ -104,11 +106,11 @@ def work_off(file: FleetFile, base: Path | None = None, level: str = "events") -
     return result_of(job, level)
 
 
-def motion_of(level: str) -> Events:
+def motion_of(level: str) -> Motion:
     """The motion of a level by its name."""
     if level not in LEVELS:
         raise InputError("--level", level, f"expected one of {', '.join(LEVELS)}")
-    return Events()
+    return LEVELS[level]()
 
 
 def result_of(job: Job, level: str) -> JobResult:

@@ -7,7 +7,7 @@ columns of that name, those of the others begin with the name of their slot: `gn
 
 import json
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
@@ -161,12 +161,15 @@ class Tracks:
         self._rows = array("d", np.stack(found, axis=1).tobytes())
         self._latest, self._due, self._is_open = dict(state["latest"]), state["due"], state["is_open"]
 
-    def newest(self) -> dict[str, np.ndarray]:
-        """Columns of one row at present, (1,) each, kept or not; {} before there is one."""
+    def newest(self, names: Container[str] | None = None) -> dict[str, np.ndarray]:
+        """Columns of one row at present, (1,) each, kept or not; {} before there is one.
+
+        names: of columns that are looked at; others that are worked out from the row are left out
+        """
         if MachineState not in self._latest:
             return {}
         found = {c.name: np.array([c.value(self._latest)]) for c in self.columns}
-        return self._later(found, is_over=False)
+        return self._later(found, is_over=False, names=names)
 
     def arrays(self, *, is_over: bool = True) -> dict[str, np.ndarray]:
         """Columns so far, shape (row_count,) each.
@@ -181,9 +184,13 @@ class Tracks:
         found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
         return self._later(found, is_over=is_over)
 
-    def _later(self, found: dict[str, np.ndarray], *, is_over: bool) -> dict[str, np.ndarray]:
+    def _later(
+        self, found: dict[str, np.ndarray], *, is_over: bool, names: Container[str] | None = None
+    ) -> dict[str, np.ndarray]:
         return found | {
-            c.name: c.later(found) for c in self.columns if c.later is not None and (is_over or c.is_by_row)
+            c.name: c.later(found)
+            for c in self.columns
+            if c.later is not None and (is_over or c.is_by_row) and (names is None or c.name in names)
         }
 
     def _finish_row(self) -> None:

@@ -130,6 +130,11 @@ class EdgeDetection:
             return float(self._judge(self._rows[-1:])[0, 2])
         return float(self._judged[-1][-1, 2]) if self._judged else float("nan")
 
+    @property
+    def newest_t(self) -> int:
+        """Time of the newest judged sample [ns], -1 before there is one."""
+        return self._rows[-1].t if self._rows else int(self._judged[-1][-1, 0]) if self._judged else -1
+
     def columns(self) -> tuple[Column, ...]:
         """The true edge, for the newest detected one."""
         meaning = "true edge at edge_reference_m, > 0 left"

@@ -6,10 +6,11 @@ import numpy as np
 
 from swath.core.schedule import NS
 from swath.replay.area import Area
-from swath.replay.charts import CHARTS
+from swath.replay.charts import CHARTS, WORST
 from swath.replay.collect import area_of
 from swath.replay.layers import Arrays, Layers, Values
 from swath.replay.machines import CUTTING_HEIGHT, POSE, STATE, Columns, cutting_height
+from swath.replay.straw import swath_width
 from swath.replay.things import things_of
 from swath.runtime.world import World
 from swath.signals import F64, MachineState
@@ -85,16 +86,26 @@ def live_data(world: World, columns: Mapping[str, list[str]], origin: F64) -> tu
             *layers.notes,
             *([left_out] if left_out else []),
             f"the field is drawn {area_note(world)}; beyond, machines drive over the country around",
-            "the true edge, straw and scans of the past are in replay.html of the finished run",
+            "scans of the past are in replay.html of the finished run",
         ],
         "scanners": [{"machine": list(start).index(n), "slot": slot} for n, slot in scanners],
         "straw": [],
         "live": {
             "columns": list(columns.values()),
+            "worst": [vars(worst) for worst in WORST],
+            "straw": [_straw(world, n) for n in start],
             "cut_m": [float(heights[n]) if np.isfinite(heights[n]) else CUTTING_HEIGHT for n in start],
         },
     }
     return values, layers.arrays
+
+
+def _straw(world: World, name: str) -> Values | None:
+    """Width [m] and density [kg/m3] of the straw that a machine lays; None where none is drawn."""
+    width, is_spread = swath_width(world.machines[name])
+    if is_spread or not world.machines[name].slots_of("process"):
+        return None
+    return {"width": width, "density": world.field.straw_density}
 
 
 def area_note(world: World) -> str:

@@ -12,23 +12,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.schedule import NS
+from swath.judge.evaluation import Evaluation
+from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.tracks import Tracks
+from swath.replay.charts import CHARTS
 from swath.replay.live.data import COLUMNS
-from swath.replay.machines import thinned
+from swath.replay.machines import derived, thinned
 from swath.replay.scans import UNIT
 from swath.runtime.world import World
-from swath.signals import F64, ScanTruth
+from swath.signals import F64, MachineLoad, ScanTruth
 
 LARGEST = 3000  # of a frame [bytes]
+OF_TRUTH = ("edge_true_m", "edge_error_m")  # judged while the run goes on
+OF_HEADER = {curve.column for chart in CHARTS if chart.of_header for curve in chart.curves}
+STRAW, STRAW_S = "straw_kg", 0.2  # on the ground so far; time between two looks at it [s]
 
 
 class Frames:
-    """Makes the frames of one run. tracks: of its recorder, by machine; origin: places count from it [m]"""
+    """Makes the frames of one run. tracks: of its recorder, by machine; origin: places count from it [m]
 
-    def __init__(self, world: World, tracks: Mapping[str, Tracks], origin: F64) -> None:
+    straw: per machine times [s] and mass on the ground [kg], as `note` has found them
+    """
+
+    def __init__(
+        self, world: World, tracks: Mapping[str, Tracks], origin: F64, evaluation: Evaluation
+    ) -> None:
         self.world = world
         self.origin, self._tracks = origin, tracks
-        self.columns = {name: _shown(tracks[name]) for name in world.machines}
+        self._detections = {
+            name: found
+            for name, machine in world.machines.items()
+            if machine.slots_of("edge") and (found := evaluation.find(name, EdgeDetection)) is not None
+        }
+        self.straw: dict[str, list[tuple[float, float]]] = {name: [] for name in world.machines}
+        self.columns = {
+            n: _shown(tracks[n], has_edge=n in self._detections, cuts=machine.cuts)
+            for n, machine in world.machines.items()
+        }
         self._shift = {name: _shift(columns, origin) for name, columns in self.columns.items()}
         self._scanners = [f"{n}.{slot}" for n, m in world.machines.items() for slot in m.slots_of("lidar")]
         self._sent = [-1] * len(self._scanners)
@@ -36,7 +56,7 @@ class Frames:
 
     def frame(self, t: int) -> bytes:
         """The world before the tick at t [ns]."""
-        rows = [self._rows(name, self._tracks[name].newest()) for name in self.columns]
+        rows = [self._rows(name, self._newest(name)) for name in self.columns]
         head: dict[str, Any] = {"rows": [row.size for row in rows]}
         if self._moving:
             head["ways"] = self._ways(t)
@@ -55,8 +75,35 @@ class Frames:
         tables = []
         for name in self.columns:
             own = self._tracks[name].arrays(is_over=False)
-            tables.append(self._rows(name, thinned(own) if len(own["t_s"]) else {}))
+            tables.append(self._rows(name, self._completed(name, thinned(own)) if len(own["t_s"]) else {}))
         return _packed({"history": [list(table.shape) for table in tables]}, *(t.tobytes() for t in tables))
+
+    def note(self) -> None:
+        """Keep how much straw lies on the ground."""
+        for name, straw in self.straw.items():
+            load = self.world.graph.latest(f"{name}.process", "load")
+            if isinstance(load, MachineLoad) and (not straw or load.t / NS >= straw[-1][0] + STRAW_S):
+                straw.append((load.t / NS, load.dropped_straw))
+
+    def _newest(self, name: str) -> dict[str, Any]:
+        """One row of a machine, with the true edge where it is known for the edge of that row."""
+        row: dict[str, Any] = dict(self._tracks[name].newest(self.columns[name]))
+        if row:
+            detection, straw, true = self._detections.get(name), self.straw[name], np.nan
+            if detection is not None and detection.newest_t / NS == row["edge_t_s"][0]:
+                true = detection.true_offset
+            row["edge_true_m"] = np.array([true])
+            row[STRAW] = np.array([straw[-1][1] if straw else np.nan])
+        return derived(row)
+
+    def _completed(self, name: str, columns: Mapping[str, Any]) -> dict[str, Any]:
+        """Rows of the past, with true edge and straw."""
+        found, straw = dict(columns), np.array(self.straw[name]).reshape(-1, 2)
+        for column in self._detections[name].columns() if name in self._detections else ():
+            found[column.name] = column.later(found) if column.later is not None else found[column.name]
+        empty = np.full(len(found["t_s"]), np.nan)
+        found[STRAW] = np.interp(found["t_s"], *straw.T) if len(straw) else empty
+        return derived(found)
 
     def _rows(self, name: str, columns: Mapping[str, Any]) -> NDArray[np.float32]:
         """Rows of what is shown of a machine, (rows, columns)."""
@@ -101,10 +148,11 @@ def _moves(world: World, name: str) -> bool:
     return any(o.path is not None and o.name == name for o in world.scenario.field.obstacles)
 
 
-def _shown(tracks: Tracks) -> list[str]:
-    """Columns of the page that are known while a run goes on."""
+def _shown(tracks: Tracks, *, has_edge: bool, cuts: bool) -> list[str]:
+    """Columns of the page that are known while a run goes on. cuts: False for a machine without a header"""
     names = {c.name for c in tracks.columns if c.later is None or c.is_by_row}
-    return [c for c in COLUMNS if c in names]
+    names -= set() if cuts else OF_HEADER
+    return [*(c for c in COLUMNS if c in names or (has_edge and c in OF_TRUTH)), STRAW]
 
 
 def _shift(columns: Sequence[str], origin: F64) -> list[float]:

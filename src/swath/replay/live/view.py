@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from swath.core.schedule import NS
+from swath.judge.evaluation import incident
+from swath.replay.charts import events_of
 from swath.replay.collect import origin_of
 from swath.replay.live.data import live_data, starting_rows
 from swath.replay.live.frames import Frames
@@ -43,7 +45,7 @@ class LiveView(RunHook):
         self._is_ready = threading.Event()
         self._viewers: tuple[Viewer, ...] = ()
         self._lock = threading.Lock()
-        self._due, self._shown = 0, -1
+        self._due, self._shown, self._told = 0, -1, 0  # what was told of: events and changes
         self.frame_count, self.frame_s, self.largest = 0, 0.0, 0
         self._server = Server(self._html, self._talk)
         self.address = self._server.address
@@ -55,7 +57,9 @@ class LiveView(RunHook):
         before, self._run, self._frames, self._shown = self._frames, run, None, -1
         self._control.join(run)
         if run.start is not None and before is not None:  # the same field and way ahead: the page stays
-            self._frames = Frames(run.world, run.recorder.tracks, before.origin)
+            self._frames = Frames(run.world, run.recorder.tracks, before.origin, run.evaluation)
+            for name, straw in before.straw.items():
+                self._frames.straw[name] = [s for s in straw if s[0] <= run.world.graph.t / NS]
             self._tell({"again": True})
         else:
             self._is_ready.clear()
@@ -80,11 +84,16 @@ class LiveView(RunHook):
         if t == self._shown or (now < self._due and not self._control.is_paused):
             return
         viewers = [v for v in self._viewers if v.is_free or self._control.is_paused]
+        assert self._frames is not None
+        if now >= self._due:
+            self._frames.note()
         if not viewers:
             return
-        assert self._frames is not None
         self._due, self._shown = now + PERIOD, t
         began = time.thread_time()
+        if (count := len(self._run.evaluation.events()) + len(self._run.changes.events)) != self._told:
+            self._told = count
+            self._tell_state()
         frame = self._frames.frame(t)
         for viewer in viewers:
             viewer.show(frame)
@@ -93,7 +102,7 @@ class LiveView(RunHook):
 
     def _begin_page(self, run: ActiveRun) -> None:
         origin = origin_of(starting_rows(run.world))
-        self._frames = Frames(run.world, run.recorder.tracks, origin)
+        self._frames = Frames(run.world, run.recorder.tracks, origin, run.evaluation)
         values, arrays = live_data(run.world, self._frames.columns, origin)
         page = render(f"{values['name']} (live)", packed(values, arrays), more=("live",))
         self._page = page.encode()
@@ -103,6 +112,7 @@ class LiveView(RunHook):
     def _state(self, run: ActiveRun) -> dict[str, Any]:
         """What the controls of a page show."""
         changes, frames = run.changes, self._frames
+        incidents = [incident(event) for event in run.evaluation.events()]
         things, mesh, _ = things_of(run.world, changes.events, frames.origin) if frames else ([], None, "")
         return {
             "t_s": run.world.graph.t / NS,
@@ -113,6 +123,7 @@ class LiveView(RunHook):
             "folder": "" if run.out is None else run.out.name,
             "values": changes.values(),
             "events": changes.events,
+            "marks": events_of({"incidents": incidents, "events": changes.events}, {}),
             "things": things,
             "mesh": [] if mesh is None else mesh.ravel().tolist(),
         }

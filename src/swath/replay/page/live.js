@@ -129,10 +129,33 @@ class Live {
       this.data.duration = app.timeline.duration = app.charts.duration = duration;
       app.timeline.slider.max = duration;
       app.charts.resize();
-      element("marks").replaceChildren();
-      app.timeline.fillMarks();
+      this.fillStraw();
+      this.fillMoments();
     }
     app.touch();
+  }
+
+  // Straw behind the machines, station by station, from the mass on the ground.
+  fillStraw() {
+    const { app } = this, rows = [];
+    this.data.live.straw.forEach((laid, k) => {
+      if (laid) strawRows(rows, laid, stationsOf(app.machines[k].track, laid), app.machines[k], app.ground);
+    });
+    app.straw.refill(rows);
+  }
+
+  // Events so far and the worst moments of every machine, marks and list.
+  fillMoments() {
+    const { app, data } = this;
+    const worst = app.machines.flatMap((machine, k) => data.live.worst.map((w) => worstOf(machine, data.machines[k].name, w)).filter(Boolean));
+    app.timeline.moments = [...(this.state.marks || []).map((e) => ({ ...e, worst: false })), ...worst].sort((a, b) => a.t_s - b.t_s);
+    element("marks").replaceChildren();
+    app.timeline.fillMarks();
+    const told = JSON.stringify(app.timeline.moments);
+    if (told === this.toldMoments) return;
+    this.toldMoments = told;
+    element("list").replaceChildren();
+    app.timeline.fillMoments();
   }
 
   takeState(state) {
@@ -154,12 +177,6 @@ class Live {
       this.things = JSON.stringify(state.things);
       app.things = new Things(app.gl, { things: state.things, mesh: Float32Array.from(state.mesh) });
     }
-    app.timeline.moments = state.events.map((e) => ({
-      t_s: e.t_s, end_s: e.t_s, kind: "change", machine: "", worst: false,
-      text: `${e.set} ${e.value === null || e.value === "" ? "removed" : `= ${e.value}`}`,
-    }));
-    element("list").replaceChildren();
-    app.timeline.fillMoments();
     this.drawnAt = 0;
     if (!data.ended) this.redraw();
   }
@@ -232,6 +249,41 @@ class Live {
       this.ask("set", { key: `obstacles.${put.elements.name.value}`, value: put.elements.value.value });
     });
   }
+}
+
+const STRAW_STEP = 0.5, NEAR_M = 5;
+
+// Times [s] and mean depths [m] of straw, every STRAW_STEP driven, as a table of two columns.
+function stationsOf(track, laid) {
+  const { t_s: t, distance_m: s, straw_kg: mass } = track.columns, found = [];
+  let before = NaN, from = 0, next = 0;
+  for (let i = 0; i < track.count; i++) {
+    if (!(s[i] >= next) || Number.isNaN(mass[i])) continue;
+    const area = Math.max(s[i] - from, 0.1) * laid.width;
+    found.push(t[i], Number.isNaN(before) ? 0 : Math.max(0, (mass[i] - before) / (area * laid.density)));
+    before = mass[i];
+    from = s[i];
+    next = s[i] + STRAW_STEP;
+  }
+  const table = Float32Array.from(found);
+  table.shape = [found.length / 2, 2];
+  return table;
+}
+
+// The moment at which a column of a machine is largest, or smallest; null where it never says much.
+function worstOf(machine, name, w) {
+  const { track } = machine, values = track.columns[w.column];
+  if (!values || (w.of_header && !machine.cuts)) return null;
+  let at = -1, size = NaN;
+  for (let i = 0; i < track.count; i++) {
+    const v = Math.abs(values[i]);
+    if (Number.isNaN(v) || track.columns.distance_m[i] < w.beyond_m) continue;
+    if (at < 0 || (w.is_least ? v < size : v > size)) [at, size] = [i, v];
+  }
+  if (at < 0 || size < w.at_least || (w.is_least && size > NEAR_M)) return null;
+  const text = w.text.replace(/\{:\.(\d)f\}/, (_, digits) => (values[at] * w.factor).toFixed(digits)).replace("-", "−");
+  const t = track.times[at];
+  return { t_s: t, end_s: t, kind: "worst", machine: name, worst: true, text };
 }
 
 // Every other row of a track, and the last.

@@ -79,7 +79,16 @@ class Straw {
     const rows = [];
     data.straw.forEach((laid, index) => strawRows(rows, laid, data[`straw_${index}`], machines[laid.machine], ground));
     this.count = rows.length / 6;
-    this.object = makeArrayObject(gl, makeBuffer(gl, Float32Array.from(rows)), [3, 1, 2]);
+    this.buffer = makeBuffer(gl, Float32Array.from(rows));
+    this.object = makeArrayObject(gl, this.buffer, [3, 1, 2]);
+  }
+
+  // All rows anew, of a run that goes on.
+  refill(rows) {
+    const { gl } = this;
+    this.count = rows.length / 6;
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, Float32Array.from(rows), gl.DYNAMIC_DRAW);
   }
 
   draw(view) {

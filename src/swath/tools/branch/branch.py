@@ -19,7 +19,7 @@ from swath.runtime.saves import EVERY_S, Saves, saves_in
 from swath.scenario.code import code_of
 from swath.scenario.scenario import Scenario, load_scenario
 
-OUTSIDE = ("ros2", "can")  # levels whose state another process or box keeps
+OUTSIDE = ("ros2", "twist", "ackermann", "can")  # levels whose state another process or box keeps
 
 
 @dataclass(frozen=True)

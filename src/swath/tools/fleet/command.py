@@ -14,7 +14,7 @@ def add(parsers: Any) -> None:
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
     run.add_argument("--out", type=Path, metavar="DIR", help="write report.html, picture and results.json")
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change one key")
-    run.add_argument("--level", default="events", metavar="L", help="how machines move: events, kinematic")
+    run.add_argument("--level", default="events", metavar="L", help="events (default) or kinematic")
     run.set_defaults(run=run_job)
     jobs = verbs.add_parser("list", help="list the bundled jobs")
     jobs.set_defaults(run=run_list)

@@ -1,0 +1,265 @@
+"""Machines that are driven in steps along their paths: rolling wheels, steering servo, speed loop, trailers.
+
+A combine drives its pass, turns along the clothoid path, slows down and speeds up as its drive can. A cart
+drives over the headland to the start of the combine's pass and catches up on its left, under the pipe. No
+sensors: places are the true ones. Corners of opening rounds, where a combine reverses, take their time
+standing, and the machine is set on the next side.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.job.drive import MARGIN, DrivenMachine, Follower
+from swath.job.engine import Job
+from swath.job.events import FAR, axle_pose, turn_path
+from swath.job.path import Path, Pose, joined, path_of, polyline
+from swath.job.states import DONE, CartState, CombineState, way_between
+from swath.job.turns import TurnLimits, dubins
+
+Array = NDArray[np.float64]
+STEP = 0.2  # s
+NEAR = 0.5  # m before the end of a way, where the next begins
+IN_PLACE = 1.0  # m along the pass, within which a cart is beside its combine
+CATCH_UP = 0.3  # 1/s, speed per distance to the place beside a combine
+SHARP = 0.35  # rad between a path and a machine, beyond which it drives slowly
+SLOW = 2.0  # m/s
+CART_RADIUS = 8.0  # m, of a tractor with a trailer
+BOX_BEHIND = 6.0  # m from a tractor's axle to the middle of its trailer's box
+RECORD = 5  # steps between two points of a combine's track
+
+
+class Kinematic:
+    """The motion of the level without sensors. tracks: of knives while cutting, (x, y, heading) rows."""
+
+    def __init__(self) -> None:
+        self._machines: dict[str, DrivenMachine] = {}
+        self._paths: dict[str, Follower] = {}
+        self._wait: dict[str, float] = {}
+        self._base: dict[str, float] = {}
+        self._for: dict[str, int] = {}
+        self._length: dict[str, float] = {}
+        self._count = 0
+        self.tracks: list[list[tuple[float, float, float]]] = []
+        self._track: dict[str, list[tuple[float, float, float]]] = {}
+        self.largest_error = 0.0
+
+    def combine_way(self, job: Job, combine: CombineState) -> None:
+        """A corner, or a driven turn."""
+        task, name = combine.task, combine.spec.name
+        assert task is not None
+        knife = combine.spec.sheet.knife_x
+        self._wait.pop(name, None)
+        if name not in self._machines:
+            self._machines[name] = DrivenMachine(combine.spec.sheet, axle_pose(combine.place, knife), STEP)
+        if job.time <= 0.0:
+            combine.left = 0.0
+            if combine.number > 0 or way_between(combine.place, task.start) > 0.0:
+                self._put(name, axle_pose(task.start, knife))
+            return
+        turned = abs(math.remainder(task.start.heading - combine.place.heading, 2.0 * math.pi))
+        away = way_between(combine.place, task.start)
+        if task.is_corner and away < FAR and turned < math.radians(150.0):
+            self._wait[name] = combine.spec.corner_time(turned)
+            combine.left, combine.pace = combine.spec.corner_path(turned), 0.0
+            return
+        combine.state = "turn" if away < FAR else "transport"
+        combine.pace = combine.spec.turn_speed if away < FAR else combine.spec.transport
+        combine.place = _knife(self._machines[name], knife)
+        path = turn_path(combine, task.start)
+        self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
+        combine.left = path.length
+        job.ways.append(path.points)
+
+    def begin_cut(self, job: Job, combine: CombineState) -> None:
+        """Along the pass, and its cart to it."""
+        task, name = combine.task, combine.spec.name
+        assert task is not None
+        knife = combine.spec.sheet.knife_x
+        if name in self._wait:
+            self._put(name, axle_pose(task.start, knife))
+        start, end = axle_pose(task.start, knife), task.end
+        beyond = (end.x + 20.0 * math.cos(end.heading), end.y + 20.0 * math.sin(end.heading))
+        path = polyline(np.array([start[:2], *task.line[:-1].tolist(), end[:2], beyond]), 5.0)
+        self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
+        self._track[name] = []
+        self.tracks.append(self._track[name])
+        if combine.cart is not None and combine.cart.phase in ("beside", "to_combine"):
+            combine.cart.phase = "to_combine"
+            self.cart_to_combine(job, combine.cart)
+
+    def combine_to(self, job: Job, combine: CombineState, goal: Pose) -> None:
+        """Without carts: to the truck or back, along straight lines over headland and passes."""
+        machine = self._machines[combine.spec.name]
+        path = _rounded(_corner_way(machine.pose, Pose(goal.x, goal.y, machine.heading)), machine.pose, 8.0)
+        self._paths[combine.spec.name] = Follower(path, MARGIN / combine.spec.limits.radius)
+        combine.left, combine.pace = path.length, combine.spec.transport
+
+    def cart_to_combine(self, job: Job, cart: CartState) -> None:
+        """Over the headland to the start of the pass, and along it on its left."""
+        combine = cart.combine
+        assert combine is not None
+        machine = self._cart(cart)
+        task = combine.task
+        line = np.array([combine.place[:2], combine.place[:2]]) if task is None else task.line
+        course = combine.place.heading if task is None else task.start.heading
+        aside = combine.spec.pipe
+        side = np.array([-math.sin(course), math.cos(course)]) * aside
+        along = np.array([math.cos(course), math.sin(course)])
+        first = line[0] + side - 12.0 * along
+        last = line[-1] + side + 30.0 * along
+        way = _corner_way(machine.pose, Pose(float(first[0]), float(first[1]), course))
+        path = _rounded([*way, (float(last[0]), float(last[1]))], machine.pose, CART_RADIUS)
+        self._paths[cart.spec.name] = Follower(path, MARGIN / CART_RADIUS)
+        length = float(np.hypot(*(line[-1] - line[0])))
+        self._base[cart.spec.name] = path.length - 30.0 - length
+        self._for[cart.spec.name], self._length[cart.spec.name] = combine.index, length
+        cart.left = self._gap(cart, combine)
+
+    def cart_to_truck(self, job: Job, cart: CartState) -> None:
+        """Back over pass and headland."""
+        machine = self._cart(cart)
+        course = machine.heading
+        path = _rounded(_corner_way(machine.pose, Pose(*job.truck[:2], course)), machine.pose, CART_RADIUS)
+        self._paths[cart.spec.name] = Follower(path, MARGIN / CART_RADIUS)
+        cart.left = path.length
+
+    def move(self, job: Job) -> float:
+        """One step of all machines."""
+        self._count += 1
+        for c in job.combines:
+            self._drive_combine(job, c)
+        for k in job.carts:
+            last = k.combine is not None and k.combine.index < 0
+            if last and k.phase == "to_combine" and self._for.get(k.spec.name) != -1:
+                self.cart_to_combine(job, k)
+            self._drive_cart(k)
+        return STEP
+
+    def _drive_combine(self, job: Job, c: CombineState) -> None:
+        name = c.spec.name
+        machine, follower = self._machines[name], self._paths.get(name)
+        if name in self._wait and c.phase in ("way", "hold"):
+            self._wait[name] -= STEP
+            machine.speed, c.speed = 0.0, 0.0
+            c.left = 0.0 if self._wait[name] <= DONE else c.left
+            return
+        if follower is None or c.phase == "done":
+            c.speed = 0.0
+            return
+        before = follower.at
+        pace = c.pace if c.phase in ("way", "cut", "haul", "back") else 0.0
+        leader = job.leader_of(c)
+        if leader is not None and c.phase == "cut":
+            pace = min(pace, max(leader.speed + 0.2 * (job.gap(leader, c) - job.file.team.lag_m), 0.0))
+        if c.phase in ("haul", "back") and c.left < 12.0:
+            pace = min(pace, max(0.25 * c.left, 0.3))
+        machine.step(follower.curvature(machine), pace)
+        c.speed, way = machine.speed, follower.at - before
+        c.way += machine.speed * STEP
+        if c.phase in ("cut", "stand") and c.task is not None and c.left > 0.0 and not c.hauling:
+            cut = min(way, c.left)
+            job.cut_now[c.number] = cut
+            c.left = max(0.0, c.left - cut)
+            self._note(c, machine)
+        elif c.phase in ("way", "haul", "back"):
+            c.left = max(0.0, follower.path.length - follower.at)
+            c.left = 0.0 if c.left < NEAR else c.left
+        if c.phase == "hold":
+            c.speed = 0.0
+
+    def _note(self, c: CombineState, machine: DrivenMachine) -> None:
+        """Remember where the knife cuts."""
+        if self._count % RECORD == 0 or c.left <= 0.0:
+            x, y, heading = _knife(machine, c.spec.sheet.knife_x)
+            self._track[c.spec.name].append((x, y, heading))
+
+    def _drive_cart(self, k: CartState) -> None:
+        name = k.spec.name
+        machine, follower = self._cart(k), self._paths.get(name)
+        wanted = 0.0
+        if follower is not None and k.phase == "to_truck":
+            wanted = min(k.spec.speed, max(0.35 * k.left, 0.3))
+        elif follower is not None and k.phase in ("to_combine", "beside") and k.combine is not None:
+            gap = self._gap(k, k.combine)
+            ahead = 0.5 * (k.combine.speed + (k.combine.pace if k.combine.phase == "cut" else 0.0))
+            wanted = min(max(ahead + CATCH_UP * gap, 0.0), k.spec.speed)
+            if k.phase == "beside" and k.combine.is_pouring:
+                self.largest_error = max(self.largest_error, abs(gap))
+        if follower is None or (wanted <= 0.0 and machine.speed < 0.01):
+            k.speed = machine.speed = 0.0
+            return
+        curvature = follower.curvature(machine)
+        off = math.remainder(follower.heading - machine.heading, 2.0 * math.pi)
+        machine.step(curvature, min(wanted, SLOW) if abs(off) > SHARP else wanted)
+        k.speed = machine.speed
+        k.way += k.speed * STEP
+        if k.phase == "to_truck":
+            k.left = max(0.0, follower.path.length - follower.at)
+            k.left = 0.0 if k.left < NEAR or follower.is_done else k.left
+        elif k.phase == "to_combine" and k.combine is not None:
+            gap = self._gap(k, k.combine)
+            k.left = 0.0 if abs(gap) < IN_PLACE or follower.is_done else abs(gap)
+
+    def _gap(self, cart: CartState, combine: CombineState) -> float:
+        """How far a cart's box is behind the pipe, along its path [m]."""
+        follower = self._paths[cart.spec.name]
+        pipe = combine.spec.sheet.pipe
+        back = combine.spec.sheet.knife_x - (pipe.x if pipe is not None else 0.0)
+        if combine.task is None:  # at the end of its last pass
+            done = self._length[cart.spec.name]
+        else:
+            done = combine.task.length - combine.left
+        if combine.phase in ("way", "hold"):
+            done = 0.0
+        return self._base[cart.spec.name] + done - back + BOX_BEHIND - follower.at
+
+    def _cart(self, k: CartState) -> DrivenMachine:
+        name = k.spec.name
+        if name not in self._machines:
+            self._machines[name] = DrivenMachine(k.spec.sheet, k.place, STEP)
+        return self._machines[name]
+
+    def _put(self, name: str, pose: Pose) -> None:
+        """Set a machine down at rest."""
+        machine = self._machines[name]
+        machine.x, machine.y, machine.heading = pose
+        machine.speed = machine.angle = 0.0
+
+
+def _knife(machine: DrivenMachine, ahead: float) -> Pose:
+    c, s = math.cos(machine.heading), math.sin(machine.heading)
+    return Pose(machine.x + ahead * c, machine.y + ahead * s, machine.heading)
+
+
+def _corner_way(here: Pose, goal: Pose) -> list[tuple[float, float]]:
+    """From a place along the goal's course to abreast of it, then across: points [m]."""
+    c, s = math.cos(goal.heading), math.sin(goal.heading)
+    along = (goal.x - here.x) * c + (goal.y - here.y) * s
+    return [(here.x + along * c, here.y + along * s), (goal.x, goal.y)]
+
+
+def _rounded(points: list[tuple[float, float]], start: Pose, radius: float) -> Path:
+    """A path through points, by shortest turns from each to the course of the next piece."""
+    limits = TurnLimits(radius, 1.0)
+    parts: list[Path] = []
+    here = start
+    for i, (x, y) in enumerate(points):
+        if i + 1 < len(points) and math.hypot(x - here.x, y - here.y) < 2.0 * radius:
+            continue  # too near for a turn of its own
+        u, v = points[i + 1] if i + 1 < len(points) else (x, y)
+        if math.hypot(u - x, v - y) > 1.0:
+            course = math.atan2(v - y, u - x)
+        else:
+            course = (
+                math.atan2(y - here.y, x - here.x)
+                if math.hypot(x - here.x, y - here.y) > 1.0
+                else here.heading
+            )
+        goal = Pose(x, y, course)
+        if math.hypot(x - here.x, y - here.y) < 1.0 and abs(math.sin(course - here.heading)) < 0.1:
+            continue
+        parts.append(path_of(dubins.plan(here, goal, limits), here, 0.5))
+        here = parts[-1].end
+    return joined(parts) if parts else polyline(np.array([start[:2], (start.x + 1.0, start.y)]))

@@ -1,0 +1,64 @@
+"""Driven machines work off the same field as those that jump from event to event."""
+
+import math
+
+import pytest
+import shapely
+
+from swath.job.kinematic import Kinematic
+from tests.job.jobs import finished, job_file
+from tests.job.layouts import CARTS, hours, same_ranking
+
+SMALL = [(0.0, 0.0), (320.0, 0.0), (320.0, 170.0), (0.0, 170.0)]
+
+
+@pytest.fixture(scope="module")
+def echelon():
+    motion = Kinematic()
+    file = job_file(2, 2, boundary_m=SMALL, team={"together": "echelon"})
+    return finished(file, motion=motion), motion
+
+
+def test_two_combines_in_echelon_end_with_all_grain_at_the_truck(echelon):
+    job, _ = echelon
+    cut = math.fsum(c.cut for c in job.combines)
+    assert cut == pytest.approx(320 * 170 * 0.8, rel=1e-9)
+    assert job.at_truck == pytest.approx(cut, rel=1e-9)
+
+
+def test_the_knives_leave_no_strip(echelon):
+    """Swept strips of the knives, as driven, over the field."""
+    _, motion = echelon
+    strips = [
+        shapely.LineString([p[:2] for p in t]).buffer(6.0, cap_style="flat")
+        for t in motion.tracks
+        if len(t) > 2
+    ]
+    field = shapely.Polygon(SMALL)
+    left = field.difference(shapely.union_all(strips))
+    assert left.area < 0.01 * field.area
+    widest = max((2 * g.area / g.length for g in getattr(left, "geoms", [left])), default=0.0)
+    assert widest < 2.5  # the stretch that a second without a record leaves at the end of a pass
+
+
+def test_a_cart_pours_only_in_its_place(echelon):
+    _, motion = echelon
+    assert motion.largest_error < 4.5  # of a box of 6 m: when it starts to move with the combine
+
+
+def test_one_combine_takes_as_long_as_by_events():
+    file = job_file(1, 1, boundary_m=SMALL)
+    by_events, driven = finished(file).time, finished(file, motion=Kinematic()).time
+    assert driven == pytest.approx(by_events, rel=0.05)
+
+
+def test_numbers_of_carts_rank_the_same():
+    assert same_ranking(*zip(*(hours(4, n) for n in CARTS), strict=True))
+
+
+def test_the_same_job_gives_the_same_bytes(echelon):
+    job, motion = echelon
+    again = Kinematic()
+    other = finished(job_file(2, 2, boundary_m=SMALL, team={"together": "echelon"}), motion=again)
+    assert other.time == job.time
+    assert again.tracks == motion.tracks
