@@ -12,3 +12,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("same", derandomize=True)
 settings.register_profile("search", print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
+
+LONGEST = ("tests/test_tutorials.py", "tests/test_docs_typed.py", "tests/link/", "tests/whole/")
+
+
+def pytest_collection_modifyitems(items):
+    """Files that take longest come first, so that no worker is left with one of them at the end."""
+    ranks = {name: rank for rank, name in enumerate(LONGEST)}
+    items.sort(key=lambda i: next((r for n, r in ranks.items() if i.nodeid.startswith(n)), len(ranks)))

@@ -57,7 +57,7 @@ def test_a_scanner_keeps_numbers_notes_and_comments(tmp_path):
 def test_a_sheet_in_the_new_form_stays_as_it_is():
     for kind in ("sensors", "machines", "crops"):  # those that 0.1 had
         for name in sheet_names(kind):
-            if "radar" in name:
+            if "radar" in name or "camera" in name:
                 continue
             text = find_sheet(kind, name).read_text(encoding="utf-8")
             assert migrate_sheet(text) == text

@@ -18,7 +18,7 @@ evaluators: ["{OWN}:SteeringReversals"]
 expect:
   steering_reversals_per_100_m: {{max: 2000, from_m: 1}}
   lateral_error_m:
-    - {{min: -0.5, max: 0.5, hold: always, while: {{edge_confidence: {{min: 0.5}}}}}}
+    - {{min: -0.5, max: 0.5, hold: always, while: {{edge_confidence: {{min: 0.2}}}}}}
     - {{min: -0.25, max: 0.25, hold: eventually, after: gap, within_m: 1}}
   speed_m_s: {{min: 1.5, hold: 0.9, from_s: 0.5}}
   area_cut_m2: {{min: 5, max: 13, from_m: 1, to_m: 2}}

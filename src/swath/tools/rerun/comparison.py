@@ -11,6 +11,8 @@ from swath.record.read.files import Log
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.signals import Signal
 
+ELSEWHEN = "was published at another time"
+
 
 @dataclass
 class SlotComparison:
@@ -51,6 +53,7 @@ class RecordingComparison(RunHook):
         topics = {(s, o): exact_topic(s, o) for s in self.slots for o in known[s]}
         self._demux = Demux(log.messages(list(topics.values())))
         self._streams = {key: exact_samples(self._demux.read(topic)) for key, topic in topics.items()}
+        self._early: dict[tuple[str, str], int] = {}  # published before the next recorded sample [ns]
 
     def begin(self, run: ActiveRun) -> None:
         """Observe the run."""
@@ -65,9 +68,14 @@ class RecordingComparison(RunHook):
             if recorded is None:
                 continue  # beyond the end of the recording
             compared = self.slots[slot]
+            if key in self._early:
+                compared.note(self._early.pop(key), f"{output} {ELSEWHEN}")
+            if recorded[0] > t:  # a part's shorter last step where the run ends before the recorded one, or
+                self._early[key] = t  # a difference: the next sample, or the end, tells
+                continue
             compared.sample_count += 1
-            if recorded[0] != t:
-                compared.note(min(t, recorded[0]), f"{output} was published at another time")
+            if recorded[0] < t:
+                compared.note(recorded[0], f"{output} {ELSEWHEN}")
             elif names := _differences(signal, recorded[1]):
                 compared.note(t, f"{output}: {', '.join(names)}")
             compared.digest.add(sample_bytes(slot, output, t, signal))
@@ -75,6 +83,9 @@ class RecordingComparison(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """What summary.json says, after the run has ended at t [ns]."""
+        for (slot, output), early in self._early.items():
+            if early < t:
+                self.slots[slot].note(early, f"{output} {ELSEWHEN}")
         for key, stream in self._streams.items():
             if (left := next(stream, None)) is not None and left[0] <= t:
                 self.slots[key[0]].note(left[0], f"{key[1]} was not published")
