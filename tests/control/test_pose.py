@@ -24,7 +24,7 @@ from swath.signals.setup import ControlSetup
 from tests.control.path_drive import COMBINE, PERIOD, PathDrive
 
 COURSE = Params(segments=(Segment(10.0), Segment(30.0, 0.05), Segment(60.0)), begin=Begin(heading_deg=0.0))
-EKF = {"pose": EkfPose, "pose_params": EkfParams(tilt_deg=0.0)}  # a plane
+EKF = {"pose": EkfPose, "pose_params": EkfParams(tilt_deg=0.0, tilt_start_deg=0.0)}  # a plane
 
 
 def test_the_filter_is_as_sure_as_it_is_right():
@@ -49,7 +49,7 @@ def test_a_filter_that_knows_no_wander_is_wrong_and_sure(monkeypatch):
 
 @pytest.mark.parametrize("pose", [EkfPose, RawPose])
 def test_through_an_outage_the_error_stays_within_what_is_said(pose):
-    params = EkfParams(tilt_deg=0.0) if pose is EkfPose else RawParams()
+    params = EkfParams(tilt_deg=0.0, tilt_start_deg=0.0) if pose is EkfPose else RawParams()
     away = {"losses": (Loss(10.0, 25.0),)}
     worst = []
     for seed in (31, 32, 33):

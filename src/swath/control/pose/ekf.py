@@ -9,7 +9,7 @@ takes the receiver's word.
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, fsum, hypot, isfinite, sin
+from math import atan2, cos, exp, fsum, hypot, isfinite, sin
 from typing import Annotated
 
 import numpy as np
@@ -64,6 +64,8 @@ class Params:
     crab: side slip that is expected, per side slope or lateral acceleration in g; crab_deg: beside that
     tilt_deg: of the inclination, by which an antenna above the ground stands aside; it changes over tilt_s
     (biases of the inertial unit). 0 on a plane, the slope where there is no inertial unit
+    tilt_start_deg: of the inclination at first, while it settles and the machine sets off; it dies out over
+    tilt_start_s and is told beside what the filter knows. 0 on a plane
     gate: squared distance of a position in its standard deviations beyond which it is left out; gate_s: for
     so long at most
     course_from_m_s: speed from which on the course gives the first heading
@@ -78,6 +80,8 @@ class Params:
     crab_deg: Annotated[float, Gt(0), Le(10)] = 0.3
     tilt_deg: Annotated[float, Ge(0), Le(10)] = 0.3
     tilt_s: Annotated[float, Gt(0), Le(1000)] = 30.0
+    tilt_start_deg: Annotated[float, Ge(0), Le(10)] = 2.0
+    tilt_start_s: Annotated[float, Gt(0), Le(100)] = 4.0
     gate: Annotated[float, Gt(0), Le(1e6)] = 25.0
     gate_s: Annotated[float, Gt(0), Le(600)] = 10.0
     course_from_m_s: Annotated[float, Gt(0), Le(5)] = 0.5
@@ -269,6 +273,10 @@ class EkfPose(KeepsState):
             unknown = np.full((4, 4), NAN)
             return PoseEstimate(now, NAN, NAN, NAN, m.speed, m.yaw_rate, unknown, NAN)
         s, heading = self._now.state, float(self._now.state[HEADING])
+        covariance = self._now.covariance[:4, :4].copy()
+        settling = self._p.tilt_start_deg * DEG * exp(-now / NS / self._p.tilt_start_s)
+        for i in (X, Y):
+            covariance[i, i] += (self._antenna.height * settling) ** 2
         return PoseEstimate(
             now,
             float(s[X]),
@@ -276,7 +284,7 @@ class EkfPose(KeepsState):
             atan2(sin(heading), cos(heading)),
             float(s[SPEED]),
             m.yaw_rate - float(s[BIAS]),
-            self._now.covariance[:4, :4].copy(),
+            covariance,
             (now - self._used_t) / NS,
         )
 
