@@ -102,6 +102,6 @@ LEVEL = Level(
     DepthCamera,
     Params,
     "stereo camera: depth with noise of the disparity, steps, and holes that the second camera does not see",
-    cost="about 0.12 s of one core per image of 320 x 240",
+    cost="about 0.15 s of one core per image of 320 x 240",
     tolerance="equal to rays within 0.5 px without noise; sd z^2 sd_d / (f B)",
 )
