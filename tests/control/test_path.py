@@ -108,6 +108,22 @@ def test_a_step_dies_out_as_its_differential_equation_says():
     assert worst < 0.02
 
 
+def test_a_silent_odometry_is_a_machine_at_rest():
+    pose = PoseEstimate(PERIOD, 5.0, 0.2, 0.0, 2.0, 0.0, np.diag([1e-6] * 4), 0.0)
+
+    def driven(while_silent):
+        law = PathSteer(Params(points_m=((0.0, 0.0), (80.0, 0.0))), ControlSetup(COMBINE, {}, "left", 0.02))
+        law.reset(Stream(1, "steer"))
+        for i, speed in enumerate([2.0] * 10 + [while_silent] * 3 + [2.0] * 10):
+            yaw_rate = math.nan if math.isnan(speed) else 0.0
+            wheels = Odometry((i + 1) * PERIOD, speed, yaw_rate, 0.0)
+            yield law.step(i * PERIOD, PERIOD, {"pose": pose, "odometry": wheels})["command"].curvature
+
+    commands = list(driven(math.nan))
+    assert commands == list(driven(0.0))
+    assert commands[-1] < 0.0
+
+
 @pytest.mark.parametrize(("machine", "speed"), [(COMBINE, 3.5), (TRACTOR, 1.0)], ids=["rear", "front"])
 def test_a_straight_path_is_held_to_the_receivers_own_error(machine, speed):
     """RTK: 1.1 cm on an axis; a driven machine was measured at 1.4 cm between rows (Carballido 2014)."""

@@ -14,9 +14,11 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.registry import Level
 from swath.documents.yaml_document import read_document
+from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.mcap_log import McapLog
 from swath.runtime.job import run_job
 from swath.scenario.machine_types import MACHINE_TYPES
+from swath.tools.rerun.comparison import RecordingComparison
 from swath.tools.rerun.rerun import plan_rerun
 from tests.whole.small import small
 
@@ -103,6 +105,21 @@ def test_a_cut_log_ends_the_run_where_it_ends(recorded, tmp_path):
     [cut] = [n for n in summary["notes"] if "lidar: recording broke off after" in n]
     list(log.messages(log.topics()))
     assert next(iter(log.notes)) in cut
+
+
+@pytest.mark.parametrize(("shifted", "is_same"), [(5, False), (-1, True)])
+def test_a_sample_at_another_time_is_a_difference_but_for_a_shorter_last_step(recorded, shifted, is_same):
+    log = McapLog(recorded / "run.mcap")
+    slot = "combine.process"
+    samples = list(exact_samples(log.messages([exact_topic(slot, "load")])))[:12]
+    compared = RecordingComparison(McapLog(recorded / "run.mcap"), [slot], played=())
+    times = [t for t, _ in samples]
+    times[shifted] -= 1_000_000
+    for t, (_, sample) in zip(times, samples, strict=True):
+        compared(slot, t, {"load": sample})
+    found = compared.summarize(times[-1])["rerun"]["slots"][slot]
+    assert found["identical"] == is_same
+    assert ("another time" in found.get("differs_in", "")) != is_same
 
 
 def test_a_killed_run_can_be_played(tmp_path):

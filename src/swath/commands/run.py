@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_ros2_network, add_scenario_options, load
+from swath.terminal.options import add_allow, add_ros2_network, add_scenario_options, load
 
 
 def add(parsers: Any) -> None:
@@ -41,13 +41,7 @@ def add(parsers: Any) -> None:
         metavar="RUN",
         help="repeat the changes made while an earlier run was driven (its folder)",
     )
-    parser.add_argument(
-        "--allow",
-        action="append",
-        default=[],
-        metavar="CODE",
-        help="file.py:Class or FMU that may be set while it runs; may be given several times",
-    )
+    add_allow(parser)
     parser.add_argument(
         "--field-state",
         metavar="FILE",

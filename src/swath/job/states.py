@@ -49,11 +49,6 @@ class CombineState:
     loads: list[tuple[float, float, str]] = field(default_factory=list)
     """Begin, grain [kg] and kind (`on the go`, `standing`) of each load poured."""
 
-    @property
-    def done_share(self) -> float:
-        """How much of its pass is behind it."""
-        return 1.0 - self.left / self.task.length if self.task is not None and self.phase == "cut" else 0.0
-
 
 @dataclass
 class CartState:

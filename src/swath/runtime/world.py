@@ -61,6 +61,11 @@ class Machine:
         """`left` or `right`, the end of the header that follows the edge."""
         return self.section.common.edge_side
 
+    @cached_property
+    def header_kinematics(self) -> HeaderKinematics:
+        """Of a header that is level at the ground."""
+        return HeaderKinematics(self.sheet, 0.0)
+
     @property
     def cuts(self) -> bool:
         """True for a machine with a header."""
@@ -221,7 +226,7 @@ class World:
         if machine.body is not None:
             at = Pose.identity()
             if height is not None:
-                at = HeaderKinematics(machine.sheet, 0.0).pose(height.lift, height.tilt)
+                at = machine.header_kinematics.pose(height.lift, height.tilt)
             self.bodies.show(machine.name, machine.body.with_header_at(at), BODY)
 
 

@@ -7,19 +7,33 @@ from typing import Any
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     """`--out`, `--set`, `--seed` and `--no-code`."""
+    add_run_folder(parser)
+    add_sets(parser, "change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times")
+    parser.add_argument("--seed", metavar="N", help="another seed")
+    add_no_code(parser)
+
+
+def add_run_folder(parser: argparse.ArgumentParser) -> None:
+    """`--out`, the folder of a run."""
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
     )
+
+
+def add_sets(parser: argparse.ArgumentParser, text: str = "change the scenario") -> None:
+    """`--set KEY=VALUE`, any number of times, as `sets`. text: for the help"""
+    parser.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help=text)
+
+
+def add_allow(parser: argparse.ArgumentParser) -> None:
+    """`--allow CODE`: what a change of a run may bring along."""
     parser.add_argument(
-        "--set",
+        "--allow",
         action="append",
         default=[],
-        dest="sets",
-        metavar="KEY=VALUE",
-        help="change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times",
+        metavar="CODE",
+        help="file.py:Class or FMU that may be set while it runs; may be given several times",
     )
-    parser.add_argument("--seed", metavar="N", help="another seed")
-    add_no_code(parser)
 
 
 def add_no_code(parser: argparse.ArgumentParser) -> None:

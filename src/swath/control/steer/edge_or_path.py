@@ -9,7 +9,7 @@ seen again it leads again. Both laws go along all the time and are told what was
 from collections import deque
 from dataclasses import dataclass, field, replace
 from math import atan2, cos, fsum, hypot, isfinite, sin
-from typing import Annotated
+from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le
 
@@ -89,17 +89,16 @@ class EdgeOrPath(KeepsState):
             self._is_led = False
         if is_seen and not self._is_led and pose is not None:
             self._remember(pose)
-        by_edge = self._edge.step(t, dt, inputs)
-        by_path = self._path.step(t, dt, {"pose": pose, "odometry": inputs["odometry"]})
-        guidance: GuidanceState = by_path["guidance"]  # type: ignore[assignment]
+        by_edge: dict[str, Any] = self._edge.step(t, dt, inputs)
+        by_path: dict[str, Any] = self._path.step(t, dt, {"pose": pose, "odometry": inputs["odometry"]})
+        guidance: GuidanceState = by_path["guidance"]
         if self._is_led and guidance.is_following:
             command = by_path["command"]
         else:
             command = by_edge["command"]
             guidance = replace(guidance, is_following=False)
-        went: SteerCommand = command  # type: ignore[assignment]
-        self._edge.was_commanded(went.curvature)
-        self._path.was_commanded(went.curvature)
+        self._edge.was_commanded(command.curvature)
+        self._path.was_commanded(command.curvature)
         return {"command": command, "guidance": guidance}
 
     def _remember(self, pose: PoseEstimate) -> None:

@@ -20,7 +20,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends, rounded, wrapped
-from swath.control.steer.plant_model import ActuatorModel, SlipObserver
+from swath.control.steer.plant_model import CRAWL, ActuatorModel, SlipObserver, driven_curvature
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -31,7 +31,6 @@ from swath.signals import GuidancePath, GuidanceState, Odometry, PoseEstimate, S
 from swath.signals.setup import ControlSetup
 
 DAMPING = 0.9
-CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the slip observer rests
 NARROW = 0.5  # m, over which at least the path's curvature is taken, before and behind
 OWN = -1  # number of the path of the scenario
 LOST = 8.0  # m along the path within which the machine is looked for again
@@ -152,11 +151,13 @@ class PathSteer(KeepsState):
         pose: PoseEstimate | None = inputs["pose"]
         odometry: Odometry = inputs["odometry"]
         seconds = dt / NS
-        self._actuator.push(self._command, self._measured(odometry), odometry.speed * seconds)
+        speed = max(odometry.speed, 0.0) if isfinite(odometry.speed) else 0.0
+        driven = driven_curvature(odometry, self._wheelbase, self._limit)
+        self._actuator.push(self._command, driven, speed * seconds)
         self._take(inputs.get("path"))
         state, wanted = self._state(t + dt, False), 0.0
         if pose is not None and self._line is not None and isfinite(pose.x) and isfinite(pose.heading):
-            state, wanted = self._follow(self._line, pose, odometry.speed, t + dt, seconds)
+            state, wanted = self._follow(self._line, pose, speed, t + dt, seconds)
         if state.is_following:
             self._engaged, self._lost = self._engaged + seconds, 0.0
             blend = 1.0 if self._p.engage_s <= 0.0 else min(1.0, self._engaged / self._p.engage_s)
@@ -192,15 +193,6 @@ class PathSteer(KeepsState):
     def was_commanded(self, curvature: float) -> None:
         """What really went out last [1/m], where another law may have had its way."""
         self._command = curvature
-
-    def _measured(self, odometry: Odometry) -> float:
-        """Driven curvature [1/m]: yaw rate over speed, at a crawl from the steering angle."""
-        curvature = 0.0
-        if odometry.speed > CRAWL and isfinite(odometry.yaw_rate):
-            curvature = odometry.yaw_rate / odometry.speed
-        elif isfinite(odometry.steer_angle):
-            curvature = float(tan(odometry.steer_angle)) / self._wheelbase
-        return min(max(curvature, -self._limit), self._limit)
 
     def _follow(
         self, line: GuidanceLine, pose: PoseEstimate, speed: float, now: int, seconds: float

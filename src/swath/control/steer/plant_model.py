@@ -1,9 +1,26 @@
 """What the law assumes about the machine between its command and the path: dead time, then a lag."""
 
 from collections import deque
+from math import isfinite, tan
 from typing import NamedTuple
 
 from swath.core.component import KeepsState
+from swath.signals import Odometry
+
+CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the slip observer rests
+
+
+def driven_curvature(odometry: Odometry, wheelbase: float, limit: float) -> float:
+    """Curvature of the driven path [1/m]: yaw rate over speed, at a crawl from the steering angle.
+
+    wheelbase [m]; limit: largest size of the answer [1/m]
+    """
+    curvature = 0.0
+    if odometry.speed > CRAWL and isfinite(odometry.yaw_rate):
+        curvature = odometry.yaw_rate / odometry.speed
+    elif isfinite(odometry.steer_angle):
+        curvature = float(tan(odometry.steer_angle)) / wheelbase
+    return min(max(curvature, -limit), limit)
 
 
 class Place(NamedTuple):

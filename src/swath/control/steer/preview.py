@@ -28,7 +28,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB, Inclination
-from swath.control.steer.plant_model import ActuatorModel, Place, SlipObserver
+from swath.control.steer.plant_model import CRAWL, ActuatorModel, Place, SlipObserver, driven_curvature
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -38,7 +38,6 @@ from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup
 
 SURE = 0.05  # m, standard deviation of an offset beyond which the slip observer listens less
-CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the slip observer rests
 
 
 @dataclass(frozen=True)
@@ -116,7 +115,8 @@ class Preview(KeepsState):
         edge, odometry = inputs["edge"], inputs["odometry"]
         seconds = dt / NS
         speed = odometry.speed if isfinite(odometry.speed) else 0.0
-        self._actuator.push(self._command, self._measured(odometry), max(speed, 0.0) * seconds)
+        driven = driven_curvature(odometry, self._wheelbase, self._limit)
+        self._actuator.push(self._command, driven, max(speed, 0.0) * seconds)
         self._inclination.take(inputs.get("inertial"), speed)
         expected = -self._inclination.crab(self._p.crab, speed * self._actuator.curvature * speed)
         self._slip = self._observer.slip + expected
@@ -135,15 +135,6 @@ class Preview(KeepsState):
     def was_commanded(self, curvature: float) -> None:
         """What really went out last [1/m], where another law may have had its way."""
         self._command = curvature
-
-    def _measured(self, odometry: Odometry) -> float:
-        """Driven curvature [1/m]: yaw rate over speed, at a crawl from the steering angle."""
-        curvature = 0.0
-        if odometry.speed > CRAWL and isfinite(odometry.yaw_rate):
-            curvature = odometry.yaw_rate / odometry.speed
-        elif isfinite(odometry.steer_angle):
-            curvature = float(tan(odometry.steer_angle)) / self._wheelbase
-        return min(max(curvature, -self._limit), self._limit)
 
     def _follow(self, edge: CropEdge, speed: float, age: float, seconds: float) -> float:
         p = self._p

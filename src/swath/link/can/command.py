@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_no_code
+from swath.terminal.options import add_no_code, add_sets
 
 
 def add(parsers: Any) -> None:
@@ -12,9 +12,7 @@ def add(parsers: Any) -> None:
     parts = parser.add_subparsers(metavar="PART", required=True)
     box = parts.add_parser("box", help="run the controller box of a scenario", description=_BOX)
     box.add_argument("scenario", metavar="NAME|FILE", help="whose law of the slot steer to run")
-    box.add_argument(
-        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="change the scenario"
-    )
+    add_sets(box)
     add_no_code(box)
     box.add_argument("--once", action="store_true", help="end when the machine has switched off")
     box.set_defaults(run=run_box)

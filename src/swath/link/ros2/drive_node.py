@@ -5,6 +5,7 @@ like, and the newest command counts. A command that stays out for `hold_s` of si
 and releases the steering, as `cmd_vel_timeout` of ros2_controllers does.
 """
 
+import logging
 import math
 import time
 from collections.abc import Callable
@@ -38,11 +39,13 @@ class Drive:
 
 @dataclass(frozen=True)
 class CommandStream:
-    """One kind of message. level: its name in a scenario; package, name: of the message; field: in the
-    stamped one, of the command; read: the command and the wheelbase [m] to what it asks for
+    """One kind of message. level: its name in a scenario; topic: the usual one; package, name: of the
+    message; field: in the stamped one, of the command; read: the command and the wheelbase [m] to what it
+    asks for
     """
 
     level: str
+    topic: str
     package: str
     name: str
     field: str
@@ -55,13 +58,14 @@ class CommandStream:
 
 @dataclass(frozen=True)
 class Params:
-    """topic: of the commands; the speed and the steer slot of a machine may share it
+    """topic: of the commands, none = `/cmd_vel` of twist, `/ackermann_cmd` of ackermann; the speed and the
+    steer slot of a machine may share it
     stamped: the message with a header (TwistStamped, AckermannDriveStamped) instead of the plain one
     hold_s: simulated time that a command counts; then the machine stops and the steering is released
     start_timeout_s: by the clock on the wall, for the first command
     """
 
-    topic: str
+    topic: str | None = None
     stamped: bool = False
     hold_s: Annotated[float, Gt(0), Le(60)] = 0.5
     start_timeout_s: Annotated[float, Gt(0), Le(3600)] = 30.0
@@ -80,7 +84,7 @@ class DriveNode:
             )
         self._p, self._setup, self._stream = params, setup, stream
         self.outputs = (port,)
-        self._msgtype = stream.msgtype(params.stamped)
+        self._msgtype, self._topic = stream.msgtype(params.stamped), params.topic or stream.topic
         self._wheelbase = setup.control.machine.wheelbase
         self._arrived: list[Any] = []
         self._drive = Drive(0.0, 0.0)
@@ -98,7 +102,7 @@ class DriveNode:
         except SwathError:
             close_node(self._node)
             raise
-        self._node.create_subscription(kind, params.topic, self._arrived.append, DEPTH)
+        self._node.create_subscription(kind, self._topic, self._arrived.append, DEPTH)
         self._executor = SingleThreadedExecutor(context=self._node.context)
         self._executor.add_node(self._node)
 
@@ -108,7 +112,7 @@ class DriveNode:
         if not self._steps:
             return []
         return [
-            f"{self._setup.slot}: driven by {self._p.topic}, the result depends on the clock on the wall; "
+            f"{self._setup.slot}: driven by {self._topic}, the result depends on the clock on the wall; "
             f"no command in force in {self._silent} of {self._steps} steps"
         ]
 
@@ -122,14 +126,12 @@ class DriveNode:
             now = time.monotonic()
             if now >= deadline:
                 raise NodeSilent(
-                    f"{self._setup.name}: no {self._msgtype} on {self._p.topic} within "
+                    f"{self._setup.name}: no {self._msgtype} on {self._topic} within "
                     f"{self._p.start_timeout_s:g} s; a node with the same ROS_DOMAIN_ID must publish it"
                 )
             if now > started + PATIENCE_S and not told:
-                self._node.get_logger().warning(
-                    f"swath: {self._setup.name}: nothing on {self._p.topic} yet, waiting for it for "
-                    f"{deadline - now:.0f} s more"
-                )
+                text = "swath: %s: nothing on %s yet, waiting for it for %.0f s more"
+                logging.getLogger(__name__).warning(text, self._setup.name, self._topic, deadline - now)
                 told = True
             self._executor.spin_once(timeout_sec=min(0.1, deadline - now))
         return self._outputs(0)
@@ -144,11 +146,11 @@ class DriveNode:
 
     def save(self) -> State:
         """Cannot be: the state is the node's."""
-        raise SwathError(f"{self._setup.name}: a slot driven by {self._p.topic} cannot be saved")
+        raise SwathError(f"{self._setup.name}: a slot driven by {self._topic} cannot be saved")
 
     def load(self, state: State) -> None:
         """Cannot be: the state is the node's."""
-        raise SwathError(f"{self._setup.name}: a slot driven by {self._p.topic} cannot be restored")
+        raise SwathError(f"{self._setup.name}: a slot driven by {self._topic} cannot be restored")
 
     def close(self) -> None:
         """Leave the graph of ROS 2."""
@@ -168,7 +170,7 @@ class DriveNode:
         drive = self._stream.read(command, self._wheelbase)
         numbers = (drive.speed, drive.curvature or 0.0)
         if not all(math.isfinite(number) for number in numbers):
-            raise SwathError(f"{self._setup.name}: {self._p.topic}: expected finite numbers, got {numbers}")
+            raise SwathError(f"{self._setup.name}: {self._topic}: expected finite numbers, got {numbers}")
         curvature = self._drive.curvature if drive.curvature is None else drive.curvature
         self._drive = Drive(drive.speed, curvature)
         self._held_until = t + round(self._p.hold_s * NS)

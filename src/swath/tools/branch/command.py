@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
+from swath.terminal.options import add_allow, add_no_code, add_run_folder, add_sets
 
 
 def add(parsers: Any) -> None:
@@ -14,24 +14,9 @@ def add(parsers: Any) -> None:
     )
     parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
     parser.add_argument("--at", type=float, required=True, metavar="S", help="time of the change [s]")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="sets",
-        metavar="KEY=VALUE",
-        help="what is other from then on, e.g. combine.speed.speed_kmh=5; may be given several times",
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
-    )
-    parser.add_argument(
-        "--allow",
-        action="append",
-        default=[],
-        metavar="CODE",
-        help="file.py:Class or FMU that may be set; may be given several times",
-    )
+    add_sets(parser, "what is other from then on, e.g. combine.speed.speed_kmh=5; may be given several times")
+    add_run_folder(parser)
+    add_allow(parser)
     parser.add_argument("--save-every", type=float, metavar="S", help="as of swath run")
     add_no_code(parser)
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
+from swath.terminal.options import add_no_code, add_sets
 
 
 def add(parsers: Any) -> None:
@@ -25,14 +25,7 @@ def add(parsers: Any) -> None:
     parser.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="sets",
-        metavar="KEY=VALUE",
-        help="change the scenario; what is set does not vary; may be given several times",
-    )
+    add_sets(parser, "change the scenario; what is set does not vary; may be given several times")
     add_no_code(parser)
     parser.set_defaults(run=run)
 

@@ -5,6 +5,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_sets
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""
@@ -13,7 +15,7 @@ def add(parsers: Any) -> None:
     run = verbs.add_parser("run", help="run a job until the field is empty", description=_DESCRIPTION)
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
     run.add_argument("--out", type=Path, metavar="DIR", help="write report.html, picture and results.json")
-    run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change one key")
+    add_sets(run, "change one key")
     run.add_argument("--level", default="events", metavar="L", help="events (default) or kinematic")
     run.set_defaults(run=run_job)
     jobs = verbs.add_parser("list", help="list the bundled jobs")
@@ -40,7 +42,7 @@ def run_job(args: argparse.Namespace) -> int:
     from swath.terminal.tables import table, wide_console
     from swath.tools.fleet.page import check_target, machine_rows, result_rows, write_result
 
-    file, document = read_fleet(args.job, tuple(args.set))
+    file, document = read_fleet(args.job, tuple(args.sets))
     if args.out is not None:
         check_target(args.out)
     result = work_off(file, base_of(document), args.level)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.terminal.options import add_sets
 from swath.tools.function_test import search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
@@ -28,9 +29,7 @@ def add(parsers: Any) -> None:
     )
     run.add_argument("--draw-seed", type=int, default=1, metavar="N", help="seed of the points (default 1)")
     run.add_argument("--only", action="append", default=[], metavar="TAG", help="cases with this tag")
-    run.add_argument(
-        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="of every scenario"
-    )
+    add_sets(run, "of every scenario")
     run.add_argument(
         "--level",
         choices=("empirical", "plants"),

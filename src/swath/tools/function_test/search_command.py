@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import add_sets
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 
@@ -16,7 +17,7 @@ def add(verbs: Any) -> None:
     search.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: all together)")
     search.add_argument("--budget", type=int, default=64, metavar="N", help="runs in all (default 64)")
     search.add_argument("--batch", type=int, default=4, metavar="N", help="runs of a round (default 4)")
-    search.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE")
+    add_sets(search, "of every scenario")
     search.add_argument("--check", type=Path, metavar="DIR", help="other runs of the case: foretold right?")
     search.add_argument(
         "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
+from swath.terminal.options import add_no_code, add_sets
 
 
 def add(parsers: Any) -> None:
@@ -33,14 +33,7 @@ def add(parsers: Any) -> None:
     made.add_argument(
         "--distance", type=float, default=5.0, metavar="M", help="of the crop along the beam (default 5)"
     )
-    made.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="sets",
-        metavar="KEY=VALUE",
-        help="a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times",
-    )
+    add_sets(made, "a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times")
     add_no_code(made)
     made.set_defaults(run=run_stand)
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_no_code
+from swath.terminal.options import add_no_code, add_sets
 
 USUAL = "straight"
 
@@ -20,9 +20,7 @@ def add(parsers: Any) -> None:
         "--scenario", metavar="NAME|FILE", help=f"whose slot it is (default: of RUN, else {USUAL})"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="for inputs.csv and outputs.csv")
-    parser.add_argument(
-        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help="change the scenario"
-    )
+    add_sets(parser)
     add_no_code(parser)
     parser.set_defaults(run=run)
 

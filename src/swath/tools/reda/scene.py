@@ -7,7 +7,6 @@ and weather here are our own.
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import product
-from math import hypot
 from pathlib import Path
 from typing import Any
 
@@ -159,11 +158,6 @@ class Scene:
 def places() -> Iterator[tuple[float, float]]:
     """All of the grid, (inside, aside) [m]."""
     return product(INSIDE, ASIDE)
-
-
-def distance_of(inside: float, aside: float) -> float:
-    """Of a place from the sensors [m]."""
-    return hypot(EDGE_M + inside, aside)
 
 
 def _field(settings: Settings, condition: Condition, stream: Stream) -> Field:
