@@ -152,13 +152,17 @@ class Plan:
                     where = f"{case.name}, candidate {name}: {error.key}"
                     raise InputError(where, error.value, error.expected, file=case.document.file) from error
 
-    def plain(self) -> dict[str, Any]:
-        """As it stands in plan.json, with the code that it was made with."""
-        return {"format": "swath test plan 1", **asdict(self), "code": self.code or code_hash()}
+    @property
+    def text(self) -> str:
+        """As it stands in plan.json, with the code that it was made with. The candidates keep their order, of
+        which the first one may steer.
+        """
+        plain = {"format": "swath test plan 1", **asdict(self), "code": self.code or code_hash()}
+        return json.dumps(plain, indent=2) + "\n"
 
 
 def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
-    """The plan that `plain` gave. same_code: InputError where it was made with other code"""
+    """The plan that `text` says. same_code: InputError where it was made with other code"""
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)

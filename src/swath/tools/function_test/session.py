@@ -120,7 +120,7 @@ def _about(run: PlannedRun) -> dict[str, Any]:
 def begin(folder: Path, plan: Plan) -> Session:
     """A session in a new folder, or the one that is there with the same plan. InputError for another plan."""
     file = folder / PLAN
-    text = json.dumps(plan.plain(), indent=2, sort_keys=True) + "\n"
+    text = plan.text
     if file.is_file() and file.read_text(encoding="utf-8") != text:
         expected = (
             "expected a new folder: in this one lie results of another plan, or of another version of swath"
