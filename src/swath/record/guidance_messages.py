@@ -1,9 +1,8 @@
 """A guidance path as ROS 2 messages: its own, and the one that viewers and navigation know."""
 
 from collections.abc import Iterator
+from math import atan2
 from typing import Any
-
-import numpy as np
 
 from swath.core.frames import Pose
 from swath.record.messages import Sent, Source
@@ -23,14 +22,15 @@ def _path(source: Source, path: GuidancePath) -> Any:
     """Each pose looks to the next point, the last one as the one before; heights are 0."""
     make = source.make
     header = make.header(path.t, "map")
-    along = np.arctan2(np.diff(path.y), np.diff(path.x))
-    headings = np.append(along, along[-1:]) if len(along) else np.zeros(len(path.x))
+    xs, ys = path.x.tolist(), path.y.tolist()
+    along = [atan2(d - b, c - a) for a, b, c, d in zip(xs[:-1], ys[:-1], xs[1:], ys[1:], strict=True)]
+    headings = [*along, *(along[-1:] or [0.0])]
     poses = [
         make(
             "geometry_msgs/msg/PoseStamped",
             header=header,
             pose=make.pose(Pose.from_euler((x, y, 0.0), yaw=heading)),
         )
-        for x, y, heading in zip(path.x.tolist(), path.y.tolist(), headings.tolist(), strict=True)
+        for x, y, heading in zip(xs, ys, headings, strict=False)
     ]
     return make("nav_msgs/msg/Path", header=header, poses=poses)
