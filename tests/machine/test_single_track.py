@@ -315,7 +315,7 @@ def test_it_drives_the_same_whether_it_tells_its_wheels_or_not():
 @pytest.mark.parametrize("gradient", [-2.0, 3.0])
 @pytest.mark.parametrize("name", ["lexion-700", "tractor-grain-cart"])
 def test_understeer_gradient_is_the_angle_per_lateral_acceleration(name, gradient):
-    """Beyond atan(L kappa) the steady turn asks for K times the lateral acceleration, whichever axle steers."""
+    """Beyond atan(L kappa) a steady turn asks for K times the lateral acceleration."""
     machine = replace(load_machine(name), trailer=None, hitch=None)
     steer = math.radians(0.5)
     found = []

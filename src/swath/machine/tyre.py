@@ -25,10 +25,10 @@ CREEP_DAMPING = 0.5  # damping ratio of the lateral carcass spring at standstill
 def axle_stiffness(stiffness: float, understeer: float, *, steers_ahead: bool) -> tuple[float, float]:
     """Cornering stiffness over load [1/rad] of the fixed and of the steered axle.
 
-    stiffness: their harmonic mean [1/rad]; understeer: gradient K [rad per m/s2], the angle of the steered axle
-    that a lateral acceleration asks for beyond atan(L kappa): K g = 1/n_front - 1/n_rear (Gillespie 1992,
-    Fundamentals of Vehicle Dynamics, eq. 6-15, stiffness per load). Raises InputError where an axle would
-    have none.
+    stiffness: their harmonic mean [1/rad]; understeer: gradient K [rad per m/s2], the angle of the steered
+    axle that a lateral acceleration asks for beyond atan(L kappa): K g = 1/n_front - 1/n_rear (Gillespie
+    1992, Fundamentals of Vehicle Dynamics, eq. 6-15, stiffness per load). Raises InputError where an axle
+    would have none.
     """
     if understeer == 0.0:
         return stiffness, stiffness
