@@ -121,7 +121,19 @@ class OdometryMessages:
         self._t = sample.t
         pose = self._pose
         if errors is None:
-            spread: tuple[float, ...] = (UNKNOWN, 0.0, 0.0, 0.0, UNKNOWN, 0.0, 0.0, 0.0, UNKNOWN, UNKNOWN, UNKNOWN)
+            spread: tuple[float, ...] = (
+                UNKNOWN,
+                0.0,
+                0.0,
+                0.0,
+                UNKNOWN,
+                0.0,
+                0.0,
+                0.0,
+                UNKNOWN,
+                UNKNOWN,
+                UNKNOWN,
+            )
         else:
             twist = (max(hypot(*errors[key]) ** 2, EXACT) for key in ("speed", "yaw_rate"))
             spread = (*covariance(self._doubt), *twist)
