@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes, HasRange
+from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes, HasRange, KnowsErrors
 from swath.core.frames import Pose
 from swath.core.graph import EndOfRun, Graph
 from swath.field.field import Field
@@ -116,6 +116,7 @@ class Machine:
             self.edge,
             self.start,
             scanners,
+            errors={slot: part.errors for slot, part in self.parts.items() if isinstance(part, KnowsErrors)},
             triangles=np.zeros((0, 3, 3)) if self.body is None else self.body.triangles,
         )
 

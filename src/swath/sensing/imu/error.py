@@ -70,6 +70,11 @@ class ErrorImu(KeepsState):
         white = self._density / sqrt(setup.period)
         self._white_sd = float(white[0, 0]), float(white[1, 0])
 
+    def errors(self, sample: Inertial) -> dict[str, tuple[float, float]]:
+        """White noise, and the bias at the start of a run."""
+        rate, force = self._white_sd
+        return {"rate": (rate, float(self._bias_sd[0, 0])), "force": (force, float(self._bias_sd[1, 0]))}
+
     def reset(self, stream: Stream) -> Outputs:
         """At rest, level; draws bias and scale of this unit."""
         self._normals = Normals(stream)
