@@ -107,15 +107,16 @@ def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
     assert 0.5 * most < edges[-1].confidence <= most
 
 
-def test_puffs_are_no_ground():
-    """Echoes 1.7 m above the machine's ground plane, after stubble of 10 cm: beams 40 deg down from 3 m."""
+@pytest.mark.parametrize(("then", "level"), [(1.7, 0.1), (-1.7, -1.7)])
+def test_puffs_are_no_ground_but_a_hollow_is(then, level):
+    """Echoes far above or below the machine's ground plane, after stubble of 10 cm: beams 40 deg down."""
     rays, ground = CanopyRays(Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)), 1.0), Ground()
     azimuth, down = np.linspace(-1.1, -0.2, 40), np.full(40, -np.radians(40.0))
-    for height in (0.1, 1.7):
+    for height in (0.1, then, then):
         far = np.full((40, 1), (3.0 - height) / np.sin(np.radians(40.0)), np.float32)
         scan = Scan(0, np.zeros(40), azimuth, down, far, np.ones((40, 1), np.float32))
         rays.take(scan, (0.0, 0.0), EdgeFrame(0.0, 0.0, 0.0, 0.0), ground, *Ground.OUTSIDE)
-        assert ground.level == pytest.approx(0.1, abs=0.03)
+    assert ground.level == pytest.approx(level, abs=0.03)
 
 
 def test_a_puff_above_the_crop_is_worth_nothing():

@@ -26,6 +26,7 @@ STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
 UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
 TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this share less this step is lodged
 RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
+MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
@@ -180,7 +181,7 @@ class BlockTrack(KeepsState):
         if not usual > TALL or stopped < 0.8 or abs(angle) > 3.0 * OBLIQUE or is_uneven:
             return 0.0
         now = self._first_metre(found)
-        if np.isnan(now) and self._is_lodged:
+        if np.isnan(now) and self.populations.has_mat(self._block.just_inside(MAT)):
             now = LIMIT * usual
         if not now < LOW_SHARE * usual - LOW_STEP:
             return 0.0
