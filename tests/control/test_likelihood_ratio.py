@@ -227,7 +227,7 @@ def test_an_edge_across_a_hole_is_not_sure(length, depth):
 
 @pytest.mark.parametrize("bias", [0.4, -0.4])
 def test_a_gyroscope_that_is_off_moves_the_edge_by_little(bias):
-    """The turn by 0.4 deg/s that a machine straight ahead does not drive puts the edge 9 m ahead 18 cm off."""
+    """A turn of 0.4 deg/s that is not driven puts an edge 9 m ahead 18 cm off."""
     scanner, rng = Scanner(Stand(lambda x, y: 6.0 - y), mounting("left")), np.random.default_rng(4)
     level, errors = detector(), []
     off = Odometry(0, SPEED, np.radians(bias), 0.0)
