@@ -88,6 +88,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
     graph.before_tick.append(world.end_with_parts)
+    world.watch_bodies()
     return world
 
 
@@ -238,6 +239,7 @@ def exchange(
     world.graph.exchange(name, component, wires, state)
     machine = world.machines[machine_name]
     before, machine.parts[slot] = machine.parts[slot], component
+    world.exchanged()
     if state is None:
         machine.retired.append(before)
     elif isinstance(before, Closes):
