@@ -213,12 +213,27 @@ class World:
                 if isinstance(part, Closes):
                     part.close()
 
+    @cached_property
+    def _ending(self) -> list[tuple[str, EndsRun]]:
+        """Parts that may end the run, by their slots."""
+        every = ((f"{m.name}.{slot}", part) for m in self.machines.values() for slot, part in m.parts.items())
+        return [(name, part) for name, part in every if isinstance(part, EndsRun)]
+
+    def exchanged(self) -> None:
+        """Another part has come into a slot."""
+        vars(self).pop("_ending", None)
+
     def end_with_parts(self, t: int) -> None:
         """Before the tick at t [ns]: a part that wants the run to end ends it."""
+        for name, part in self._ending:
+            if reason := part.end_reason(t):
+                raise EndOfRun(f"{name}: {reason}")
+
+    def watch_bodies(self) -> None:
+        """The bodies of the machines and their trailers stand where these do from now on."""
         for machine in self.machines.values():
-            for slot, part in machine.parts.items():
-                if _ends_run(part) and (reason := part.end_reason(t)):
-                    raise EndOfRun(f"{machine.name}.{slot}: {reason}")
+            for slot in (*machine.slots_of("motion"), *machine.slots_of("header")):
+                self.graph.watches[f"{machine.name}.{slot}"] = self.place_bodies
 
     def add_obstacle(self, name: str, thing: Thing, t: int) -> None:
         """Another obstacle from the tick at t [ns] on, in place of one of that name."""
@@ -239,11 +254,12 @@ class World:
         self.added.place(t, [self.bodies.pose_of(name).position[:2].tolist() for name in self.machines])
 
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
-        """Observer of the graph: the bodies of the machines and their trailers stand where these do."""
-        if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
+        """What a machine's motion or header sent: its bodies stand there."""
+        if (state := outputs.get("state")) is not None:
             name = slot.partition(".")[0]
-            along = state.pose.rotation[:, 0] * state.speed + state.pose.rotation[:, 1] * state.lateral_speed
-            self.bodies.place(name, state.pose, along)
+            ahead, left = state.speed, state.lateral_speed
+            velocity = np.array([row[0] * ahead + row[1] * left for row in state.pose.numbers[1]])
+            self.bodies.place(name, state.pose, velocity)
             if (trailer := outputs.get("trailer")) is not None:
                 self.bodies.place(name + TRAILER, pose_of(trailer))
         elif (height := outputs.get("height")) is not None:
@@ -256,14 +272,3 @@ class World:
             if height is not None:
                 at = machine.header_kinematics.pose(height.lift, height.tilt)
             self.bodies.show(machine.name, machine.body.with_header_at(at), BODY)
-
-
-_KINDS: dict[type, bool] = {}
-
-
-def _ends_run(part: Any) -> bool:
-    """Whether a part may end the run: found out once a class, as it is asked before every tick."""
-    kind = type(part)
-    if kind not in _KINDS:
-        _KINDS[kind] = isinstance(part, EndsRun)
-    return _KINDS[kind]
