@@ -5,6 +5,7 @@ Command lines are parsed, YAML is read as a scenario or as part of one, Python r
 
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -135,6 +136,8 @@ def test_yaml_is_a_scenario_or_a_part_of_one(text, tmp_path):
         return
     if part.get("format") == CASE_FORMAT:
         (tmp_path / "case.yaml").write_text(text, encoding="utf-8")
+        for example in (ROOT / "examples").glob("my_*.py"):  # that `swath new` writes beside it
+            shutil.copy(example, tmp_path)
         Plan(str(tmp_path / "case.yaml")).check()
         return
     if all(isinstance(sets, dict) and all("." in key for key in sets) for sets in part.values()):
