@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import ceil, cos, hypot, sin
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -32,7 +32,7 @@ class Params:
     """start_speed_kmh: speed at t = 0; substep_ms: longest integration step"""
 
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
-    substep_ms: Annotated[float, Gt(0), Le(20)] = 10.0
+    substep_ms: Annotated[float, Ge(0.01), Le(20)] = 10.0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from math import atan2, ceil, fsum, hypot, tan
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import MissingExtra
@@ -60,7 +60,7 @@ class Params:
     engine: bool = True
     grain_kg: Annotated[float, Ge(0), Le(50000)] = 0.0
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
-    substep_ms: Annotated[float, Gt(0), Le(5)] = 2.5
+    substep_ms: Annotated[float, Ge(0.01), Le(5)] = 2.5
 
 
 class Multibody(KeepsState):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
@@ -52,7 +52,7 @@ class Params:
     rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
     wheel_slip: bool = False
-    substep_ms: Annotated[float, Gt(0), Le(20)] = 20.0
+    substep_ms: Annotated[float, Ge(0.01), Le(20)] = 20.0
 
 
 class SingleTrack:
