@@ -84,6 +84,7 @@ def test_what_is_no_fmu(tmp_path, capsys):
 
 def test_neither_cmake_nor_nbformat_is_needed(tmp_path):
     """Both come with fmpy: what docs/fmi.md says of taking them away."""
+    fmu = str(store_fmu(tmp_path))
     program = f"""
 import sys
 
@@ -94,7 +95,7 @@ class Absent:
 
 sys.meta_path.insert(0, Absent())
 from swath.commands.main import main
-sys.exit(main(["fmu", "show", {str(store_fmu(tmp_path))!r}]) or main(["fmu", "check", {str(store_fmu(tmp_path))!r}]))
+sys.exit(main(["fmu", "show", {fmu!r}]) or main(["fmu", "check", {fmu!r}]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
