@@ -184,7 +184,10 @@ class _Running:
             detail="none" if out is None else world.scenario.run.record,
             scenario="" if out is None else world.scenario.resolved(),
         )
-        self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
+        self.observers: list[Observer] = [self.digest, self.evaluation]
+        self.has_tracks = out is not None or bool(hooks) or self.evaluation.reads_tracks
+        if self.has_tracks:
+            self.observers.append(self.recorder)
         self.start: Start | None = None
         self._saved_s, self._done = 0.0, 0  # time of the save it goes on from, events before
 
@@ -244,7 +247,7 @@ class _Running:
                 "machine": _machines(world),
             },
             self.evaluation,
-            {name: tracks.arrays() for name, tracks in self.recorder.tracks.items()},
+            {n: t.arrays() for n, t in self.recorder.tracks.items()} if self.has_tracks else {},
             sensors={name: machine.coverage() for name, machine in world.machines.items()},
             simulated_s=world.graph.t / NS,
             wall_s=wall_s,
