@@ -174,6 +174,7 @@ class _Running:
     ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
         recorded = world.recorded(is_drawn=out is not None)
+        detail = "none" if out is None else world.scenario.run.record
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)
@@ -181,11 +182,11 @@ class _Running:
             out or Path(),
             list(recorded.values()),
             extra={name: self.evaluation.columns(name) for name in recorded},
-            detail="none" if out is None else world.scenario.run.record,
+            detail=detail,
             scenario="" if out is None else world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation]
-        self.has_tracks = out is not None or bool(hooks) or self.evaluation.reads_tracks
+        self.has_tracks = detail != "none" or bool(hooks) or self.evaluation.reads_tracks
         if self.has_tracks:
             self.observers.append(self.recorder)
         self.start: Start | None = None
