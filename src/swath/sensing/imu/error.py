@@ -69,6 +69,11 @@ class ErrorImu(KeepsState):
         self._scale_sd = _six(PERCENT * p.gyro_scale_percent, PERCENT * p.accel_scale_percent)
         self._white_sd = self._density[0] / sqrt(setup.period), self._density[3] / sqrt(setup.period)
 
+    def errors(self, sample: Inertial) -> dict[str, tuple[float, float]]:
+        """White noise, and the bias at the start of a run."""
+        rate, force = self._white_sd
+        return {"rate": (rate, self._bias_sd[0]), "force": (force, self._bias_sd[3])}
+
     def reset(self, stream: Stream) -> Outputs:
         """At rest, level; draws bias and scale of this unit."""
         self._normals = Normals(stream)
