@@ -186,7 +186,7 @@ F until = {}, density = {}, scale = put(1.0f), lean_x = {}, lean_y = {}, h0 = {}
 F speed = put(1.0f), pitch = put(1.0f), unit = {}, above = {}, spot = put(1.0f);
 I row = {};
 const int stems = canopy.lean.shape[0] / (2 * N);
-int turn = start * 7 % stems;  // which of the drawn stems the next step looks for
+I turn = puti(start * 7 % stems);  // which of the drawn stems the next step of a beam looks for
 
 auto enter = [&](I who, F from, F to, I tile, F scales, F a, F b) {
   const float* stands = (const float*)scene.tile_stand.data;
@@ -226,10 +226,10 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   const F dt = least(pick(above < THIN, pick(above < FEW, 4.0f * pitch, 2.0f * pitch), pitch), until - t), middle = t + 0.5f * dt;
   const F relative = r0 + r1 * middle, below = area_above(r0 + r1 * (t + dt));
   const F bent = least(relative, put(1.2f)), bow = bent * bent * (canopy.height * fine);
-  const float* stem = canopy.lean.data + turn * 2 * N;
-  turn = turn + 1 == stems ? 0 : turn + 1;
-  const I looks = who & (I)(relative > 0.0f);
-  const I code = code_at(looks, down(x0 + x1 * middle - load(stem) * bow), down(y0 + y1 * middle - load(stem + N) * bow));
+  const I looks = who & (I)(relative > 0.0f), stem = turn * (2 * N) + count_up;
+  const F tip_x = gather(canopy.lean.data, stem, looks), tip_y = gather(canopy.lean.data + N, stem, looks);
+  turn = picki(who, picki(turn + 1 == stems, I{}, turn + 1), turn);
+  const I code = code_at(looks, down(x0 + x1 * middle - tip_x * bow), down(y0 + y1 * middle - tip_y * bow));
   const I stands = code == STANDING;
   const F stubble = 0.01f * real(code);
   const F reach = stubble * canopy.stubble_bound, lowest = h0 + h1 * pick(h1 < 0.0f, t + dt, t);
