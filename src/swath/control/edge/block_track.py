@@ -143,12 +143,14 @@ class BlockTrack(KeepsState):
         x = edge.x - found.beside * float(np.sin(edge.angle))
         u = edge.u + found.beside * float(np.cos(edge.angle))
         self.points.add(x, u, found.variance, edge.way)
-        if self._is_broken:
+        own = 0.0
+        if self._is_broken:  # what the track drifted by across the hole is not the edge's
             self.points.found_again(edge.way)
+            own = float(edge.covariance[0, 0])
         self._is_broken = False
         self.blank += min(1.0, self._block.travel / RAGGED_M) * (found.blank - self.blank)
         self._scatters.append((edge.way, self.scatter))
-        more = max(0.0, found.beside**2 - found.variance - float(edge.covariance[0, 0]))
+        more = max(0.0, found.beside**2 - found.variance - own)
         self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance)
         self.agreed += 0.2 * (1.0 - self.agreed)
