@@ -72,7 +72,7 @@ class ErrorImu(KeepsState):
     def errors(self, sample: Inertial) -> dict[str, tuple[float, float]]:
         """White noise, and the bias at the start of a run."""
         rate, force = self._white_sd
-        return {"rate": (rate, float(self._bias_sd[0, 0])), "force": (force, float(self._bias_sd[1, 0]))}
+        return {"rate": (rate, self._bias_sd[0]), "force": (force, self._bias_sd[3])}
 
     def reset(self, stream: Stream) -> Outputs:
         """At rest, level; draws bias and scale of this unit."""
