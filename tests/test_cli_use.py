@@ -162,3 +162,21 @@ def test_levels_of_a_slot_that_hears_another_machine(capsys):
     said = capsys.readouterr().out
     assert "inputs   " in said
     assert "loss_percent" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("run", "straight", "--set", "field.wind.speed_m_s=3"), "did you mean field.stand.wind?"),
+        (("run", "straight", "--set", "field.slope_percent=3"), "did you mean field.terrain.slope_percent?"),
+        (("test", "run", "my.py", "--out", "t"), "swath test run bend --set combine.edge.level=my.py:Class"),
+    ],
+)
+def test_a_first_try_is_told_the_way(capsys, words, said):
+    assert main(list(words)) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_machine_is_printed_by_the_name_that_scenarios_take(capsys):
+    assert main(["sheets", "lexion-700"]) == 0
+    assert "wheelbase_m" in capsys.readouterr().out
