@@ -43,6 +43,8 @@ class JobResult:
     def __repr__(self) -> str:
         results = [entry["result"] for entry in self.summary.get("expect", [])]
         limits = f"{results.count('pass')} of {len(results)} limits pass" if results else "no limits"
+        if open_ := results.count("not measured"):
+            limits += f", {open_} not measured in so short a run"
         name, seed = self.summary.get("name"), self.summary.get("seed")
         return f"<run of {name}, seed {seed}: {limits}, in {self.folder}>"
 
