@@ -5,12 +5,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
+from swath.documents.data_sheets import Sheet, find_sheet, read_sheet, sheet_names
 from swath.documents.sheet_fields import Entry, entries
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
 from swath.field.habits import find_habit
 
 ALIKE = 0.6  # share of equal numbers that makes a data sheet a copy of another; wheat and barley share 0.42
+MOST = 32  # crops that are kept
+_KEPT: dict[tuple[Path, int, int], Crop] = {}  # by file, its time and size
 
 
 def load_crop(name: str, base: Path | None = None) -> Crop:
@@ -19,7 +21,19 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     Raises InputError that names key, file and line when a number is missing, has no source or lies outside
     what a crop can be.
     """
-    sheet = read_sheet("crops", name, base)
+    path = find_sheet("crops", name, base)
+    stamp = path, path.stat().st_mtime_ns, path.stat().st_size
+    if stamp in _KEPT:
+        return _KEPT[stamp]
+    crop = _read(read_sheet("crops", name, base))
+    if crop.habit.complete is None:  # else it rests on other files, too
+        while len(_KEPT) >= MOST:
+            _KEPT.pop(next(iter(_KEPT)))
+        _KEPT[stamp] = crop
+    return crop
+
+
+def _read(sheet: Sheet) -> Crop:
     habit = find_habit(sheet)
     there = {key: kind for key, kind in habit.organs.items() if key not in habit.optional or key in sheet}
     sections: dict[str, type] = {"stand": habit.stand, "yield": habit.yields, **there}
