@@ -11,7 +11,7 @@ from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_feet import OBLIQUE, CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from swath.control.edge.near_line import EdgePoints
-from swath.control.edge.populations import Populations, crop_excess, overlap_of
+from swath.control.edge.populations import Populations, crop_excess, middle_of, overlap_of
 from swath.core.component import KeepsState
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
@@ -26,6 +26,7 @@ STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
 UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
 TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this share less this step is lodged
 RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
+SUNKEN = 0.25  # of the crop's height
 MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
@@ -147,7 +148,7 @@ class BlockTrack(KeepsState):
         if self._is_broken:  # what the track drifted by across the hole is not the edge's
             self.points.found_again(edge.way)
             own = float(edge.covariance[0, 0])
-        self._is_broken = False
+        self._is_broken = self._is_sunken(found)
         self.blank += min(1.0, self._block.travel / RAGGED_M) * (found.blank - self.blank)
         self._scatters.append((edge.way, self.scatter))
         more = max(0.0, found.beside**2 - found.variance - own)
@@ -193,6 +194,12 @@ class BlockTrack(KeepsState):
         if not now < LOW_SHARE * usual - LOW_STEP:
             return 0.0
         return float(np.sqrt(usual**2 - now**2))
+
+    def _is_sunken(self, found: Found) -> bool:
+        """Behind the edge the rays end lower than further in: they go on over a hole to its far wall."""
+        near, inner = self._block.two_strips(found.beside)
+        is_dense = self.populations.heights()[2] > 0.8
+        return is_dense and middle_of(inner) - middle_of(near) > SUNKEN * self.height
 
     def _first_metre(self, found: Found) -> float:
         return self.populations.height_of(self._block.just_inside(found.beside))

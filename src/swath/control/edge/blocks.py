@@ -58,6 +58,10 @@ class Block(KeepsState):
         """Counts of classes (CLASSES,) in the first metre of crop behind an edge [m]."""
         return _between(self.counts, edge + 0.1, edge + 1.1)
 
+    def two_strips(self, edge: float) -> tuple[F64, F64]:
+        """Counts of classes (CLASSES,) of the crop just behind an edge [m], and of that further in."""
+        return _between(self.counts, edge + 0.1, edge + 0.6), _between(self.counts, edge + 1.2, edge + 2.4)
+
     def sides(self, edge: float) -> tuple[F64, F64]:
         """Counts of classes (CLASSES,) well inside the crop and well beside it, for an edge [m]."""
         crop = _between(self.counts, edge + CLEAR, edge + WINDOW)
