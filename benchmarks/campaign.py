@@ -1,6 +1,6 @@
 """A function test of very many runs: time and memory of its plan, its report and going on with it.
 
-    python -m benchmarks.campaign [--rows 100000]
+    python -m benchmarks.campaign [--rows 10000 100000] [--candidates 1]
 
 The results are made, not driven: what is measured is the tool. Prints the peak memory of each step, each in a
 process of its own.
@@ -35,7 +35,9 @@ METRICS = [f"metric_{n}" for n in range(45)]  # beside those with a limit, as a 
 
 def plan(folder: Path) -> str:
     """Build the plan and look through it."""
-    session = begin(folder / "out", Plan(str(folder / "many.yaml")))
+    count = len(list(folder.glob("candidate-*")))
+    candidates = {f"limit-{n}": (f"run.max_duration_s={100 + n}",) for n in range(count)}
+    session = begin(folder / "out", Plan(str(folder / "many.yaml"), candidates=candidates))
     return f"{sum(1 for _ in session.left())} runs to do"
 
 
@@ -83,21 +85,31 @@ def _measured(pipe: Any, step: Any, folder: Path) -> None:
                resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0))  # fmt: skip
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rows", type=int, default=100_000)
-    args = parser.parse_args()
+def measure(rows: int, candidates: int) -> None:
+    """Print what each step takes for a plan of so many rows."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        text = CASE.replace("SEEDS", str(max(1, args.rows // 50)))
+        text = CASE.replace("SEEDS", str(max(1, rows // 50 // candidates)))
         (folder / "many.yaml").write_text(text, encoding="utf-8")
+        for number in range(candidates):
+            (folder / f"candidate-{number}").touch()
         for step in (plan, fill, resume, report):
             ours, theirs = mp.get_context("spawn").Pipe()
             process = mp.get_context("spawn").Process(target=_measured, args=(theirs, step, folder))
             process.start()
+            theirs.close()
             said, seconds, peak = ours.recv()
             process.join()
             print(f"{step.__name__:8} {seconds:7.1f} s of CPU, peak {peak:6.0f} MB: {said}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rows", type=int, nargs="+", default=[10_000, 100_000])
+    parser.add_argument("--candidates", type=int, default=1)
+    args = parser.parse_args()
+    for rows in args.rows:
+        measure(rows, args.candidates)
 
 
 if __name__ == "__main__":

@@ -251,3 +251,44 @@ def test_a_sweep_depends_on_its_time_alone():
     again = [scan(cheap, pose, t)["scan"].ranges for t in (2 * 10**9, 10**9)][::-1]
     assert np.array_equal(first, again, equal_nan=True)
     assert not np.array_equal(first[0], first[1])
+
+
+def own_crop(folder, change=lambda text: text):
+    """A copy of wheat under another name, with some text changed."""
+    from importlib.resources import files
+
+    text = (files("swath.data") / "crops" / "wheat.yaml").read_text()
+    path = folder / "my-wheat.yaml"
+    path.write_text(change(text.replace("name: wheat", "name: Elite, 2026")))
+    return path
+
+
+@pytest.mark.parametrize("table", [(), ("combine.lidar.table=wheat-median",)])
+def test_a_copied_crop_is_measured_by_the_table_of_its_original(tmp_path, table):
+    crop = own_crop(tmp_path, lambda text: text.replace("  height_cm: {value: 85", "  height_cm: {value: 78"))
+    sets = ("combine.lidar.level=empirical", f"field.stand.crop={crop}", *table)
+    lidar = assemble(parse_scenario(TEXT, sets=sets)).leader.parts["lidar"]
+    assert lidar.table.about["crop"] == "wheat"
+    (note,) = [n for n in lidar.notes if "copied" in n]
+    assert note.startswith("lidar empirical: my-wheat.yaml is measured as wheat, which it was copied from")
+    assert note.endswith("other numbers are stand.height_cm")
+
+
+def test_a_crop_like_no_other_asks_for_a_table_of_its_own(tmp_path):
+    crop = own_crop(tmp_path, a_little_smaller)
+    sets = ("combine.lidar.level=empirical", f"field.stand.crop={crop}")
+    with pytest.raises(InputError, match=r"no bundled crop is like my-wheat.yaml"):
+        assemble(parse_scenario(TEXT, sets=sets))
+    with pytest.raises(InputError, match="expected one made for"):
+        assemble(parse_scenario(TEXT, sets=[*sets, "combine.lidar.table=wheat-median"]))
+
+
+def a_little_smaller(text):
+    """All numbers but counts."""
+    import re
+
+    number = re.compile(r"value: ([0-9.]+)")
+    lines = text.splitlines()
+    return "\n".join(
+        x if "count" in x else number.sub(lambda m: f"value: {0.98 * float(m[1]):.6g}", x) for x in lines
+    )

@@ -10,7 +10,7 @@ from swath.core.errors import InputError
 from swath.record.digest import Digest
 from swath.runtime.job import run_job
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.cells import in_shadow
+from swath.tools.function_test.judged import in_shadow
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.shadow import ShadowHook

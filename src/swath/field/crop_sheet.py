@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from swath.documents.data_sheets import Sheet, find_sheet, read_sheet
+from swath.documents.data_sheets import Sheet, find_sheet, read_sheet, sheet_names
 from swath.documents.sheet_fields import Entry, entries
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
 from swath.field.habits import find_habit
 
+ALIKE = 0.6  # share of equal numbers that makes a data sheet a copy of another; wheat and barley share 0.42
 MOST = 32  # crops that are kept
 _KEPT: dict[tuple[Path, int, int], Crop] = {}  # by file, its time and size
 
@@ -53,6 +54,28 @@ def _read(sheet: Sheet) -> Crop:
     if habit.complete is not None:
         crop = habit.complete(crop, sheet)
     return _with_yields(crop, sheet)
+
+
+def copied_from(name: str) -> tuple[str, list[str]] | None:
+    """The bundled crop that a user's own data sheet was copied from, and the keys whose numbers differ.
+
+    It is the one of the same habit with most numbers in common, at least ALIKE of them; None where no bundled
+    crop is so much alike, or the crop is bundled itself. name: bundled, or path of the sheet
+    """
+    if name in sheet_names("crops"):
+        return None
+    own = read_sheet("crops", name)
+    best: tuple[float, str, list[str]] | None = None
+    for other in sheet_names("crops"):
+        sheet = read_sheet("crops", other)
+        if sheet.value("habit") != own.value("habit"):
+            continue
+        keys = own.numbers().keys() | sheet.numbers().keys()
+        differing = sorted(key for key in keys if own.value(key) != sheet.value(key))
+        share = 1.0 - len(differing) / len(keys)
+        if share >= ALIKE and (best is None or share > best[0]):
+            best = share, other, differing
+    return None if best is None else best[1:]
 
 
 def _prefix(section: str) -> str:

@@ -5,6 +5,7 @@
     changes.set(t, "combine.edge.level", "otsu")            # another level, which starts from the present
     changes.set(t, "obstacles.pole", "{kind: post, x_m: 12, y_m: 3}")
     changes.set(t, "obstacles.pole", None)
+    changes.set(t, "obstacles.walker", "{kind: person, x_m: 9, y_m: 3, path: {to: [[9, -3]]}}")
 
 Keys and values are those of `--set`. Each change takes effect before the tick at t; what was done is kept in
 `events` and does the same again through `Script`. Of code that is not swath's only that comes in which the
@@ -21,11 +22,10 @@ from typing import Any
 from swath.core.abilities import Closes
 from swath.core.errors import InputError
 from swath.core.foreign_code import file_of, only_code
-from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.documents.json_file import read_json
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import make_obstacles, things_of
+from swath.field.obstacles import things_of
 from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
@@ -65,7 +65,7 @@ class Interventions:
         first, _, rest = key.partition(".")
         with only_code(self._code):
             if first == OBSTACLES and rest:
-                self._set_obstacle(rest, value)
+                self._set_obstacle(t, rest, value)
             else:
                 self._set_slot(key, value)
         self.events.append({"t_s": t / NS, "set": key, "value": value})
@@ -109,11 +109,11 @@ class Interventions:
                 raise InputError(name, None, text) from error
             raise
 
-    def _set_obstacle(self, name: str, value: Any) -> None:
-        bodies, key = self.world.bodies, f"{OBSTACLES}.{name}"
+    def _set_obstacle(self, t: int, name: str, value: Any) -> None:
+        world, key = self.world, f"{OBSTACLES}.{name}"
         if value in (None, ""):
             if name in self._added:
-                bodies.remove(key)
+                world.remove_obstacle(key)
                 del self._added[name]
             elif name in self._fixed:
                 del self._fixed[name]
@@ -124,9 +124,8 @@ class Interventions:
             return
         if name in self._fixed:
             raise InputError(key, value, "expected another name: the scenario's own can only be removed")
-        read = _obstacles(self._now, key, value)
-        bodies.remove(key)
-        bodies.add(key, make_obstacles(read, self.world.field), Pose.identity(), is_machine=False)
+        (thing,) = things_of((_obstacle(self._now, key, value),), world.field)
+        world.add_obstacle(key, thing, t)
         self._added[name] = _text(value)
 
     def _keep_fixed(self) -> None:
@@ -144,7 +143,7 @@ def after_change(scenario: Scenario, key: str, value: Any) -> Scenario:
     if first != OBSTACLES or not rest:
         return _slot_after(scenario, key, value)[3]
     if value not in (None, ""):
-        _obstacles(scenario, key, value)
+        _obstacle(scenario, key, value)
     return scenario
 
 
@@ -163,12 +162,12 @@ def _slot_after(scenario: Scenario, key: str, value: Any) -> tuple[str, SlotChoi
     return f"{machine}.{slot}", before, after, wanted
 
 
-def _obstacles(scenario: Scenario, key: str, value: Any) -> tuple[Any, ...]:
+def _obstacle(scenario: Scenario, key: str, value: Any) -> Any:
     """What an obstacle's text says."""
     read = _freshly_read(scenario, [f"field.{OBSTACLES}=[{_text(value)}]"]).field.obstacles
-    if any(o.path is not None for o in read):
-        raise InputError(f"{key}.path", value, "expected no path: only obstacles of the scenario go")
-    return tuple(read)
+    if len(read) != 1:
+        raise InputError(key, value, "expected one obstacle, each has its own name")
+    return read[0]
 
 
 class Script:

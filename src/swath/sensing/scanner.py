@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Outputs, Port
 from swath.core.errors import InputError
@@ -36,7 +36,7 @@ class ScannerParams:
     sensor: str = "sick-lms511-hr"
     mount: Mount = field(default_factory=Mount)
     sector_deg: tuple[float, float] | None = None
-    step_deg: Annotated[float, Gt(0), Le(10)] | None = None
+    step_deg: Annotated[float, Ge(0.01), Le(10)] | None = None
     reach_m: Annotated[float, Gt(0), Le(200)] = 40.0
     noise: Literal["data_sheet", "none"] = "data_sheet"
 

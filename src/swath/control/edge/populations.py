@@ -19,6 +19,7 @@ STRAY = 0.03  # share of answers beside the crop that are something else: weeds,
 MOST = 3.0  # nat that one ray is worth at most
 CROP_FROM, CROP_TO = 0.18, (1.15, 2.5)  # m above the stubble: heights of crop that was not seen yet
 STUBBLE_TO, LITTLE = 0.8, 0.12  # m; part of the fullest layer's echoes below which a population ends
+MAT, FEW = 0.08, 10.0  # m above the middle of the stubble: of crop that lies flat; echoes that show it
 SAMPLE = 0.5  # counts added to each class
 _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
 
@@ -98,6 +99,11 @@ class Populations(KeepsState):
     def height_of(self, counts: F64) -> float:
         """Height of the canopy [m] in other counts (CLASSES,), nan where they hold little of it."""
         return canopy_height(counts[:LAYERS], self._first_layer())
+
+    def has_mat(self, counts: F64) -> bool:
+        """Other counts (CLASSES,) show crop that lies flat: no canopy, but above the stubble."""
+        lying, stubble = counts[:LAYERS], self.counts[2, :LAYERS]
+        return float(lying.sum()) > FEW and _percentile(lying, 0.5) > _percentile(stubble, 0.5) + MAT
 
     def _first_layer(self) -> int:
         """The lowest layer that is no stubble."""

@@ -75,7 +75,7 @@ def _list(args: argparse.Namespace) -> int:
     rows = []
     for case in find_cases(args.cases):
         varied = "; ".join(f"{name} {', '.join(map(str, v.at))}" for name, v in case.file.vary.items())
-        count = len(case.grid()) * len(case.seeds)
+        count = case.grid_size * len(case.seeds)
         limits = ", ".join(str(name) for name in case.file.expect)
         rows.append(
             (case.name, case.file.objective, varied or "-", str(count), limits, ", ".join(case.file.tags))
@@ -194,13 +194,13 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     for cell in cells:
         worst = cell.worst
         rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]),
-                     "" if worst is None else f"{worst['id'][:8]} {worst['reason']}"))  # fmt: skip
+                     "" if worst is None else f"{worst.id[:8]} {worst.reason}"))  # fmt: skip
     table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
     verdicts = [cell.verdict for cell in cells]
     print(", ".join(f"{verdicts.count(v)} {v}" for v in (SHOWN, BROKEN, NOT_SHOWN)))
-    surprises = [run for cell in cells for run in cell.surprises]
+    surprises = sum(cell.surprises.count for cell in cells)
     if surprises:
-        print(f"{len(surprises)} runs pass where the cases say that a failure is known")
+        print(f"{surprises} runs pass where the cases say that a failure is known")
     for line in told(Counter((run.case, run.why_dear) for run in session.plan.runs() if run.why_dear)):
         print(line)
     if session.plan.shadow:

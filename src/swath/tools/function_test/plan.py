@@ -80,10 +80,9 @@ class Plan:
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
             for seed, point in self._points_of(case):
                 at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
-                steering = list(at)[:1] if self.shadow else list(at)
-                for name in steering:
+                for name in self.steering:
                     more, why = self._level_at(case, at[name])
-                    shadows = {other: [*at[other], *more] for other in at if other not in steering}
+                    shadows = {other: [*at[other], *more] for other in at if other not in self.steering}
                     sets = [*at[name], *more]
                     told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
                     told += [[other, contents[other], *shadows[other]] for other in shadows]
@@ -93,15 +92,45 @@ class Plan:
                     )
                     number += 1
 
+    @property
+    def steering(self) -> list[str]:
+        """Candidates that have runs of their own."""
+        return list(self.candidates)[: 1 if self.shadow else None]
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """How many runs each case has with one candidate."""
+        sizes = {case.name: self.drawn or case.grid_size for case in self.found}
+        if self.points:
+            return dict.fromkeys(sizes, len(self.points))
+        return {case.name: sizes[case.name] * len(self._seeds_of(case)) for case in self.found}
+
+    def about(self, number: int) -> dict[str, Any]:
+        """Case, candidate, point and seed of the run with a number, as a result has them."""
+        steering = self.steering
+        place, which = divmod(number, len(steering))
+        for case in self.found:
+            if place < self.counts[case.name]:
+                seed, point = self._point_of(case, place)
+                return {"case": case.name, "candidate": steering[which], "point": dict(point), "seed": seed}
+            place -= self.counts[case.name]
+        raise IndexError(number)
+
     def _points_of(self, case: Case) -> Iterator[tuple[int, Point]]:
         """Seed and point of the runs of a case with each candidate."""
+        return (self._point_of(case, place) for place in range(self.counts[case.name]))
+
+    def _point_of(self, case: Case, place: int) -> tuple[int, Point]:
+        """Seed and point of one of the runs of a case with each candidate, 0 <= place < its count."""
         if self.points:
-            for seed, point in self.points:  # in the order of the case, which a file does not keep
-                yield seed, {name: point[name] for name in case.file.vary}
-            return
-        points = case.drawn(self.drawn, self.draw_seed) if self.drawn else case.grid()
-        for seed in case.seeds if self.seeds is None else range(1, self.seeds + 1):
-            yield from ((seed, point) for point in points)
+            seed, point = self.points[place]
+            return seed, {name: point[name] for name in case.file.vary}  # a file keeps no order
+        of_seed, number = divmod(place, self.drawn or case.grid_size)
+        seed = self._seeds_of(case)[of_seed]
+        return seed, case.drawn_point(number, self.draw_seed) if self.drawn else case.grid_point(number)
+
+    def _seeds_of(self, case: Case) -> Sequence[int]:
+        return case.seeds if self.seeds is None else range(1, self.seeds + 1)
 
     def _level_at(self, case: Case, sets: Sequence[str]) -> tuple[list[str], str]:
         """Changes for the level at which a run is judged, and why that is the dear one, if so."""
@@ -117,7 +146,7 @@ class Plan:
         for case in self.found:
             for name, sets in self.candidates.items():
                 try:
-                    point = (case.drawn(1, self.draw_seed) if self.drawn else case.grid())[0]
+                    point = self._point_of(case, 0)[1]
                     load_scenario(case.scenario, sets=[*case.sets(point), *self.sets, *sets])
                 except InputError as error:
                     where = f"{case.name}, candidate {name}: {error.key}"
