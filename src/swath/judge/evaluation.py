@@ -72,6 +72,11 @@ class Evaluation:
             self._show_windows(slot, t, outputs)
 
     @property
+    def reads_tracks(self) -> bool:
+        """Whether a limit is on a column of the tracks."""
+        return any(e.limit.hold is not None for e in self.expect)
+
+    @property
     def shared(self) -> dict[str, Any]:
         """What evaluators refer to and a saved state leaves out, by name."""
         found: dict[str, Any] = {}

@@ -174,6 +174,7 @@ class _Running:
     ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
         recorded = world.recorded(is_drawn=out is not None)
+        detail = "none" if out is None else world.scenario.run.record
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)
@@ -181,10 +182,13 @@ class _Running:
             out or Path(),
             list(recorded.values()),
             extra={name: self.evaluation.columns(name) for name in recorded},
-            detail="none" if out is None else world.scenario.run.record,
+            detail=detail,
             scenario="" if out is None else world.scenario.resolved(),
         )
-        self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
+        self.observers: list[Observer] = [self.digest, self.evaluation]
+        self.has_tracks = detail != "none" or bool(hooks) or self.evaluation.reads_tracks
+        if self.has_tracks:
+            self.observers.append(self.recorder)
         self.start: Start | None = None
         self._saved_s, self._done = 0.0, 0  # time of the save it goes on from, events before
 
@@ -244,7 +248,7 @@ class _Running:
                 "machine": _machines(world),
             },
             self.evaluation,
-            {name: tracks.arrays() for name, tracks in self.recorder.tracks.items()},
+            {n: t.arrays() for n, t in self.recorder.tracks.items()} if self.has_tracks else {},
             sensors={name: machine.coverage() for name, machine in world.machines.items()},
             simulated_s=world.graph.t / NS,
             wall_s=wall_s,

@@ -69,12 +69,14 @@ class Found:
     """The edge of a block. beside [m] of the frame, variance [m2]; gain [nat] over "all crop" and "no crop"
 
     lead [nat]: of the best place anywhere over the best one within the gate
+    blank: width of the strip about the edge in which no ray says anything [m]
     """
 
     beside: float
     variance: float
     gain: float
     lead: float
+    blank: float
 
 
 def find_edge(block: Block, ratios: F64, gate: float) -> Found:
@@ -89,7 +91,16 @@ def find_edge(block: Block, ratios: F64, gate: float) -> Found:
     chance /= chance.sum()
     mean = float((chance * place[near]).sum())
     variance = float((chance * (place[near] - mean) ** 2).sum())
-    return Found(mean, variance + FINEST**2, best, float(gain.max()) - best)
+    return Found(mean, variance + FINEST**2, best, float(gain.max()) - best, _blank(block.counts, mean))
+
+
+def _blank(counts: F64, edge: float) -> float:
+    """Width of the strip about an edge [m] in which there are no counts (PLACES, CLASSES)."""
+    filled = np.flatnonzero(counts.any(axis=1))
+    above = int(np.searchsorted(EDGES[filled], edge))
+    first = float(EDGES[filled[above]]) if above < len(filled) else HALF
+    last = float(EDGES[filled[above - 1]]) + CELL if above else -HALF
+    return max(first - last, 0.0)
 
 
 def split(block: Block, expected: float, spread: float) -> tuple[float, float, F64, F64]:
