@@ -11,8 +11,7 @@ from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, 
 from swath.field.habits import find_habit
 
 ALIKE = 0.6  # share of equal numbers that makes a data sheet a copy of another; wheat and barley share 0.42
-MOST = 32  # crops that are kept
-_KEPT: dict[tuple[Path, int, int], Crop] = {}  # by file, its time and size
+_KEPT: dict[tuple[Path, int, int], Crop] = {}  # bundled ones by file, its time and size
 
 
 def load_crop(name: str, base: Path | None = None) -> Crop:
@@ -22,15 +21,12 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     what a crop can be.
     """
     path = find_sheet("crops", name, base)
+    if name.endswith((".yaml", ".yml")):  # a user's own, which may rest on other files
+        return _read(read_sheet("crops", name, base))
     stamp = path, path.stat().st_mtime_ns, path.stat().st_size
-    if stamp in _KEPT:
-        return _KEPT[stamp]
-    crop = _read(read_sheet("crops", name, base))
-    if crop.habit.complete is None:  # else it rests on other files, too
-        while len(_KEPT) >= MOST:
-            _KEPT.pop(next(iter(_KEPT)))
-        _KEPT[stamp] = crop
-    return crop
+    if stamp not in _KEPT:
+        _KEPT[stamp] = _read(read_sheet("crops", name, base))
+    return _KEPT[stamp]
 
 
 def _read(sheet: Sheet) -> Crop:
