@@ -8,8 +8,9 @@
     changes.set(t, "obstacles.walker", "{kind: person, x_m: 9, y_m: 3, path: {to: [[9, -3]]}}")
 
 Keys and values are those of `--set`. Each change takes effect before the tick at t; what was done is kept in
-`events` and does the same again through `Script`. Of code that is not swath's only that comes in which the
-scenario names, or who started the run: a change may be somebody else's, over ROS 2 or in a recording.
+`events` and does the same again through `Script`. Of code that is not swath's, and of files that are read,
+only those come in which the scenario names, or who started the run: a change may be somebody else's, over
+ROS 2 or in a recording.
 """
 
 import dataclasses
@@ -24,12 +25,14 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import file_of, only_code
 from swath.core.schedule import NS
 from swath.documents.json_file import read_json
+from swath.documents.yaml_document import parse_value
 from swath.field.memory_layout import Solids
 from swath.field.obstacles import things_of
 from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
 from swath.scenario.code import code_of
+from swath.scenario.named_files import files_of, folder_of, named_files
 from swath.scenario.resolved import SlotChoice
 from swath.scenario.scenario import Scenario, parse_scenario
 
@@ -45,12 +48,15 @@ class Interventions:
     """Changes a world, and keeps a list of what was changed.
 
     events: per change the simulated time `t_s`, the key `set` and its new `value`, None where it was removed
-    allow: code that may be set beside what the scenario names, files or `file.py:Class`
+    allow: what may be set beside what the scenario names: code, files or `file.py:Class`, and files that are
+    read, or folders with them
     """
 
     def __init__(self, world: World, allow: Iterable[str] = ()) -> None:
         self.world = world
-        self._code = (*code_of(world.scenario), *(file_of(text) for text in allow))
+        allowed = [file_of(text) for text in allow]
+        self._code = (*code_of(world.scenario), *allowed)
+        self._files = files_of(world.scenario) | set(allowed)
         self.events: list[dict[str, Any]] = []
         self._fixed = {str(i): o for i, o in enumerate(world.scenario.field.obstacles)}
         self._added: dict[str, Any] = {}
@@ -63,6 +69,7 @@ class Interventions:
     def set(self, t: int, key: str, value: Any) -> None:
         """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""
         first, _, rest = key.partition(".")
+        self._need_known_files(key, value)
         with only_code(self._code):
             if first == OBSTACLES and rest:
                 self._set_obstacle(t, rest, value)
@@ -72,8 +79,18 @@ class Interventions:
 
     def check(self, key: str, value: Any) -> None:
         """What `set` finds wrong by reading alone. SwathError."""
+        self._need_known_files(key, value)
         with only_code(self._code):
             after_change(self._now, key, value)
+
+    def _need_known_files(self, key: str, value: Any) -> None:
+        """InputError where a change would read a file that neither the scenario nor `allow` names."""
+        given = parse_value(_text(value), key)
+        found = named_files(given, folder_of(self.world.scenario))
+        new = sorted(f for f in found if not any(f == k or k in f.parents for k in self._files))
+        if new:
+            expected = f"expected no file but those that the scenario or --allow names, not {new[0]}"
+            raise InputError(key, value, expected)
 
     def values(self) -> dict[str, Any]:
         """What can be set, and how it stands: plain numbers, texts, truths and lists of one kind."""

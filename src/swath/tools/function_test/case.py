@@ -214,6 +214,11 @@ def _paths(source: str) -> list[Path]:
     if source in bundled:
         return [bundled[source]]
     path = Path(source)
+    if path.suffix == ".py":
+        how = f"swath test run bend --set combine.edge.level={source}:Class --out DIR"
+        raise InputError(
+            "cases", source, f"expected cases; a part of your own goes into them by --set: {how}"
+        )
     if path.is_dir():
         found = sorted(path.glob("*.yaml"))
         if not found:
