@@ -12,11 +12,15 @@ import multiprocessing as mp
 import resource
 import tempfile
 import time
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from swath.runtime.kept import KeptFields
 from swath.tools.function_test.command import finish
-from swath.tools.function_test.plan import Plan
+from swath.tools.function_test.one_run import no_result
+from swath.tools.function_test.plan import Plan, PlannedRun
+from swath.tools.function_test.pool import run_all
 from swath.tools.function_test.session import begin, open_session
 
 CASE = """
@@ -30,6 +34,7 @@ vary:
 seeds: SEEDS
 expect: {lateral_p95_m: {max: 0.1}, edge_rmse_m: {max: 0.05}, distance_m: {min: 1}}
 """
+ENGINE_RUNS = 1000
 METRICS = [f"metric_{n}" for n in range(45)]  # beside those with a limit, as a run has
 
 
@@ -71,6 +76,32 @@ def resume(folder: Path) -> str:
     return f"{sum(1 for _ in open_session(folder / 'out').left())} runs left"
 
 
+def engine(folder: Path) -> str:
+    """Runs that take no time, on two processes: what is left is the engine's."""
+    runs = list(islice(open_session(folder / "out").plan.runs(), ENGINE_RUNS))
+
+    def cpu() -> float:
+        return sum(usage.ru_utime + usage.ru_stime for usage in
+                   map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))  # fmt: skip
+
+    spent = []
+    for count in (2, len(runs)):  # what it takes to start two processes
+        before = cpu()
+        run_all(runs[:count], folder / f"engine-{count}", 2, lambda result: None, work=nothing)
+        spent.append(cpu() - before)
+    return f"{1000.0 * (spent[1] - spent[0]) / len(runs):.2f} ms of CPU a run, journal and hand-over"
+
+
+def nothing(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
+    """A result as long as one is."""
+    return {
+        **no_result(run, ""),
+        "verdict": "pass",
+        "metrics": dict.fromkeys(METRICS, 1.0 / 3.0),
+        "digest": run.id,
+    }
+
+
 def report(folder: Path) -> str:
     """Table, page, JUnit file."""
     finish(folder / "out", open_session(folder / "out"), again=True)
@@ -93,7 +124,7 @@ def measure(rows: int, candidates: int) -> None:
         (folder / "many.yaml").write_text(text, encoding="utf-8")
         for number in range(candidates):
             (folder / f"candidate-{number}").touch()
-        for step in (plan, fill, resume, report):
+        for step in (plan, engine, fill, resume, report):
             ours, theirs = mp.get_context("spawn").Pipe()
             process = mp.get_context("spawn").Process(target=_measured, args=(theirs, step, folder))
             process.start()

@@ -82,6 +82,8 @@ def test_a_part_of_somebody_else_fills_a_slot():
         "ground",
         "station",
         "pose",
+        "path",
+        "job",
     }
     assert all(p.optional for p in part.setup.inputs)
     ticks = []

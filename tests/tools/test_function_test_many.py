@@ -2,12 +2,14 @@
 
 import hashlib
 import json
+import shutil
 import tracemalloc
 from math import fsum
 
 import pyarrow.parquet as pq
 import pytest
 
+from swath.commands.main import main
 from swath.tools.function_test.case import read_case
 from swath.tools.function_test.cells import DRAWN_MAX, POINTS_MAX, cells_of
 from swath.tools.function_test.journal import Journal
@@ -108,3 +110,39 @@ def test_the_table_is_in_the_order_of_names(case, tmp_path):
     assert [row["id"] for row in rows] == [run.id for run in expected]
     assert [json.loads(row["point"]) for row in rows] == [run.point for run in expected]
     assert [round(100 * row["metric.lateral_p95_m"]) for row in rows] == [runs.index(run) for run in expected]
+
+
+def test_other_limits_judge_what_is_stored(case, tmp_path, capsys):
+    """The limits belong to the names of the runs, and yet a report with new ones finds them."""
+    out, file = tmp_path / "out", tmp_path / "drives.yaml"
+    session = begin(out, Plan(str(file)))
+    journal = Journal(session.journals, "made")
+    for run in session.plan.runs():
+        journal.add({**result(run.seed, 0.05, dict(run.point)), "id": run.id})
+    journal.close()
+    assert main(["test", "report", str(out)]) == 3
+    assert "30 of 30 passed" in capsys.readouterr().out
+    file.write_text(CASE.replace("{max: 0.1}", "{max: 0.04}"), encoding="utf-8")
+    assert main(["test", "report", str(out)]) == 1
+    said = capsys.readouterr().out
+    assert "0 of 30 passed, shows <= 9.5 %; 95 % is asked" in said
+    assert f"swath test again {out} " in said
+    assert sum(1 for _ in begin(out, Plan(str(file))).left()) == 30  # done again by `run`, in the same folder
+
+
+def test_files_of_a_case_are_beside_it(case, tmp_path, monkeypatch):
+    """As those of candidates: whatever folder the command is given in."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    shutil.copy("examples/my_evaluator.py", folder)
+    added = "set: {evaluators: [my_evaluator.py:SteeringReversals]}\n"
+    (folder / "drives.yaml").write_text(CASE + added, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    plan = Plan(str(folder / "drives.yaml"))
+    plan.check()
+    before = [run.id for run in plan.runs()]
+    monkeypatch.chdir(folder)
+    assert before == [run.id for run in Plan(str(folder / "drives.yaml")).runs()]
+    with (folder / "my_evaluator.py").open("a", encoding="utf-8") as file:
+        file.write("# changed\n")
+    assert not set(before) & {run.id for run in Plan(str(folder / "drives.yaml")).runs()}

@@ -187,3 +187,12 @@ def test_folders_of_branches_have_numbers(tmp_path):
     first.mkdir()
     assert first.name == "demo-branch"
     assert branch_folder(first).name == branch_folder(tmp_path / "demo").name == "demo-branch-2"
+
+
+def test_the_command_leaves_out_the_replay_where_that_is_wanted(saved, tmp_path, capsys):
+    from swath.commands.main import main
+
+    more = ["--at", "1.2", "--set", "combine.speed.speed_kmh=5", "--quiet"]
+    main(["branch", str(saved), *more, "--no-replay", "--out", str(tmp_path / "branch")])
+    assert (tmp_path / "branch" / "report.html").is_file()
+    assert not (tmp_path / "branch" / "replay.html").exists()

@@ -70,9 +70,8 @@ class Pose:
 
     def euler(self) -> tuple[float, float, float]:
         """(roll, pitch, yaw) [rad]."""
-        r = self.rotation
-        pitch = -asin(min(max(r[2, 0], -1.0), 1.0))
-        return atan2(r[2, 1], r[2, 2]), pitch, atan2(r[1, 0], r[0, 0])
+        (a, _, _), (b, _, _), (c, d, e) = self.numbers[1]
+        return atan2(d, e), -asin(min(max(c, -1.0), 1.0)), atan2(b, a)
 
     def quaternion(self) -> tuple[float, float, float, float]:
         """(x, y, z, w), the order of ROS messages."""

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
+from swath.documents.data_sheets import Sheet, find_sheet, read_sheet, sheet_names
 from swath.documents.sheet_fields import Entry, entries
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
 from swath.field.habits import find_habit
 
 ALIKE = 0.6  # share of equal numbers that makes a data sheet a copy of another; wheat and barley share 0.42
+_KEPT: dict[tuple[Path, int, int], Crop] = {}  # bundled ones by file, its time and size
 
 
 def load_crop(name: str, base: Path | None = None) -> Crop:
@@ -19,7 +20,16 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     Raises InputError that names key, file and line when a number is missing, has no source or lies outside
     what a crop can be.
     """
-    sheet = read_sheet("crops", name, base)
+    path = find_sheet("crops", name, base)
+    if name.endswith((".yaml", ".yml")):  # a user's own, which may rest on other files
+        return _read(read_sheet("crops", name, base))
+    stamp = path, path.stat().st_mtime_ns, path.stat().st_size
+    if stamp not in _KEPT:
+        _KEPT[stamp] = _read(read_sheet("crops", name, base))
+    return _KEPT[stamp]
+
+
+def _read(sheet: Sheet) -> Crop:
     habit = find_habit(sheet)
     there = {key: kind for key, kind in habit.organs.items() if key not in habit.optional or key in sheet}
     sections: dict[str, type] = {"stand": habit.stand, "yield": habit.yields, **there}

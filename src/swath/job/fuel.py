@@ -6,7 +6,7 @@ running engine; both are estimates.
 """
 
 from swath.job.states import CartState, CombineState
-from swath.machine.machine_sheet import dynamics_of
+from swath.machine.machine_sheet import MachineSheet, dynamics_of
 from swath.machine.powertrain.power_balance import fuel_rate, powers, propulsion_power
 from swath.machine.tyre import GRAVITY
 from swath.signals import MachineLoad
@@ -41,8 +41,12 @@ def combine_fuel(c: CombineState, cutting: float) -> float:
 
 def tractor_fuel(k: CartState) -> float:
     """Of a tractor with its cart."""
-    dynamics = dynamics_of(k.spec.sheet)
-    trailer = k.spec.sheet.trailer
-    mass = dynamics.mass + k.grain + (trailer.empty if trailer else 0.0)
-    power = dynamics.rolling_resistance * mass * GRAVITY * max(k.speed, 0.0) / TRACTOR_EFFICIENCY
+    return fuel_of_tractor(k.spec.sheet, k.grain, k.speed)
+
+
+def fuel_of_tractor(sheet: MachineSheet, grain: float, speed: float) -> float:
+    """Of a tractor whose cart holds so much grain [kg], at a speed [m/s]."""
+    dynamics, trailer = dynamics_of(sheet), sheet.trailer
+    mass = dynamics.mass + grain + (trailer.empty if trailer else 0.0)
+    power = dynamics.rolling_resistance * mass * GRAVITY * max(speed, 0.0) / TRACTOR_EFFICIENCY
     return TRACTOR_IDLE + TRACTOR_PER_WORK * power

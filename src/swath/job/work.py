@@ -109,7 +109,7 @@ def work_off(file: FleetFile, base: Path | None = None, level: str = "events") -
 def motion_of(level: str) -> Motion:
     """The motion of a level by its name."""
     if level not in LEVELS:
-        raise InputError("--level", level, f"expected one of {', '.join(LEVELS)}")
+        raise InputError("--level", level, f"expected one of {', '.join(LEVELS)}, sensors")
     return LEVELS[level]()
 
 

@@ -43,7 +43,8 @@ class BodyCaster:
         divergence: float,
         pitch: float = PITCH,
     ) -> None:
-        self.field, self.scene = field, LiveScene(field, "cpu", top_room=TOP_ROOM + 1e-3)
+        self.field = field
+        self.scene = LiveScene(field, "cpu", top_room=TOP_ROOM + 1e-3, has_plants=False)
         self.table, self.beams, self.line_count = table, beams, line_count
         self._apart = np.zeros(len(beams.score), np.float32)
         self._apart[: beams.count] = apart

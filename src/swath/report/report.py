@@ -18,6 +18,7 @@ from swath.record.messages import RecordedMachine
 from swath.report import page, plots
 from swath.report.pictures import KeptPicture, PictureSampler, pictures_figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
+from swath.report.silhouette import silhouette
 from swath.report.stand3d import Stand, stand_figure
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
@@ -247,8 +248,10 @@ def _map(data: ReportData, picture: FieldMap) -> page.Figure:
 
 
 def _outline(own: MachineReport) -> F64:
-    """The machine at the end of the run, seen from above: header, where it has one, and body."""
+    """The machine at the end of the run, seen from above: its own shape, or header and body of its sheet."""
     g = own.machine.geometry
+    if len(own.machine.triangles):
+        return np.array([_way(own.tracks, x, y)[-1] for x, y in silhouette(own.machine.triangles)])
     rear, front, half = g.body[0], g.body[1], g.body[2]
     corners = [(front, -half), (rear, -half), (rear, half), (front, half)]
     if own.path is not None:

@@ -7,6 +7,7 @@ gives it; a scenario's `wires:` override them. Which slots a machine has unasked
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 from swath.core.component import Port
 from swath.core.registry import Registry
@@ -21,12 +22,15 @@ from swath.signals import (
     FieldMap,
     Fix,
     GroundSpeed,
+    GuidancePath,
     GuidanceState,
+    HeaderCommand,
     HeaderState,
     HeapState,
     Image,
     ImageBoxes,
     Inertial,
+    JobState,
     LossReading,
     MachineLoad,
     MachineState,
@@ -52,6 +56,9 @@ _STATE = {"state": ("motion", "state")}
 PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
 _BOX = {f"peer_{n}": (PEER + k, n) for k, n in (("motion", "state"), ("motion", "trailer"), ("heap", "heap"))}
 
+_sensor = partial(SlotKind, is_plural=True, is_exchangeable=True)
+_of_control = partial(_sensor, is_control=True)
+
 SLOTS: tuple[SlotKind, ...] = (
     SlotKind(
         "motion",
@@ -75,7 +82,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "fixed_height",
         50.0,
         (Port("flow", CropFlow),),
-        _STATE,
+        {**_STATE, "command": ("job", "header")},
         more=(Port("height", HeaderState),),
     ),
     SlotKind(
@@ -106,7 +113,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "height_map",
         5.0,
         (Port("heap", HeapState),),
-        {"trailer": ("motion", "trailer")},
+        {"trailer": ("motion", "trailer"), "job": ("job", "job")},
     ),
     SlotKind(
         "powertrain",
@@ -116,27 +123,23 @@ SLOTS: tuple[SlotKind, ...] = (
         (Port("engine", EngineState),),
         {**_STATE, "load": ("process", "load")},
     ),
-    SlotKind(
+    _sensor(
         "crop_flow",
         ("swath.sensing.crop_flow",),
         "delayed",
         10.0,
         (Port("feed", FeedReading), Port("grain", YieldReading), Port("loss", LossReading)),
         {"load": ("process", "load")},
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "lidar",
         ("swath.sensing.lidar",),
         "plants",
         25.0,
         (Port("scan", Scan, unit="m", shape=(None,)), Port("truth", ScanTruth)),
         _STATE,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "camera",
         ("swath.sensing.camera",),
         "rays",
@@ -144,60 +147,48 @@ SLOTS: tuple[SlotKind, ...] = (
         (Port("image", Image),),
         _STATE,
         more=(Port("boxes", ImageBoxes),),
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "odometry",
         ("swath.sensing.odometry",),
         "error",
         50.0,
         (Port("odometry", Odometry),),
         {**_STATE, "steering": ("steering", "steering"), "wheels": ("motion", "wheels")},
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "ground_speed",
         ("swath.sensing.ground_speed",),
         "radar",
         10.0,
         (Port("speed", GroundSpeed),),
         _STATE,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "radar",
         ("swath.sensing.radar",),
         "error",
         20.0,
         (Port("targets", RadarTargets),),
         _STATE,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "gnss",
         ("swath.sensing.gnss",),
         "error",
         10.0,
         (Port("fix", Fix),),
         _STATE,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "imu",
         ("swath.sensing.imu",),
         "error",
         100.0,
         (Port("inertial", Inertial),),
         {**_STATE, "engine": ("powertrain", "engine")},
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _of_control(
         "pose",
         ("swath.control.pose",),
         "raw",
@@ -208,9 +199,6 @@ SLOTS: tuple[SlotKind, ...] = (
             "odometry": ("odometry", "odometry"),
             "inertial": ("imu", "inertial"),
         },
-        is_control=True,
-        is_plural=True,
-        is_exchangeable=True,
     ),
     SlotKind(
         "peer_link",
@@ -224,10 +212,11 @@ SLOTS: tuple[SlotKind, ...] = (
             "peer_load": (PEER + "process", "load"),
             "peer_unload": (PEER + "unload", "unload"),
             "peer_station": (PEER + "cooperate", "station"),
+            "peer_job": (PEER + "job", "job"),
         },
         is_exchangeable=True,
     ),
-    SlotKind(
+    _sensor(
         "field_map",
         ("swath.sensing.field_map",),
         "error",
@@ -240,10 +229,8 @@ SLOTS: tuple[SlotKind, ...] = (
             "odometry": ("odometry", "odometry"),
             "grain": ("crop_flow", "grain"),
         },
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _of_control(
         "edge",
         ("swath.control.edge", "swath.sensing.edge"),
         "likelihood_ratio",
@@ -255,11 +242,8 @@ SLOTS: tuple[SlotKind, ...] = (
             "odometry": ("odometry", "odometry"),
             "inertial": ("imu", "inertial"),
         },
-        is_control=True,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _of_control(
         "objects",
         ("swath.control.objects", "swath.sensing.objects"),
         "cluster",
@@ -272,22 +256,16 @@ SLOTS: tuple[SlotKind, ...] = (
             "odometry": ("odometry", "odometry"),
             "edge": ("edge", "edge"),
         },
-        is_control=True,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _of_control(
         "ahead",
         ("swath.control.ahead",),
         "penetration",
         5.0,
         (Port("ahead", CropAhead),),
         {"scan": ("lidar", "scan")},
-        is_control=True,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _of_control(
         "box",
         ("swath.control.box", "swath.sensing.box"),
         "rim",
@@ -300,9 +278,24 @@ SLOTS: tuple[SlotKind, ...] = (
             "odometry": ("odometry", "odometry"),
             **_BOX,
         },
+    ),
+    SlotKind(
+        "job",
+        ("swath.control.job",),
+        "harvest",
+        10.0,
+        (Port("job", JobState), Port("path", GuidancePath)),
+        {
+            "pose": ("pose", "pose"),
+            "odometry": ("odometry", "odometry"),
+            "load": ("process", "load"),
+            "unload": ("unload", "unload"),
+            "heap": ("heap", "heap"),
+            "peer": ("peer_link", "peer"),
+            "station": ("cooperate", "station"),
+        },
+        more=(Port("header", HeaderCommand),),
         is_control=True,
-        is_plural=True,
-        is_exchangeable=True,
     ),
     SlotKind(
         "cooperate",
@@ -318,6 +311,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "unload": ("unload", "unload"),
             "box": ("box", "box"),
             "seen": (PEER + "box", "box"),
+            "job": ("job", "job"),
         },
         more=(Port("station", Station), Port("command", UnloadCommand)),
         is_control=True,
@@ -337,6 +331,8 @@ SLOTS: tuple[SlotKind, ...] = (
             "station": ("cooperate", "station"),
             "ground": ("ground_speed", "speed"),
             "pose": ("pose", "pose"),
+            "path": ("job", "path"),
+            "job": ("job", "job"),
         },
         more=(Port("guidance", GuidanceState),),
         is_control=True,
@@ -359,6 +355,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "objects": ("objects", "objects"),
             "map": ("field_map", "map"),
             "guidance": ("steer", "guidance"),
+            "job": ("job", "job"),
         },
         is_control=True,
         is_exchangeable=True,

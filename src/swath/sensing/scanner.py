@@ -15,6 +15,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.site_setup import SiteSetup
+from swath.rays.sight import Sight
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.noise import Noise
@@ -106,6 +107,11 @@ class Scanner:
         nothing = np.full((len(self.azimuth), self.echo_count), np.nan)
         points = np.full((len(self.azimuth), self.echo_count, 3), np.nan)
         return self.outputs_of(0, nothing, nothing, points, np.full((len(self.azimuth), 3), np.nan))
+
+    def sight(self) -> Sight:
+        """The pages that its beams can get to."""
+        wide, grows = self.sheet.beam.exit_diameter, self.sheet.beam.divergence
+        return Sight(self.setup.field, reach=self.reach, exit_diameter=max(wide), divergence=max(grows))
 
     def axes_at(self, t: int) -> F64:
         """Beam frames of the sweep that ends at t [ns]: where the beams really point."""

@@ -1,6 +1,7 @@
 """Spread tables on disk: `<name>.npz` with the numbers, `<name>.yaml` with source, range and fit quality."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,13 @@ def load_table(name: str, base: Path | None = None) -> SpreadTable:
         have = ", ".join(table_names()) or "none"
         expected = f"expected a .npz file or one of {have}; `swath calibrate lidar` makes one"
         raise InputError("table", name, expected)
+    files = [file.stat() for file in (path, path.with_suffix(".yaml")) if file.is_file()]
+    return _load(path, *((file.st_mtime_ns, file.st_size) for file in files))
+
+
+@lru_cache(maxsize=16)
+def _load(path: Path, *_: tuple[int, int]) -> SpreadTable:
+    """The table of a file; by time and size of it and of what is said about it."""
     return _made(read_arrays(path, "table", "a spread table"), path)
 
 

@@ -34,6 +34,9 @@ from swath.signals.header import CropFlow as CropFlow
 from swath.signals.header import HeaderState as HeaderState
 from swath.signals.image import Image as Image
 from swath.signals.image import ImageBoxes as ImageBoxes
+from swath.signals.job import HeaderCommand as HeaderCommand
+from swath.signals.job import JobState as JobState
+from swath.signals.job import Phase as Phase
 from swath.signals.motion import MachineState as MachineState
 from swath.signals.motion import SteerState as SteerState
 from swath.signals.motion import WheelState as WheelState

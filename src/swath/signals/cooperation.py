@@ -56,6 +56,9 @@ class HeapState(Signal, about=About()):
         ),
     ]  # fmt: skip
     lean: Annotated[float, Quantity("m", "grain at the left wall above that at the right one, mean")] = 0.0
+    emptied: Annotated[
+        float, Quantity("kg", "left the box into a truck since the start", column="heap_emptied_kg")
+    ] = 0.0
 
 
 @frozen
@@ -111,6 +114,11 @@ class PeerState(Signal, about=About()):
     tank_level: Annotated[float, Quantity("", "of its tank, 0..1", nan="no tank")] = _NAN
     is_pouring: Annotated[bool, Quantity("", "grain leaves its pipe")] = False
     is_full: Annotated[bool, Quantity("", "it takes no grain now")] = False
+    phase: Annotated[int, Quantity("", "what it does, as in JobState; -1 = no job")] = -1
+    task: Annotated[int, Quantity("", "number of its pass; -1 = none")] = -1
+    remaining: Annotated[float, Quantity("m", "to the end of its pass", nan="in no pass")] = _NAN
+    may_unload: Annotated[bool, Quantity("", "a cart may drive beside it")] = False
+    calls: Annotated[bool, Quantity("", "it wants a cart")] = False
 
 
 @frozen

@@ -132,6 +132,7 @@ class StationKeeper(KeepsState, ABC):
         self._track.update(now, dt, peer, own)
         if not peer.is_heard or peer.impact_x != peer.impact_x:
             return {"station": self._idle(now)}
+        self._begin_anew(float(inputs["heap"].emptied))
         before = self._spot
         self._box_seen.update(inputs.get("seen"), *self._track.to_peer(*self._middle()))
         heap, is_blind = inputs["heap"], False
@@ -147,6 +148,14 @@ class StationKeeper(KeepsState, ABC):
             self._full_at = now / NS
         shift = (self._spot - before) / h if abs(self._spot - before) < 0.5 * h else 0.0
         return {"station": self._station(now, h, peer, shift, float(heap.lean))}
+
+    def _begin_anew(self, emptied: float) -> None:
+        """Once the box was emptied it is filled from the first place on. emptied: so far [kg]"""
+        if emptied > self._memory.get("emptied", 0.0):
+            self._memory = {"emptied": emptied}
+            self._is_full = self._waits = False
+            self._spot = self._aside = self._integral = 0.0
+            self._box_seen.clear()
 
     def _fold(self, own: Odometry, h: float) -> None:
         """Angle of the trailer against the machine, by rolling without slip."""

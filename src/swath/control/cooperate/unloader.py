@@ -14,7 +14,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
-from swath.signals import BoxSeen, MachineLoad, Odometry, PeerState, UnloadCommand, UnloadState
+from swath.signals import BoxSeen, JobState, MachineLoad, Odometry, PeerState, UnloadCommand, UnloadState
 from swath.signals.setup import ControlSetup
 
 FOLD_AFTER = 4.0  # the pipe swings back so long after the last grain [s]
@@ -47,6 +47,7 @@ class Unloader(KeepsState):
         Port("load", MachineLoad),
         Port("unload", UnloadState),
         Port("box", BoxSeen, optional=True),
+        Port("job", JobState, optional=True),
     )
     outputs = (Port("command", UnloadCommand),)
 
@@ -81,12 +82,14 @@ class Unloader(KeepsState):
         if may_pour:
             self._box_seen.update(inputs.get("box"), *self._track.to_own(peer.box_x, peer.box_y))
         room = self._room(peer, unload, dt / NS) if may_pour else -inf
-        self._pours = self._decide(now / NS, room) and self._wants and self._may_swing
+        job: JobState | None = inputs.get("job")
+        may_swing = self._may_swing and (job is None or job.may_unload)
+        self._pours = self._decide(now / NS, room) and self._wants and may_swing
         near = hypot(self._track.x, self._track.y) <= p.call_m and is_heard
         if unload.flow > 0.0:
             self._poured_at = now / NS
         is_out = self._pours or (self._wants and near) or now / NS - self._poured_at < FOLD_AFTER
-        angle = self._pipe.swing if is_out and self._may_swing else 0.0
+        angle = self._pipe.swing if is_out and may_swing else 0.0
         return {"command": UnloadCommand(now, angle, self._pours)}
 
     def _decide(self, now: float, room: float) -> bool:

@@ -29,6 +29,7 @@ from swath.core.units import PERCENT
 from swath.signals import CropEdge, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
+BEGIN = 3  # blocks: a line through two shows nothing of its own error
 TOLERANCE = 0.10  # m, of the confidence
 FLOOR = 0.018  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
 RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bites, swing
@@ -65,7 +66,7 @@ class Params:
 class LikelihoodRatio(KeepsState):
     """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
 
-    kept = ("_time", "_at", "_blocks", "_ground", "_inclination", "_yaw_rate")
+    kept = ("_time", "_at", "_blocks", "_ground", "_rays", "_inclination", "_yaw_rate")
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
         Port("odometry", Odometry),
@@ -94,6 +95,7 @@ class LikelihoodRatio(KeepsState):
         self._at = (0.0, 0.0, 0.0)  # x, u [m] and heading [rad] in the frame at rest
         self._blocks.clear()
         self._ground.clear()
+        self._rays.clear()
         self._inclination.clear()
         self._yaw_rate.clear()
 
@@ -144,7 +146,8 @@ class LikelihoodRatio(KeepsState):
         age = (now - self._time) / NS
         if self._blocks.track.arc is None or age > LATE:
             return self._no_edge(now)
-        line = self._near(self._moved(speed, yaw_rate, age))
+        has_begun = self._blocks.followed >= BEGIN
+        line = self._near(self._moved(speed, yaw_rate, age)) if has_begun else None
         if line is None or line.gap > self._p.hold_m:
             return self._no_edge(now)
         edge = self._as_edge(now, line)
@@ -169,6 +172,7 @@ class LikelihoodRatio(KeepsState):
         ragged = sqrt(max(0.0, self._blocks.scatter - EVEN**2))
         known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), BENT * edge.bend, FLOOR)
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
+        known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
         if line.seen_to < 0.0 or not isfinite(crop) or not self._shows(line, crop):

@@ -102,12 +102,17 @@ class Populations(KeepsState):
 
     def has_mat(self, counts: F64) -> bool:
         """Other counts (CLASSES,) show crop that lies flat: no canopy, but above the stubble."""
-        lying, stubble = counts[:LAYERS], self.counts[2, :LAYERS]
-        return float(lying.sum()) > FEW and _percentile(lying, 0.5) > _percentile(stubble, 0.5) + MAT
+        return middle_of(counts) > middle_of(self.counts[2]) + MAT
 
     def _first_layer(self) -> int:
         """The lowest layer that is no stubble."""
         return _end_of_peak(np.where(_HEIGHT < STUBBLE_TO, self.counts[2, :LAYERS], 0.0)) + 1
+
+
+def middle_of(counts: F64) -> float:
+    """Median height [m] of the echoes among counts (CLASSES,), nan where they are few."""
+    echoes = counts[:LAYERS]
+    return _percentile(echoes, 0.5) if float(echoes.sum()) > FEW else float("nan")
 
 
 def canopy_height(layers: F64, first: int) -> float:

@@ -22,7 +22,16 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.signals import CropEdge, GuidanceState, Inertial, Odometry, PoseEstimate, SteerCommand
+from swath.signals import (
+    CropEdge,
+    GuidancePath,
+    GuidanceState,
+    Inertial,
+    JobState,
+    Odometry,
+    PoseEstimate,
+    SteerCommand,
+)
 from swath.signals.setup import ControlSetup
 
 APART = 0.5  # between the places that are kept [m]
@@ -36,6 +45,7 @@ class Params:
 
     lost_s: without an edge until the path leads; found_s: with an edge until it leads again
     learn_m: way over which the line driven last is taken, at least half of it has to be driven
+    stray_m: where a job gives the path, the edge leads no farther than so beside it
     """
 
     edge: EdgeParams = field(default_factory=EdgeParams)
@@ -43,30 +53,34 @@ class Params:
     lost_s: Annotated[float, Ge(0), Le(10)] = 0.2
     found_s: Annotated[float, Ge(0), Le(60)] = 0.6
     learn_m: Annotated[float, Gt(2), Le(500)] = 30.0
+    stray_m: Annotated[float, Gt(0), Le(20)] = 1.0
 
 
 class EdgeOrPath(KeepsState):
     """Preview along the edge, and along a path while there is none."""
 
-    kept = ("_edge", "_path", "_is_led", "_lost", "_found", "_places")
+    kept = ("_edge", "_path", "_is_led", "_lost", "_found", "_places", "_has_own", "_is_near")
 
     inputs = (
         Port("edge", CropEdge),
         Port("pose", PoseEstimate),
         Port("odometry", Odometry),
         Port("inertial", Inertial, history=True, optional=True),
+        Port("path", GuidancePath, optional=True),
+        Port("job", JobState, optional=True),
     )
     outputs = (Port("command", SteerCommand), Port("guidance", GuidanceState))
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._p = params
         self._edge, self._path = Preview(params.edge, setup), PathSteer(params.path, setup)
-        self._has_own = self._path.has_line
+        self._has_line = self._path.has_line
         self.overlap = self._edge.overlap
         self._forget()
 
     def _forget(self) -> None:
         self._is_led, self._lost, self._found = False, 0.0, 0.0
+        self._has_own, self._is_near = self._has_line, True
         self._places: deque[tuple[float, float]] = deque(maxlen=max(int(self._p.learn_m / APART), 4))
 
     def reset(self, stream: Stream) -> Outputs:
@@ -80,7 +94,8 @@ class EdgeOrPath(KeepsState):
         """The wanted curvature, valid at t + dt."""
         edge: CropEdge | None = inputs["edge"]
         pose: PoseEstimate | None = inputs.get("pose")
-        is_seen = edge is not None and edge.is_found
+        job: JobState | None = inputs.get("job")
+        is_seen = edge is not None and edge.is_found and (job is None or (job.by_edge and self._is_near))
         self._lost = 0.0 if is_seen else self._lost + dt / NS
         self._found = self._found + dt / NS if is_seen else 0.0
         if not self._is_led and self._lost >= self._p.lost_s:
@@ -90,8 +105,12 @@ class EdgeOrPath(KeepsState):
         if is_seen and not self._is_led and pose is not None:
             self._remember(pose)
         by_edge: dict[str, Any] = self._edge.step(t, dt, inputs)
-        by_path: dict[str, Any] = self._path.step(t, dt, {"pose": pose, "odometry": inputs["odometry"]})
+        by_path: dict[str, Any] = self._path.step(t, dt, inputs)
         guidance: GuidanceState = by_path["guidance"]
+        if job is not None:
+            self._has_own = self._path.has_line
+            off = abs(guidance.lateral)
+            self._is_near = off <= (self._p.stray_m if self._is_near else 0.5 * self._p.stray_m)
         if self._is_led and guidance.is_following:
             command = by_path["command"]
         else:

@@ -7,14 +7,13 @@ line). The draw is an optical depth, so crop adds up along the beam wherever it 
 the side wall at the edge, through gaps. Sweeps are independent of each other.
 """
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from swath.core.component import Outputs, State
+from swath.core.component import Outputs
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -28,7 +27,6 @@ from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, valid_range
 from swath.signals import F64
 
-ENSURE_EVERY = 2.0  # travel after which pages are asked for again [m]
 MOST_SHOWN = 5  # keys in a note
 LODGED = 1 << 8  # flag of the caster: a beam met crop that leans by more than 20 deg
 
@@ -71,22 +69,21 @@ class EmpiricalLidar(ScanningLidar):
             exit_diameter=float(np.mean(beam.exit_diameter)),
             divergence=float(np.mean(beam.divergence)),
         )
+        self.sight = self.scanner.sight()
         self._notes: list[str] = []
         self._clamped = 0
-        self._ensured = (math.inf, math.inf, 0)
 
     def reset(self, stream: Stream) -> Outputs:
         """As every scanner; nothing noted yet."""
         self._notes, self._clamped = [], 0
-        self._ensured = (math.inf, math.inf, 0)
         outputs = super().reset(stream)
         self.rays.reset(stream)
         return outputs
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        self._ensure(origins[len(origins) // 2])
         self.rays.aim(t, origins, rotations)
+        self.sight.ensure(self.rays.beams.origins[: len(origins)], self.rays.beams.directions[: len(origins)])
         clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
         self.ray_count += len(origins)
         self._note(clamped)
@@ -99,19 +96,6 @@ class EmpiricalLidar(ScanningLidar):
         each once."""
         about = [self._about_crop] if self._about_crop else []
         return [*self.scanner.notes, *about, *_unseen(self.setup.field), *self._notes]
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        super().load(state)
-        self._ensured = (math.inf, math.inf, 0)
-
-    def _ensure(self, middle: F64) -> None:
-        """Pages around the sensor, asked for anew after some travel, and when some went out of memory."""
-        field, (x, y) = self.setup.field, middle[:2].tolist()
-        went = field.store.dropped
-        if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY or went != self._ensured[2]:
-            field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)
-            self._ensured = x, y, went
 
     def _note(self, clamped: int) -> None:
         new = clamped & ~self._clamped

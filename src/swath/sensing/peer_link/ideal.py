@@ -12,6 +12,7 @@ from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.signals import (
     HeapState,
+    JobState,
     MachineLoad,
     MachineState,
     PeerState,
@@ -41,6 +42,7 @@ class IdealLink(KeepsState):
         Port("peer_heap", HeapState, optional=True),
         Port("peer_unload", UnloadState, optional=True),
         Port("peer_station", Station, optional=True),
+        Port("peer_job", JobState, optional=True),
     )
     outputs = (Port("peer", PeerState),)
 
@@ -72,7 +74,7 @@ class IdealLink(KeepsState):
             t, True, (t - own.t) / NS, x, y, atan2(sin(heading), cos(heading)), peer.speed, peer.yaw_rate,
             self._acceleration(peer),
         )  # fmt: skip
-        parts: dict[str, Any] = self._box(inputs) | _grain(inputs)
+        parts: dict[str, Any] = self._box(inputs) | _grain(inputs) | _work(inputs)
         return replace(said, **parts)
 
     def _acceleration(self, peer: MachineState) -> float:
@@ -117,6 +119,15 @@ def _grain(inputs: Inputs) -> dict[str, Any]:
     if station is not None:
         said["is_full"] = station.is_full
     return said
+
+
+def _work(inputs: Inputs) -> dict[str, Any]:
+    """Where it is in the work of the field."""
+    job: JobState | None = inputs.get("peer_job")
+    if job is None:
+        return {}
+    told = {"phase": job.phase, "task": job.task, "remaining": job.remaining}
+    return {**told, "may_unload": job.may_unload, "calls": job.calls}
 
 
 LEVEL = Level(

@@ -16,7 +16,7 @@ def add(parsers: Any) -> None:
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
     run.add_argument("--out", type=Path, metavar="DIR", help="write report.html, picture and results.json")
     add_sets(run, "change one key")
-    run.add_argument("--level", default="events", metavar="L", help="events (default) or kinematic")
+    run.add_argument("--level", default="events", metavar="L", help="events (default), kinematic or sensors")
     run.set_defaults(run=run_job)
     jobs = verbs.add_parser("list", help="list the bundled jobs")
     jobs.set_defaults(run=run_list)
@@ -38,14 +38,13 @@ _DESCRIPTION = (
 def run_job(args: argparse.Namespace) -> int:
     """Run a job, print its tables, write its report."""
     from swath.job.fleet import base_of, read_fleet
-    from swath.job.work import work_off
     from swath.terminal.tables import table, wide_console
     from swath.tools.fleet.page import check_target, machine_rows, result_rows, write_result
 
     file, document = read_fleet(args.job, tuple(args.sets))
     if args.out is not None:
         check_target(args.out)
-    result = work_off(file, base_of(document), args.level)
+    result = _result(file, base_of(document), args)
     table(f"{file.name}: {file.summary}", ("", "", ""), result_rows(result))
     head, rows = machine_rows(result)
     table("minutes of each machine", head, rows)
@@ -56,6 +55,17 @@ def run_job(args: argparse.Namespace) -> int:
         write_result(result, args.out)
         console.print(f"written: {args.out}/report.html", markup=False)
     return 0
+
+
+def _result(file: Any, base: Path | None, args: argparse.Namespace) -> Any:
+    """At one of the levels; with sensors the run has its own folder."""
+    from swath.job.work import work_off
+
+    if args.level != "sensors":
+        return work_off(file, base, args.level)
+    from swath.tools.fleet.whole import with_sensors
+
+    return with_sensors(file, base, None if args.out is None else args.out / "run")[0]
 
 
 def run_list(args: argparse.Namespace) -> int:

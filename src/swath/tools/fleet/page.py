@@ -12,7 +12,7 @@ from swath.report.html import write_page
 from swath.report.plots import as_image
 from swath.tools.fleet.picture import draw
 
-FILES = ("results.json", "job.png", "report.html")
+FILES = ("results.json", "job.png", "report.html", "run")
 
 
 def check_target(out: Path) -> None:

@@ -7,6 +7,7 @@ a platform and an expected result.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.resources import files
 from math import prod
 from pathlib import Path
@@ -21,6 +22,7 @@ from swath.documents.hints import near_miss
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, read_document
 from swath.scenario.sections import Bounds
+from swath.tools.function_test.files import from_beside
 
 FORMAT = "swath test case 1"
 MOST_RUNS = 1_000_000
@@ -136,10 +138,17 @@ class Case:
         """The first points at random."""
         return [self.drawn_point(number, seed) for number in range(count)]
 
-    def sets(self, point: Point) -> list[str]:
-        """Changes of the scenario at a point, as after `--set`."""
-        fixed = {**self.file.set, "expect": self.file.expect}
-        varied = {self.file.vary[name].key: value for name, value in point.items()}
+    @cached_property
+    def fixed(self) -> dict[str, Any]:
+        """Keys and values of the scenario at every point; files beside the case by their absolute paths."""
+        folder = (self.document.file or Path()).parent
+        return {key: from_beside(value, folder) for key, value in self.file.set.items()}
+
+    def sets(self, point: Point, expect: Mapping[str, Any] | None = None) -> list[str]:
+        """Changes of the scenario at a point, as after `--set`. expect: instead of the case's own limits"""
+        folder = (self.document.file or Path()).parent
+        fixed = {**self.fixed, "expect": self.file.expect if expect is None else expect}
+        varied = {self.file.vary[name].key: from_beside(value, folder) for name, value in point.items()}
         return [f"{key}={json.dumps(value)}" for key, value in {**fixed, **varied}.items()]
 
     def known(self, point: Point) -> str:
@@ -205,6 +214,11 @@ def _paths(source: str) -> list[Path]:
     if source in bundled:
         return [bundled[source]]
     path = Path(source)
+    if path.suffix == ".py":
+        how = f"swath test run bend --set combine.edge.level={source}:Class --out DIR"
+        raise InputError(
+            "cases", source, f"expected cases; a part of your own goes into them by --set: {how}"
+        )
     if path.is_dir():
         found = sorted(path.glob("*.yaml"))
         if not found:

@@ -52,6 +52,8 @@ class Plan:
     level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits
     points: (seed, point) of each run instead of all points with all seeds, as a search chose them
     code: hash of the code that its results come from, "" = this
+    expects: limits of the cases when the plan was made, by case: they belong to the names of the runs; others
+    = as the cases have them now
     """
 
     cases: str
@@ -65,6 +67,7 @@ class Plan:
     level: str = ""
     points: tuple[tuple[int, Point], ...] = ()
     code: str = ""
+    expects: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def found(self) -> list[Case]:
@@ -79,7 +82,8 @@ class Plan:
             changed = {name: [*self.sets, *sets] for name, sets in self.candidates.items()}
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
             for seed, point in self._points_of(case):
-                at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
+                own = case.sets(point, self.expects.get(case.name))
+                at = {name: [*own, *sets] for name, sets in changed.items()}
                 for name in self.steering:
                     more, why = self._level_at(case, at[name])
                     shadows = {other: [*at[other], *more] for other in at if other not in self.steering}
@@ -152,13 +156,19 @@ class Plan:
                     where = f"{case.name}, candidate {name}: {error.key}"
                     raise InputError(where, error.value, error.expected, file=case.document.file) from error
 
-    def plain(self) -> dict[str, Any]:
-        """As it stands in plan.json, with the code that it was made with."""
-        return {"format": "swath test plan 1", **asdict(self), "code": self.code or code_hash()}
+    @property
+    def text(self) -> str:
+        """As it stands in plan.json, with the code that it was made with. The candidates keep their order, of
+        which the first one may steer.
+        """
+        expects = {case.name: self.expects.get(case.name, case.file.expect) for case in self.found}
+        plain = {"format": "swath test plan 1", **asdict(self), "expects": expects}
+        plain["code"] = self.code or code_hash()
+        return json.dumps(plain, indent=2) + "\n"
 
 
 def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
-    """The plan that `plain` gave. same_code: InputError where it was made with other code"""
+    """The plan that `text` says. same_code: InputError where it was made with other code"""
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
@@ -182,7 +192,7 @@ def code_hash() -> str:
 
 def _base(case: Case, code: str) -> str:
     """Hash of a case's scenario and of what it names."""
-    fixed = [f"{key}={json.dumps(value)}" for key, value in case.file.set.items()]
+    fixed = [f"{key}={json.dumps(value)}" for key, value in case.fixed.items()]
     try:
         scenario = load_scenario(case.scenario, sets=fixed)
     except InputError as error:

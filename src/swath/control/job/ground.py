@@ -1,0 +1,82 @@
+"""Where a machine can drive in a field that is being cut: outside of it, and where the crop is gone."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import ceil, cos, hypot, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+Mask = NDArray[np.bool_]
+Point = tuple[float, float]
+FINEST = 0.5  # side of the cells [m]
+MOST_CELLS = 400  # along a side of a square field
+AROUND = 30.0  # how far beyond the boundary one can drive [m]
+
+
+class Ground:
+    """Cells that are not driven on: standing crop. boundary: ring of the field [m]"""
+
+    def __init__(self, boundary: Sequence[Point]) -> None:
+        ring = np.asarray(boundary, dtype=float)
+        west, south = (ring.min(axis=0) - AROUND).tolist()
+        east, north = (ring.max(axis=0) + AROUND).tolist()
+        self.cell = max(FINEST, max(east - west, north - south) / MOST_CELLS)
+        self.west, self.south = west, south
+        nx, ny = ceil((east - west) / self.cell), ceil((north - south) / self.cell)
+        self.x = west + (np.arange(nx) + 0.5) * self.cell
+        self.y = south + (np.arange(ny) + 0.5) * self.cell
+        self.crop = inside(ring, self.x, self.y)
+
+    def cut(self, line: Sequence[Point], width: float, length: float | None = None) -> None:
+        """The crop along a line is gone. width: of the header; length: how much of the line [m]"""
+        left = np.inf if length is None else length
+        for (ax, ay), (bx, by) in pairwise(line):
+            size = hypot(bx - ax, by - ay)
+            ux, uy = (bx - ax) / size, (by - ay) / size
+            dx, dy = self.x[:, None] - ax, self.y[None, :] - ay
+            along, across = ux * dx + uy * dy, ux * dy - uy * dx
+            on = (along >= -0.5) & (along <= min(size, left)) & (np.abs(across) <= 0.5 * width)
+            self.crop &= ~on
+            left -= size
+            if left <= 0.0:
+                return
+
+    def clear_of(self, radius: float, discs: Sequence[tuple[float, float, float]] = ()) -> Mask:
+        """Cells that crop and discs (x, y, radius) are nearer to than a radius [m]."""
+        reach = ceil(radius / self.cell)
+        blocked = np.zeros_like(self.crop)
+        nx, ny = self.crop.shape
+        for i in range(-reach, reach + 1):
+            for j in range(-reach, reach + 1):
+                if hypot(i, j) * self.cell <= radius:
+                    to_x, from_x = slice(max(i, 0), nx + min(i, 0)), slice(max(-i, 0), nx + min(-i, 0))
+                    to_y, from_y = slice(max(j, 0), ny + min(j, 0)), slice(max(-j, 0), ny + min(-j, 0))
+                    blocked[to_x, to_y] |= self.crop[from_x, from_y]
+        for x, y, size in discs:
+            away = np.hypot(self.x[:, None] - x, self.y[None, :] - y)
+            blocked |= away < size + radius
+        return blocked
+
+    def is_in(self, mask: Mask, x: float, y: float) -> bool:
+        """True in a cell of a mask, and beyond the cells."""
+        i, j = int((x - self.west) // self.cell), int((y - self.south) // self.cell)
+        return not (0 <= i < mask.shape[0] and 0 <= j < mask.shape[1]) or bool(mask[i, j])
+
+
+def inside(ring: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> Mask:
+    """Which of a grid of points lie in a ring (n, 2), by the number of sides that a ray east crosses."""
+    found = np.zeros((len(x), len(y)), dtype=bool)
+    for (ax, ay), (bx, by) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        if ay == by:
+            continue
+        between = (y >= min(ay, by)) & (y < max(ay, by))
+        at = ax + (y - ay) * (bx - ax) / (by - ay)
+        found ^= between[None, :] & (x[:, None] < at[None, :])
+    return found
+
+
+def beside(x: float, y: float, heading: float, ahead: float, left: float) -> Point:
+    """A point ahead of and to the left of a place [m]."""
+    c, s = cos(heading), sin(heading)
+    return x + c * ahead - s * left, y + s * ahead + c * left

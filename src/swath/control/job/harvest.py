@@ -1,0 +1,208 @@
+"""Job level `harvest`: pass after pass with its turns; stands with a full tank, calls a cart."""
+
+from dataclasses import dataclass
+from math import isfinite, nan, sqrt
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, MinLen
+
+from swath.control.job.passes import Pass, Route, route_of
+from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.errors import InputError
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.core.units import KMH, PERCENT
+from swath.signals import (
+    GuidancePath,
+    HeaderCommand,
+    JobState,
+    MachineLoad,
+    Odometry,
+    PeerState,
+    Phase,
+    PoseEstimate,
+    UnloadState,
+)
+from swath.signals.setup import ControlSetup
+
+BRAKE = 0.4  # m/s2, gentler than the drive can
+EMPTY = 0.004  # of the tank
+AT_END = -0.3  # m to go, at which the header is out of the crop
+CRAWL = 0.2  # m/s, slowest towards the end of a pass
+TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
+WITHIN = 15.0  # m about the machine, ahead and to the sides: a cart there keeps it from turning
+BEHIND = 12.0  # m, a cart so far behind is out of its way
+
+
+@dataclass(frozen=True)
+class Params:
+    """passes: in the order of working; turn_speed_kmh: between them; turn_radius_m: of turns not given
+    lower_m, raise_m: way before the crop on which the header goes down, behind it on which it goes up
+    edge_from_m, edge_to_m: way in the pass from which, and before its end up to which, the crop edge may lead
+    call_percent: of the tank, from which a cart is called; full_percent: at which the machine stands
+    unload_to_m: before the end of a pass, where a load is broken off that would take longer than finish_s
+    standing there
+    """
+
+    passes: Annotated[tuple[Pass, ...], MinLen(1)]
+    turn_speed_kmh: Annotated[float, Gt(0), Le(20)] = 7.0
+    turn_radius_m: Annotated[float, Gt(3), Le(50)] = 7.0
+    lower_m: Annotated[float, Ge(0), Le(20)] = 3.0
+    raise_m: Annotated[float, Ge(0), Le(20)] = 0.5
+    edge_from_m: Annotated[float, Ge(0), Le(1000)] = 5.0
+    edge_to_m: Annotated[float, Ge(0), Le(1000)] = 12.0
+    call_percent: Annotated[float, Ge(0), Le(100)] = 60.0
+    full_percent: Annotated[float, Gt(0), Le(100)] = 97.0
+    unload_to_m: Annotated[float, Ge(0), Le(200)] = 25.0
+    finish_s: Annotated[float, Ge(0), Le(600)] = 30.0
+
+
+class Harvest(KeepsState):
+    """Knows its passes, and by its own pose how far it has come."""
+
+    kept = ("_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_ended")
+    inputs = (
+        Port("pose", PoseEstimate),
+        Port("odometry", Odometry),
+        Port("load", MachineLoad),
+        Port("unload", UnloadState, optional=True),
+        Port("peer", PeerState, optional=True),
+    )
+    outputs = (Port("job", JobState), Port("path", GuidancePath), Port("header", HeaderCommand))
+
+    def __init__(self, params: Params, setup: ControlSetup) -> None:
+        if not setup.machine.has_header:
+            raise InputError("level", "harvest", "expected a machine with a header")
+        self._p, self._knife, self._aside = params, setup.machine.knife_x, setup.machine.header_y
+        self._routes: dict[int, tuple[Route, GuidancePath]] = {}
+        self._forget()
+
+    def _forget(self) -> None:
+        self._index, self._way, self._phase = 0, 0.0, Phase.WAITS
+        self._calls = self._finishes = self._stands = False
+        self._ended = ""
+
+    def reset(self, stream: Stream) -> Outputs:
+        """Before the first pass."""
+        self._forget()
+        return self._out(0, 0.0, -self._p.lower_m - 1.0)
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """What is to be done at t + dt."""
+        pose: PoseEstimate | None = inputs["pose"]
+        if pose is None or not isfinite(pose.x):
+            return self._out(t + dt, 0.0, self._way)
+        self._advance(pose)
+        load, unload, peer = inputs["load"], inputs.get("unload"), inputs.get("peer")
+        speed = self._speed(load, unload, peer, max(inputs["odometry"].speed, 0.0))
+        return self._out(t + dt, speed, self._way)
+
+    def _route(self) -> Route:
+        return self._made()[0]
+
+    def _made(self) -> tuple[Route, GuidancePath]:
+        if self._index not in self._routes:
+            p = self._p
+            route = route_of(p.passes, self._index, self._knife, p.turn_radius_m, self._aside)
+            x, y = np.array(route.points).T
+            self._routes = {self._index: (route, GuidancePath(0, x, y, self._index))}
+        return self._routes[self._index]
+
+    def _advance(self, pose: PoseEstimate) -> None:
+        """How far it has come; behind the turn the next pass is the own one."""
+        route = self._route()
+        near = self._way if self._phase != Phase.WAITS else None
+        self._way = route.line.project(pose.x, pose.y, near).way
+        last = self._index + 1 == len(self._p.passes)
+        if not last and self._way > route.length + route.turn:
+            self._way -= route.length + route.turn
+            self._index += 1
+            self._finishes = False
+
+    def _speed(
+        self, load: MachineLoad, unload: UnloadState | None, peer: PeerState | None, speed: float
+    ) -> float:
+        """Wanted speed [m/s], and with it what the machine does."""
+        p, work = self._p, self._p.passes[self._index]
+        left, level = self._route().length - self._way, load.tank_level
+        flow = unload.flow if unload is not None else 0.0
+        has_cart, is_last = peer is not None and unload is not None, self._index + 1 == len(p.passes)
+        is_over = is_last and left <= AT_END
+        wants = level >= p.call_percent * PERCENT or ((self._calls or is_over) and level > EMPTY)
+        self._calls = has_cart and wants
+        if self._phase == Phase.DONE or (is_over and not self._calls and flow <= 0.0):
+            self._phase = Phase.DONE
+            return 0.0
+        if flow > 0.0 and 0.0 < left < p.unload_to_m:
+            self._finishes |= load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
+        if left > AT_END:
+            holds = self._is_full(work, level, pours=flow > 0.0)
+        else:
+            holds = is_over or self._is_held(level, peer, pours=flow > 0.0)
+        if holds:
+            self._phase = Phase.STANDS
+            return 0.0
+        self._phase = Phase.CUTS if left > AT_END else Phase.TURNS
+        wanted, turning = work.speed_kmh * KMH, p.turn_speed_kmh * KMH
+        if self._phase == Phase.TURNS:
+            return turning
+        slower = 0.0 if self._finishes or is_last else min(turning, wanted)
+        return min(wanted, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
+
+    def _is_full(self, work: Pass, level: float, *, pours: bool) -> bool:
+        """In the pass it stands with a full tank, until a cart takes grain on the go, or has taken some."""
+        full = self._p.full_percent * PERCENT
+        if level >= full and not (pours and work.cart_beside):
+            self._stands = True
+            if not work.cart_beside:
+                self._ended = f"the tank is full in pass {self._index}, beside which no cart can drive"
+        elif level < full - TAKEN and (work.cart_beside or not pours):
+            self._stands = False
+        return self._stands
+
+    def _is_held(self, level: float, peer: PeerState | None, *, pours: bool) -> bool:
+        """At the end of a pass: until a load is finished, and a cart is out of the way of the turn."""
+        if self._phase == Phase.TURNS:
+            return False
+        if self._finishes and pours and level > EMPTY:
+            return True
+        return peer is not None and peer.is_heard and _is_near(peer)
+
+    def _out(self, t: int, speed: float, way: float) -> Outputs:
+        p, (route, path), work = self._p, self._made(), self._p.passes[self._index]
+        left = route.length - way
+        next_in = left + route.turn
+        is_last = self._index + 1 == len(p.passes)
+        is_down = left > -p.raise_m or (not is_last and next_in < p.lower_m)
+        is_down &= way > -p.lower_m and self._phase != Phase.DONE
+        in_pass = left > AT_END
+        edge = in_pass and way >= p.edge_from_m and left >= p.edge_to_m
+        stands = self._phase == Phase.STANDS
+        may = work.cart_beside and (
+            stands or (in_pass and way > 2.0 and (left > p.unload_to_m or self._finishes))
+        )
+        job = JobState(
+            t, int(self._phase), self._index, speed, left if in_pass or stands else nan,
+            by_edge=edge, may_unload=may, calls=self._calls,
+        )  # fmt: skip
+        sent = GuidancePath(t, path.x, path.y, path.number)
+        return {"job": job, "path": sent, "header": HeaderCommand(t, is_down)}
+
+    def end_reason(self, t: int) -> str:
+        """Why the run ends before the field is empty."""
+        return self._ended
+
+
+def _is_near(peer: PeerState) -> bool:
+    """A cart ahead of the machine or beside it, in the way of its turn."""
+    return -BEHIND < peer.x < WITHIN and abs(peer.y) < WITHIN
+
+
+LEVEL = Level(
+    Harvest,
+    Params,
+    summary="passes and turns in their order, tank limits, a cart called and waited for",
+    cost="0.1 ms per step",
+    tolerance="header up and down within 0.2 m of where they should be",
+)

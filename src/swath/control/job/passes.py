@@ -1,0 +1,97 @@
+"""The passes of a field as a machine is told them, and its way along a pass and the turn behind it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import atan2, cos, fsum, hypot, sin
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le, MinLen
+
+from swath.control.job.dubins import Place, shortest
+from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends
+from swath.control.steer.path import Segment
+
+Coordinate = Annotated[float, Ge(-1e6), Le(1e6)]
+Point = tuple[float, float]
+RUN_OUT = 12.0  # straight on behind the last pass [m]
+
+
+@dataclass(frozen=True)
+class Pass:
+    """line_m: middle of the header from begin to end of the crop, [x, y] each; cart_beside: a cart can drive
+    on its left; speed_kmh: in it, at most
+
+    turn: of the fixed axle, from where it is when the knife is at the end of the pass to where it is when the
+    knife is at the begin of the next; none = the shortest at the turn's radius
+    """
+
+    line_m: Annotated[tuple[tuple[Coordinate, Coordinate], ...], MinLen(2)]
+    cart_beside: bool = True
+    speed_kmh: Annotated[float, Gt(0), Le(40)] = 7.0
+    turn: tuple[Segment, ...] = ()
+
+
+@dataclass(frozen=True)
+class Route:
+    """The way along a pass, the turn behind it, and the next pass. length, turn: of pass and turn [m]"""
+
+    line: GuidanceLine
+    points: tuple[Point, ...]
+    length: float
+    turn: float
+
+
+def route_of(passes: Sequence[Pass], index: int, knife: float, radius: float, header_y: float = 0.0) -> Route:
+    """The way of the fixed axle, which the knife is ahead of and header_y to the left of [m]; radius: of
+    turns that are not given [m].
+    """
+    own = axle_line(passes[index], knife, header_y)
+    end = place_at_end(own)
+    if index + 1 == len(passes):
+        beyond = end.x + RUN_OUT * cos(end.heading), end.y + RUN_OUT * sin(end.heading)
+        return _made(own, [], [own[-1], beyond])
+    then = axle_line(passes[index + 1], knife, header_y)
+    (ax, ay), (bx, by) = then[:2]
+    begin = Place(ax, ay, atan2(by - ay, bx - ax))
+    given = [
+        Bend(s.length_m, s.curvature_per_m, s.curvature_per_m if s.to_per_m is None else s.to_per_m)
+        for s in passes[index].turn
+    ]
+    return _made(own, along_bends(*end, given or bends_of(shortest(end, begin, radius), radius)), then)
+
+
+def bends_of(way: Sequence[tuple[str, float]], radius: float) -> list[Bend]:
+    """Turns and straights as pieces of a path."""
+    bend = {"L": 1.0 / radius, "S": 0.0, "R": -1.0 / radius}
+    return [Bend(size, bend[word], bend[word]) for word, size in way]
+
+
+def _made(own: list[Point], turn: list[Point], then: list[Point]) -> Route:
+    length = way_along(own)
+    joined = [*own, *turn, *then]
+    way = way_along([own[-1], *turn, then[0]])
+    return Route(GuidanceLine(joined), tuple(joined), length, way)
+
+
+def axle_line(of: Pass, knife: float, header_y: float = 0.0) -> list[Point]:
+    """Where the fixed axle drives while the knife goes along a pass. header_y: of its middle, leftward [m]"""
+    line = [(float(x), float(y)) for x, y in of.line_m]
+    courses = [atan2(by - ay, bx - ax) for (ax, ay), (bx, by) in pairwise(line)]
+    behind = [knife, *[0.0] * (len(line) - 2), knife]
+    made = []
+    for (x, y), course, back in zip(line, [*courses, courses[-1]], behind, strict=True):
+        c, s = cos(course), sin(course)
+        made.append((x - back * c + header_y * s, y - back * s - header_y * c))
+    return made
+
+
+def place_at_end(line: Sequence[Point]) -> Place:
+    """End and direction of a line."""
+    (ax, ay), (bx, by) = line[-2:]
+    return Place(bx, by, atan2(by - ay, bx - ax))
+
+
+def way_along(points: Sequence[Point]) -> float:
+    """Length of a line through points [m]."""
+    return fsum(hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise(points))

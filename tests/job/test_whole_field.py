@@ -1,0 +1,288 @@
+"""The plan of a field driven by kinematic machines that know the edge, until it is empty."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swath.control.job import harvest
+from swath.control.job.dubins import Place
+from swath.control.job.ground import Ground
+from swath.control.job.passes import Pass, axle_line, bends_of
+from swath.control.job.ways import Search
+from swath.control.steer.guidance_line import along_bends
+from swath.control.steer.path import Segment
+from swath.core.errors import InputError
+from swath.job.machines import fleet_of
+from swath.job.path import Pose, path_of
+from swath.job.turns import TurnLimits
+from swath.job.work import plan_of, work_off
+from swath.machine.machine_sheet import load_machine
+from swath.record.digest import Digest
+from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
+from swath.runtime.loop import drive
+from swath.scenario.scenario import parse_scenario
+from swath.signals import (
+    HeapState,
+    JobState,
+    MachineLoad,
+    MachineState,
+    Odometry,
+    PeerState,
+    Phase,
+    PoseEstimate,
+    TrailerState,
+    UnloadState,
+)
+from swath.signals.setup import ControlSetup
+from swath.tools.fleet.scenario import STRAIGHT, loop
+from swath.tools.fleet.whole import scenario_text, share_uncut
+from tests.job.jobs import job_file
+
+FIELD = [(0.0, 0.0), (42.0, 0.0), (42.0, 14.5), (0.0, 14.5)]
+JOB = job_file(
+    boundary_m=FIELD,
+    plan={"headland_rounds": 0},
+    combine={"machine": "combine-5m", "call_percent": 5.0, "tank_start_percent": 8.0},
+    truck={"x_m": -25.0, "y_m": 20.0, "dock_s": 4.0},
+)
+CHEAP = (
+    "combine_0.lidar=off", "combine_0.edge=truth", "combine_0.motion=kinematic", "combine_0.imu=off",
+    "cart_0.motion=kinematic",
+    *(f"{m}.{s}.rate_hz=50" for m in ("combine_0", "cart_0") for s in ("motion", "steering")),
+    *(f"{m}.{s}.rate_hz=20" for m in ("combine_0", "cart_0") for s in ("pose", "odometry", "steer")),
+    "combine_0.edge.rate_hz=10", "combine_0.header.rate_hz=20", "combine_0.process.rate_hz=5",
+)  # fmt: skip
+SAVED_AT = 235.0  # s
+COLUMNS = "t", "phase", "task", "cart", "flow", "angle", "bend", "ahead", "left"
+
+
+class Harvest:
+    """The job, run until it ends. rows: at every step of the combine's job"""
+
+    def __init__(self, state=None, until_s=None):
+        fleet = fleet_of(JOB)
+        self.plan = plan_of(JOB, fleet, None)
+        text = scenario_text(JOB, self.plan, fleet, None)
+        self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=list(CHEAP)))
+        self.digest, self.evaluation = Digest(), make_evaluation(self.world)
+        self.latest, self.rows = {}, []
+        observers = [self.digest, self.evaluation, self._see]
+        if state is not None:
+            self.world.load(state["world"])
+            self.digest.load(state["digest"])
+        drive(self.world, observers, until_s=until_s, resume=state is not None)
+
+    def saved(self):
+        return pickle.loads(pickle.dumps({"world": self.world.save(), "digest": self.digest.save()}))
+
+    def go_on(self):
+        drive(self.world, [self.digest, self.evaluation, self._see], resume=True)
+        return self
+
+    def of(self, machine, kind):
+        return self.latest[machine, kind]
+
+    def _see(self, slot, t, outputs):
+        machine = slot.partition(".")[0]
+        for signal in outputs.values():
+            self.latest[machine, type(signal)] = signal
+        if slot == "combine_0.job" and ("cart_0", HeapState) in self.latest:
+            combine, cart = self.of("combine_0", JobState), self.of("cart_0", JobState)
+            states = self.of("combine_0", MachineState), self.of("cart_0", MachineState)
+            pipe = self.of("combine_0", UnloadState)
+            trailer = self.of("cart_0", TrailerState)
+            bend = np.angle(np.exp(1j * (trailer.yaw - states[1].pose.euler()[2])))
+            ahead, left, _ = states[0].pose.inverse().apply(states[1].pose.position)
+            self.rows.append(
+                (t * 1e-9, combine.phase, combine.task, cart.phase, pipe.flow, pipe.angle, bend, ahead, left)
+            )
+
+
+@pytest.fixture(scope="module")
+def run():
+    first = Harvest(until_s=SAVED_AT)
+    state = first.saved()
+    done = first.go_on()
+    done.table = np.array(done.rows)
+    return done, state
+
+
+def column(done, name):
+    return done.table[:, COLUMNS.index(name)]
+
+
+def test_it_ends_with_an_empty_field_and_the_grain_at_the_truck(run):
+    done, _ = run
+    assert "the field is empty" in done.world.graph.ended
+    assert share_uncut(done.world.field, done.plan) < 1e-3
+    load, heap = done.of("combine_0", MachineLoad), done.of("cart_0", HeapState)
+    assert heap.grain == pytest.approx(0.0, abs=1e-6)
+    assert heap.emptied == pytest.approx(load.unloaded_grain, rel=1e-9)
+    assert heap.emptied > 0.95 * done.plan.area * 0.8
+    assert load.tank_level < 0.005
+
+
+def test_nothing_is_lost_on_the_way(run):
+    metrics = run[0].evaluation.metrics("field")
+    assert metrics["mass_balance_error"] < 1e-9
+    assert metrics["spill_share"] <= 1e-3
+    assert metrics["unloaded_kg"] > 500.0
+
+
+def test_machines_never_touch(run):
+    for name in ("combine_0", "cart_0"):
+        assert run[0].evaluation.metrics(name)["contact_count"] == 0.0
+
+
+def test_it_takes_as_long_as_the_cheaper_levels_say(run):
+    """Three passes of 42 m, two turns and a start from rest: 6.5 % longer; a larger field: docs/fleet.md."""
+    done, _ = run
+    cutting = column(done, "t")[column(done, "phase") == Phase.CUTS].max()
+    for level in ("events", "kinematic"):
+        assert cutting == pytest.approx(work_off(JOB, None, level).harvest_time, rel=0.08)
+
+
+def test_the_cart_keeps_out_of_the_headland_turn(run):
+    """While the combine turns, the cart is behind it or farther away than it needs."""
+    done, _ = run
+    turns = column(done, "phase") == Phase.TURNS
+    ahead, left = column(done, "ahead")[turns], column(done, "left")[turns]
+    assert turns.sum() > 100
+    assert (np.hypot(ahead, left) > 10.0).all()
+
+
+def test_the_trailer_is_straight_when_the_cart_arrives(run):
+    done, _ = run
+    beside = column(done, "cart") == Phase.BESIDE
+    arrives = beside & ~np.roll(beside, 1)
+    assert arrives.any()
+    assert np.degrees(np.abs(column(done, "bend")[arrives])).max() < 6.0
+
+
+def test_the_pipe_stays_folded_where_crop_stands_on_the_left(run):
+    done, _ = run
+    kept = np.array([not p.cart_beside for p in done.plan.passes])[column(done, "task").astype(int)]
+    assert kept.any()
+    assert column(done, "angle")[kept].max() < 1e-6
+    assert column(done, "angle").max() > 1.0
+
+
+def test_the_same_digest_for_another_number_of_threads_and_after_save_and_load(run, monkeypatch):
+    done, state = run
+    monkeypatch.setenv("SWATH_THREADS", "1")
+    again = Harvest(state)
+    assert again.digest.hex == done.digest.hex
+
+
+def test_a_header_off_the_middle_is_led_along_the_pass():
+    """The middle of the header, 0.8 m left of the machine's, goes along the line."""
+    line = axle_line(Pass(((0.0, 0.0), (0.0, 50.0))), 4.0, 0.8)
+    assert line == [pytest.approx((0.8, -4.0)), pytest.approx((0.8, 46.0))]
+
+
+def test_a_corner_of_an_opening_round_is_a_loop_to_the_outside():
+    limits = TurnLimits(6.4, 0.1)
+    here, there = Pose(0.0, 0.0, 0.0), Pose(3.0, -2.0, -0.5 * np.pi)
+    pieces = loop(here, there, -0.5 * np.pi, limits)
+    path = path_of(pieces, here)
+    assert path.end[:2] == pytest.approx((3.0, -2.0 - STRAIGHT), abs=1e-6)
+    assert path.heading[-1] == pytest.approx(1.5 * np.pi)
+    assert (path.points[path.points[:, 1] < -1e-6, 0] > 3.0 - 1e-6).all()  # never over the crop on the right
+
+
+class Bench:
+    """The level alone, along one pass north: tank and pipe as told."""
+
+    def __init__(self, passes, **params):
+        setup = ControlSetup(load_machine("lexion-700"), {}, "left", 0.1)
+        self.part, self.t = harvest.Harvest(harvest.Params(passes, **params), setup), 0
+        self.part.reset(None)
+
+    def step(self, north, tank, flow=0.0, peer=(-30.0, 8.0)):
+        pose = PoseEstimate(self.t, 0.0, north - 4.0, 0.5 * np.pi, 1.5, 0.0, np.eye(4) * 1e-4, 0.0)
+        load = MachineLoad(self.t, tank * 9240.0, 0, 0, 0, 0, 0, 0, tank_level=tank)
+        unload = UnloadState(self.t, 1.57, flow, 0.0, 0.0, 0.0, 0.0, 0.0, 8.0)
+        heard = PeerState(self.t, True, 0.1, *peer, 0.0, 1.5, 0.0)
+        inputs = {
+            "pose": pose, "odometry": Odometry(self.t, 1.5, 0.0, 0.0), "load": load, "unload": unload,
+            "peer": heard,
+        }  # fmt: skip
+        self.t += 100_000_000
+        return self.part.step(self.t, 100_000_000, inputs)["job"]
+
+
+NORTH = (
+    Pass(((0.0, 0.0), (0.0, 100.0)), turn=(Segment(20.0, -np.pi / 20.0),)),
+    Pass(((12.7, 100.0), (12.7, 0.0))),
+)
+
+
+def test_unloading_is_not_broken_off_at_the_end_of_a_row():
+    """A load that is soon over is finished standing there; a long one is broken off in time."""
+    bench = Bench(NORTH)
+    for north in np.arange(1.0, 100.2, 0.5):
+        job = bench.step(north, 0.15, flow=92.0)
+    job = bench.step(100.35, 0.1, flow=92.0)
+    assert (job.phase, job.speed, job.may_unload) == (Phase.STANDS, 0.0, True)
+    job = bench.step(100.35, 0.003)
+    assert job.phase == Phase.TURNS
+    bench = Bench(NORTH)
+    may = [bench.step(north, 0.9, flow=92.0).may_unload for north in np.arange(1.0, 100.0, 0.5)]
+    assert may[100]
+    assert not may[-1]
+    assert bench.step(100.35, 0.9).phase == Phase.TURNS
+
+
+def test_the_turn_waits_for_a_cart_in_its_way():
+    bench = Bench(NORTH)
+    for north in np.arange(1.0, 100.2, 0.5):
+        bench.step(north, 0.2)
+    assert bench.step(100.35, 0.2, peer=(5.0, 8.0)).phase == Phase.STANDS
+    assert bench.step(100.35, 0.2, peer=(-20.0, 8.0)).phase == Phase.TURNS
+
+
+def test_a_full_tank_stands_calls_and_goes_on_once_grain_flows():
+    bench = Bench(NORTH)
+    assert bench.step(40.0, 0.5).phase == Phase.CUTS
+    assert not bench.step(40.0, 0.5).calls
+    job = bench.step(41.0, 0.98)
+    assert (job.phase, job.calls, job.speed) == (Phase.STANDS, True, 0.0)
+    assert bench.step(41.0, 0.97, flow=92.0).phase == Phase.STANDS
+    assert bench.step(41.0, 0.94, flow=92.0).phase == Phase.CUTS
+
+
+def test_a_full_tank_where_no_cart_can_drive_ends_the_run():
+    bench = Bench((Pass(((0.0, 0.0), (0.0, 100.0)), cart_beside=False),))
+    bench.step(50.0, 0.99)
+    assert "beside which no cart can drive" in bench.part.end_reason(0)
+
+
+def test_a_way_around_standing_crop():
+    """From one side of a block to the other: free of crop by half its width, no tighter than the radius."""
+    ground = Ground([(0.0, 0.0), (60.0, 0.0), (60.0, 40.0), (0.0, 40.0)])
+    ground.cut([(3.0, 0.0), (3.0, 40.0)], 6.0)
+    search = Search(ground, ground.clear_of(2.0), ground.clear_of(1.2), 9.0)
+    start, goal = Place(3.0, 5.0, 0.5 * np.pi), Place(70.0, 20.0, -0.5 * np.pi)
+    way = search.way(start, [goal])
+    points = np.array(along_bends(*start, bends_of(way, 9.0)))
+    assert points[-1] == pytest.approx(goal[:2], abs=1e-6)
+    inside = (points[:, 0] > 6.0) & (points[:, 0] < 60.0) & (points[:, 1] > 0.0) & (points[:, 1] < 40.0)
+    assert not inside.any()
+    away = np.maximum(np.maximum(6.0 - points[:, 0], points[:, 0] - 60.0), points[:, 1] - 40.0)
+    near = (np.hypot(*(points - start[:2]).T) > 12.0) & (points[:, 0] > 6.0)
+    assert away[near].min() > 1.4
+    closed = Search(ground, np.ones_like(ground.crop), np.ones_like(ground.crop), 9.0)
+    assert closed.way(start, [goal]) is None
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"combines": 2}, "combines"), ({"carts": 2}, "carts"), ({"unload": {"mode": "standing"}}, "mode"),
+])  # fmt: skip
+def test_what_the_level_cannot_do_is_refused(change, said):
+    file = job_file(**change)
+    fleet = fleet_of(file)
+    with pytest.raises(InputError, match=said):
+        scenario_text(file, plan_of(file, fleet, None), fleet, None)
