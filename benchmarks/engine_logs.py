@@ -3,6 +3,12 @@
     python -m benchmarks.engine_logs forage-harvester TASKDATA
 
 compares as the page says for the forage harvester: every other stretch, the load over the largest torque.
+
+    python -m benchmarks.engine_logs lexion-700 CSV --neighbours 30
+
+correlates what the sheet leaves over of a machine's load with what it leaves over of the others within 30 m,
+on the same field the same day: what the machines share is the crop's or the ground's, not theirs. CSV with
+columns `machine`, `e_m`, `n_m`.
 """
 
 import sys
@@ -14,11 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.units import RPM
-from swath.field_io.machine_log import MachineLog
+from swath.field_io.machine_log import MachineLog, read_machine_log
+from swath.field_io.table import read_table
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.tools.compare_log.along_log import Drive
-from swath.tools.compare_log.compare import compare_log
+from swath.tools.compare_log.compare import LogRunner, compare_log
+from swath.tools.compare_log.statistics import usable
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,6 +44,25 @@ def main(model: str, log: Path) -> None:
         print("  ".join(f"{name} {value:.5g}" for name, value in row.items()))
     for row in by_flow(made.log, made.measured, made.simulated, mask):
         print("  ".join(f"{name} {value:.4g}" for name, value in row.items()))
+
+
+def neighbours(model: str, path: Path, reach: float) -> None:
+    """Print, for each machine, the correlation, and the share of its records that have neighbours."""
+    log, table = read_machine_log(path), read_table(path)
+    rows = np.stack([np.asarray(list(table.columns[k]), float) for k in ("machine", "e_m", "n_m")], axis=1)
+    place = rows[np.lexsort((np.arange(len(log)), rows[:, 0]))][:, 1:]  # by machine, in the order of the file
+    drive, used = Drive(), usable(log)
+    simulated = LogRunner(log, drive).run(load_machine(model))["engine_load"]
+    left = log.measured["engine_load"] - simulated
+    for k, name in enumerate(log.machine_names):
+        mine, others = used & (log.machine == k), used & (log.machine != k)
+        mean = np.full(int(mine.sum()), np.nan)
+        for i, at in enumerate(place[mine]):
+            near = np.hypot(*(place[others] - at).T) < reach
+            mean[i] = left[others][near].mean() if near.sum() > 3 else np.nan
+        known = np.isfinite(mean)
+        r = np.corrcoef(mean[known], left[mine][known])[0, 1]
+        print(f"machine {name}: r {r:.2f} with the others within {reach:g} m, {known.mean():.0%} of records")
 
 
 def steady_speed(machine: MachineSheet, measured: Mapping[str, Array], drive: Drive) -> Array:
@@ -95,4 +122,7 @@ def by_flow(
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]))
+    if "--neighbours" in sys.argv:
+        neighbours(sys.argv[1], Path(sys.argv[2]), float(sys.argv[4]))
+    else:
+        main(sys.argv[1], Path(sys.argv[2]))

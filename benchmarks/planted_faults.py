@@ -1,6 +1,7 @@
 """Mutation score of the catalogue: which of thirty planted faults which of its cases catch.
 
     nice python -m benchmarks.planted_faults --out DIR [--cases straight-clean bend] [--seeds 1] [--draw 1]
+        [--faults gate-lost none-edge-noise-1mm]
 
 The faults stand in planted_faults.yaml, written down before the first run. A case catches a fault when a run
 that passes without it does not pass with it: the same point, seed, field and noise. `none-...` are changes
@@ -58,12 +59,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--cases", nargs="+", default=list(CASES))
+    parser.add_argument("--faults", nargs="+", default=[], help="only these of the list")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--draw", type=int, default=0)
+    parser.add_argument("--draw-seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--show", action="store_true")
     args = parser.parse_args()
-    candidates = {BASE: (), **read_candidates(FAULTS)}
+    listed = read_candidates(FAULTS)
+    if unknown := sorted(set(args.faults) - set(listed)):
+        parser.error(f"not in {FAULTS.name}: {', '.join(unknown)}")
+    candidates = {BASE: (), **{name: listed[name] for name in args.faults or listed}}
     by_case = {}
     for case in args.cases:
         folder = args.out / case
@@ -71,7 +77,10 @@ def main() -> None:
         if args.show and folder.is_dir():
             session = open_session(folder, same_code=False)
         elif not args.show:
-            session = begin(folder, Plan(case, candidates=candidates, seeds=args.seeds, drawn=args.draw))
+            plan = Plan(
+                case, candidates=candidates, seeds=args.seeds, drawn=args.draw, draw_seed=args.draw_seed
+            )
+            session = begin(folder, plan)
             session.do(
                 args.workers, lambda result: print(result["case"], result["candidate"], result["verdict"])
             )

@@ -35,7 +35,8 @@ LINES = 40  # lone lines in a job
 def scene_bytes(caster: RayCaster) -> int:
     """Memory of all that our kernels read: library, its packed primitives, both indices, pages."""
     library, pages = caster.field.library, caster.field.pages
-    held = [v for part in (library, pages) for v in vars(part).values() if isinstance(v, np.ndarray)]
+    parts = (library, library.primitives(), pages)
+    held = [v for part in parts for v in vars(part).values() if isinstance(v, np.ndarray)]
     rows = 64 * len(library.radius)
     if shared_rows(library) is not None:  # the arrays of the library are views of them
         rows -= sum(getattr(library, name).nbytes for name in ("a", "b", "radius", "width", "base"))

@@ -1,6 +1,6 @@
 """What ten edge detectors cost: in shadow beside one run, and each steering a run of its own.
 
-    python -m benchmarks.shadow [--distance 30] [--loops 3]
+    python -m benchmarks.shadow [--distance 30] [--loops 3] [--set KEY=VALUE]
 
 Prints CPU seconds. Of the ten closed loops only `--loops` are run, evenly chosen; their mean counts
 ten times.
@@ -43,8 +43,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--distance", type=float, default=30.0)
     parser.add_argument("--loops", type=int, default=3)
+    parser.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE")
     args = parser.parse_args()
-    sets = [f"run.distance_m={args.distance}", "run.record=none"]
+    sets = [f"run.distance_m={args.distance}", "run.record=none", *args.sets]
     scenarios = [load_scenario("straight", sets=[*sets, f"combine.edge={edge}"]) for edge in DETECTORS]
     seconds(load_scenario("straight", sets=["run.distance_m=2", "run.record=none"]))  # kernels are compiled
     chosen = scenarios[:: -(-len(scenarios) // args.loops)]

@@ -1,11 +1,13 @@
 """Heights over stubble, and the place of the crop edge, at the LiDAR level `empirical` against `plants`.
 
 Stands that the tables were not fitted to: other plants (seeds), densities, rows and cuts between the nodes.
-Both levels scan the same field without noise, from 3 m up: stubble from all headings at four depressions, and
-across the edge from above it, 16 deg down. The edge lies where the height goes through half the crop's.
+Both levels scan the same field without noise: stubble from 3 m up and all headings at four depressions, one
+seed, and the edge from several heights, depressions and headings, six seeds. The edge lies where the height
+goes through half the crop's.
 """
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,7 @@ DENSITIES = {
     "rye": (100, 190, 430, 600),
     "rape": (14, 25, 50),
 }
+SEEDS = (31, 32, 33, 34, 35, 36)
 SENSORS = ("sick-lms511-hr", "sick-lms111")
 SCENARIO = """
 format: swath scenario 2
@@ -42,6 +45,24 @@ run: {distance_m: 4, max_duration_s: 6}
 field: {terrain: {level: plane}, stand: {level: uniform}, edge: {shape: straight}}
 machines: {combine: {motion: single_track, lidar: {sub_rays: 1, step_deg: 10}}}
 """
+
+
+@dataclass(frozen=True)
+class View:
+    """up: height of the scanner [m]; yaw_deg: 90 = along the edge, less: towards the crop"""
+
+    up: float = UP
+    depression_deg: float = 16.0
+    yaw_deg: float = 90.0
+
+
+VIEWS = {
+    "along it": View(),
+    "2.4 m up, 10 deg down": View(2.4, 10.0),
+    "4 m up, 30 deg down": View(4.0, 30.0),
+    "50 deg to it": View(yaw_deg=40.0),
+    "from the crop, 50 deg": View(yaw_deg=140.0),
+}
 
 
 def make_site(crop: str, density: float, seed: int, *, row_m: float, cut_m: float) -> Any:
@@ -67,7 +88,7 @@ def both_levels(
     }
 
 
-def heights(lidar: Any, poses: Any, seed: int) -> np.ndarray:
+def heights(lidar: Any, poses: Any, seed: int, up: float = UP) -> np.ndarray:
     """Measured heights over the ground [m], (scans, beams)."""
     from swath.core.random import Stream
 
@@ -78,7 +99,7 @@ def heights(lidar: Any, poses: Any, seed: int) -> np.ndarray:
             10**9 + k, np.repeat(pose.position[None], count, 0), np.repeat(pose.rotation[None], count, 0)
         )
         down = (pose.rotation @ lidar.scanner.axes)[:, 2, 0]
-        found.append(UP + out["scan"].ranges[:, 0] * down)
+        found.append(up + out["scan"].ranges[:, 0] * down)
     return np.array(found)
 
 
@@ -99,61 +120,85 @@ def over_stubble(depression_deg: float, scans: int, seed: int) -> list[Any]:
     return made
 
 
-def along_edge(scans: int, seed: int) -> list[Any]:
-    """Poses above the edge that look along it."""
+def over_edge(view: View, crop_height: float, scans: int, seed: int) -> list[Any]:
+    """Poses from which the middle beam meets half the crop's height above the edge, where crop begins."""
     from swath.core.frames import Pose
 
+    far = (view.up - 0.5 * crop_height) / np.tan(np.radians(view.depression_deg))
+    yaw = np.radians(view.yaw_deg)
     y = np.random.default_rng(seed).uniform(20.0, 60.0, scans)
-    return [Pose.from_euler((0.0, float(v), UP), 0.0, np.radians(16.0), 0.5 * np.pi) for v in y]
+    return [
+        Pose.from_euler((-far * np.cos(yaw), float(v), view.up), 0.0, np.radians(view.depression_deg), yaw)
+        for v in y
+    ]
 
 
-def edge_place(lidar: Any, crop_height: float, scans: int, seed: int) -> float:
+def edge_place(lidar: Any, view: View, crop_height: float, scans: int, seed: int) -> float:
     """How much of the scan lies on crop, across the edge [m]: grows as the edge moves away from the crop."""
-    share = np.mean(heights(lidar, along_edge(scans, seed), seed) > 0.5 * crop_height, axis=0)
-    across = -np.tan(lidar.azimuth) * UP / np.sin(np.radians(16.0)) * 0.85
-    return float(np.sum(share) * np.abs(np.mean(np.diff(across))))
+    poses = over_edge(view, crop_height, scans, seed)
+    share = np.mean(heights(lidar, poses, seed, view.up) > 0.5 * crop_height, axis=0)
+    beam = poses[0].rotation @ lidar.scanner.axes[:, :, 0].T
+    across = beam[0] / -beam[2] * (view.up - 0.5 * crop_height)  # where beams are at half the height
+    return float(np.sum(share * np.abs(np.gradient(across))))
 
 
-def compare(
+def compare_stubble(
     crop: str, density: float, sensor: str, seeds: tuple[int, ...], *, table: str | None = None
 ) -> dict[str, Any]:
-    """Mean heights over stubble by depression, and how far the edge lies from where `plants` has it [m]."""
-    from swath.field.crop_sheet import load_crop
-
+    """Mean heights over stubble by depression [m]."""
     seen: dict[tuple[str, float], list[np.ndarray]] = {}
-    edges = []
     for seed in seeds:
         setup = make_site(crop, density, seed, row_m=ROW[crop], cut_m=CUT[crop])
         for level, lidar in both_levels(setup, sensor, 15.0, 1.5, table).items():
             for degrees in DEPRESSIONS:
                 poses = over_stubble(degrees, 24 if level == "plants" else 60, seed)
                 seen.setdefault((level, degrees), []).append(heights(lidar, poses, seed))
-        full = load_crop(crop).stand.height
-        place = {
-            level: edge_place(lidar, full, 20 if level == "plants" else 50, seed)
-            for level, lidar in both_levels(setup, sensor, 9.0, 0.2, table).items()
-        }
-        edges.append(place["empirical"] - place["plants"])
     mean = {
         key: float(np.nanmean(np.concatenate(v))) if np.isfinite(v).any() else np.nan
         for key, v in seen.items()
     }
     return {
-        "crop": crop,
-        "density": density,
-        "sensor": sensor,
         "plants_m": [mean["plants", d] for d in DEPRESSIONS],
         "off_m": [mean["empirical", d] - mean["plants", d] for d in DEPRESSIONS],
-        "edge_off_m": float(np.mean(edges)),
-        "edge_sd_m": float(np.std(edges)),
     }
 
 
+def compare_edge(
+    crop: str, density: float, sensor: str, seeds: tuple[int, ...], *, table: str | None = None
+) -> dict[str, tuple[float, float]]:
+    """By view: how far the edge lies outside of where `plants` has it, mean over seeds and its error [m]."""
+    from swath.field.crop_sheet import load_crop
+
+    full = load_crop(crop).stand.height
+    off: dict[str, list[float]] = {}
+    for seed in seeds:
+        setup = make_site(crop, density, seed, row_m=ROW[crop], cut_m=CUT[crop])
+        pair = both_levels(setup, sensor, 9.0, 0.2, table)
+        for name, view in VIEWS.items():
+            dear, cheap = (
+                edge_place(lidar, view, full, 20 if level == "plants" else 50, seed)
+                for level, lidar in pair.items()
+            )
+            off.setdefault(name, []).append(cheap - dear)
+    count = max(len(seeds) - 1, 1)
+    return {name: (float(np.mean(v)), float(np.std(v) / np.sqrt(count))) for name, v in off.items()}
+
+
+def compare(
+    crop: str, density: float, sensor: str, seeds: tuple[int, ...], *, table: str | None = None
+) -> dict[str, Any]:
+    """Both, of a stand."""
+    row: dict[str, Any] = {"crop": crop, "density": density, "sensor": sensor}
+    row |= compare_stubble(crop, density, sensor, seeds[:1], table=table)
+    return row | {"edge_m": compare_edge(crop, density, sensor, seeds, table=table)}
+
+
 def main(
-    out_dir: Path | str = "out/bench", *crops: str, seeds: tuple[int, ...] = (31,)
+    out_dir: Path | str = "out/bench", *crops: str, seeds: tuple[int, ...] = SEEDS
 ) -> list[dict[str, Any]]:
-    """Measures, prints a line per stand, writes stubble.json; crops: only these."""
-    print("mean height of stubble at `plants`, `empirical` off it, at 8, 16, 30, 50 deg; edge off [mm]")
+    """Measures, prints two lines per stand, writes stubble.json; crops: only these."""
+    print("mean height of stubble at `plants`, `empirical` off it, at 8, 16, 30, 50 deg [mm]")
+    print("edge off, mean over seeds and its standard error [mm]: " + "; ".join(VIEWS))
     rows = []
     for crop in crops or DENSITIES:
         for density in DENSITIES[crop]:
@@ -164,13 +209,13 @@ def main(
                 shown = "".join(
                     f"{1e3 * p:5.0f} {1e3 * e:+4.0f} |" if np.isfinite(p) else "        - |" for p, e in cells
                 )
-                print(
-                    f"{crop:7}{density:4.0f} {sensor[5:]:9}|{shown} edge {1e3 * row['edge_off_m']:+4.0f}",
-                    flush=True,
-                )
+                edge = "  ".join(f"{1e3 * e:+4.0f} ({1e3 * sd:.0f})" for e, sd in row["edge_m"].values())
+                print(f"{crop:7}{density:4.0f} {sensor[5:]:9}|{shown} edge {edge}", flush=True)
     worst = max(abs(e) for row in rows for e in row["off_m"] if np.isfinite(e))
-    edge = max(abs(row["edge_off_m"]) for row in rows)
-    print(f"worst over stubble {1e3 * worst:.0f} mm, at the edge {1e3 * edge:.0f} mm")
+    print(f"worst over stubble {1e3 * worst:.0f} mm")
+    for name in VIEWS:
+        edge = max(abs(row["edge_m"][name][0]) for row in rows)
+        print(f"worst at the edge, {name}: {1e3 * edge:.0f} mm")
     write_json(Path(out_dir), "stubble", {"rows": rows})
     return rows
 

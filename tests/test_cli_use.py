@@ -59,6 +59,15 @@ def test_a_trial_of_five_metres_is_no_failure_but_a_long_run_without_a_value_is(
     assert is_failed([entry_of(expected, [(1.0, "1 is more than 0.05")], is_trial=True)])
 
 
+def test_a_trial_that_ends_before_a_window_opens_is_no_failure(tmp_path, monkeypatch, capsys):
+    """The template of a scenario has a limit from 10 m on."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "scenario"]) == 0
+    flags = [word for change in (*SHORT, "run.distance_m=3") for word in ("--set", change)]
+    assert main(["run", "my_scenario.yaml", *flags, "--out", "r"]) == 0
+    assert "note    nothing measured in so short a run: lateral_p95_m" in capsys.readouterr().out
+
+
 def test_the_order_of_set_does_not_matter():
     one = ["combine.lidar.level=plants", "combine.lidar.sub_rays=7", "combine.lidar.spot=fixed"]
     made = [load_scenario("straight", sets=sets) for sets in (one, one[::-1], [one[1], one[0], one[2]])]
@@ -153,3 +162,21 @@ def test_levels_of_a_slot_that_hears_another_machine(capsys):
     said = capsys.readouterr().out
     assert "inputs   " in said
     assert "loss_percent" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("run", "straight", "--set", "field.wind.speed_m_s=3"), "did you mean field.stand.wind?"),
+        (("run", "straight", "--set", "field.slope_percent=3"), "did you mean field.terrain.slope_percent?"),
+        (("test", "run", "my.py", "--out", "t"), "swath test run bend --set combine.edge.level=my.py:Class"),
+    ],
+)
+def test_a_first_try_is_told_the_way(capsys, words, said):
+    assert main(list(words)) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_machine_is_printed_by_the_name_that_scenarios_take(capsys):
+    assert main(["sheets", "lexion-700"]) == 0
+    assert "wheelbase_m" in capsys.readouterr().out

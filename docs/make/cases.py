@@ -14,7 +14,6 @@ import numpy as np
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.case import Case, find_cases
 from swath.tools.function_test.cells import Cell
-from swath.tools.function_test.margin import margin
 from swath.tools.function_test.session import open_session
 
 HERE = Path(__file__).parents[1]
@@ -34,7 +33,7 @@ CROP, STUBBLE, BODY = "#4f9d56", "#e4d3a8", "#22262b"
 
 def page(cases: list[Case]) -> str:
     """The whole page."""
-    runs = sum(len(case.grid()) * len(case.seeds) for case in cases)
+    runs = sum(case.grid_size * len(case.seeds) for case in cases)
     parts = [HEADER.format(count=len(cases), runs=runs)]
     left = list(cases)
     for tag in TAGS:
@@ -81,13 +80,11 @@ def results(cells: list[Cell]) -> str:
     """A table of finished runs, a case a row. The margin is that of the worst run."""
     rows = ["| case | passed | known failures | verdict | worst margin | why |", "|---" * 6 + "|"]
     for cell in cells:
-        counted, known = cell.counted, len(cell.runs) - len(cell.counted)
-        passed = f"{len(counted) - len(cell.failed)} of {len(counted)}" if cell.runs else "not run"
-        failed = f"{known - len(cell.surprises)} of {known}" if known else ""
-        far, worst = min(((margin(run), run) for run in cell.runs), key=lambda m: m[0], default=(None, None))
-        why = worst["reason"] if worst else ""
-        verdict = cell.verdict if counted else ""
-        shown = "" if far is None else f"{far + 0.0:.2f}"
+        passed = f"{cell.passed} of {cell.counted}" if cell.count else "not run"
+        failed = f"{cell.known - cell.surprises.count} of {cell.known}" if cell.known else ""
+        why = cell.worst.reason if cell.worst else ""
+        verdict = cell.verdict if cell.counted else ""
+        shown = f"{cell.worst.margin + 0.0:.2f}" if cell.worst else ""
         rows.append(f"| {cell.case.name} | {passed} | {failed} | {verdict} | {shown} | {why} |")
     return "\n".join(rows)
 

@@ -107,15 +107,16 @@ def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
     assert 0.5 * most < edges[-1].confidence <= most
 
 
-def test_puffs_are_no_ground():
-    """Echoes 1.7 m above the machine's ground plane, after stubble of 10 cm: beams 40 deg down from 3 m."""
+@pytest.mark.parametrize(("then", "level"), [(1.7, 0.1), (-1.7, -1.7)])
+def test_puffs_are_no_ground_but_a_hollow_is(then, level):
+    """Echoes far above or below the machine's ground plane, after stubble of 10 cm: beams 40 deg down."""
     rays, ground = CanopyRays(Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)), 1.0), Ground()
     azimuth, down = np.linspace(-1.1, -0.2, 40), np.full(40, -np.radians(40.0))
-    for height in (0.1, 1.7):
+    for height in (0.1, then, then):
         far = np.full((40, 1), (3.0 - height) / np.sin(np.radians(40.0)), np.float32)
         scan = Scan(0, np.zeros(40), azimuth, down, far, np.ones((40, 1), np.float32))
         rays.take(scan, (0.0, 0.0), EdgeFrame(0.0, 0.0, 0.0, 0.0), ground, *Ground.OUTSIDE)
-        assert ground.level == pytest.approx(0.1, abs=0.03)
+    assert ground.level == pytest.approx(level, abs=0.03)
 
 
 def test_a_puff_above_the_crop_is_worth_nothing():
@@ -129,6 +130,27 @@ def test_a_puff_above_the_crop_is_worth_nothing():
     worth = populations.ratios()
     assert not worth[30 : DUST + 1].any()
     assert worth[int((0.75 - LOWEST) / LAYER)] > 2.0
+
+
+@pytest.mark.parametrize(("height", "is_mat"), [(0.02, False), (0.05, False), (0.14, True), (0.2, True)])
+def test_crop_that_lies_flat_is_no_hole(height, is_mat):
+    populations, rng = Populations(), np.random.default_rng(1)
+
+    def layers(middle):
+        counts = np.zeros(CLASSES)
+        np.add.at(counts, ((middle + 0.04 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
+        return counts
+
+    populations.begin(layers(0.75), layers(0.0))
+    assert populations.has_mat(layers(height)) == is_mat
+    assert not populations.has_mat(0.01 * layers(height))
+
+
+def test_an_edge_is_told_from_three_blocks_on():
+    edges, error = drive(metres=4.0)
+    first = next(k for k, e in enumerate(edges) if e.is_found)
+    assert 1.2 <= first * SPEED * 0.04 < 2.2
+    assert np.abs(error[first:]).max() < 0.2
 
 
 def test_told_deviations_hold():
@@ -209,3 +231,29 @@ def test_an_edge_grows_unsure_with_the_age_of_the_newest_scan():
     assert sure[2] > 0.9
     assert sure[2] > sure[5] > sure[8]
     assert not late[-1].is_found
+
+
+@pytest.mark.parametrize(("length", "depth"), [(1.2, 0.8), (1.5, 1.0), (2.5, 2.0), (4.0, 1.2)])
+def test_an_edge_across_a_hole_is_not_sure(length, depth):
+    begin, end = 16.0, 16.0 + length
+    hole = lambda x, y: 6.0 - y - np.where((x > begin) & (x < end), depth, 0.0)  # noqa: E731
+    edges, error = drive(inside=hole, metres=20.0, stand={"density": 200.0})
+    at = [SPEED * 0.04 * (k + 1) + edge.reference_x for k, edge in enumerate(edges)]
+    across = [e.confidence for e, x in zip(edges, at, strict=True) if begin < x < end]
+    beyond = [e.confidence for e, x in zip(edges, at, strict=True) if x > end + 3.0]
+    assert np.mean(np.array(across) >= 0.5) < 0.4
+    assert max(beyond) > 0.7
+    assert np.abs(error[75:]).max() < 0.15
+
+
+@pytest.mark.parametrize("bias", [0.4, -0.4])
+def test_a_gyroscope_that_is_off_moves_the_edge_by_little(bias):
+    """A turn of 0.4 deg/s that is not driven puts an edge 9 m ahead 18 cm off."""
+    scanner, rng = Scanner(Stand(lambda x, y: 6.0 - y), mounting("left")), np.random.default_rng(4)
+    level, errors = detector(), []
+    off = Odometry(0, SPEED, np.radians(bias), 0.0)
+    for k in range(250):
+        scan = scanner.scan((k + 1) * PERIOD, (0.08 * (k + 1), 0.1, 0.0), rng)
+        edge = level.step(k * PERIOD, PERIOD, {"scan": scan, "odometry": off})["edge"]
+        errors.append(edge.offset - 5.9)
+    assert np.abs(errors[150:]).max() < 0.07

@@ -5,7 +5,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.obstacles import BoxObstacle, MeshObstacle, PostObstacle, StoneObstacle, named_obstacles
+from swath.field.obstacles import BoxObstacle, MeshObstacle, PostObstacle, StoneObstacle, things_of
 from swath.field.site_setup import Bodies, why_outside
 from swath.field.solids import box_on_ground, machine_body, merge, mesh, post, solid_count
 from swath.field.stand import maps
@@ -23,12 +23,12 @@ def test_obstacles_are_called_by_their_name_or_by_kind_and_number():
         PostObstacle(x_m=4.0, y_m=0.0),
     ]
     field = made_field()
-    named = named_obstacles(obstacles, field)
+    named = {thing.name: thing.in_world for thing in things_of(obstacles, field)}
     assert list(named) == ["post 1", "stone 1", "pylon", "post 3"]
     assert solid_count(merge(*named.values())) == 4
     twice = [PostObstacle(x_m=1.0, y_m=0.0, name="it"), BoxObstacle(x_m=9.0, y_m=0.0, name="it")]
     with pytest.raises(InputError, match=r"field\.obstacles\.1\.name = it: expected a name that no other"):
-        named_obstacles(twice, field)
+        things_of(twice, field)
     with pytest.raises(InputError, match="expected obstacles with other names"):
         Bodies(named).add("pylon", BODY, Pose.identity())
 

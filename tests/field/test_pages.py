@@ -295,7 +295,7 @@ def test_codes_found_for_whole_squares_are_those_of_every_cell(edge):
     for i, j in [(0, 0), (-1, 0), (0, -1), (0, 1), (1, 0), (-2, 1), (2, 2)]:
         u, v = (512 * i + np.arange(512) + 0.5) * cell, (512 * j + np.arange(512) + 0.5) * cell
         wanted = maker.codes_at(*maker.to_world(*np.meshgrid(u, v)))
-        found = maker.codes(i, j)
+        found = maker.codes([(i, j)])[0]
         squares += isinstance(found, int)
         np.testing.assert_array_equal(np.broadcast_to(found, wanted.shape), wanted)
     assert 0 < squares < 7

@@ -7,12 +7,13 @@ from pydantic import TypeAdapter, ValidationError
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import BoxObstacle, Obstacle, PostObstacle, StoneObstacle, make_obstacles
+from swath.field.obstacles import BoxObstacle, Obstacle, PostObstacle, StoneObstacle
 from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solids import box_on_ground, machine_body, merge, moved, post, stone
 from swath.field.terrain import plane
 from swath.signals.setup import MachineGeometry
 from tests.field.made_field import made_field, rectangle
+from tests.obstacle_solids import solids_of
 
 MACHINE = MachineGeometry(
     wheelbase=3.6,
@@ -35,7 +36,7 @@ def test_obstacles_stand_on_the_ground():
         BoxObstacle(x_m=-10.0, y_m=0.0, length_m=4.0, width_m=2.0, height_m=1.0, heading_deg=90.0),
         StoneObstacle(x_m=30.0, y_m=0.0),
     ]
-    solids = make_obstacles(obstacles, field)
+    solids = solids_of(obstacles, field)
     assert solids.capsule_a[0] == pytest.approx([20.0, 5.0, 2.0], abs=1e-5)
     assert solids.capsule_b[0, 2] + solids.capsule_radius[0] == pytest.approx(4.0, abs=1e-5)
     assert solids.box_centre[0] == pytest.approx([-10.0, 0.0, -0.5], abs=1e-5)
@@ -46,7 +47,7 @@ def test_obstacles_stand_on_the_ground():
 
 def test_obstacles_stand_inside_the_boundary_and_beside_it():
     field = made_field(boundary=rectangle(-20.0, -20.0, 20.0, 20.0))
-    solids = make_obstacles([PostObstacle(x_m=0.0, y_m=0.0), PostObstacle(x_m=25.0, y_m=0.0)], field)
+    solids = solids_of([PostObstacle(x_m=0.0, y_m=0.0), PostObstacle(x_m=25.0, y_m=0.0)], field)
     assert solids.capsule_a[:, 0].tolist() == [0.0, 25.0]
 
 
@@ -81,7 +82,7 @@ def test_a_machine_sees_the_others_and_the_obstacles_but_not_itself():
     field, bodies = made_field(), Bodies()
     bodies.add("combine", machine_body(MACHINE), Pose.identity())
     bodies.add("cart", machine_body(MACHINE), Pose.from_euler([0.0, 8.0, 0.0]))
-    obstacles = make_obstacles([PostObstacle(x_m=20.0, y_m=0.0)], field)
+    obstacles = solids_of([PostObstacle(x_m=20.0, y_m=0.0)], field)
     site = SiteSetup(field, MACHINE, Pose.identity(), "left", 0.04, "combine", obstacles, bodies)
     seen = site.solids()
     assert (len(seen.capsule_a), len(seen.box_centre)) == (1, 2)

@@ -65,17 +65,15 @@ class ScaledRadar:
 
 LEVEL = Level(ScaledRadar, Params, "true speed times a scale", cost="none", tolerance="exact at scale 1")
 '''
-SLOT = """    SlotKind(
+SLOT = """    _sensor(
         "air_speed",
         ("swath.sensing.air_speed",),
         "scaled",
         20.0,
         (Port("speed", AirSpeed),),
         _STATE,
-        is_plural=True,
-        is_exchangeable=True,
     ),
-    SlotKind(
+    _of_control(
         "edge",
 """
 METRIC = '''"""The highest speed of a run."""
@@ -176,7 +174,7 @@ def test_a_kind_of_sensor_touches_four_files(extended):
     slots = "scenario/slots.py"
     before = "\n_STATE = "
     extended.change(slots, before, "from swath.signals.air_speed import AirSpeed\n" + before)
-    extended.change(slots, '    SlotKind(\n        "edge",\n', SLOT)
+    extended.change(slots, '    _of_control(\n        "edge",\n', SLOT)
     assert len(extended.touched()) == 4
     slots = "    air_speed: scaled\n    air_speed_rear: {scale: 1.5, rate_hz: 5}\n"
     status, out = extended.run(SCENARIO + slots)

@@ -30,7 +30,7 @@ def main(report, calls):
         if what == "pause":
             reply = call(SetBool, "pause", SetBool.Request(data=rest[0]))
             replies.append([reply.success, reply.message])
-        elif what in ("step", "reset"):
+        elif what in ("step", "reset", "save", "branch"):
             reply = call(Trigger, what, Trigger.Request())
             replies.append([reply.success, reply.message])
         elif what == "set":

@@ -1,5 +1,8 @@
 """`swath fmu show` and `swath fmu check`, as printed."""
 
+import subprocess
+import sys
+
 import pytest
 
 from swath.commands.main import main
@@ -77,3 +80,23 @@ def test_what_is_no_fmu(tmp_path, capsys):
     code, lines = printed(capsys, "show", tmp_path / "x.fmu")
     assert code == 2
     assert "expected an FMU, a zip archive" in lines[0]
+
+
+def test_neither_cmake_nor_nbformat_is_needed(tmp_path):
+    """Both come with fmpy: what docs/fmi.md says of taking them away."""
+    fmu = str(store_fmu(tmp_path))
+    program = f"""
+import sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("cmake", "nbformat"):
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, Absent())
+from swath.commands.main import main
+sys.exit(main(["fmu", "show", {fmu!r}]) or main(["fmu", "check", {fmu!r}]))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "it can fill a slot" in done.stdout

@@ -1,13 +1,17 @@
 """Exported FMUs: what the archive holds, other importers, several at once, errors, and back into swath."""
 
+import os
 import subprocess
 import sys
 import threading
 import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import load_machine
@@ -16,6 +20,7 @@ from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from tests.link.fmu_host import Host
 from tests.link.fmu_scenario import TEXT
+from tests.link.made_fmus import CC, needs_cc
 
 pytest.importorskip("fmpy", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu3", reason="needs the extra fmi")
@@ -23,6 +28,7 @@ pytest.importorskip("pythonfmu", reason="needs the extra fmi")
 from swath.link.fmi.export import export_fmu
 
 WHOLE = TEXT + "    process: {level: threshing, straw: chop}\n    powertrain: {level: hydrostat}\n"
+HERE = Path(__file__).parent
 VERSIONS = (3, 2)
 MINE = """
 from swath.machine.powertrain.ideal import IdealPowertrain, Params
@@ -262,3 +268,27 @@ def test_keys_of_the_field_become_parameters(tmp_path):
         host.close()
     dense, thin = (sum(n for s, n in cut if s == stems) for stems in (400.0, 200.0))
     assert dense / thin == pytest.approx(2.0, rel=0.1)
+
+
+@needs_cc
+def test_a_program_that_is_no_python_runs_it_by_the_line_that_export_prints(tmp_path, capsys):
+    fmu = tmp_path / "process.fmu"
+    assert main(["fmu", "export", "feed-rate", "--part", "process", "--out", str(fmu)]) == 0
+    line = capsys.readouterr().out.strip().splitlines()[-1].partition("with: ")[2]
+    if not line.endswith(" PROGRAM"):
+        pytest.skip(line)
+    with zipfile.ZipFile(fmu) as archive:
+        archive.extractall(tmp_path / "fmu")
+    token = ElementTree.parse(tmp_path / "fmu" / "modelDescription.xml").getroot().get("instantiationToken")
+    (binary,) = (tmp_path / "fmu" / "binaries" / "x86_64-linux").glob("*.so")
+    program = tmp_path / "importer"
+    subprocess.run([CC, "-o", program, HERE / "fmu_importer.c", "-ldl"], check=True)
+    resources = f"{tmp_path}/fmu/resources/"
+    command = f"{line.removesuffix('PROGRAM')}{program} {binary} '{token}' {resources}"
+    bare = {"PATH": os.environ["PATH"], "HOME": str(tmp_path)}
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, env=bare, timeout=120)
+    assert "status 0 0 0" in done.stdout, done.stdout + done.stderr
+    alone = subprocess.run(
+        [program, binary, token, resources], capture_output=True, text=True, env=bare, timeout=60
+    )
+    assert alone.returncode != 0  # without that line

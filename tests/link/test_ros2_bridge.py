@@ -247,3 +247,37 @@ def test_a_recorded_run_is_published_again(domain, tmp_path):  # noqa: F811
         sent = [hashlib.sha256(padded(data)).hexdigest() for _, data in recorded(out, topic)]
         assert hashes == sent, topic
     assert found["clock"] == list(range(0, 1_000_000_001, 10_000_000))
+
+
+def test_a_node_saves_and_goes_back_with_a_change(domain, tmp_path):  # noqa: F811
+    from swath.link.ros2.bridge import Bridge
+    from swath.runtime.run_control import RunControl
+    from swath.runtime.saves import Saves
+
+    saves = Saves(100.0)
+    made = Bridge(control=RunControl(is_paused=True, saves=saves))
+    calls = [
+        ["save"], ["set", "step_s", 0.4], ["step"], ["save"], ["step"],
+        ["set", "branch_set", ["combine.speed.speed"]], ["branch"],
+        ["set", "branch_set", ["combine.speed.speed_kmh=5"]], ["branch"], ["pause", False],
+    ]  # fmt: skip
+    report = tmp_path / "replies.json"
+    try:
+        with node(HERE / "ros2_caller.py", report, json.dumps(calls)) as caller:
+            result = run_job(parse_scenario(TEXT), tmp_path / "run", hooks=[saves, made])
+            assert caller.wait(60) == 0
+    finally:
+        made.close()
+    replies = json.loads(report.read_text())
+    assert replies[0][0] is False
+    assert "nothing to save" in replies[0][1]
+    assert replies[3] == [True, "saved at 0.4 s"]
+    assert replies[6][0] is False
+    assert "KEY=VALUE" in replies[6][1]
+    assert replies[8][0] is True, replies[8]
+    assert result.folder == tmp_path / "run-branch"
+    assert result.summary["branch"] == {"of": "run", "at_s": 0.400000001, "saved_s": 0.4}
+    events = [{"t_s": 0.405, "set": "combine.speed.speed_kmh", "value": "5"}]  # the tick behind the save
+    assert [e["t_s"] for e in result.summary["events"]] == [0.405]
+    fresh = run_job(parse_scenario(TEXT), tmp_path / "fresh", events=events).summary
+    assert fresh["digest"] == result.summary["digest"]

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swath.core.errors import InputError
 from swath.machine.machine_sheet import load_machine, with_grain
 from swath.machine.motion import kinematic
 from swath.machine.motion.single_track import Params, SingleTrack
@@ -309,3 +310,28 @@ def test_it_drives_the_same_whether_it_tells_its_wheels_or_not():
     assert [p.name for p in silent.outputs] == ["state"]
     a, b = run(told, 2.0, steer=0.1), run(silent, 2.0, steer=0.1)
     assert a[-1].pose.position.tolist() == b[-1].pose.position.tolist()
+
+
+@pytest.mark.parametrize("gradient", [-2.0, 3.0])
+@pytest.mark.parametrize("name", ["lexion-700", "tractor-grain-cart"])
+def test_understeer_gradient_is_the_angle_per_lateral_acceleration(name, gradient):
+    """Beyond atan(L kappa) a steady turn asks for K times the lateral acceleration."""
+    machine = replace(load_machine(name), trailer=None, hitch=None)
+    steer = math.radians(0.5)
+    found = []
+    for speed in (2.0, 5.0):
+        motion = make(
+            machine=machine, understeer_deg_per_g=gradient, rolling_resistance=0.0, friction=1.5,
+            start_speed_kmh=speed * 3.6,
+        )  # fmt: skip
+        turn = run(motion, 15.0, steer=steer, speed=speed)[-1].yaw_rate
+        found.append(
+            (turn * speed / 9.80665, math.degrees(steer - math.atan(machine.wheelbase * turn / speed)))
+        )
+    for lateral, angle in found:
+        assert angle == pytest.approx(gradient * lateral, rel=0.03)
+
+
+def test_an_understeer_that_no_tyre_gives_is_refused():
+    with pytest.raises(InputError, match=r"understeer_deg_per_g = 19.*expected at most"):
+        make(understeer_deg_per_g=19.0, stiffness_per_rad=10.0)

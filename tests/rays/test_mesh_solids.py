@@ -10,9 +10,10 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.memory_layout import Organ
 from swath.field.mesh_file import read_mesh
-from swath.field.obstacles import MeshObstacle, Obstacle, make_obstacles
+from swath.field.obstacles import MeshObstacle, Obstacle
 from swath.field.solids import box_on_ground, merge, mesh, moved, solid_count
 from swath.rays.engine import RayCaster
+from tests.obstacle_solids import solids_of
 from tests.rays.hand_field import HandField, make_pages, small_library
 
 pytest.importorskip("trimesh", reason="trimesh is not installed")
@@ -89,13 +90,13 @@ def test_the_nearest_of_mesh_box_and_ground_counts():
 def test_a_scenario_s_mesh_stands_where_and_how_it_is_told():
     data = {"kind": "mesh", "x_m": 3.0, "y_m": 4.0, "file": str(PERSON)}
     made = TypeAdapter(Obstacle).validate_python(data | {"heading_deg": 90.0, "scale": 2.0, "z_m": 0.5})
-    solids = make_obstacles([made], Flat(10.0))
+    solids = solids_of([made], Flat(10.0))
     points = solids.mesh_shape[0].corners.reshape(-1, 3) @ solids.mesh_axes[0].T + solids.mesh_centre[0]
     # the soles are the middle of the base: x from -0.10 to 0.18 m ahead, now along y
     assert points.min(axis=0) == pytest.approx([3.0 - 0.66, 4.0 - 2 * (0.13 + 0.04), 10.5], abs=1e-5)
     assert points.max(axis=0) == pytest.approx([3.0 + 0.66, 4.0 + 2 * (0.18 - 0.04), 10.5 + 3.56], abs=1e-5)
     lying = MeshObstacle(x_m=0.0, y_m=0.0, file=str(PERSON), up="y", foot="origin", unit="cm")
-    flat = make_obstacles([lying], Flat(0.0))
+    flat = solids_of([lying], Flat(0.0))
     assert np.ptp(flat.mesh_shape[0].corners, axis=(0, 1)) == pytest.approx(
         [0.0031, 0.0178, 0.0066], abs=1e-5
     )
@@ -118,5 +119,5 @@ def test_a_scenario_s_mesh_stands_where_and_how_it_is_told():
 def test_meshes_that_cannot_be_used_are_refused(change, message):
     obstacle = MeshObstacle(**({"x_m": 0.0, "y_m": 0.0, "file": str(PERSON)} | change))
     with pytest.raises(InputError) as caught:
-        make_obstacles([obstacle], Flat(0.0))
+        solids_of([obstacle], Flat(0.0))
     assert message in str(caught.value)

@@ -47,6 +47,8 @@ machines:
     lidar: {sub_rays: 1, sector_deg: [-40, 40], step_deg: 1.0}
 """
 
+WALKS = "{kind: person, x_m: 20, y_m: -6, path: {to: [[20, 6]]}}"
+
 
 def decoded(frame):
     """Head, rows by machine, echoes by scan (world less the origin) [m]."""
@@ -238,6 +240,7 @@ def test_changes_are_events_that_give_the_same_run_again(alone, tmp_path):
     assert going.control._now() == plan[0][0]
     assert page.ask("set", key="combine.speed.speed_kmh", value="5") == (True, "")
     assert page.ask("set", key="obstacles.stone", value="{kind: post, x_m: 14, y_m: 3}") == (True, "")
+    assert page.ask("set", key="obstacles.man", value=WALKS) == (True, "")
     assert page.ask("set", key="obstacles.0", value=None) == (True, "")
     with pytest.raises(InputError) as line:
         parse_scenario(TEXT, sets=["combine.speed.speed_kmh=-3"])
@@ -250,13 +253,18 @@ def test_changes_are_events_that_give_the_same_run_again(alone, tmp_path):
         page.ask("step")
     assert page.ask("set", key="combine.edge.level", value="otsu") == (True, "")
     assert [e["set"] for e in page.states[-1]["events"]][-1] == "combine.edge.level"
-    assert {thing["name"] for thing in page.states[-1]["things"]} >= {"stone"}
+    assert {thing["name"] for thing in page.states[-1]["things"]} >= {"obstacles.stone", "obstacles.man"}
+    assert next(iter(decoded(page.frames[-1])[0]["ways"])) == "obstacles.man"
     assert going.control.set_speed(50.0)[0]  # by another than the page, as over ROS 2
     assert page.ask("pause", value=False)[0]
-    assert [(s["paused"], s["speed"]) for s in page.states[-2:]] == [(True, 50.0), (False, 50.0)]
+    told = [(s["paused"], s["speed"]) for s in page.states]
+    assert [a for a, b in zip(told, [None, *told], strict=False) if a != b][-2:] == [
+        (True, 50.0),
+        (False, 50.0),
+    ]
     page.close()  # a tab that is closed
     summary = going.end()
-    assert len(summary["events"]) == 4
+    assert len(summary["events"]) == 5
     assert summary["digest"] != alone[0]["digest"]
     again = run_job(parse_scenario(TEXT), tmp_path / "again", events=read_events(going.out)).summary
     assert again["digest"] == summary["digest"]

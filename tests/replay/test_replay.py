@@ -121,7 +121,7 @@ def test_obstacles_that_came_and_went_have_their_times(finished):
     things, _, left_out = things_of(world, events, np.zeros(3))
     assert [(t["name"], t["kind"], t["from"], t["to"]) for t in things] == [
         ("pole", "post", 0.0, 2.0),
-        ("hare", "ellipsoid", 1.5, 2.5),
+        ("obstacles.hare", "ellipsoid", 1.5, 2.5),
     ]
     assert things[1]["centre"][:2] == [3.0, 4.0]
     assert left_out == ""

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
@@ -122,6 +122,38 @@ def test_what_cannot_be_is_refused_and_nothing_changes(unchanged, key, value, wo
     assert words in str(caught.value)
     assert changes.values() == before
     assert changes.events == []
+
+
+def answer(changes, key, value):
+    """What is wrong with a change, empty where nothing is."""
+    try:
+        changes.check(key, value)
+    except SwathError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("combine.lidar.sensor", "{}"),
+        ("obstacles.thing", "{{kind: mesh, x_m: 3, y_m: 9, file: {}}}"),
+    ],
+)
+def test_a_file_that_the_scenario_does_not_name_is_not_read(tmp_path, key, text):
+    """Neither by a way out of its folder nor by its full path; allowed ones, and in allowed folders, are."""
+    secret = tmp_path / "elsewhere" / "secret.npz"
+    secret.parent.mkdir()
+    secret.write_text("nothing swath can read")
+    (tmp_path / "here").mkdir()
+    world = assemble(parse_scenario(TEXT, base=tmp_path / "here"))
+    for path in (str(secret), "../elsewhere/secret.npz"):
+        for use in (Interventions(world).check, lambda k, v: Interventions(world).set(0, k, v)):
+            with pytest.raises(InputError, match="expected no file but those"):
+                use(key, text.format(path))
+    for allowed in (secret, secret.parent):
+        said = answer(Interventions(world, [str(allowed)]), key, text.format(secret))
+        assert "expected no file but" not in said  # at most that it is no such file
 
 
 @pytest.mark.parametrize("text", ["[1]", '[{"t_s": 1}]', "{", '{"events": 3}'])

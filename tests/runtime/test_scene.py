@@ -9,6 +9,7 @@ from swath.field.way import Way
 from swath.record.digest import Digest
 from swath.replay.things import things_of as drawn
 from swath.runtime.assembly import assemble
+from swath.runtime.changes import Interventions, Script
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
@@ -92,7 +93,10 @@ def test_where_they_are(run):
     car, walker = names.index("vehicle"), names.index("person")
     assert last.y[car] == pytest.approx(2.0, abs=0.1)  # 2 s at 5 m/s: 6 m there and 4 m back
     assert last.speed[car] == pytest.approx(5.0)
-    begun = world.graph.plan and world.save()["graph"]["components"]["scene.obstacles"]["begun"]["walker"]
+    begun = (
+        world.graph.plan
+        and world.save()["graph"]["components"]["scene.obstacles"]["walkers"]["begun"]["walker"]
+    )
     assert begun * 1e-9 == pytest.approx(1.0 / (7 / 3.6), abs=0.05)
     assert last.y[walker] == pytest.approx(6.0 - (3.0 - begun * 1e-9), abs=0.02)
     body = next(b for b in world.bodies.around("combine") if b.name == "walker")
@@ -128,6 +132,45 @@ def test_the_page_of_a_run_draws_the_way(run):
     assert way[-1, 2] == pytest.approx(6.0 - (3.0 - 1.0 / (7 / 3.6)), abs=0.06)
     assert way[:, 4] == pytest.approx(-np.pi / 2, abs=1e-3)
     assert all("way" not in t for t in things if t["what"] == "tree")
+
+
+GOES = "{kind: person, x_m: 8, y_m: 6, path: {to: [[8, 0]], speed_kmh: 3.6, start_within_m: 9}}"
+STEPS_IN = [
+    {"t_s": 0.3, "set": "obstacles.dog", "value": "{kind: animal, x_m: 20, y_m: 0, path: {to: [[24, 0]]}}"},
+    {"t_s": 1.2, "set": "obstacles.guest", "value": GOES},
+    {"t_s": 2.5, "set": "obstacles.dog", "value": None},
+]
+
+
+def changed(until_s=None):
+    """Digest and world of a run into which somebody walks."""
+    world, digest = world_of(), Digest()
+    world.graph.before_tick.append(Script(Interventions(world), STEPS_IN))
+    drive(world, [digest], until_s=until_s)
+    return digest, world
+
+
+def test_who_comes_while_the_run_goes_walks_too():
+    digest, world = changed()
+    guest = next(body for body in world.bodies.around("combine") if body.name == "obstacles.guest")
+    assert (guest.kind, guest.rcs_dbsm) == ("person", (-3.0, -3.0))
+    assert guest.velocity == pytest.approx([0.0, -1.0, 0.0], abs=1e-9)
+    at = 4.0 - np.sqrt(9.0**2 - 2.0**2) + 6.0  # of the axle on its way up from y = -4, where he is 9 m away
+    sets_off = max(at / (7 / 3.6), 1.2)
+    assert guest.pose.position[:2] == pytest.approx([8.0, 6.0 - (3.0 - sets_off)], abs=0.02)
+    assert "obstacles.dog" not in world.bodies
+    kinds = [OBSTACLE_KINDS[k] for k in world.graph.latest("scene.obstacles", "state").kind]
+    assert sorted(kinds) == ["person", "person", "tree", "vehicle"]
+    half, first = changed(until_s=1.6)
+    other, rest = world_of(), Digest()
+    changes = Interventions(other)
+    for event in STEPS_IN[:2]:
+        changes.set(round(event["t_s"] * 1e9), event["set"], event["value"])
+    other.load(first.save())
+    rest.load(half.save())
+    other.graph.before_tick.append(Script(changes, STEPS_IN[2:]))
+    drive(other, [rest], resume=True)
+    assert rest.hex == digest.hex
 
 
 def test_those_that_only_stand_cost_one_look_a_second():

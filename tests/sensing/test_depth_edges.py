@@ -43,11 +43,11 @@ class Walls:
 
 def scanner(far=FAR, **params):
     quiet = {"sensor": "sick-lms111", "sector_deg": (-10, 10), "sub_rays": 61, "noise": "none"}
-    field = SimpleNamespace(ensure=lambda *_: None)
+    field = SimpleNamespace()
     machine = load_machine("lexion-700-class")
     setup = SiteSetup(field=field, machine=machine, start=Pose.identity(), edge_side="left", period=0.02)
     lidar = PlantsLidar(Params(mount=Mount(z_m=1.0), **(quiet | params)), setup)
-    lidar.caster = Walls(far)
+    lidar.caster, lidar.sight = Walls(far), SimpleNamespace(ensure=lambda *_: None)
     lidar.reset(Stream(1, "lidar"))
     return lidar
 

@@ -49,7 +49,7 @@ def test_trends_of_the_fit():
         assert (np.diff(grid.ground_share, axis=0) <= 0).all()
         assert (np.diff(grid.ground_share, axis=2) >= 0).all()
         assert (np.diff(grid.quantile, axis=-1) <= 0).all()
-    assert (np.diff(table.silhouette) < 0).all()
+    assert (np.diff(table.silhouette, axis=1) < 0).all()
 
 
 def test_ground_share_between_nodes_follows_the_thin_ray():
@@ -96,8 +96,9 @@ def test_silhouette_reaches_down_through_the_densest_crop():
     found = SampleStands(load_crop("rape"), Stream(1, "x"), tile_count=4).silhouette(
         Stream(1, "y"), relative_max=1.6, fine=0.02, rays=8000
     )
-    assert found[5] > found[25] > found[40] > 5.0 * found[50] > 0.0  # at 0.1, 0.5, 0.8 and 1 of the height
-    assert found[0] < 1.2 * found[20]  # bare stems below the branches
+    for area in found:  # at 0.1, 0.5, 0.8 and 1 of the height
+        assert area[5] > area[25] > area[40] > 5.0 * area[50] > 0.0
+        assert area[0] < 1.3 * area[20]  # bare stems below the branches
 
 
 def test_bad_tables_are_named(tmp_path):
@@ -106,6 +107,9 @@ def test_bad_tables_are_named(tmp_path):
     (tmp_path / "t.npz").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"t\.npz"):
         load_table("t.npz", tmp_path)
+    np.savez(tmp_path / "old.npz", silhouette=np.ones(3), lean=np.zeros((4, 2)))
+    with pytest.raises(InputError, match="makes the table anew"):
+        load_table("old.npz", tmp_path)
 
 
 def test_correlation_length_is_found_again():

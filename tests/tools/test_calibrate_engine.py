@@ -11,7 +11,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.field_io.machine_log import read_machine_log
 from swath.machine.machine_sheet import open_machine, read_machine
-from swath.tools.calibrate.engine_fit import KEYS, fit_engine
+from swath.tools.calibrate.engine_fit import KEYS, fit_engine, r2_range
 from swath.tools.compare_log.along_log import Drive, run_engine, run_process
 from tests.tools.test_compare_log import write_log
 
@@ -52,6 +52,26 @@ def test_errors_grow_with_the_spread_between_machines(made):
     assert power[1] > 3.0 * power[0]
 
 
+def test_the_range_of_r2_holds_that_of_logs_made_alike(made):
+    """Noise whose size changes from stretch to stretch: 95 % of new logs of the same kind lie within it."""
+    rng = np.random.default_rng(2)
+    log = replace(made, time=np.arange(len(made)) * 20.0)  # 15 records a stretch
+    real, mask = log.measured["engine_load"], np.ones(len(log), bool)
+    stretch = (log.time // 300.0).astype(int)
+
+    def simulated():
+        size = real.std() * rng.uniform(0.2, 1.0, stretch.max() + 1)[stretch]
+        return real + size * rng.standard_normal(len(real))
+
+    def r2(values):
+        return 1.0 - np.sum((values - real) ** 2) / np.sum((real - real.mean()) ** 2)
+
+    low, high = r2_range(log, mask, real, simulated())
+    others = [r2(simulated()) for _ in range(200)]
+    assert low < np.median(others) < high
+    assert 0.5 < (high - low) / np.subtract(*np.percentile(others, [97.5, 2.5])) < 2.0
+
+
 def test_what_cannot_be_fitted_is_named(made, tmp_path, capsys):
     sheet = open_machine("lexion-700")
     with pytest.raises(InputError, match="at least two machines"):
@@ -77,6 +97,8 @@ def test_shipped_numbers_and_those_fitted_on_others_predict_the_combines_of_2018
             assert abs(p.load.bias) < 3.0
             assert abs(p.fuel_bias_percent) < 10.0
     assert found.left_out[-1].load.r2 > 0.6
+    low, high = found.left_out[2].load_r2_range  # of machine 3: not told from 0.5
+    assert low < 0.45 < 0.55 < high
     for n in found.numbers:
         assert n.value == pytest.approx(n.start, abs=n.error)
         assert n.error > 0.002 * n.value

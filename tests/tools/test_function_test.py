@@ -12,8 +12,9 @@ from docs.make.cases import PAGE, PICTURES, page
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.function_test.case import find_cases, read_case
-from swath.tools.function_test.cells import cells_of, judged_again
+from swath.tools.function_test.cells import cells_of
 from swath.tools.function_test.journal import Journal, finished, results_of, write_table
+from swath.tools.function_test.judged import PresentLimits
 from swath.tools.function_test.junit import write_junit
 from swath.tools.function_test.margin import margin
 from swath.tools.function_test.one_run import scenario_of
@@ -185,12 +186,10 @@ def test_the_table_has_the_same_bytes_however_the_work_was_split(tmp_path):
 def test_known_failures_do_not_count_and_are_told_when_they_pass(case_file):
     case_file.write_text(CASE + "known: [{why: too fast, at: {speed_kmh: 8}}]\n", encoding="utf-8")
     case = read_case(case_file)
-    cells = cells_of(
-        [case], ["base"], {("drives", "base"): 4}, results([(0.5, 5), (2.0, 8), (0.3, 8), (2.0, 5)])
-    )
+    cells = cells_of([case], ["base"], {"drives": 4}, results([(0.5, 5), (2.0, 8), (0.3, 8), (2.0, 5)]))
     (cell,) = cells
-    assert [r["expect"][0]["value"] for r in cell.surprises] == [0.3]
-    assert [r["point"]["speed_kmh"] for r in cell.failed] == [5]
+    assert [run.margin for run in cell.surprises.runs] == [pytest.approx(0.7)]
+    assert [run.point["speed_kmh"] for run in cell.failed.runs] == [5]
     assert cell.text.startswith("1 of 2 passed")
 
 
@@ -204,7 +203,7 @@ def test_a_failure_is_known_over_a_range_with_its_ends(case_file):
 def test_stored_results_are_judged_against_new_limits(case_file):
     result = results([(0.5, 5)], limit={"max": 1.0})[0]
     case_file.write_text(CASE.replace("{distance_m: {min: 6}}", "{distance_m: {max: 0.4}}"), encoding="utf-8")
-    again = judged_again(result, read_case(case_file))
+    again = PresentLimits(read_case(case_file)).judge(result)
     assert (again["verdict"], again["expect"][0]["limit"]) == ("fail", {"max": 0.4})
     assert "0.5 is more than 0.4" in again["reason"]
     assert margin(result) == pytest.approx(0.5)
@@ -225,7 +224,7 @@ def test_means_are_shown_broken_or_neither(case_file):
     for bound, expected in ((1.0, SHOWN), (0.1, BROKEN), (0.505, NOT_SHOWN)):
         case_file.write_text(CASE + f"mean: {{distance_m: {{max: {bound}}}}}\n", encoding="utf-8")
         runs = results([(0.4 + 0.002 * i, 5) for i in range(100)])
-        (cell,) = cells_of([read_case(case_file)], ["base"], {("drives", "base"): 100}, runs)
+        (cell,) = cells_of([read_case(case_file)], ["base"], {"drives": 100}, runs)
         assert cell.verdict == expected, bound
         assert cell.means[0].startswith("distance_m: mean 0.499")
 
@@ -265,7 +264,7 @@ def test_shares_of_a_plan_come_to_the_whole(case_file, tmp_path, monkeypatch):
 def test_the_page_and_the_junit_file_name_what_failed(case_file, tmp_path):
     runs = results([(0.5, 5), (2.0, 8)])
     runs[1]["reason"] = "combine.distance_m: 2 is more than <1>"
-    cells = cells_of([read_case(case_file)], ["base"], {("drives", "base"): 2}, runs)
+    cells = cells_of([read_case(case_file)], ["base"], {"drives": 2}, runs)
     page = write_matrix(tmp_path / "report.html", cells).read_text(encoding="utf-8")
     assert page.count("<circle") == 4  # two runs, in the matrix and over the speed
     assert "2 is more than &lt;1&gt;" in page

@@ -10,9 +10,10 @@ from swath.core.errors import InputError
 from swath.record.digest import Digest
 from swath.runtime.job import run_job
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.cells import in_shadow
+from swath.tools.function_test.judged import in_shadow
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan
+from swath.tools.function_test.session import begin, open_session
 from swath.tools.function_test.shadow import ShadowHook
 from tests.whole.small import small
 
@@ -99,10 +100,12 @@ expect: {edge_rmse_m: {max: 0.2}, lateral_rms_m: {max: 0.2}}
 
 def test_candidates_in_shadow_are_judged_by_limits_on_detection(tmp_path):
     (tmp_path / "detects.yaml").write_text(CASE, encoding="utf-8")
-    candidates = {"base": (), "far": ("combine.edge.fault={bias: {offset_cm: 50}}",)}
+    candidates = {"wheel": (), "far": ("combine.edge.fault={bias: {offset_cm: 50}}",)}
     plan = Plan(str(tmp_path / "detects.yaml"), candidates=candidates, shadow=True)
     (run,) = plan.runs()
-    assert run.candidate == "base"
+    assert run.candidate == "wheel"
+    begin(tmp_path / "out", plan)
+    assert [found.id for found in open_session(tmp_path / "out").plan.runs()] == [run.id]
     result = json.loads(json.dumps(do_run(run, KeptFields())))
     (shadow,) = in_shadow(result, run.shadows)
     assert (result["verdict"], shadow["verdict"]) == ("pass", "fail")

@@ -17,7 +17,11 @@ from tests.whole.small import small
 
 SETS = ("run.distance_m=2.5", "combine.lidar.sub_rays=1")
 WINDOW = "expect={lateral_rms_m: {max: 1, from_m: 0.5, to_m: 2}}"
-EARLY = [{"t_s": 0.7, "set": "combine.edge.level", "value": "otsu"}]
+WALKER = "{kind: person, x_m: 9, y_m: 5, path: {to: [[9, -5]]}}"
+EARLY = [
+    {"t_s": 0.6, "set": "obstacles.walker", "value": WALKER},
+    {"t_s": 0.7, "set": "combine.edge.level", "value": "otsu"},
+]
 AT_S, CHANGE = 1.3, {"combine.speed.speed_kmh": "5", "obstacles.pole": "{kind: post, x_m: 8, y_m: 3}"}
 FILES = ("tracks.parquet", "run.mcap", "metadata.yaml", "scenario.yaml")
 
@@ -54,7 +58,7 @@ def assert_same(folder, fresh):
 def test_a_branch_is_the_fresh_run_with_that_event(saved, fresh, tmp_path):
     made = swath.branch(saved, AT_S, tmp_path / "branch", sets=CHANGE, report=False)
     assert made.summary["branch"] == {"of": "saved", "at_s": AT_S, "saved_s": 1.0}
-    assert [e["t_s"] for e in made.summary["events"]] == [0.7, AT_S, AT_S]
+    assert [e["t_s"] for e in made.summary["events"]] == [0.6, 0.7, AT_S, AT_S]
     assert_same(tmp_path / "branch", fresh)
 
 
@@ -183,3 +187,12 @@ def test_folders_of_branches_have_numbers(tmp_path):
     first.mkdir()
     assert first.name == "demo-branch"
     assert branch_folder(first).name == branch_folder(tmp_path / "demo").name == "demo-branch-2"
+
+
+def test_the_command_leaves_out_the_replay_where_that_is_wanted(saved, tmp_path, capsys):
+    from swath.commands.main import main
+
+    more = ["--at", "1.2", "--set", "combine.speed.speed_kmh=5", "--quiet"]
+    main(["branch", str(saved), *more, "--no-replay", "--out", str(tmp_path / "branch")])
+    assert (tmp_path / "branch" / "report.html").is_file()
+    assert not (tmp_path / "branch" / "replay.html").exists()

@@ -8,7 +8,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.report.report import ReportWriter
-from swath.runtime.job import run_job
+from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import parse_scenario
 from tests.whole.small import TEXT
 
@@ -64,6 +64,12 @@ def test_limits_on_samples_windows_and_own_metrics_are_judged(judged):
     assert entries[4]["value"] == pytest.approx(12.3, rel=0.1)
     assert lost["reason"] == "the window never opened: there was no event edge_lost"
     assert result.exit_code == 1
+
+
+def test_limits_on_samples_are_judged_without_a_folder_too(judged):
+    summary = run_unrecorded(parse_scenario(TEXT + JUDGED, sets=[GAP, ON]))
+    assert summary["expect"] == judged[0].summary["expect"]
+    assert summary["digest"] == judged[0].summary["digest"]
 
 
 def test_what_happened_is_in_summary_and_report(judged):

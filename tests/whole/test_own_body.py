@@ -10,10 +10,13 @@ from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.errors import InputError
 from swath.machine.machine_sheet import load_machine
+from swath.replay.writer import ReplayWriter
+from swath.report.silhouette import silhouette
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario, parse_scenario
 from swath.signals import HeaderState
+from tests.replay.page_data import data_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "machine" / "scenario.yaml"
 URDF = """<robot name='m'>
@@ -129,3 +132,26 @@ def test_the_example_records_its_body_for_viewers(tmp_path):
     assert marker.header.frame_id == "combine/base_link"
     assert len(marker.points) == 3 * (12 * 6 + 5 * 4 * 24)
     assert max(p.x for p in marker.points) == pytest.approx(4.0)
+
+
+def test_replay_and_report_draw_its_own_shape(body, tmp_path):
+    scenario = parse_scenario(TEXT.format(body=body, more=OTHER.format(x=30, y=30)))
+    run_job(scenario, tmp_path / "run", hooks=[ReplayWriter()])
+    about, arrays = data_of(tmp_path / "run" / "replay.html")
+    corners = {name: arrays[f"own_{name}_0"].reshape(-1, 3) for name in ("body", "header")}
+    assert corners["body"].min(axis=0) == pytest.approx([-1, -1, 1.5])
+    assert corners["body"].max(axis=0) == pytest.approx([1, 1, 2.5])
+    assert corners["header"].max(axis=0) == pytest.approx([5, 3, 0.4])
+    kinematics = world_of(body).leader.header_kinematics
+    assert about["machines"][0]["header_axes"] == list(kinematics.axes)
+    assert "header_axes" not in about["machines"][1]
+    assert "own_body_1" not in arrays
+
+
+def test_the_outline_of_a_shape_is_that_from_above(body):
+    outline = silhouette(world_of(body).leader.body.triangles)
+    x, y = outline.T
+    area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+    bridge = 2.0 * (2.0 + 6.0) / 2.0  # between body and header
+    assert area == pytest.approx(2 * 2 + 2 * 6 + bridge, rel=0.03)
+    assert (x.min(), x.max(), y.min(), y.max()) == pytest.approx((-1, 5, -3, 3))

@@ -98,3 +98,32 @@ def test_a_paced_run_reports_itself(tmp_path, capsys):
     assert summary["realtime"]["ticks"] == 200
     assert summary["realtime"]["factor"] == 50.0
     assert "note    real time: latest tick" in capsys.readouterr().out
+
+
+def test_outputs_write_their_blocks_in_different_ticks(tmp_path):
+    """Samples of half a second share a block; a tick that wrote those of all outputs would be late."""
+    from collections import Counter
+
+    from mcap.reader import make_reader
+
+    from swath.record.samples import SUFFIX
+    from swath.runtime.job import run_job
+
+    run_job(small("run.max_duration_s=3", "combine.lidar=off", "combine.edge=truth"), tmp_path / "run")
+    with (tmp_path / "run" / "run.mcap").open("rb") as file:
+        found = [(c.topic, m.log_time) for _, c, m in make_reader(file).iter_messages()]
+    blocks = [(topic, t) for topic, t in found if topic.endswith(SUFFIX) and t < found[-1][1] - 50_000_000]
+    outputs = len({topic for topic, _ in blocks})
+    together = Counter(t // 20_000_000 for _, t in blocks)
+    assert outputs >= 6
+    assert max(together.values()) <= outputs // 2
+
+
+def test_what_was_assembled_is_left_out_of_garbage_collection_while_it_is_paced():
+    import gc
+
+    world = assemble(small("realtime.pace=real_time"))
+    before = gc.get_freeze_count()
+    with paced(world.graph, make_pacer(world, clock=FakeClock())):
+        assert gc.get_freeze_count() > before + 10_000
+    assert gc.get_freeze_count() == 0

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     if len(args.words) > 1:
         raise InputError("sheets", " ".join(args.words), "expected one NAME, or check FILE")
     if args.words:
-        (name,) = args.words
+        name = _bundled_name(args.words[0])
         print(find_sheet(_kind_of(name), name).read_text(encoding="utf-8"), end="")
         print("# tags: " + "; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items()))
         return 0
@@ -82,6 +82,13 @@ def _check(file: str) -> int:
     what = f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
     print(f"{file}: {what} with {len(entries)} numbers, {plain} of them without a source")
     return 0
+
+
+def _bundled_name(name: str) -> str:
+    """As scenarios take it: `lexion-700` is `lexion-700-class`."""
+    from swath.documents.data_sheets import sheet_names
+
+    return f"{name}-class" if f"{name}-class" in sheet_names("machines") else name
 
 
 def _kind_of(name: str) -> str:

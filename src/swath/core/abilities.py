@@ -3,9 +3,9 @@
 Whoever uses an ability asks `isinstance(part, EndsRun)`; a component has it by having the member.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from swath.core.frames import Pose
 
@@ -24,6 +24,17 @@ class HasRange(Protocol):
 
     @property
     def range_limits(self) -> tuple[float, float]: ...
+
+
+@runtime_checkable
+class KnowsErrors(Protocol):
+    """A sensor that knows how far off it may be. errors: of a sample, by its fields in SI.
+
+    Each has two standard deviations: of what is new with every sample, and of what stays during a run. 0 is
+    exact; a sensor without this ability does not know.
+    """
+
+    def errors(self, sample: Any) -> Mapping[str, tuple[float, float]]: ...
 
 
 @runtime_checkable

@@ -24,6 +24,17 @@ class Pose:
     position: Array
     rotation: Array
 
+    @property
+    def numbers(self) -> tuple[list[float], list[list[float]]]:
+        """Position and rows of the rotation as plain numbers, made once: neither changes."""
+        known: tuple[list[float], list[list[float]]] | None = self.__dict__.get("_numbers")
+        if known is None:
+            known = self.__dict__["_numbers"] = self.position.tolist(), self.rotation.tolist()
+        return known
+
+    def __getstate__(self) -> dict[str, Array]:
+        return {"position": self.position, "rotation": self.rotation}
+
     @staticmethod
     def identity() -> "Pose":
         """No offset, no turn."""
@@ -50,8 +61,7 @@ class Pose:
 
     def point(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """One point [m] of the inner frame in the outer frame, as plain numbers: quicker than `apply`."""
-        px, py, pz = self.position.tolist()
-        (a, b, c), (d, e, f), (g, h, i) = self.rotation.tolist()
+        (px, py, pz), ((a, b, c), (d, e, f), (g, h, i)) = self.numbers
         return a * x + b * y + c * z + px, d * x + e * y + f * z + py, g * x + h * y + i * z + pz
 
     def turn(self, directions: Any) -> Array:
@@ -60,9 +70,8 @@ class Pose:
 
     def euler(self) -> tuple[float, float, float]:
         """(roll, pitch, yaw) [rad]."""
-        r = self.rotation
-        pitch = -asin(min(max(r[2, 0], -1.0), 1.0))
-        return atan2(r[2, 1], r[2, 2]), pitch, atan2(r[1, 0], r[0, 0])
+        (a, _, _), (b, _, _), (c, d, e) = self.numbers[1]
+        return atan2(d, e), -asin(min(max(c, -1.0), 1.0)), atan2(b, a)
 
     def quaternion(self) -> tuple[float, float, float, float]:
         """(x, y, z, w), the order of ROS messages."""
@@ -81,13 +90,9 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:
     """Rotation, shape (3, 3), from angles [rad]."""
     cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
     cy, sy = cos(yaw), sin(yaw)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
+    along = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    across = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    return np.array((*along, *across, -sp, cp * sr, cp * cr)).reshape(3, 3)  # quicker than from rows
 
 
 def rotation_matrices(roll: Array, pitch: Array, yaw: Array) -> Array:

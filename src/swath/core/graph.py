@@ -16,6 +16,7 @@ from swath.core.signal import Signal
 Wire = tuple[str, str]
 Observer = Callable[[str, int, Outputs], None]
 NOWHERE: Wire = ("", "")
+NOTHING: tuple[Any, Wire] = (), NOWHERE
 
 
 @dataclass
@@ -33,6 +34,23 @@ class Node:
     step_count: int = 0
 
 
+Queue = list[Signal]
+
+
+@dataclass(slots=True)
+class _Links:
+    """What joins a node to others, looked up once.
+
+    reads: port -> where its newest sample is; queues: port -> samples since the last step
+    sends: output -> type of what it sends, where its newest sample is; listeners: output, queue of a reader
+    """
+
+    reads: list[tuple[str, Wire]]
+    queues: list[tuple[str, Queue]]
+    sends: dict[str, tuple[type[Signal], Wire]]
+    listeners: list[tuple[str, Queue]]
+
+
 class EndOfRun(Exception):
     """Raised by a `before_tick`: the run ends before that tick. Its text says why."""
 
@@ -41,7 +59,8 @@ class Graph:
     """Runs the components of a scenario by their plan.
 
     observers are called with (slot name, time [ns], outputs) after every step, in order; they must not
-    change anything that a component reads. before_tick: called with the time [ns] of a tick before its steps
+    change anything that a component reads. watches: slot -> the same for this slot alone, called before
+    them. before_tick: called with the time [ns] of a tick before its steps
     run, for those who wait (a real clock, a paused run); they change no result, but may raise EndOfRun
     ended: why a run stopped before its end, empty where it did not
     outside: slots that are not in this graph -> their outputs; whoever runs it puts their samples in
@@ -57,14 +76,14 @@ class Graph:
         self.ended = ""
         self.plan: Plan = make_plan([n.slot for n in nodes])
         self.observers: list[Observer] = []
+        self.watches: dict[str, Observer] = {}
         self.before_tick: list[Callable[[int], None]] = []
         self._names = {n.slot.name: n for n in nodes}
         self._latest: dict[tuple[str, str], Signal] = {}
         self._before: dict[tuple[str, str], Signal] = {}
-        self._queues: dict[tuple[str, str], list[Signal]] = {}
-        self._listeners: dict[str, list[tuple[str, Wire]]] = {}  # slot -> (output, queue)
-        self._reads: dict[str, list[tuple[str, Wire, bool]]] = {}  # slot -> (port, source or queue, is queue)
-        self._sends: dict[str, dict[str, type[Signal]]] = {}  # slot -> output -> what it sends
+        self._queues: dict[tuple[str, str], Queue] = {}  # by slot and port
+        self._listeners: dict[str, list[tuple[str, Queue]]] = {}  # slot -> output, queue of a reader
+        self._links: dict[str, _Links] = {}
         self._connect()
         self._latches = any(n.slot.latch for n in nodes)
 
@@ -73,20 +92,19 @@ class Graph:
         self.t = 0
         self.ended = ""
         self._latest.clear()
-        for key in self._queues:
-            self._queues[key] = []
+        for queue in self._queues.values():
+            queue.clear()
         for node in self.nodes:
             stream = Stream(self.seed, node.slot.name)
             outputs = node.component.reset(stream)
             if node.fault is not None:
                 node.fault.reset(stream)
-                outputs = node.fault.pass_on(0, outputs)
-            self._publish(node, 0, outputs)
+            self._send(node, 0, outputs)
         self._before = dict(self._latest)
 
     def run(self, until: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance to time `until` [ns], or to the first tick after which `stop()` is true."""
-        clock = time.perf_counter
+        clock, nodes = time.perf_counter, self.nodes
         for t, due in self.plan.walk(self.t, until):
             try:
                 for wait in self.before_tick:
@@ -97,9 +115,8 @@ class Graph:
             if self._latches:
                 self._before = dict(self._latest)
             for index in due:
-                node = self.nodes[index]
-                started = clock()
-                period = node.slot.period
+                node = nodes[index]
+                started, period = clock(), node.slot.period
                 outputs = node.component.step(t - period, period, self._gather(node))
                 node.cost_s += clock() - started
                 node.step_count += 1
@@ -113,25 +130,19 @@ class Graph:
         """The end: parts that can (`StepsAnyLength`) take in what was sent to them since their last step."""
         for node in self.nodes:
             slot = node.slot
-            queues = [self._queues[wire] for _, wire, is_queue in self._reads[slot.name] if is_queue]
+            queues = [queue for _, queue in self._links[slot.name].queues]
             waits = any(queues) or not queues
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
             part = node.component
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
                 self._send(node, self.t, part.step(last, self.t - last, self._gather(node)))
 
-    def _send(self, node: Node, t: int, outputs: Outputs) -> None:
-        """Publish what a component gave at t, as its fault leaves it."""
-        if node.fault is not None:
-            outputs = node.fault.pass_on(t, outputs)
-        self._publish(node, t, outputs)
-
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""
         self._latest[(slot, output)] = sample
-        for listened, key in self._listeners.get(slot, ()):
+        for listened, queue in self._listeners.get(slot, ()):
             if listened == output:
-                self._queues[key].append(sample)
+                queue.append(sample)
 
     def latest(self, slot: str, output: str) -> Signal | None:
         """The newest sample of an output, None before there is one."""
@@ -149,7 +160,7 @@ class Graph:
         component.reset(Stream(self.seed, slot))
         if state is not None:
             component.load(state)
-        node, queues = self._names[slot], dict(self._queues)
+        node, queues = self._names[slot], self._queues
         before = node.component, node.wires
         node.component, node.wires = component, dict(wires)
         try:
@@ -159,7 +170,8 @@ class Graph:
             self._connect()
             raise
         finally:
-            self._queues |= {key: queue for key, queue in queues.items() if key in self._queues}
+            for key, queue in self._queues.items():
+                queue += queues.get(key, ())
 
     def save(self) -> State:
         """Everything needed to go on from here, byte for byte."""
@@ -173,21 +185,22 @@ class Graph:
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved moment. Components are reset first, so that each knows its random stream."""
-        observers, self.observers = self.observers, []
+        told = self.observers, self.watches
+        self.observers, self.watches = [], {}
         self.reset()
-        self.observers = observers
+        self.observers, self.watches = told
         self.t = state["t"]
         for node in self.nodes:
             node.component.load(state["components"][node.slot.name])
             if node.fault is not None:
                 node.fault.load(state["faults"][node.slot.name])
         self._latest = dict(state["latest"])
-        self._queues = {k: list(v) for k, v in state["queues"].items()}
+        for key, queue in self._queues.items():
+            queue[:] = state["queues"][key]
 
     def _connect(self) -> None:
         """Check every wire; note who reads what, and who wants every sample."""
-        self._queues, self._listeners, self._reads = {}, {}, {}
-        self._sends = {n.slot.name: {p.name: p.signal for p in n.component.outputs} for n in self.nodes}
+        self._queues, self._listeners = {}, {}
         for node in self.nodes:
             ports = {p.name: p for p in node.component.inputs}
             for name in node.wires:
@@ -203,15 +216,18 @@ class Graph:
                 source, output = node.wires[port.name]
                 check_fit(source, self._output_port(source, output, node, port), node.slot.name, port)
                 if port.history:
-                    key = (node.slot.name, port.name)
-                    self._queues[key] = []
-                    self._listeners.setdefault(source, []).append((output, key))
-            self._reads[node.slot.name] = [
-                (p.name, (node.slot.name, p.name), True)
-                if p.history and p.name in node.wires
-                else (p.name, node.wires.get(p.name, NOWHERE), False)
-                for p in node.component.inputs
-            ]
+                    queue = self._queues[node.slot.name, port.name] = []
+                    self._listeners.setdefault(source, []).append((output, queue))
+        self._links = {n.slot.name: self._links_of(n) for n in self.nodes}
+
+    def _links_of(self, node: Node) -> _Links:
+        name, ports = node.slot.name, node.component.inputs
+        return _Links(
+            [(p.name, node.wires.get(p.name, NOWHERE)) for p in ports if (name, p.name) not in self._queues],
+            [(p.name, self._queues[name, p.name]) for p in ports if (name, p.name) in self._queues],
+            {p.name: (p.signal, (name, p.name)) for p in node.component.outputs},
+            self._listeners.get(name, []),
+        )
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"
@@ -225,35 +241,39 @@ class Graph:
         return ports[output]
 
     def _gather(self, node: Node) -> dict[str, Any]:
-        samples = self._before if node.slot.latch else self._latest
-        values: dict[str, Any] = {}
-        for port, wire, is_queue in self._reads[node.slot.name]:
-            if is_queue:
-                values[port] = tuple(self._queues[wire])
-                self._queues[wire] = []
-            else:
-                values[port] = samples.get(wire)
+        samples, links = self._before if node.slot.latch else self._latest, self._links[node.slot.name]
+        values: dict[str, Any] = {port: samples.get(wire) for port, wire in links.reads}
+        for port, queue in links.queues:
+            values[port] = tuple(queue)
+            queue.clear()
         return values
 
-    def _publish(self, node: Node, t: int, outputs: Outputs) -> None:
-        name, sends = node.slot.name, self._sends[node.slot.name]
+    def _send(self, node: Node, t: int, outputs: Outputs) -> None:
+        """Publish what a component gave at t, as its fault leaves it."""
+        if node.fault is not None:
+            outputs = node.fault.pass_on(t, outputs)
+        name = node.slot.name
+        links, latest = self._links[name], self._latest
         if not isinstance(outputs, dict):
-            raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(sends)}")
+            raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(links.sends)}")
         for output, signal in outputs.items():
-            wanted = sends.get(output, ())
+            wanted, wire = links.sends.get(output, NOTHING)
             if type(signal) is not wanted and not isinstance(signal, wanted):
-                raise _unfit(name, output, signal, sends)
-            self._latest[name, output] = signal
-        if name in self._listeners:
-            for output, key in self._listeners[name]:
-                if output in outputs:
-                    self._queues[key].append(outputs[output])
+                raise _unfit(name, output, signal, links.sends)
+            latest[wire] = signal
+        for output, queue in links.listeners:
+            if output in outputs:
+                queue.append(outputs[output])
+        if name in self.watches:
+            self.watches[name](name, t, outputs)
         for observe in self.observers:
             observe(name, t, outputs)
 
 
-def _unfit(slot: str, output: str, signal: Any, sends: Mapping[str, type[Signal]]) -> WiringError:
+def _unfit(
+    slot: str, output: str, signal: Any, sends: Mapping[str, tuple[type[Signal], Wire]]
+) -> WiringError:
     if output not in sends:
         return WiringError(f"{slot}.{output}: there is no such output; it has {sorted(sends)}")
     given = type(signal).__name__
-    return WiringError(f"{slot}.{output}: gave a {given}, expected a {sends[output].__name__}")
+    return WiringError(f"{slot}.{output}: gave a {given}, expected a {sends[output][0].__name__}")

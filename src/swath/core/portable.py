@@ -58,6 +58,15 @@ def power(x: Any, y: Any) -> Array:
     return _each(math.pow, np.power, x, y)
 
 
+def median(x: Any) -> float:
+    """Median of finite values, (n,), n > 0: the number that `numpy.median` gives, which takes much longer
+    for some hundreds of them.
+    """
+    ordered = np.sort(x)
+    half = len(ordered) // 2
+    return float(ordered[half] if len(ordered) % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
+
+
 def geomspace(first: float, last: float, count: int) -> Array:
     """Numbers from first > 0 to last > 0 whose ratios are equal, (count,)."""
     return exp(np.linspace(math.log(first), math.log(last), count))
@@ -76,8 +85,9 @@ def solve(matrix: Any, right: Any) -> Array:
 
     Raises ZeroDivisionError for a singular matrix.
     """
-    joined = np.column_stack([matrix, right])
-    rows: list[list[float]] = joined.tolist()
+    rows = [
+        [*row, float(last)] for row, last in zip(np.asarray(matrix, np.float64).tolist(), right, strict=True)
+    ]
     n = len(rows)
     for i in range(n):
         pivot = max(range(i, n), key=lambda r: abs(rows[r][i]))
@@ -102,7 +112,8 @@ def inverse(matrix: Any) -> Array:
 
 def _each(function: Callable[..., float], limits: Callable[..., Any], *values: Any) -> Array:
     """function of each element; limits: numpy's, asked where `math` raises: its inf and nan."""
-    arrays = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in values))
+    arrays = tuple(np.asarray(v, dtype=np.float64) for v in values)
+    arrays = arrays if len(arrays) == 1 else np.broadcast_arrays(*arrays)
     columns = [a.ravel().tolist() for a in arrays]
     try:
         found = list(map(function, *columns))

@@ -8,6 +8,7 @@ from math import pi
 
 KMH = 1.0 / 3.6
 DEG = pi / 180.0
+DEG_PER_G = DEG / 9.80665  # rad per m/s2 of lateral acceleration
 MM = 1e-3
 CM = 1e-2
 MRAD = 1e-3
@@ -64,6 +65,7 @@ UNITS = {
     "deg_s": Unit("deg/s", "rotation", DEG),
     "rpm": Unit("rpm", "rotation", RPM),
     "deg_s2": Unit("deg/s2", "angular acceleration", DEG),
+    "deg_per_g": Unit("deg/g", "angle per acceleration", DEG_PER_G),
     "hz": Unit("Hz", "frequency"),
     "ghz": Unit("GHz", "frequency", 1e9),
     "khz": Unit("kHz", "frequency", 1000.0),

@@ -8,7 +8,7 @@ number is as good: `divergence_mrad: 4.7` rests on nothing that is said. The bun
 """
 
 import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -120,16 +120,20 @@ class Sheet:
             raise self.error(error.key, error.expected) from error
         return made
 
-    def changed(self, values: Mapping[str, float]) -> "Sheet":
-        """A copy with other numbers, by dotted key. Raises InputError for a key that it has not."""
+    def changed(self, values: Mapping[str, float], *, new: Collection[str] = ()) -> "Sheet":
+        """A copy with other numbers, by dotted key. Raises InputError for a key that it has not.
+
+        new: keys that are added where they are missing; their section has to be there
+        """
         data = copy.deepcopy(self.document.data)
         for key, value in values.items():
-            self.number(key)
+            if key not in new:
+                self.number(key)
             section, _, name = key.rpartition(".")
             node = data
             for part in key_path(section) if section else ():
                 node = node[part]
-            if isinstance(node[name], dict):
+            if isinstance(node.get(name), dict):
                 node[name]["value"] = float(value)
             else:
                 node[name] = float(value)

@@ -5,10 +5,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from swath.documents.data_sheets import Sheet, read_sheet
+from swath.documents.data_sheets import Sheet, find_sheet, read_sheet, sheet_names
 from swath.documents.sheet_fields import Entry, entries
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
 from swath.field.habits import find_habit
+
+ALIKE = 0.6  # share of equal numbers that makes a data sheet a copy of another; wheat and barley share 0.42
+_KEPT: dict[tuple[Path, int, int], Crop] = {}  # bundled ones by file, its time and size
 
 
 def load_crop(name: str, base: Path | None = None) -> Crop:
@@ -17,7 +20,16 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     Raises InputError that names key, file and line when a number is missing, has no source or lies outside
     what a crop can be.
     """
-    sheet = read_sheet("crops", name, base)
+    path = find_sheet("crops", name, base)
+    if name.endswith((".yaml", ".yml")):  # a user's own, which may rest on other files
+        return _read(read_sheet("crops", name, base))
+    stamp = path, path.stat().st_mtime_ns, path.stat().st_size
+    if stamp not in _KEPT:
+        _KEPT[stamp] = _read(read_sheet("crops", name, base))
+    return _KEPT[stamp]
+
+
+def _read(sheet: Sheet) -> Crop:
     habit = find_habit(sheet)
     there = {key: kind for key, kind in habit.organs.items() if key not in habit.optional or key in sheet}
     sections: dict[str, type] = {"stand": habit.stand, "yield": habit.yields, **there}
@@ -38,6 +50,28 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     if habit.complete is not None:
         crop = habit.complete(crop, sheet)
     return _with_yields(crop, sheet)
+
+
+def copied_from(name: str) -> tuple[str, list[str]] | None:
+    """The bundled crop that a user's own data sheet was copied from, and the keys whose numbers differ.
+
+    It is the one of the same habit with most numbers in common, at least ALIKE of them; None where no bundled
+    crop is so much alike, or the crop is bundled itself. name: bundled, or path of the sheet
+    """
+    if name in sheet_names("crops"):
+        return None
+    own = read_sheet("crops", name)
+    best: tuple[float, str, list[str]] | None = None
+    for other in sheet_names("crops"):
+        sheet = read_sheet("crops", other)
+        if sheet.value("habit") != own.value("habit"):
+            continue
+        keys = own.numbers().keys() | sheet.numbers().keys()
+        differing = sorted(key for key in keys if own.value(key) != sheet.value(key))
+        share = 1.0 - len(differing) / len(keys)
+        if share >= ALIKE and (best is None or share > best[0]):
+            best = share, other, differing
+    return None if best is None else best[1:]
 
 
 def _prefix(section: str) -> str:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex
-from swath.field.height_bounds import stem_reach
 from swath.field.pages import Key, PageStore
 from swath.kernels import filled, member_array, repeatable, start_warp
 
@@ -130,7 +129,7 @@ class Cutter:
                 kernel.Land,
                 tile_size=library.tile_size,
                 height_max=library.height_max,
-                stem_reach=stem_reach(library),
+                stem_reach=library.reach,
                 sway=self.sway,
             )
         for name in stale:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.errors import InputError
-from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, Organ, PlantLibrary
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, PlantLibrary
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,9 +50,8 @@ class StemIndex:
     def __init__(self, library: PlantLibrary, straw_exponent: float) -> None:
         self.library = library
         self.straw_exponent = straw_exponent
-        self.ear_height = ear_heights(library)
-        self.is_crop = np.ones(len(library.stem_xy), dtype=bool)
-        self.is_crop[library.owner[library.organ == Organ.WEED]] = False
+        self.ear_height = library.ear_height
+        self.is_crop = ~library.is_weed
         self.rank = library.stem_rank.astype(np.float64)
         self.height = library.stem_height.astype(np.float64)
         stem_tile = np.repeat(np.arange(library.tile_count), np.diff(library.stem_start))
@@ -86,19 +85,6 @@ class StemIndex:
         grain = np.where(is_cut, self.library.grain_kg[stem], 0.0)
         is_high = self.ear_height[stem] * scale > cut_height
         return np.where(is_high, grain, 0.0), straw, np.where(is_high, 0.0, grain)
-
-
-def ear_heights(library: PlantLibrary) -> Array:
-    """Height of the middle of each stem's ear, pods or cob [m], (n,); the tip where a stem has none."""
-    ears = np.isin(library.organ, (Organ.EAR, Organ.POD, Organ.COB))
-    owner = library.owner[ears]
-    z = np.stack([library.a[ears, 2], library.b[ears, 2]]).astype(np.float64)
-    low, high = np.full(len(library.stem_xy), np.inf), np.full(len(library.stem_xy), -np.inf)
-    np.minimum.at(low, owner, z.min(axis=0))
-    np.maximum.at(high, owner, z.max(axis=0))
-    is_bare = low > high
-    low[is_bare] = high[is_bare] = library.stem_height[is_bare]
-    return np.asarray(0.5 * (low + high))
 
 
 def cell_in_tile(x: Array, tile_size: float, is_mirrored: bool) -> Ints:

@@ -1,6 +1,5 @@
 """The field: the one truth that every sensor looks at and every header cuts."""
 
-from functools import lru_cache
 from math import fsum
 from typing import Any
 
@@ -20,7 +19,7 @@ from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
 from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
-from swath.field.pages import Change, Key, PageStore
+from swath.field.pages import Change, KeptPages, Key, PageStore
 from swath.field.recount import recount_pages
 from swath.field.straw import spread, write_depth
 from swath.field.tile_generator import PageMaker
@@ -246,7 +245,7 @@ class Field:
 
     def keep_pages(self) -> None:
         """Keep what pages hold at the start, for another run on this field, some 30 MB."""
-        self.store.make = lru_cache(maxsize=1024)(self.maker.make)
+        self.store.make = KeptPages(self.maker.make)
 
     def reset(self) -> None:
         """Back to the start: nothing cut, no straw, no grain, unless it starts from what earlier runs left.

@@ -30,8 +30,9 @@ def update_tops(store: PageStore, library: PlantLibrary, keys: list[Key], *, swa
     p = store.pages
     stand = p.tile_stand[slots].astype(np.float64)
     lean = np.hypot(stand[..., 1], stand[..., 2]) + sway * stand[..., 0]
-    tiles = np.ceil((stem_reach(library) + lean * library.height_max) / library.tile_size).astype(int)
+    tiles = np.ceil((library.reach + lean * library.height_max) / library.tile_size).astype(int)
     reach = np.minimum(tiles, REACH_MAX)
+    store.stem_reach = max(store.stem_reach, int(reach.max()))
     code = _code_around(store, page, int(reach.max()))
     highest = np.zeros(reach.shape, np.uint8)
     for r in range(int(reach.max()) + 1):
@@ -76,13 +77,6 @@ def _write_bumps(store: PageStore, slots: Ints, rows: tuple[int, int], columns: 
     height, slope_x, slope_y = (p.tile_plane[tiles].astype(np.float64)[..., k, None, None] for k in range(3))
     plane = height + slope_x * offset + slope_y * offset[:, None]
     p.tile_bump[tiles] = (blocks - plane).max(axis=(3, 4))
-
-
-def stem_reach(library: PlantLibrary) -> float:
-    """How far outside a tile the foot of a stem can lie that the tile shows [m]."""
-    if len(library.base) == 0:
-        return 0.0
-    return max(0.0, float(-library.base.min()), float(library.base.max()) - library.tile_size)
 
 
 def _code_around(store: PageStore, page: Ints, reach: int) -> NDArray[np.uint8]:

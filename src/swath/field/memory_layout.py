@@ -55,44 +55,19 @@ class Shape(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class PlantLibrary:
-    """Tile prototypes with their plants, primitives and search index. Read-only after making, so that what
-    was made of it can be kept.
+class Primitives:
+    """What plants are made of (m of them), sorted by tile, each copied to every tile side it overlaps
+    (periodic tile).
 
-    tile_size T [m]; tile_count K; density_max: stems/m2 in the prototypes; row_spacing [m], 0 = no rows
-    height_max: top of the tallest primitive [m]
-
-    Stems, sorted by tile; tile k owns stem_start[k]:stem_start[k + 1].
-    stem_xy: base in the tile [m], (n, 2), in [0, T); stem_rank: (n,) in [0, 1): the stem exists on a tile
-    whose density fraction exceeds it; stem_height [m]: tip of the plant; grain_kg, straw_kg: (n,) masses
-
-    Primitives (m of them), sorted by tile, each copied to every tile side it overlaps (periodic tile):
     shape: Shape; organ: Organ; a, b: ends [m], (m, 3); capsule: radius [m], width unused; ribbon:
     parallelogram with corners a - w, a + w, b + w, b - w, w = width (m, 3) [m]; triangle: corners a - w,
     a + w, b
     owner: index of the stem; base: (m, 2) base of that stem as seen from this copy [m]; may lie outside
     [0, T) for copies
-
-    Search index: columns x columns x bins cells per tile, cell = ((k * columns + iy) * columns + ix) * bins
-    + iz, column side T / columns, bin height bin_height [m] from zeta = 0; cell c lists primitives
-    cell_items[cell_start[c]:cell_start[c + 1]]. Everything that overlaps a cell is listed in it; what reaches
-    below zeta = 0 is listed in bin 0. `cells` makes both when the first ray asks for them.
-
-    reflectance: of each Organ at 905 nm; own_reflectance: of a primitive where parts of one organ differ
-    (meshes), (m,), 0 = its organ's; empty = none has its own
+    own_reflectance: of a primitive where parts of one organ differ (meshes), (m,), 0 = its organ's; empty =
+    none has its own
     """
 
-    tile_size: float
-    tile_count: int
-    density_max: float
-    row_spacing: float
-    height_max: float
-    stem_start: NDArray[np.int32]
-    stem_xy: NDArray[np.float32]
-    stem_rank: NDArray[np.float32]
-    stem_height: NDArray[np.float32]
-    grain_kg: NDArray[np.float64]
-    straw_kg: NDArray[np.float64]
     shape: NDArray[np.uint8]
     organ: NDArray[np.uint8]
     a: NDArray[np.float32]
@@ -101,12 +76,98 @@ class PlantLibrary:
     width: NDArray[np.float32]
     owner: NDArray[np.int32]
     base: NDArray[np.float32]
+    own_reflectance: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class PlantLibrary:
+    """Tile prototypes with their plants, primitives and search index. Read-only after making, so that what
+    was made of it can be kept.
+
+    tile_size T [m]; tile_count K; density_max: stems/m2 in the prototypes; row_spacing [m], 0 = no rows
+    height_max: top of the tallest primitive [m]; reach: how far one reaches aside from its stem's foot [m]
+
+    Stems, sorted by tile; tile k owns stem_start[k]:stem_start[k + 1].
+    stem_xy: base in the tile [m], (n, 2), in [0, T); stem_rank: (n,) in [0, 1): the stem exists on a tile
+    whose density fraction exceeds it; stem_height [m]: tip of the plant; ear_height [m]: middle of its ear,
+    pods or cob, the tip without any; is_weed: (n,); grain_kg, straw_kg: (n,) masses
+
+    primitives: placed when they are first asked for: not every run looks at plants; the properties below are
+    theirs.
+
+    Search index: columns x columns x bins cells per tile, cell = ((k * columns + iy) * columns + ix) * bins
+    + iz, column side T / columns, bin height bin_height [m] from zeta = 0; cell c lists primitives
+    cell_items[cell_start[c]:cell_start[c + 1]]. Everything that overlaps a cell is listed in it; what reaches
+    below zeta = 0 is listed in bin 0. `cells` makes both when the first ray asks for them.
+
+    reflectance: of each Organ at 905 nm
+    """
+
+    tile_size: float
+    tile_count: int
+    density_max: float
+    row_spacing: float
+    height_max: float
+    reach: float
+    stem_start: NDArray[np.int32]
+    stem_xy: NDArray[np.float32]
+    stem_rank: NDArray[np.float32]
+    stem_height: NDArray[np.float32]
+    ear_height: NDArray[np.float64]
+    is_weed: NDArray[np.bool_]
+    grain_kg: NDArray[np.float64]
+    straw_kg: NDArray[np.float64]
     columns: int
     bins: int
     bin_height: float
+    primitives: Callable[[], Primitives]
     cells: Callable[[], tuple[NDArray[np.int32], NDArray[np.int32]]]
     reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(len(Organ), np.float32))
-    own_reflectance: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    @property
+    def shape(self) -> NDArray[np.uint8]:
+        """Shape of each primitive."""
+        return self.primitives().shape
+
+    @property
+    def organ(self) -> NDArray[np.uint8]:
+        """Organ of each primitive."""
+        return self.primitives().organ
+
+    @property
+    def a(self) -> NDArray[np.float32]:
+        """First ends [m], (m, 3)."""
+        return self.primitives().a
+
+    @property
+    def b(self) -> NDArray[np.float32]:
+        """Last ends [m], (m, 3)."""
+        return self.primitives().b
+
+    @property
+    def radius(self) -> NDArray[np.float32]:
+        """Radii of capsules [m]."""
+        return self.primitives().radius
+
+    @property
+    def width(self) -> NDArray[np.float32]:
+        """Half widths of ribbons and triangles [m], (m, 3)."""
+        return self.primitives().width
+
+    @property
+    def owner(self) -> NDArray[np.int32]:
+        """The stem of each primitive."""
+        return self.primitives().owner
+
+    @property
+    def base(self) -> NDArray[np.float32]:
+        """Foot of that stem as seen from the copy [m], (m, 2)."""
+        return self.primitives().base
+
+    @property
+    def own_reflectance(self) -> NDArray[np.float32]:
+        """Of primitives that have their own, else empty."""
+        return self.primitives().own_reflectance
 
     @property
     def cell_start(self) -> NDArray[np.int32]:

@@ -17,7 +17,7 @@ from swath.core.units import DEG, KMH
 from swath.field.memory_layout import Solids
 from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
 from swath.field.obstacle_sheet import ObstacleSheet, load_obstacle
-from swath.field.solids import PAINT, STONE, WOOD, box_on_ground, merge, mesh, moved, post, stone
+from swath.field.solids import PAINT, STONE, WOOD, box_on_ground, mesh, moved, post, stone
 from swath.field.way import Way
 
 Array = NDArray[np.float64]
@@ -163,16 +163,6 @@ class Thing:
     def in_world(self) -> Solids:
         """Its solids at t = 0."""
         return moved(self.solids, self.pose)
-
-
-def make_obstacles(obstacles: Any, field: Any) -> Solids:
-    """Solids of obstacle parameters, see `things_of`, together, as they stand at t = 0."""
-    return merge(*named_obstacles(obstacles, field).values())
-
-
-def named_obstacles(obstacles: Any, field: Any) -> dict[str, Solids]:
-    """Solids by name of `things_of`, as they stand at t = 0."""
-    return {thing.name: thing.in_world for thing in things_of(obstacles, field)}
 
 
 def things_of(obstacles: Any, field: Any) -> tuple[Thing, ...]:

@@ -48,13 +48,13 @@ class Change:
 class PageStore:
     """Pages in memory and what was changed on the others.
 
-    make: gives the page of an index; finish: called with the keys of pages that just came into memory
+    make: gives the pages of indices; finish: called with the keys of pages that just came into memory
     tile_size [m]; limit: number of pages kept in memory beyond those asked for last
     """
 
     def __init__(
         self,
-        make: Callable[[int, int], PageData],
+        make: Callable[[Sequence[Key]], list[PageData]],
         finish: Callable[[list[Key]], None] = lambda keys: None,
         *,
         tile_size: float = 1.0,
@@ -67,6 +67,8 @@ class PageStore:
         """Forget everything."""
         self.pages = _empty_pages()
         self.code_max = np.zeros((0, PAGE_TILES, PAGE_TILES), np.uint8)  # highest code per tile
+        self.ground_low = np.zeros(0, np.float32)  # lowest soil of the page [m]
+        self.stem_reach = 0  # tiles from which stems can lean over another one, the most of all pages so far
         self.keys: dict[Key, int] = {}  # slot of every page in memory, oldest use first
         self._used: dict[Key, int] = {}  # pages made before the last use of each of them
         self._made = self.dropped = 0  # pages, so far
@@ -95,8 +97,12 @@ class PageStore:
         self._made += len(missing)
         self._used.update(dict.fromkeys(missing, self._made))
         self._widen(missing)
+        made = {key: self._untouched.pop(key) for key in missing if key in self._untouched}
+        if len(made) < len(missing):
+            new = [key for key in missing if key not in made]
+            made.update(zip(new, self.make(new), strict=True))
         for key in missing:
-            self._insert(key)
+            self._insert(key, made[key])
         self.finish(missing)
         self.pages.revision += 1
 
@@ -191,13 +197,12 @@ class PageStore:
         )
         return int(sum(a.nbytes for a in pools) + packed + sum(a.nbytes for a in self.straw_mass.values()))
 
-    def _insert(self, key: Key) -> None:
+    def _insert(self, key: Key, data: PageData) -> None:
         if not self._free:
             self._grow()
         slot = self._free.pop()
-        data = self._untouched.pop(key, None) or self.make(*key)
         p = self.pages
-        p.ground[slot] = data.ground
+        p.ground[slot], self.ground_low[slot] = data.ground, data.ground.min()
         p.straw[slot] = 0.0
         p.tile_plane[slot], p.tile_stand[slot] = data.tile_plane, data.tile_stand
         p.tile_prototype[slot] = data.tile_prototype
@@ -257,7 +262,7 @@ class PageStore:
         new = max(2 * old, 32)
         for name in SLOT_POOLS:
             setattr(p, name, _grown(getattr(p, name), new))
-        self.code_max = _grown(self.code_max, new)
+        self.code_max, self.ground_low = _grown(self.code_max, new), _grown(self.ground_low, new)
         self._free += range(new - 1, old - 1, -1)
 
     def _grow_cut(self) -> None:
@@ -285,6 +290,25 @@ class PageStore:
         if nx > 0:
             table[p.table_y - y0 : p.table_y - y0 + ny, p.table_x - x0 : p.table_x - x0 + nx] = p.table
         p.table, p.table_x, p.table_y = table, x0, y0
+
+
+class KeptPages:
+    """A maker of pages that keeps what it made last. most: pages"""
+
+    def __init__(self, make: Callable[[Sequence[Key]], list[PageData]], most: int = 1024) -> None:
+        self._make, self._most = make, most
+        self._kept: dict[Key, PageData] = {}
+
+    def __call__(self, keys: Sequence[Key]) -> list[PageData]:
+        """The pages of indices."""
+        kept = self._kept
+        new = [key for key in keys if key not in kept]
+        made = dict(zip(new, self._make(new), strict=True)) if new else {}
+        found = [made[key] if key in made else kept.pop(key) for key in keys]
+        kept.update(zip(keys, found, strict=True))
+        for key in list(kept)[: max(len(kept) - self._most, 0)]:
+            del kept[key]
+        return found
 
 
 def inflate_codes(codes: int | bytes) -> Codes:

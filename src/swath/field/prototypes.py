@@ -1,7 +1,6 @@
-"""Tile prototypes full of plants, with the search index that rays traverse."""
+"""Tile prototypes full of plants: what stands where in each."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +8,11 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.memory_layout import Organ, PlantLibrary, Shape, primitive_rows
+from swath.field.memory_layout import Organ, PlantLibrary, Shape
 from swath.field.plants import Drawing, Plants, leaf_parts_of, make_plants
 from swath.field.plants.drawing import Detail
 from swath.field.plants.parts import joined
+from swath.field.prototype_index import PAD, Index, PlacedPlants
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,8 +21,6 @@ MESH_TRIANGLES = 300_000  # of all prototypes; fewer prototypes are made rather 
 MESH_TRIANGLES_MAX = 1_200_000  # some 300 MB
 MESH_TILES_MIN = 3
 MESH_FINE = 15_000  # triangles in a prototype from which on its cells are halved
-PIECES = 4_000  # looked at together: their arrays stay in the processor's cache
-PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays never miss a listed cell [m]
 
 
 def make_library(
@@ -71,75 +69,59 @@ def make_library(
     tile = np.repeat(np.arange(tile_count), per_tile)
     if weeds is not None:
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
-    index = _Index(size, tile_count, columns, bins, _top(plants) / bins)
-    pieces = _copies(plants, xy, tile, size)
-    by_place = index.order(pieces)
-    own = plants.own_reflectance()
+    top, reach = _bounds(plants)
+    placed = PlacedPlants(Index(size, tile_count, columns, bins, top / bins), plants, xy, tile)
     reflectance = np.zeros(len(Organ), np.float32)
     for name, value in crop.reflectance.items():
         reflectance[Organ[name.upper()]] = value
     if weeds is not None:
         reflectance[Organ.WEED] = weeds.reflectance["weed"]
-    source = pieces.source[by_place]
-    shape, radius = plants.shape[source], plants.radius[source]
-    a, b, width, base = pieces.a[by_place], pieces.b[by_place], plants.width[source], pieces.base[by_place]
-    parts = ((a, 0, 3), (radius, 3, 4), (b, 4, 7), (width, 8, 11), (base, 12, 14))
-    rows = primitive_rows(len(shape))
-    for values, first, after in parts:
-        rows[:, first:after] = values.reshape(len(shape), -1)
+    is_weed = np.zeros(len(xy), dtype=bool)
+    is_weed[plants.owner[plants.organ == Organ.WEED]] = True
     return PlantLibrary(
         tile_size=size,
         tile_count=tile_count,
         density_max=density_max,
         row_spacing=row_spacing,
-        height_max=_top(plants),
+        height_max=top,
+        reach=reach,
         stem_start=np.concatenate([[0], np.cumsum(np.bincount(tile, minlength=tile_count))]).astype(np.int32),
         stem_xy=xy.astype(np.float32),
         stem_rank=rank.astype(np.float32),
         stem_height=plants.height.astype(np.float32),
+        ear_height=_ear_heights(plants),
+        is_weed=is_weed,
         grain_kg=plants.grain_kg,
         straw_kg=plants.straw_kg,
-        shape=shape,
-        organ=plants.organ[source],
-        a=rows[:, 0:3],
-        b=rows[:, 4:7],
-        radius=rows[:, 3].copy() if (shape == Shape.TRIANGLE).any() else rows[:, 3],
-        width=rows[:, 8:11],
-        owner=plants.owner[source],
-        base=rows[:, 12:14],
         columns=columns,
         bins=bins,
-        bin_height=_top(plants) / bins,
-        cells=_Cells(index, pieces, by_place),
+        bin_height=top / bins,
+        primitives=placed.primitives,
+        cells=placed.cells,
         reflectance=reflectance,
-        own_reflectance=own[source].astype(np.float32) if own.any() else np.zeros(0, np.float32),
     )
 
 
-@dataclass(frozen=True)
-class _Pieces:
-    """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed;
-    half: `width` in the plants; pointed: triangles, which have no width at b.
-    """
-
-    source: Ints
-    tile: Ints
-    a: Array
-    b: Array
-    half: Array
-    radius: Array
-    base: Array
-    pointed: NDArray[np.bool_]
-
-    def take(self, order: Ints) -> "_Pieces":
-        """The same pieces in another order."""
-        return _Pieces(*(values[order] for values in vars(self).values()))
+def _bounds(plants: Plants) -> tuple[float, float]:
+    """Top of the tallest primitive, and how far one reaches aside from its stem's foot [m]."""
+    wide = plants.radius[:, None] + np.abs(plants.width)
+    at_b = np.where((plants.shape == Shape.TRIANGLE)[:, None], 0.0, wide)
+    top = np.maximum(plants.a[:, 2] + wide[:, 2], plants.b[:, 2] + at_b[:, 2]).max()
+    aside = max(float((np.abs(end[:, :2]) + wide[:, :2]).max()) for end in (plants.a, plants.b))
+    return float(top) + 1e-4, aside + PAD
 
 
-def _top(plants: Plants) -> float:
-    wide = plants.radius + np.abs(plants.width[:, 2])
-    at_b = np.where(plants.shape == Shape.TRIANGLE, 0.0, wide)
-    return float(np.maximum(plants.a[:, 2] + wide, plants.b[:, 2] + at_b).max()) + 1e-4
+def _ear_heights(plants: Plants) -> Array:
+    """Height of the middle of each stem's ear, pods or cob [m], (n,); the tip where a stem has none."""
+    ears = np.flatnonzero(np.isin(plants.organ, (Organ.EAR, Organ.POD, Organ.COB)))
+    owner = plants.owner[ears]
+    z = np.stack([plants.a[ears, 2], plants.b[ears, 2]]).astype(np.float32).astype(np.float64)
+    low, high = np.full(len(plants.height), np.inf), np.full(len(plants.height), -np.inf)
+    np.minimum.at(low, owner, z.min(axis=0))
+    np.maximum.at(high, owner, z.max(axis=0))
+    is_bare = low > high
+    low[is_bare] = high[is_bare] = plants.height[is_bare].astype(np.float32)
+    return np.asarray(0.5 * (low + high))
 
 
 def resolution(
@@ -210,169 +192,3 @@ def _with_weeds(
     order = np.argsort(tile, kind="stable")
     xy, rank = np.concatenate([xy, feet])[order], np.concatenate([rank, np.zeros(len(feet))])[order]
     return joined(plants, more, order), xy, rank, tile[order]
-
-
-def _copies(plants: Plants, xy: Array, tile: Ints, size: float) -> _Pieces:
-    """Every primitive at its place, and once more for every tile side it reaches over."""
-    shift = np.concatenate([xy[plants.owner], np.zeros((len(plants.owner), 1))], axis=1)
-    a, b = plants.a + shift, plants.b + shift
-    reach = (plants.radius[:, None] + np.abs(plants.width) + PAD)[:, :2]
-    low, high = np.minimum(a, b)[:, :2] - reach, np.maximum(a, b)[:, :2] + reach
-    everything = np.arange(len(low))
-    crosses = np.flatnonzero(((low < 0.0) | (high > size)).any(axis=1))  # a side of its tile
-    found: list[tuple[Ints, Array]] = []
-    for ix in (-2, -1, 0, 1, 2):
-        for iy in (-2, -1, 0, 1, 2):
-            move = size * np.array([ix, iy, 0.0])
-            among = crosses if ix or iy else everything
-            inside = ((low[among] + move[:2] < size) & (high[among] + move[:2] > 0.0)).all(axis=1)
-            found.append((among[inside], move))
-    source = np.concatenate([index for index, _ in found])
-    move = np.concatenate([np.broadcast_to(m, (len(index), 3)) for index, m in found])
-    owner = plants.owner[source]
-    return _Pieces(
-        source,
-        tile[owner],
-        a[source] + move,
-        b[source] + move,
-        plants.width[source],
-        plants.radius[source],
-        xy[owner] + move[:, :2],
-        plants.shape[source] == Shape.TRIANGLE,
-    )
-
-
-@dataclass(frozen=True)
-class _Index:
-    """The cells of all tiles: columns x columns x bins each."""
-
-    size: float
-    tile_count: int
-    columns: int
-    bins: int
-    bin_height: float
-
-    def order(self, pieces: _Pieces) -> Ints:
-        """Tile by tile, cell by cell of their middles: pieces near each other are stored near each other."""
-        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
-        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
-        cell = np.clip(np.floor(0.5 * (pieces.a + pieces.b) / side), 0, limit).astype(np.int64)
-        key = (pieces.tile * self.columns + cell[:, 1]) * self.columns + cell[:, 0]
-        return np.argsort(key * self.bins + cell[:, 2], kind="stable")
-
-    def fill(self, pieces: _Pieces) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """cell_start and cell_items: for each cell the pieces that overlap it, capsules first."""
-        cells, items = [], []
-        for first in range(0, len(pieces.source), PIECES):
-            part = np.arange(first, min(first + PIECES, len(pieces.source)))
-            cell, item = self._overlaps(pieces.take(part))
-            cells.append(cell)
-            items.append(item + first)
-        cell, item = np.concatenate(cells), np.concatenate(items)
-        order = np.argsort(2 * cell + (pieces.radius[item] == 0.0), kind="stable")  # items ascend already
-        count = self.tile_count * self.columns * self.columns * self.bins
-        start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=count))])
-        return start.astype(np.int32), item[order].astype(np.int32)
-
-    def _overlaps(self, pieces: _Pieces) -> tuple[Ints, Ints]:
-        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
-        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
-        grow = pieces.radius[:, None] + np.abs(pieces.half) + PAD
-        low = np.floor((np.minimum(pieces.a, pieces.b) - grow) / side)
-        high = np.floor((np.maximum(pieces.a, pieces.b) + grow) / side)
-        low, high = np.clip(low, 0, limit).astype(np.int64), np.clip(high, 0, limit).astype(np.int64)
-        span = high - low + 1
-        total = span.prod(axis=1)
-        item = np.repeat(np.arange(len(total)), total)
-        rest = np.arange(len(item)) - np.repeat(np.cumsum(total) - total, total)
-        ix, rest = rest % span[item, 0], rest // span[item, 0]
-        iy, iz = rest % span[item, 1], rest // span[item, 1]
-        cell = low[item] + np.stack([ix, iy, iz], axis=-1)
-        middle = (cell + 0.5) * side
-        box = np.broadcast_to(0.5 * side, middle.shape).copy()
-        bottom = cell[:, 2] == 0  # bin 0 also holds what reaches below zeta = 0
-        middle[bottom, 2] -= 0.5
-        box[bottom, 2] += 0.5
-        keep = np.ones(len(item), bool)
-        pointed = pieces.pointed[item]
-        for which, meet in ((~pointed, _boxes_meet), (pointed, _triangles_meet)):
-            if which.all():
-                keep = meet(pieces, item, middle, box)
-            elif which.any():
-                keep[which] = meet(pieces, item[which], middle[which], box[which])
-        cell, item = cell[keep], item[keep]
-        flat = ((pieces.tile[item] * self.columns + cell[:, 1]) * self.columns + cell[:, 0]) * self.bins
-        return flat + cell[:, 2], item
-
-
-class _Cells:
-    """The lists of all cells, made when they are first asked for: not every run casts rays at plants."""
-
-    def __init__(self, index: _Index, pieces: _Pieces, order: Ints) -> None:
-        self._todo: tuple[_Index, _Pieces, Ints] | None = (index, pieces, order)
-
-    def __call__(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        if self._todo is not None:
-            index, pieces, order = self._todo
-            self._made, self._todo = index.fill(pieces.take(order)), None
-        return self._made
-
-
-def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
-    """Does the primitive `item` reach into the box? Separating axes: never a false no.
-
-    A capsule is its axis grown by the radius, a ribbon a flat parallelogram with half edges e1 and e2.
-    Axes: the ribbon's normal, and the cross products of its edges with those of the box. The box's own
-    normals tell nothing more: the boxes were chosen by the bounds of the primitive. What one axis tells
-    apart is not looked at on the next.
-    """
-    e1, e2 = (0.5 * (pieces.b - pieces.a)).T.copy(), pieces.half.T.copy()
-    normal = np.cross(e1, e2, axis=0)
-    radius = pieces.radius + PAD
-    offset, half = (0.5 * (pieces.a + pieces.b)[item] - middle).T.copy(), box.T.copy()
-    left = np.arange(len(item))
-    for edge in (e1, e2):
-        for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # edge x unit k; the other edge reaches |normal k|
-            reach = np.abs(normal[k]) + radius * np.hypot(edge[i], edge[j])
-            of = item[left]
-            u, v, own = edge[i][of], edge[j][of], reach[of]
-            apart = np.abs(offset[i, left] * v - offset[j, left] * u)
-            own += np.abs(u) * half[j, left] + np.abs(v) * half[i, left]
-            left = left[apart <= own]
-        if edge is e1:
-            whole = left[pieces.radius[item[left]] > 0.0]  # capsules: e2 is zero
-            left = left[pieces.radius[item[left]] == 0.0]
-    of = item[left]
-    reach = (np.abs(normal[:, of]) * half[:, left]).sum(axis=0) + (radius * np.linalg.norm(normal, axis=0))[
-        of
-    ]
-    left = left[np.abs((normal[:, of] * offset[:, left]).sum(axis=0)) <= reach]
-    meets = np.zeros(len(item), bool)
-    meets[whole], meets[left] = True, True
-    return meets
-
-
-def _triangles_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
-    """As `_boxes_meet`, for triangles: on each axis the span of three corners against that of the box.
-
-    What one axis tells apart is not looked at on the next.
-    """
-    corners = np.stack([pieces.a - pieces.half, pieces.a + pieces.half, pieces.b])
-    sides = np.roll(corners, -1, axis=0) - corners
-    normal = np.cross(sides[0], sides[1])
-    left = np.arange(len(item))
-    unit = np.eye(3)
-    axes = [unit[0], unit[1], unit[2], normal]
-    axes += [np.cross(side, unit[k]) for side in sides for k in range(3)]
-    for axis in axes:
-        own = np.broadcast_to(axis, normal.shape)
-        at = np.einsum("knj,nj->kn", corners, own)
-        low, high = at.min(axis=0), at.max(axis=0)
-        pad = PAD * np.linalg.norm(own, axis=1)
-        of, where = item[left], own[item[left]]
-        centre = np.einsum("nj,nj->n", where, middle[left])
-        reach = np.einsum("nj,nj->n", np.abs(where), box[left]) + pad[of]
-        left = left[(low[of] - centre <= reach) & (high[of] - centre >= -reach)]
-    meets = np.zeros(len(item), bool)
-    meets[left] = True
-    return meets

@@ -18,7 +18,7 @@ def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | 
     """
     total, cell = [], store.tile_size / TILE_CELLS
     for key, codes in store.recut_codes():
-        data = store.make(*key)
+        data = store.make([key])[0]
         before = begun.get(key)
         start, now = _full(data.codes if before is None else inflate_codes(before)), _full(codes)
         for ty in range(PAGE_TILES):

@@ -84,7 +84,8 @@ class Bodies:
         self.boxes: dict[str, GrainBox] = {}  # by the body that carries them
         self._velocities: dict[str, Array] = {}
         self._bounds: dict[str, tuple[Array, Array]] = {}
-        self._things: dict[str, Thing] = {}  # what is known of obstacles by name
+        self._things: dict[str, Thing] = {}  # what is known of the field's obstacles by name
+        self._added: dict[str, Thing] = {}  # and of those that came while the run went
         self.set_obstacles(obstacles or {})
 
     def set_obstacles(self, obstacles: Mapping[str, Solids]) -> None:
@@ -101,6 +102,19 @@ class Bodies:
         for thing in things:
             if thing.way is not None and thing.name not in self._solids:
                 self.add(thing.name, thing.solids, thing.pose, is_machine=False)
+
+    def add_thing(self, name: str, thing: Thing) -> None:
+        """Another obstacle while the run goes, under a name of its own; it starts where its pose says."""
+        self.add(name, thing.solids, thing.pose, is_machine=False)
+        self._added[name] = thing
+
+    def going(self) -> list[str]:
+        """Names of the obstacles that have a way."""
+        return [n for n, thing in (self._things | self._added).items() if thing.way is not None]
+
+    def is_added(self, name: str) -> bool:
+        """Whether it is an obstacle that came while the run went."""
+        return name in self._added
 
     def add(self, name: str, solids: Solids, pose: Pose, *, is_machine: bool = True) -> None:
         """A machine's solids in its own frame, and where it starts; or a thing that sensors see beside the
@@ -125,6 +139,7 @@ class Bodies:
         for known in (self._solids, self._poses, self._starts, self._parts, self._known, self._velocities):
             known.pop(name, None)
         self._bounds.pop(name, None)
+        self._added.pop(name, None)
         self._standing.discard(name)
         self._hitched = {pair for pair in self._hitched if name not in pair}
 
@@ -237,7 +252,7 @@ class Bodies:
         return merge(*shown.values()) if shown else self._solids[name]
 
     def _body(self, name: str) -> Body:
-        thing, moves = self._things.get(name), name in self._solids
+        thing, moves = self._thing(name), name in self._solids
         kind = self._kind(name)
         if thing is not None:
             own, rcs = thing.solids, thing.rcs_dbsm
@@ -250,9 +265,13 @@ class Bodies:
         return Body(name, kind, moved(own, pose), pose, velocity, *self._bounds[name], rcs)
 
     def _kind(self, name: str) -> str:
-        if name in self._things:
-            return self._things[name].kind
+        if (thing := self._thing(name)) is not None:
+            return thing.kind
         return "machine" if name in self._solids and name not in self._standing else "unknown"
+
+    def _thing(self, name: str) -> Thing | None:
+        """What is known of an obstacle; None for a machine."""
+        return self._things.get(name) or self._added.get(name)
 
     def _in_world(self, name: str) -> Parts:
         """The parts of a body where it stands now."""

@@ -1,5 +1,6 @@
 """What a page holds before anything happened on it: a pure function of its index."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,11 @@ from swath.field.memory_layout import (
     STANDING,
     PlantLibrary,
 )
-from swath.field.pages import TILE_CELLS, Codes, PageData
+from swath.field.pages import TILE_CELLS, Codes, Key, PageData
 
 Array = NDArray[np.float64]
 NODES_PER_TILE = PAGE_NODES // PAGE_TILES
+FEW = 8  # pieces of edges
 BLOCKS = 64  # along a page: squares of cells that are looked at together
 
 
@@ -41,24 +43,24 @@ class PageMaker:
         self.library, self.seed = library, seed
         is_plain = all(edge.is_plain for edge in edges.values())
         self._parts = (PAGE_TILES, BLOCKS, PAGE_CUT_CELLS) if is_plain else (PAGE_TILES, PAGE_CUT_CELLS)
+        self._is_short = sum(len(edge.shape.pieces) for edge in edges.values()) <= FEW
         self.yaw = stand.row_heading
         self.tile = library.tile_size
         self.side = PAGE_TILES * library.tile_size
         self.cell = library.tile_size / TILE_CELLS
         self.node = library.tile_size / NODES_PER_TILE
 
-    def make(self, i: int, j: int) -> PageData:
-        """The page of an index."""
-        ground = self.ground(i, j)
-        tx, ty = np.meshgrid(PAGE_TILES * i + np.arange(PAGE_TILES), PAGE_TILES * j + np.arange(PAGE_TILES))
-        x, y = self.to_world((tx + 0.5) * self.tile, (ty + 0.5) * self.tile)
-        return PageData(
-            ground=ground.astype(np.float32),
-            tile_plane=self._planes(ground).astype(np.float32),
-            tile_stand=self.stand_at(x, y).astype(np.float32),
-            tile_prototype=self.prototypes(tx, ty),
-            codes=self.codes(i, j),
-        )
+    def make(self, keys: Sequence[Key]) -> list[PageData]:
+        """The pages of indices (i, j)."""
+        i, j = (np.array(k)[:, None, None] for k in zip(*keys, strict=True))
+        step = np.arange(PAGE_TILES)
+        tx, ty = PAGE_TILES * i + step, PAGE_TILES * j + step[:, None]
+        ground = np.stack([self.ground(*key) for key in keys])
+        stand = self.stand_at(*self.to_world((tx + 0.5) * self.tile, (ty + 0.5) * self.tile))
+        arrays = ground.astype(np.float32), self._planes(ground).astype(np.float32), stand.astype(np.float32)
+        return [
+            PageData(*page) for page in zip(*arrays, self.prototypes(tx, ty), self.codes(keys), strict=True)
+        ]
 
     def to_world(self, u: Any, v: Any) -> tuple[Array, Array]:
         """World coordinates of points of the stand frame."""
@@ -75,25 +77,34 @@ class PageMaker:
         v: Array = np.asarray((PAGE_NODES * j + steps) * self.node, dtype=np.float64)
         return self.terrain.lattice(u, v, self.yaw)
 
-    def codes(self, i: int, j: int) -> Codes:
-        """Codes of the cut cells at the start: decided at the centre of each cell, or for whole squares."""
-        middle = self.to_world((i + 0.5) * self.side, (j + 0.5) * self.side)
-        page = self.codes_within(*middle, self.side * np.sqrt(0.5) + 1e-6)
-        if page >= 0:
-            return int(page)
-        codes = np.full((1, 1), -1, np.int16)  # of squares that have a single one, -1 where there are several
+    def codes(self, keys: Sequence[Key]) -> list[Codes]:
+        """Codes of the cut cells of pages at the start, by the centre of each cell, or of whole squares."""
+        at = np.array(keys, dtype=np.int64)
+        page = self.codes_within(*self.to_world(*((at + 0.5) * self.side).T), self.side * np.sqrt(0.5) + 1e-6)
+        found: list[Codes] = page.tolist()
+        mixed = np.flatnonzero(page < 0)
+        together = len(mixed) if self._is_short else 1  # an edge of many pieces is looked at where it is near
+        for first in range(0, len(mixed), max(together, 1)):
+            some = mixed[first : first + together]
+            for n, codes in zip(some.tolist(), self._codes_of_mixed(at[some]), strict=True):
+                found[n] = int(codes[0, 0]) if (codes == codes[0, 0]).all() else codes
+        return found
+
+    def _codes_of_mixed(self, at: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Codes (n, 512, 512) of pages (n, 2) that may have several, square by square."""
+        codes = np.full(
+            (len(at), 1, 1), -1, np.int16
+        )  # of squares that have a single one, -1 where there are several
         for parts in self._parts:
             side, radius = self.side / parts, self.side / parts * np.sqrt(0.5) + 1e-6
-            ty, tx = np.nonzero(codes < 0)
-            factor = parts // len(codes)
-            codes = np.repeat(np.repeat(codes, factor, axis=0), factor, axis=1)
+            n, ty, tx = np.nonzero(codes < 0)
+            factor = parts // codes.shape[1]
+            codes = np.repeat(np.repeat(codes, factor, axis=1), factor, axis=2)
             row, column = (t[:, None] * factor + np.arange(factor) for t in (ty, tx))
-            u, v = (parts * i + column + 0.5) * side, (parts * j + row + 0.5) * side
+            u, v = (parts * at[n, :1] + column + 0.5) * side, (parts * at[n, 1:] + row + 0.5) * side
             x, y = self.to_world(u[:, None, :], v[:, :, None])
             found = self.codes_at(x, y) if parts == PAGE_CUT_CELLS else self.codes_within(x, y, radius)
-            codes[row[:, :, None], column[:, None, :]] = found
-            if (codes == codes[0, 0]).all() and codes[0, 0] >= 0:
-                return int(codes[0, 0])
+            codes[n[:, None, None], row[:, :, None], column[:, None, :]] = found
         return codes.astype(np.uint8)
 
     def codes_at(self, x: Array, y: Array) -> NDArray[np.int16]:
@@ -115,14 +126,17 @@ class PageMaker:
         return codes
 
     def _planes(self, ground: Array) -> Array:
-        """Least-squares plane of each tile's 9 x 9 nodes: height in the middle, slope_x, slope_y."""
+        """Least-squares plane of each tile's 9 x 9 nodes: height in the middle, slope_x, slope_y.
+
+        ground: (pages, 65, 65)
+        """
         n = NODES_PER_TILE
-        blocks = np.lib.stride_tricks.sliding_window_view(ground, (n + 1, n + 1))[::n, ::n]
+        blocks = np.lib.stride_tricks.sliding_window_view(ground, (n + 1, n + 1), axis=(1, 2))[:, ::n, ::n]
         offset = (np.arange(n + 1) - 0.5 * n) * self.node
         weight = offset / (np.sum(offset**2) * (n + 1))
-        slope_x = (blocks * weight).sum(axis=(2, 3))
-        slope_y = (blocks * weight[:, None]).sum(axis=(2, 3))
-        return np.stack([blocks.mean(axis=(2, 3)), slope_x, slope_y], axis=-1)
+        slope_x = (blocks * weight).sum(axis=(3, 4))
+        slope_y = (blocks * weight[:, None]).sum(axis=(3, 4))
+        return np.stack([blocks.mean(axis=(3, 4)), slope_x, slope_y], axis=-1)
 
     def stand_at(self, x: Array, y: Array) -> Array:
         """Scale, lean and density fraction of tiles. A plant that leans by a keeps its length: its height

@@ -144,6 +144,7 @@ def _spread(edges: Array, amplitude: Array, stream: Stream) -> Waves:
     return Waves(k * np.cos(direction), k * np.sin(direction), amplitude, phase)
 
 
+@lru_cache
 def _missing(waviness: float, high: float, n: float = 1.4, stand_in: float = 3.5) -> float:
     """Variance that waves at `stand_in` need to show at n what k^-waviness beyond `high` shows there."""
     k = portable.geomspace(high, 1e4 * high, 20_001)

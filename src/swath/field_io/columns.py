@@ -29,6 +29,7 @@ UNITS: dict[str, dict[str, float]] = {
     "yield": {**factors("mass per area"), "bu/ac": WHEAT_LB_PER_BUSHEL * POUND / ACRE},
     "share": {"%": 0.01, "1": 1.0},
     "number": {"1": 1.0},
+    "curvature": {"1/m": 1.0, "1/km": 1e-3},
     "text": {"text": 1.0},
 }
 """Factor from each unit to the one used inside: m, m/s, s, deg, kg/s, kg/m2, share, rad/s, m3/s."""
@@ -58,10 +59,16 @@ QUANTITIES: dict[str, str] = {
     "engine_load": "share",
     "engine_speed": "rotation",
     "fuel": "volume flow",
+    "steer_command": "degrees",
+    "command_curvature": "curvature",
+    "steer_angle": "degrees",
+    "yaw_rate": "rotation",
+    "engaged": "number",
+    "pass": "text",
 }
 """Canonical name -> kind of unit. work_state: a word that says whether the header works ('In', 'On', '1');
 section: of the header, each with a record of its own; yield: as harvested; dry_yield: at the moisture of the
-trade.
+trade. steer_command: wanted angle of the steered axle, command_curvature: of the wanted path, both > 0 left.
 """
 _FLOWS = ("grain_flow", "yield", "dry_yield")  # the first one that a log has counts
 
@@ -185,15 +192,33 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
     "engine_load": ("%", (r"engine_?(load|torque)|(engine_?)?percent_?(load|torque)",)),
     "engine_speed": ("rpm", (r"engine_?(speed|rpm)",)),
     "fuel": ("l/h", (r"fuel(_?(rate|flow|consumption))?",)),
+    "steer_command": (
+        "deg",
+        (r"steer(ing)?(_?angle)?_?(command|cmd|set_?point|target|wanted)|lenkwinkel_?soll|soll_?lenkwinkel"
+         r"|(commanded|wanted|target)_?steer(ing)?(_?angle)?",),
+    ),
+    "command_curvature": ("1/m", (r"(command|cmd|wanted|target)(ed)?_?curvature|curvature_?(command|cmd)",)),
+    "steer_angle": ("deg", (r"steer(ing)?(_?angle)?(_?(actual|measured))?|wheel_?angle|lenkwinkel(_?ist)?",)),
+    "yaw_rate": ("deg/s", (r"yaw_?rate|turn_?rate|gier(rate|geschwindigkeit)|vitesse_?(de_?)?lacet",)),
+    "engaged": ("1", (r"(steering_?|auto_?steer_?)?(engaged|active)|auto_?steer(ing)?(_?on)?",)),
+    "pass": ("text", (r"pass(_?(id|no|number))?|ueberfahrt|passage",)),
 }  # fmt: skip
 """Canonical -> unit without one in the name, and patterns on the bare lower-case name, the best first."""
 _BESIDE = ("crop", "section", "date", "engine_load", "engine_speed", "fuel")  # what known logs may also hold
 _BUSHELS = r"vryieldvol|yield_?vol(ume)?"  # without a unit these are bushels
-_WORDS = ("machine", "crop", "section", "date", "time", "work_state")  # brackets in their names are no units
+_WORDS = (
+    "machine",
+    "crop",
+    "section",
+    "date",
+    "time",
+    "work_state",
+    "pass",
+)  # brackets in their names are no units
 _LOG_SUFFIXES = {
     "ms": "m/s", "km_h": "km/h", "kph": "km/h", "kn": "kn", "sec": "s", "kgs": "kg/s", "th": "t/h",
     "lbs_s": "lb/s", "kgha": "kg/ha", "tha": "t/ha", "lbs_ac": "lb/ac", "bu_ac": "bu/ac", "buac": "bu/ac",
-    "pct": "%", "percent": "%", "lh": "l/h", "dt_ha": "dt/ha", "lb_sec": "lb/s",
+    "pct": "%", "percent": "%", "lh": "l/h", "dt_ha": "dt/ha", "lb_sec": "lb/s", "1_m": "1/m", "1_km": "1/km",
 }  # fmt: skip
 """Further ends of names in logs; `ms` and `kn` are not what they are in keys."""
 _SYMBOLS = {symbol for kind in UNITS.values() for symbol in kind}

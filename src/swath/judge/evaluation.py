@@ -18,7 +18,7 @@ from swath.judge.evaluator import (
     HasSignals,
     is_shown,
 )
-from swath.judge.limits import check_metric, check_samples, entry_of, window_of
+from swath.judge.limits import NO_SAMPLE, check_metric, check_samples, entry_of, window_of
 from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns, restore, state_of
 from swath.record.messages import RecordedMachine
 from swath.record.tracks import Column
@@ -70,6 +70,11 @@ class Evaluation:
             evaluator.see(slot, t, outputs)
         if self._windows:
             self._show_windows(slot, t, outputs)
+
+    @property
+    def reads_tracks(self) -> bool:
+        """Whether a limit is on a column of the tracks."""
+        return any(e.limit.hold is not None for e in self.expect)
 
     @property
     def shared(self) -> dict[str, Any]:
@@ -156,7 +161,7 @@ class Evaluation:
                 found = stretch.evaluator.metrics() if stretch.count else {}
                 outcome = check_metric(e.limit, found.get(e.name))
                 if not stretch.count:
-                    outcome = None, "the window never opened: no sample lies in it"
+                    outcome = None, NO_SAMPLE
                 yield _placed(outcome, stretch.event)
 
     def _interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:

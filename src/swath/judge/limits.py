@@ -18,6 +18,7 @@ from swath.signals import F64
 
 Outcome = tuple[float | None, str]  # value, and why it fails, "" where it passes
 NOTHING = "nothing was measured"
+NO_SAMPLE = "the window never opened: no sample lies in it"
 
 
 def is_failed(expect: Sequence[Mapping[str, Any]]) -> bool:
@@ -45,7 +46,7 @@ def entry_of(expected: Expectation, outcomes: Sequence[Outcome], *, is_trial: bo
     entry: dict[str, Any] = {"subject": expected.subject, "name": expected.name, "limit": plain}
     if limit.window:
         entry["window"] = limit.window
-    failed = "not measured" if is_trial and reason == NOTHING else "fail"
+    failed = "not measured" if is_trial and reason in (NOTHING, NO_SAMPLE) else "fail"
     entry |= {"value": value, "result": failed if reason else "pass"}
     return entry | {"reason": reason} if reason else entry
 
@@ -68,7 +69,7 @@ def check_samples(limit: Limit, tracks: Mapping[str, F64], name: str, event: Eve
         return None, f"the machine has no column {', '.join(unknown)}"
     chosen = np.array(window_of(limit).inside(event, tracks["distance_m"], tracks["t_s"]), dtype=bool)
     if not chosen.any():
-        return None, "the window never opened: no sample lies in it"
+        return None, NO_SAMPLE
     for column, bounds in limit.while_.items():
         chosen &= _distance_outside(bounds, tracks[column]) <= 0.0
     if not chosen.any():

@@ -31,7 +31,8 @@ class Dynamics:
 
     mass [kg]; yaw_inertia [kg m2]; cg_height [m]
     cg_behind: centre of gravity from the fixed axle towards the steered one [m], which is behind in combines
-    stiffness: cornering stiffness over load [1/rad]; friction: lateral; rolling_resistance: over load
+    stiffness: cornering stiffness over load, mean of the axles [1/rad]; friction: lateral;
+    rolling_resistance: over load; understeer: gradient [rad per m/s2], see `tyre.axle_stiffness`
     speed_lag [s], accel, decel [m/s2], max_speed [m/s] of the speed loop
     steer_rate [rad/s], steer_dead_time, steer_lag [s], steer_dead_band: share of the valve's opening
     """
@@ -53,6 +54,7 @@ class Dynamics:
     steer_dead_time: Annotated[float, Quantity("s", 0, 5, key="steering.dead_time")]
     steer_lag: Annotated[float, Quantity("s", 0.001, 5, key="steering.lag")]
     steer_dead_band: Annotated[float, Quantity("percent", 0, 50, key="steering.dead_band")]
+    understeer: Annotated[float, Quantity("deg_per_g", -20, 20, key="tyres.understeer")] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,9 @@ Corner = list[float]  # x, y [m]
 Corners = list[Corner]
 
 
-def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Array:
-    """World xy of a line across the machine, shape (2, 2): left end, right end [m]."""
-    return np.array([pose.point(x, left_y, 0.0)[:2], pose.point(x, right_y, 0.0)[:2]])
+def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Corners:
+    """World xy of a line across the machine: left end, right end [m]."""
+    return [[*pose.point(x, left_y, 0.0)[:2]], [*pose.point(x, right_y, 0.0)[:2]]]
 
 
 class LinePath(KeepsState):
@@ -26,12 +26,12 @@ class LinePath(KeepsState):
 
     def __init__(self, step: float) -> None:
         self._step = step
-        self._last: Array | None = None
+        self._last: Corners | None = None
 
     def over(
-        self, states: Sequence[MachineState], line_at: Callable[[Pose], Array]
-    ) -> Iterator[tuple[Array, Array]]:
-        """Positions (n, 2) of the line before and after every part of its way through new states.
+        self, states: Sequence[MachineState], line_at: Callable[[Pose], Corners]
+    ) -> Iterator[tuple[Corners, Corners]]:
+        """Positions of the line before and after every part of its way through new states.
 
         line_at: the line's points in the world at a pose; the first state ever seen only says where it is
         """
@@ -40,21 +40,21 @@ class LinePath(KeepsState):
             if self._last is None:
                 self._last = now
                 continue
-            travel = max(hypot(dx, dy) for dx, dy in (now - self._last).tolist())
+            travel = max([hypot(x - u, y - v) for (x, y), (u, v) in zip(now, self._last, strict=True)])
             if travel < 1e-6 or (travel < self._step and index < len(states) - 1):
                 continue
             yield self._last, now
             self._last = now
 
 
-def swept(before: Array, after: Array) -> list[Array]:
-    """Convex polygons, anticlockwise, between two positions (2, 2) of a line, ends joined straight.
+def swept(before: Corners, after: Corners) -> list[Array]:
+    """Convex polygons, anticlockwise, between two positions of a line of two ends, joined straight.
 
     A quad where the line moves ahead; two triangles that meet in a point where it turns about a point of its
     own (one end backs up); two triangles where the quad has a dent. Both positions of the line are edges of
     what is returned, so the next sweep joins without a gap. Empty when nothing moved.
     """
-    (left0, right0), (left1, right1) = before.tolist(), after.tolist()
+    (left0, right0), (left1, right1) = before, after
     pivot = _crossing(left0, right0, left1, right1)
     if pivot is not None:
         parts = [[left0, pivot, left1], [right0, right1, pivot]]

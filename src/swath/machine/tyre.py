@@ -12,10 +12,34 @@ sigma dF/dt + |v| F = |v| F_ss; kept as slip it still holds the machine on a sid
 
 from math import cos, pi, sqrt
 
+from swath.core.errors import InputError
+from swath.core.units import DEG_PER_G
+
 GRAVITY = 9.81  # [m/s2]
 CREEP_SPEED = 0.5  # below this the carcass damps (Pacejka 2012, section 8.6, there 2.5 m/s) [m/s]
 ROLLING_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
+MOST_COMPLIANT = 0.02  # compliance of the stiffest axle: stiffness over load 50 [rad]
 CREEP_DAMPING = 0.5  # damping ratio of the lateral carcass spring at standstill (estimate)
+
+
+def axle_stiffness(stiffness: float, understeer: float, *, steers_ahead: bool) -> tuple[float, float]:
+    """Cornering stiffness over load [1/rad] of the fixed and of the steered axle.
+
+    stiffness: their harmonic mean [1/rad]; understeer: gradient K [rad per m/s2], the angle of the steered
+    axle that a lateral acceleration asks for beyond atan(L kappa): K g = 1/n_front - 1/n_rear (Gillespie
+    1992, Fundamentals of Vehicle Dynamics, eq. 6-15, stiffness per load). Raises InputError where an axle
+    would have none.
+    """
+    if understeer == 0.0:
+        return stiffness, stiffness
+    half = 0.5 * understeer * GRAVITY
+    most = 1.0 / stiffness - MOST_COMPLIANT
+    if abs(half) > most:
+        limit = 2.0 * most / GRAVITY / DEG_PER_G
+        expected = f"expected at most {limit:.3g} either way with stiffness_per_rad = {stiffness:g}"
+        raise InputError("understeer_deg_per_g", round(understeer / DEG_PER_G, 6), expected)
+    front, rear = 1.0 / (1.0 / stiffness + half), 1.0 / (1.0 / stiffness - half)
+    return (rear, front) if steers_ahead else (front, rear)
 
 
 def creep_damping(speed: float, stiffness: float, relaxation: float) -> float:

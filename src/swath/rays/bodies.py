@@ -13,13 +13,12 @@ from swath.kernels import filled
 from swath.rays.device import start_warp
 from swath.rays.field_arrays import LiveScene
 from swath.rays.refusals import check_origins, check_range
-from swath.rays.single.buffers import CLAMPED, MISPLACED, PACKET, BeamBuffer, share
+from swath.rays.single.buffers import CLAMPED, MISPLACED, BeamBuffer, share
 from swath.rays.spread import Spread, SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
 EMPTY = 2e-6  # less projected area than this above a height stops no beam [m2]
-STRIDE = 7  # between the drawn stems that neighbouring beams look for
 
 
 class BodyCaster:
@@ -44,7 +43,8 @@ class BodyCaster:
         divergence: float,
         pitch: float = PITCH,
     ) -> None:
-        self.field, self.scene = field, LiveScene(field, "cpu", top_room=TOP_ROOM + 1e-3)
+        self.field = field
+        self.scene = LiveScene(field, "cpu", top_room=TOP_ROOM + 1e-3, has_plants=False)
         self.table, self.beams, self.line_count = table, beams, line_count
         self._apart = np.zeros(len(beams.score), np.float32)
         self._apart[: beams.count] = apart
@@ -95,12 +95,19 @@ class BodyCaster:
         table = self.table
         depth, top_bound = below_top_bound(table)
         height, exit_diameter, divergence, pitch = self._numbers
+        row = self.field.library.row_spacing
         return filled(
             Canopy,
             standing=_pack_grid(table.standing),
             stubble=_pack_grid(table.stubble),
-            depth=np.ascontiguousarray(depth, np.float32),
-            lean=np.ascontiguousarray(lean_of_packets(both_ways(table.lean)).ravel(), np.float32),
+            depth=np.ascontiguousarray(depth.ravel(), np.float32),
+            depth_steps=depth.shape[1],
+            view=np.ascontiguousarray(_between(table.view), np.float32),
+            aside=np.ascontiguousarray(table.aside.ravel(), np.float32),
+            aside_step=table.aside_step,
+            aside_levels=len(table.aside),
+            row=row,
+            from_row=np.ascontiguousarray(_from_row(table.aside, row / height), np.float32),
             node_count=table.standing.quantile.shape[-1],
             top_bound=height * top_bound,
             stubble_bound=min(max(float(table.stubble.quantile.max()), 1.0), 1.0 + TOP_ROOM),
@@ -113,6 +120,21 @@ class BodyCaster:
             cosine=table.cosine,
             correlation=tuple(table.correlation),
         )
+
+
+def _from_row(aside: NDArray[np.float64], row: float) -> NDArray[np.float64]:
+    """Share of places aside that is left across the rows when feet go to the middle of their rows, (levels,).
+
+    That move alone spreads them by row^2 / 12 (Sheppard's correction); row: over the crop's height.
+    """
+    variance = np.maximum(0.5 * np.square(aside).sum(axis=2).mean(axis=1), 1e-12)
+    return np.asarray(np.sqrt(np.maximum(1.0 - row**2 / (12.0 * variance), 0.0)))
+
+
+def _between(view: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Tangents at which the next depression is the nearer one, in the logarithm."""
+    log_tangent = portable.log(portable.tan(view))
+    return portable.exp(0.5 * (log_tangent[1:] + log_tangent[:-1]))
 
 
 def _pack_grid(grid: Spread) -> Any:
@@ -136,27 +158,15 @@ def _pack_grid(grid: Spread) -> Any:
 
 
 def below_top_bound(table: SpreadTable) -> tuple[NDArray[np.float64], float]:
-    """Projected area of a stem above equal steps of the relative height [m2], 0 from its bound on; the bound.
+    """Projected area of a stem above equal steps of the relative height [m2], from each depression, 0 from
+    its bound on; the bound.
 
     No echo of the table lies above the bound, relative to the crop's height, and what a beam passes counts
     from there.
     """
-    last = len(table.silhouette) - 1
-    reached = 1 + int(np.flatnonzero(table.silhouette > EMPTY).max())
+    last = table.silhouette.shape[1] - 1
+    reached = 1 + int(np.flatnonzero((table.silhouette > EMPTY).any(axis=0)).max())
     highest = math.ceil(float(table.standing.quantile.max()) / table.fine - 1e-6)
     top_bound = min(max(reached, highest), last)
-    return np.maximum(table.silhouette - table.silhouette[top_bound], 0.0), table.fine * top_bound
-
-
-def both_ways(lean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Places of tips (n, 2) with what lies opposite, (2 n, 2).
-
-    Stems lean alike to all sides; the mean of a few drawn ones would shift every edge.
-    """
-    return np.concatenate([lean, -lean])
-
-
-def lean_of_packets(lean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Places of tips (n, 2) for the beams of a packet, (n, 2, PACKET): row k holds their k-th stems."""
-    stem = np.arange(len(lean))[:, None] + STRIDE * np.arange(PACKET)
-    return np.ascontiguousarray(lean[stem % len(lean)].transpose(0, 2, 1))
+    above = np.maximum(table.silhouette - table.silhouette[:, top_bound, None], 0.0)
+    return above, table.fine * top_bound

@@ -88,8 +88,11 @@ class RayCaster:
         origins: the same shape, or one for all (3,). Neighbours in the image should be so in space, or it is
         slow. Scan lines of single rays count as an image, too.
         """
-        d = np.asarray(directions, dtype=np.float64)
-        o, d = _of_shape(np.broadcast_to(np.asarray(origins, dtype=np.float64), d.shape), d)
+        o, d = np.asarray(origins, dtype=np.float64), np.asarray(directions, dtype=np.float64)
+        if o.shape == (3,):
+            one, o = o, np.empty(d.shape)
+            o[...] = one
+        o, d = _of_shape(o, d)
         shape = (int(o.shape[0]), int(o.shape[1]))
         if not self._has_packets(1):
             return self.cast(o, d, **options).reshaped(shape)

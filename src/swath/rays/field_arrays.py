@@ -22,11 +22,12 @@ class LiveScene:
     """The field's own memory on the CPU, a copy on another device, renewed after each change.
 
     version: goes up whenever the scene itself changes, not what its arrays hold; top_room: hits may lie above
-    crop by this share of its height
+    crop by this share of its height; has_plants: with the primitives of plants
     """
 
-    def __init__(self, field: Field, device: str, *, top_room: float = 0.0) -> None:
+    def __init__(self, field: Field, device: str, *, top_room: float = 0.0, has_plants: bool = True) -> None:
         self.field, self.device, self.top_room = field, device, top_room
+        self._has_plants = has_plants
         self.version = 0
         self._scene: Any = None
         self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
@@ -108,7 +109,8 @@ class LiveScene:
         setattr(self._scene, name, member_array(Scene, name, array, self.device))
 
     def _take_library(self, library: PlantLibrary) -> None:
-        self._hold("prims", pack_primitives(library))
+        if self._has_plants:
+            self._hold("prims", pack_primitives(library))
         self._hold("reflectance", library.reflectance)
         self._held.pop("cell_start", None)  # of the library before
         scene = self._scene

@@ -112,8 +112,10 @@ class Spread:
 class SpreadTable:
     """standing, stubble: the two grids
 
-    silhouette: (m,) projected area per stem above equal steps `fine` of the crop's relative height [m2]: how
-    crop adds up along a beam; lean: (n, 2) sideways place of tips per height
+    silhouette: (k, m) what a stem stops of thin rays above equal steps `fine` of the crop's relative height
+    [m2], from `view`, (k,) rising depressions [rad]: how crop adds up along a beam
+    aside: (levels, n, 2) how far what is seen at a height stands aside of its foot, per crop height: along
+    and across the beam's heading, n a power of two; levels every `aside_step` of the relative height
     cosine: mean |cos| of incidence on crop, sets the intensity
     correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
     about: source, range of validity, fit quality, as in the YAML beside the npz
@@ -122,8 +124,10 @@ class SpreadTable:
     standing: Spread
     stubble: Spread
     silhouette: F64
+    view: F64
     fine: float
-    lean: F64
+    aside: F64
+    aside_step: float
     cosine: float
     correlation: tuple[float, float]
     about: dict[str, object] = field(default_factory=dict)
@@ -131,13 +135,20 @@ class SpreadTable:
     def __post_init__(self) -> None:
         if self.stubble.quantile.shape[-1] != self.standing.quantile.shape[-1]:
             raise InputError("stubble", self.stubble.quantile.shape, "expected as many quantiles as standing")
-        if self.silhouette.ndim != 1 or self.lean.ndim != 2 or self.lean.shape[1] != 2:
-            shapes = self.silhouette.shape, self.lean.shape
-            raise InputError("silhouette, lean", shapes, "expected shapes (m,) and (n, 2)")
-        if not all(np.isfinite(a).all() and a.size for a in (self.silhouette, self.lean)):
+        if self.silhouette.ndim != 2 or self.aside.ndim != 3 or self.aside.shape[2] != 2:
+            shapes = self.silhouette.shape, self.aside.shape
+            raise InputError("silhouette, aside", shapes, "expected shapes (k, m) and (levels, n, 2)")
+        is_rising = np.all(np.diff(self.view) > 0) and np.all(self.view > 0)
+        if self.view.shape != self.silhouette.shape[:1] or not is_rising:
+            expected = "expected rising positive depressions, one per silhouette"
+            raise InputError("view", self.view.tolist(), expected)
+        if self.aside.shape[1].bit_count() != 1:
+            raise InputError("aside", self.aside.shape, "expected a power of two of places at a level")
+        if not all(np.isfinite(a).all() and a.size for a in (self.silhouette, self.aside)):
             raise InputError("table", None, "expected finite cells in every array")
-        if not (self.fine > 0.0 and np.isfinite([self.fine, self.cosine, *self.correlation]).all()):
-            raise InputError("table", None, "expected a finite fine > 0, cosine and correlation")
+        numbers = (self.fine, self.aside_step, self.cosine, *self.correlation)
+        if not (self.fine > 0.0 and self.aside_step > 0.0 and np.isfinite(numbers).all()):
+            raise InputError("table", None, "expected finite numbers, fine and aside_step > 0")
 
 
 def double_log(ground_share: F64 | float) -> F64:

@@ -144,7 +144,7 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
 def _unpacked(v: str) -> list[str]:
     """Lines that take the numbers out of a pose."""
     rows = ", ".join(f"({', '.join(f'{v}r{first + k}' for k in range(3))})" for first in (0, 3, 6))
-    return [f"{v}p0, {v}p1, {v}p2 = {v}.position.tolist()", f"{rows} = {v}.rotation.tolist()"]
+    return [f"({v}p0, {v}p1, {v}p2), ({rows}) = {v}.numbers"]
 
 
 def _is_usual(pose: Pose) -> bool:

@@ -152,6 +152,7 @@ class McapFile:
                     write_metadata(self.path, self._topics, self._end, self._count)
             finally:
                 self._stream.close()
+                self.make.keep()
 
     def _declare(self, topic: str, msgtype: str, is_latched: bool) -> None:
         text = b""

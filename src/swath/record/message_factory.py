@@ -5,6 +5,7 @@ The message types of a simulation that ROS 2 lacks are made from the fields of t
 """
 
 from dataclasses import fields
+from functools import cache
 from typing import Any, get_type_hints
 
 import numpy as np
@@ -35,16 +36,20 @@ OWN_TYPES = {
     "ackermann_msgs/AckermannDrive drive\n",
 }
 
+_PUBLIC: dict[str, Any] = {}  # what rosbags compiled for public types, for all files of a process
+
 
 class MessageFactory:
     """Makes messages of the types in its `store`."""
 
     def __init__(self) -> None:
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        from rosbags.typesys import Stores, get_typestore
 
         self.store = get_typestore(Stores.ROS2_JAZZY)
         for name, text in OWN_TYPES.items():
-            self.store.register(get_types_from_msg(text, name))
+            self.store.register(_parsed(text, name))
+        self._public = frozenset(self.store.fielddefs)
+        self.store.cache.update(_PUBLIC)
         self._zeros: dict[str, dict[str, Any]] = {}
         self._kinds: dict[str, dict[str, str]] = {}
 
@@ -54,6 +59,10 @@ class MessageFactory:
             _, described = self.store.fielddefs[msgtype]
             self._zeros[msgtype] = {name: self._zero(kind) for name, kind in described}
         return self.store.types[msgtype](**{**self._zeros[msgtype], **values})
+
+    def keep(self) -> None:
+        """What has been compiled to write public types serves later files, too."""
+        _PUBLIC.update((name, made) for name, made in self.store.cache.items() if name in self._public)
 
     def header(self, t: int, frame: str) -> Any:
         """std_msgs/Header of a simulated time [ns]; times before 0 count as 0."""
@@ -101,9 +110,7 @@ class MessageFactory:
         """A `swath_msgs/msg/<Class>` with a header and the sample's own fields; arrays are flattened."""
         msgtype = f"swath_msgs/msg/{type(signal).__name__}"
         if msgtype not in self._kinds:
-            from rosbags.typesys import get_types_from_msg
-
-            self.store.register(get_types_from_msg(definition(type(signal)), msgtype))
+            self.store.register(_parsed(definition(type(signal)), msgtype))
             self._kinds[msgtype] = _field_kinds(type(signal))
         kinds = self._kinds[msgtype].items()
         values = {name: self._value(getattr(signal, name), kind) for name, kind in kinds}
@@ -132,6 +139,14 @@ class MessageFactory:
         if inner == Nodetype.BASE and what[0] != "string":
             return np.zeros(length, dtype={"octet": "uint8", "byte": "uint8"}.get(what[0], what[0]))
         return [self._zero((inner, what)) for _ in range(length)]
+
+
+@cache
+def _parsed(text: str, name: str) -> Any:
+    """Types that a definition gives."""
+    from rosbags.typesys import get_types_from_msg
+
+    return get_types_from_msg(text, name)
 
 
 def definition(signal: type[Signal]) -> str:

@@ -18,6 +18,8 @@ from swath.record.message_factory import MessageFactory
 from swath.signals import F64, Signal
 from swath.signals.setup import MachineGeometry
 
+UNKNOWN = 1e6  # variance of what nobody knows
+EXACT = 1e-12  # variance of what is exact: ROS 2 reads a covariance of zeros as unknown
 OPTICAL_FRAME = "_optical"  # after the name of a camera's own frame, as REP 103 asks
 
 
@@ -33,6 +35,7 @@ class RecordedMachine:
     scanners: slot -> (time from scan to scan [s], least range, greatest range [m]) of its data sheet
     lines: what a viewer draws on the field, name -> points (n, 3) in the world [m]
     is_first: of the machines of the run
+    errors: slot -> `KnowsErrors.errors` of its part, where that knows how far off it may be
     triangles: of its body where that is from a file, in the machine frame (n, 3, 3) [m]
     """
 
@@ -45,6 +48,7 @@ class RecordedMachine:
     edge: EdgeShape | None = None
     start: Pose = field(default_factory=Pose.identity)
     scanners: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    errors: Mapping[str, Callable[[Any], Mapping[str, tuple[float, float]]]] = field(default_factory=dict)
     lines: Mapping[str, F64] = field(default_factory=dict)
     is_first: bool = True
     triangles: F64 = field(default_factory=lambda: np.zeros((0, 3, 3)))

@@ -1,6 +1,7 @@
 """Motion of a machine as ROS 2 messages: the truth with its frames, odometry, steering and wanted speed."""
 
 from collections.abc import Iterator
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,8 @@ import numpy as np
 from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
 from swath.field.projection import Origin
-from swath.record.messages import Sent, Source
+from swath.record.dead_reckoning import EXACT_START, covariance, gone
+from swath.record.messages import EXACT, UNKNOWN, Sent, Source
 from swath.record.scene_messages import scene_messages
 from swath.record.templates import Draft
 from swath.signals import Fix, MachineState, Odometry, SpeedCommand, SteerState
@@ -20,6 +22,11 @@ ODOMETRY = (
     *(f"pose.pose.position.{axis}" for axis in PLACE),
     *(f"pose.pose.orientation.{axis}" for axis in (*PLACE, "w")),
     *("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z"),
+)
+MEASURED = (
+    *ODOMETRY[:7],
+    *(f"pose.covariance.{6 * row + column}" for row in (0, 1, 5) for column in (0, 1, 5)),
+    *(*ODOMETRY[7:], "twist.covariance.0", "twist.covariance.35"),
 )
 TRANSFORM = (
     *(f"transforms.0.transform.translation.{axis}" for axis in PLACE),
@@ -58,7 +65,8 @@ class StateMessages:
         """nav_msgs/Odometry."""
         make = self.source.make
         twist = make.twist(state.speed, state.lateral_speed, state.yaw_rate)
-        return make.odometry(make.header(state.t, "map"), self.source.base, state.pose, twist)
+        exact = np.diag([EXACT] * 6).ravel()
+        return make.odometry(make.header(state.t, "map"), self.source.base, state.pose, twist, exact, exact)
 
     def _moved(self, state: MachineState) -> Any:
         """tf2_msgs/TFMessage."""
@@ -67,7 +75,7 @@ class StateMessages:
         return make("tf2_msgs/msg/TFMessage", transforms=moved)
 
     def _fix(self, state: MachineState, origin: Origin) -> Any:
-        """sensor_msgs/NavSatFix of the true place, without covariance; height from the field's zero."""
+        """sensor_msgs/NavSatFix of the true place; height from the field's zero."""
         x, y, z = state.pose.position
         longitude, latitude = origin.to_lon_lat([[x, y]])[0]
         make = self.source.make
@@ -78,18 +86,26 @@ class StateMessages:
             latitude=float(latitude),
             longitude=float(longitude),
             altitude=float(origin.height + z),
+            position_covariance=np.diag([EXACT] * 3).ravel(),
+            position_covariance_type=2,  # DIAGONAL_KNOWN
         )
 
 
 class OdometryMessages:
-    """Twist as measured; the pose is its dead reckoning from the start (midpoint rule), for viewing."""
+    """Twist as measured; the pose is its dead reckoning from the start (midpoint rule), for viewing.
+
+    Covariances are those of `record/dead_reckoning.py`, of a slot that knows how far off it may be.
+    """
 
     def __init__(self, source: Source) -> None:
         self.source, self._t = source, 0
         self._pose: Pose | None = None
+        self._doubt = EXACT_START
 
     def __call__(self, sample: Odometry) -> Iterator[Sent]:
         """The message of one sample."""
+        known = self.source.machine.errors.get(self.source.slot)
+        errors = None if known is None else known(sample)
         if self._pose is None:
             self._pose = self.source.machine.start
         else:
@@ -99,16 +115,42 @@ class OdometryMessages:
             middle = yaw + 0.5 * turn
             ahead = np.array([np.cos(middle), np.sin(middle), 0.0]) * advance
             self._pose = Pose.from_euler(self._pose.position + ahead, yaw=float(wrap_angle(yaw + turn)))
+            if errors is not None:
+                given = errors["speed"], errors["yaw_rate"]
+                self._doubt = gone(self._doubt, middle, sample.speed, dt, *given)
         self._t = sample.t
         pose = self._pose
-        values = (*pose.position.tolist(), *pose.quaternion(), sample.speed, 0.0, sample.yaw_rate)
-        yield Sent(self.source.topic, Draft(sample.t, ODOMETRY, values, lambda: self._message(sample, pose)))
+        if errors is None:
+            spread: tuple[float, ...] = (
+                UNKNOWN,
+                0.0,
+                0.0,
+                0.0,
+                UNKNOWN,
+                0.0,
+                0.0,
+                0.0,
+                UNKNOWN,
+                UNKNOWN,
+                UNKNOWN,
+            )
+        else:
+            twist = (max(hypot(*errors[key]) ** 2, EXACT) for key in ("speed", "yaw_rate"))
+            spread = (*covariance(self._doubt), *twist)
+        values = (*pose.position.tolist(), *pose.quaternion(), *spread[:9])
+        values += (sample.speed, 0.0, sample.yaw_rate, *spread[9:])
+        draft = Draft(sample.t, MEASURED, values, lambda: self._message(sample, pose, spread))
+        yield Sent(self.source.topic, draft)
 
-    def _message(self, sample: Odometry, pose: Pose) -> Any:
+    def _message(self, sample: Odometry, pose: Pose, spread: tuple[float, ...]) -> Any:
         """nav_msgs/Odometry."""
         source, make = self.source, self.source.make
         twist = make.twist(sample.speed, 0.0, sample.yaw_rate)
-        return make.odometry(make.header(sample.t, source.odom), source.base, pose, twist)
+        place, motion = np.diag([UNKNOWN] * 6), np.diag([UNKNOWN] * 6)
+        place[np.ix_([0, 1, 5], [0, 1, 5])] = np.reshape(spread[:9], (3, 3))
+        motion[0, 0], motion[5, 5] = spread[9:]
+        header = make.header(sample.t, source.odom)
+        return make.odometry(header, source.base, pose, twist, place.ravel(), motion.ravel())
 
 
 def steering_messages(source: Source, state: SteerState) -> Iterator[Sent]:

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.record.messages import Sent, Source
+from swath.record.messages import EXACT, UNKNOWN, Sent, Source
 from swath.record.templates import Draft
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial, PoseEstimate
 
-UNKNOWN = 1e6  # variance of what a receiver does not know
 STATUS = {"none": -1, "single": 0, "dgps": 1, "float": 2, "fix": 2}  # sensor_msgs/NavSatStatus
 GPS = 1  # NavSatStatus.SERVICE_GPS
 BESIDE = "_odometry"  # what the topic of the Odometry ends with
@@ -50,24 +49,27 @@ def pose_messages(source: Source, pose: PoseEstimate) -> Iterator[Sent]:
 
 
 def _imu(source: Source, sample: Inertial) -> Any:
+    """A sensor that does not know its noise has covariances of zeros: unknown, as REP 145 has it."""
     make = source.make
+    least = EXACT if source.slot in source.machine.errors else 0.0
+    rate, force = max(sample.rate_sd**2, least), max(sample.force_sd**2, least)
     return make(
         "sensor_msgs/msg/Imu",
         header=make.header(sample.t, source.frame),
         orientation=make.quaternion(Pose.identity()),
         orientation_covariance=np.array([-1.0] + [0.0] * 8),  # there is none
         angular_velocity=make.vector(sample.rate_x, sample.rate_y, sample.rate_z),
-        angular_velocity_covariance=_diagonal(*[sample.rate_sd**2] * 3),
+        angular_velocity_covariance=_diagonal(*[rate] * 3),
         linear_acceleration=make.vector(sample.force_x, sample.force_y, sample.force_z),
-        linear_acceleration_covariance=_diagonal(*[sample.force_sd**2] * 3),
+        linear_acceleration_covariance=_diagonal(*[force] * 3),
     )
 
 
 def _nav_sat_fix(source: Source, fix: Fix) -> Any:
     """Without a fix its position is nan, as drivers have it."""
-    make, is_known = source.make, fix.horizontal_sd > 0.0
+    make, is_known = source.make, fix.quality > 0
     status = STATUS[FIX_QUALITIES[fix.quality]]
-    across = fix.horizontal_sd**2
+    across, up = max(fix.horizontal_sd**2, EXACT), max(fix.vertical_sd**2, EXACT)
     return make(
         "sensor_msgs/msg/NavSatFix",
         header=make.header(fix.t, source.frame),
@@ -75,22 +77,22 @@ def _nav_sat_fix(source: Source, fix: Fix) -> Any:
         latitude=float(np.degrees(fix.latitude)),
         longitude=float(np.degrees(fix.longitude)),
         altitude=float(fix.height),
-        position_covariance=_diagonal(across, across, fix.vertical_sd**2) if is_known else np.zeros(9),
+        position_covariance=_diagonal(across, across, up) if is_known else np.zeros(9),
         position_covariance_type=2 if is_known else 0,  # DIAGONAL_KNOWN, UNKNOWN
     )
 
 
 def _odometry(source: Source, fix: Fix) -> Any:
     has_course = bool(np.isfinite(fix.course))
-    turn = (fix.speed_sd / fix.speed) ** 2 if has_course else UNKNOWN
+    turn = max((fix.speed_sd / fix.speed) ** 2, EXACT) if has_course else UNKNOWN
     place = Pose.from_euler((fix.x, fix.y, fix.z), yaw=fix.course if has_course else 0.0)
-    across, moving = fix.horizontal_sd**2, fix.speed_sd**2
+    across, up, moving = (max(sd**2, EXACT) for sd in (fix.horizontal_sd, fix.vertical_sd, fix.speed_sd))
     return source.make.odometry(
         source.make.header(fix.t, "map"),
         f"{source.frame}_course",
         place,
         source.make.twist(fix.speed),
-        _diagonal(across, across, fix.vertical_sd**2, UNKNOWN, UNKNOWN, turn),
+        _diagonal(across, across, up, UNKNOWN, UNKNOWN, turn),
         _diagonal(moving, moving, *[UNKNOWN] * 4),
     )
 

@@ -15,7 +15,7 @@ from swath.record.mcap_file import McapFile
 from swath.record.message_factory import plain_names
 from swath.record.messages import RecordedMachine
 from swath.record.messenger import Messenger
-from swath.record.samples import Blocks, is_recordable
+from swath.record.samples import BLOCK_NS, Blocks, is_recordable
 from swath.record.templates import Draft
 from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
 from swath.signals import Signal
@@ -25,6 +25,7 @@ TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
 BESIDE_PERIOD = NS // 10  # between two messages of an output whose samples are all there beside them
 BULKY_PERIOD = NS // 5  # the same of a scan
+PHASE = 0.618  # of a block, from output to output: the golden section spreads any number of them
 LARGE_PERIOD = NS * 2 // 5  # between two messages of a large truth, unless everything is wanted
 
 
@@ -172,7 +173,9 @@ class Recorder:
         return _Sink(part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name))
 
     def _new_blocks(self, slot: str, output: str) -> Blocks:
-        return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}")
+        share = len(self._sinks) * PHASE % 1.0  # of a block: outputs write theirs in different ticks
+        first = BLOCK_NS - int(share * BLOCK_NS)
+        return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}", first)
 
     def _is_due(self, sink: "_Sink", t: int) -> bool:
         """Whether a message is to be written."""

@@ -31,9 +31,13 @@ CODES = {"float": "<f8", "int": "<i8", "bool": "|b1"}
 
 
 class Blocks:
-    """The samples of one output, collected into blocks of a file, an `McapFile`."""
+    """The samples of one output, collected into blocks of a file, an `McapFile`.
 
-    def __init__(self, file: Any, topic: str) -> None:
+    first_ns: length of the first block, so that not all outputs write theirs in the same tick
+    """
+
+    def __init__(self, file: Any, topic: str, first_ns: int = BLOCK_NS) -> None:
+        self._length = first_ns
         self.file, self.topic = file, topic + SUFFIX
         self._samples: list[Any] = []
         self._published: list[int] = []  # [ns]
@@ -50,7 +54,7 @@ class Blocks:
             self._signal = type(signal)
             self._names = leaf_names(signal)
             self._values = attrgetter(*self._names, "t", "t")  # a tuple also of no field
-        if (at := self._published) and (t - at[0] >= BLOCK_NS or len(at) >= self._most):
+        if (at := self._published) and (t - at[0] >= self._length or len(at) >= self._most):
             self.flush()
         if not self._published:
             row = self._values(signal)[:-2]
@@ -63,10 +67,12 @@ class Blocks:
 
     def save(self) -> dict[str, Any]:
         """Samples that wait for their block."""
-        return {"samples": list(self._samples), "published": list(self._published), "most": self._most}
+        waiting = {"samples": list(self._samples), "published": list(self._published)}
+        return {**waiting, "most": self._most, "length": self._length}
 
     def load(self, state: dict[str, Any]) -> None:
         """Go on from a saved state."""
+        self._length = state["length"]
         for signal, t in zip(state["samples"], state["published"], strict=True):
             self._most = len(self._published) + 1
             self.add(t, signal)
@@ -78,6 +84,7 @@ class Blocks:
         self._samples, self._published = [], []
         if not samples:
             return
+        self._length = BLOCK_NS
         *columns, t, _ = zip(*map(self._values, samples), strict=True)
         if all(map(_is_even, columns)):
             self._write(columns, published, t)

@@ -222,6 +222,8 @@ def _reader(columns: Sequence[Column]) -> Callable[[Any], list[float]] | None:
         return None
     fields = attrgetter(*(column.field for column in columns), "t")  # a tuple also of one
     numbers = [column.number for column in columns]
+    if all(number is float for number in numbers):
+        return lambda sample: [*fields(sample)[:-1]]
     return lambda sample: [number(v) for number, v in zip(numbers, fields(sample), strict=False)]
 
 

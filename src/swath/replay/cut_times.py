@@ -58,7 +58,7 @@ def cut_times(area: Area, codes: NDArray[np.uint8], ways: list[KnifeWay], durati
         (step for way in ways for step in _steps(way.thinned(), area)), key=lambda step: float(step[0][0])
     )
     for (begin, end), before, after, height in order:
-        for polygon in swept(before, after):
+        for polygon in swept(before.tolist(), after.tolist()):
             found = _inside(polygon, when.shape)
             if found is None:
                 continue

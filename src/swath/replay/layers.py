@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.machine.body.body import corners_of
 from swath.replay.area import Area
 from swath.replay.charts import columns_of, shown_charts
 from swath.replay.cut_times import KnifeWay, cut_times
@@ -18,6 +19,7 @@ from swath.runtime.world import Machine, World
 from swath.signals import F64
 
 HEIGHT_UNIT = 1e-3  # of terrain heights [m], where they fit into 16 bits
+MOST_TRIANGLES = 12000  # of a body from a file, and of its header
 EDGE_STEP = 0.5  # between points of the initial edge [m]
 Values = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
@@ -95,7 +97,20 @@ class Layers:
             edge = self._edge(machine, own if ahead is None else ahead[name]) - self.origin
             self.arrays[f"edge_{index}"] = edge.astype(np.float32)
             described.append({**describe(machine), "columns": names, "charts": charts})
+            self._add_body(machine, index, described[-1])
         self.values["machines"] = described
+
+    def _add_body(self, machine: Machine, index: int, about: Values) -> None:
+        """Triangles of a body from a file: what is fixed, and the header with its axes."""
+        if machine.body is None:
+            return
+        about["header_axes"] = list(machine.header_kinematics.axes)
+        for name, solids in (("body", machine.body.fixed), ("header", machine.body.header)):
+            corners = corners_of(solids)
+            every = max(1, -(-len(corners) // MOST_TRIANGLES))
+            if every > 1:
+                self.notes.append(f"{machine.name}: of its {name} one triangle in {every} is drawn")
+            self.arrays[f"own_{name}_{index}"] = corners[::every].astype(np.float32)
 
     def _edge(self, machine: Machine, columns: Columns) -> F64:
         """The initial edge beside the way, (n, 3) [m]; none for a machine that does not cut."""

@@ -40,7 +40,7 @@ def things_of(
         if thing.path is None or thing.way is None:
             bodies = _bodies(thing.in_world, origin, triangles, is_post=thing.kind == "post")
         else:
-            about["way"] = _rows(thing.path, thing.way, world, origin, tracks or {})
+            about["way"] = _rows(thing.path, thing.way, begin, world, origin, tracks or {})
             bodies = _bodies(_simple(thing.solids), np.zeros(3), [], is_post=thing.kind == "post")
         items += [{**about, **body} for body in bodies]
     total, left = sum(len(t) for t in triangles), ""
@@ -69,20 +69,20 @@ def _there(world: World, events: Sequence[Event]) -> Iterator[tuple[Thing, float
                 world.scenario.resolved(), base=file and file.parent, sets=[f"field.obstacles=[{text}]"]
             )
             for thing in things_in(wanted.field.obstacles, world.field):
-                yield replace(thing, name=key.partition(".")[2]), begin, end_of(key, begin)
+                yield replace(thing, name=key), begin, end_of(key, begin)
 
 
 def _rows(
-    path: Path, way: Way, world: World, origin: F64, tracks: Mapping[str, Columns]
+    path: Path, way: Way, since: float, world: World, origin: F64, tracks: Mapping[str, Columns]
 ) -> list[list[float]]:
-    """t, x, y, z, yaw of a thing over the run, EVERY_S apart while it goes."""
+    """t, x, y, z, yaw of a thing that is there since a time [s], EVERY_S apart while it goes."""
     times = np.unique(np.concatenate([[0.0], *(own["t_s"] for own in tracks.values())]))
     places = [np.stack([own["x_m"], own["y_m"]], axis=1) for own in tracks.values()]
     near = np.full(len(times), path.start_within_m is None)
     for own, place in zip(tracks.values(), places, strict=True):
         away = np.hypot(*(place - way.points[0]).T)
         near |= np.interp(times, own["t_s"], away) <= (path.start_within_m or 0.0)
-    begun = times[near & (times >= path.start_s)]
+    begun = times[near & (times >= max(path.start_s, since))]
     begin, end = (float(begun[0]) if len(begun) else np.inf), float(times[-1])
     stop = end if way.returns else min(end, begin + way.length / way.speed)
     moments = [0.0] if begin >= end else [0.0, *np.arange(begin, stop, EVERY_S), stop]

@@ -16,7 +16,9 @@ from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.record.messages import RecordedMachine
 from swath.report import page, plots
+from swath.report.pictures import KeptPicture, PictureSampler, pictures_figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
+from swath.report.silhouette import silhouette
 from swath.report.stand3d import Stand, stand_figure
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
@@ -31,6 +33,7 @@ class MachineReport:
 
     tracks: its columns, as from `Recorder.tracks[name].arrays()`; path, edges: what its evaluators saw
     scans: by scanner slot, from `ScanSampler.pick`, the newest last; edge: initial, (k, 2) world [m]
+    pictures: by camera slot, from `PictureSampler.pick`
     """
 
     machine: RecordedMachine
@@ -39,6 +42,7 @@ class MachineReport:
     edges: EdgeSeries | None = None
     scans: Mapping[str, Sequence[KeptScan]] = field(default_factory=dict)
     edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
+    pictures: Mapping[str, Sequence[KeptPicture]] = field(default_factory=dict)
 
 
 @dataclass
@@ -69,10 +73,17 @@ def collect(
     samplers: Mapping[str, ScanSampler],
     tracks: Mapping[str, Mapping[str, Any]],
     scenario: Scenario | None = None,
+    pictures: Mapping[str, PictureSampler] | None = None,
 ) -> ReportData:
-    """The data of a report after a run. samplers, tracks: by machine; scenario: to print, or the world's."""
+    """The data of a report after a run.
+
+    samplers, tracks, pictures: by machine; scenario: to print, or the world's
+    """
     scenario = world.scenario if scenario is None else scenario
     machines = [_machine(evaluation, samplers[name], own) for name, own in tracks.items()]
+    for own in machines:
+        if pictures is not None:
+            own.pictures = pictures[own.machine.name].pick()
     moved = [m for m in machines if len(m.tracks["t_s"])]
     picture = None
     if moved:
@@ -145,12 +156,15 @@ class ReportWriter(RunHook):
     def begin(self, run: ActiveRun) -> None:
         """Keep some scans of every machine on the way."""
         self._run = run
-        self._samplers = {}
+        self._samplers, self._pictures = {}, {}
         for name, machine in run.evaluation.machines.items():
             detection = run.evaluation.find(name, EdgeDetection)
             assert detection is not None
             self._samplers[name] = ScanSampler(machine, partial(_true_offset, detection))
             run.observers.insert(run.observers.index(run.recorder), self._samplers[name])
+            self._pictures[name] = PictureSampler(machine)
+            if run.world.machines[name].slots_of("camera"):
+                run.observers.append(self._pictures[name])
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write the page; an incomplete run gets none unasked, one without a folder has no place for it."""
@@ -159,7 +173,9 @@ class ReportWriter(RunHook):
             return
         of = self._of or FinishedRun(run.out, summary, run.world.scenario)
         tracks = {name: tracks.arrays() for name, tracks in run.recorder.tracks.items()}
-        data = collect(of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario)
+        data = collect(
+            of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures
+        )
         write_report(of.folder, data)
 
 
@@ -192,6 +208,8 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[page.Figure]:
     for slot, scans in own.scans.items():
         if scans:
             yield _scans(own, slot)
+    for slot, pictures in own.pictures.items():
+        yield _pictures(slot, pictures, alone=len(own.pictures) == 1)
     shown = next((scans[-1] for scans in own.scans.values() if scans and scans[-1].edge is not None), None)
     if data.stand is not None and shown is not None:
         yield _stand(data.stand, own, shown)
@@ -230,8 +248,10 @@ def _map(data: ReportData, picture: FieldMap) -> page.Figure:
 
 
 def _outline(own: MachineReport) -> F64:
-    """The machine at the end of the run, seen from above: header, where it has one, and body."""
+    """The machine at the end of the run, seen from above: its own shape, or header and body of its sheet."""
     g = own.machine.geometry
+    if len(own.machine.triangles):
+        return np.array([_way(own.tracks, x, y)[-1] for x, y in silhouette(own.machine.triangles)])
     rear, front, half = g.body[0], g.body[1], g.body[2]
     corners = [(front, -half), (rear, -half), (rear, half), (front, half)]
     if own.path is not None:
@@ -265,6 +285,12 @@ def _scans(own: MachineReport, slot: str) -> page.Figure:
     )
     title = "Scans" if len(own.scans) == 1 else f"Scans of {slot}"
     return page.Figure(title, plots.as_image(fig), caption)
+
+
+def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> page.Figure:
+    image = plots.as_image(pictures_figure(pictures), kind="webp", dpi=110)
+    caption = "What the camera saw on the way; boxes are the truth of what is seen of each thing."
+    return page.Figure("Pictures" if alone else f"Pictures of {slot}", image, caption)
 
 
 def _stand(stand: Stand, own: MachineReport, scan: KeptScan) -> page.Figure:

@@ -101,11 +101,12 @@ def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
     size = field.library.tile_size
     low, high = np.floor((centre - reach) / size).astype(int), np.floor((centre + reach) / size).astype(int)
     tile_of = np.searchsorted(field.library.stem_start, field.library.owner, side="right") - 1
+    first = np.searchsorted(tile_of, np.arange(len(field.library.stem_start)))  # they lie tile by tile
     parts = [
         part
         for iy in range(low[1], high[1] + 1)
         for ix in range(low[0], high[0] + 1)
-        if (part := _tile(field, ix, iy, tile_of, centre, reach)) is not None
+        if (part := _tile(field, ix, iy, first, centre, reach)) is not None
     ]
     if not parts:
         none = np.zeros((0, 3))
@@ -115,7 +116,7 @@ def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
 
 
 def _tile(
-    field: Stand, ix: int, iy: int, tile_of: NDArray[np.int64], centre: F64, reach: float
+    field: Stand, ix: int, iy: int, first: NDArray[np.int64], centre: F64, reach: float
 ) -> tuple[Any, ...] | None:
     """Pieces of one tile in the stand frame, cut where they are cut."""
     pages, library = field.pages, field.library
@@ -130,7 +131,8 @@ def _tile(
     scale, lean_x, lean_y, fraction = (float(v) for v in pages.tile_stand[at])
     prototype = int(pages.tile_prototype[at])
     size = library.tile_size
-    own = np.flatnonzero(tile_of == prototype & (MIRROR_X - 1))
+    number = prototype & (MIRROR_X - 1)
+    own = np.arange(first[number], first[number + 1])
     foot = library.base[own].astype(float)
     own = own[
         (library.stem_rank[library.owner[own]] < fraction) & np.all((foot >= 0) & (foot < size), axis=1)

@@ -35,7 +35,7 @@ from swath.runtime.field_setup import build_field
 from swath.runtime.field_state import begin_field
 from swath.runtime.kept import KeptFields
 from swath.runtime.placing import check_room, check_side, check_start, edge_of, start_pose
-from swath.runtime.scene import scene_nodes
+from swath.runtime.scene import Walkers, scene_nodes
 from swath.runtime.world import Machine, World
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
@@ -86,8 +86,12 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
         check_start(machines, ground.field, site.bodies)
         nodes = [*scene_nodes(ground.things, ground.field, site.bodies, tuple(machines)), *nodes]
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
-    world = World(scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines)
+    walkers = Walkers(ground.field, site.bodies)
+    world = World(
+        scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines, walkers
+    )
     graph.before_tick.append(world.end_with_parts)
+    world.watch_bodies()
     return world
 
 
@@ -238,6 +242,7 @@ def exchange(
     world.graph.exchange(name, component, wires, state)
     machine = world.machines[machine_name]
     before, machine.parts[slot] = machine.parts[slot], component
+    world.exchanged()
     if state is None:
         machine.retired.append(before)
     elif isinstance(before, Closes):

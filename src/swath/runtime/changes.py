@@ -5,10 +5,12 @@
     changes.set(t, "combine.edge.level", "otsu")            # another level, which starts from the present
     changes.set(t, "obstacles.pole", "{kind: post, x_m: 12, y_m: 3}")
     changes.set(t, "obstacles.pole", None)
+    changes.set(t, "obstacles.walker", "{kind: person, x_m: 9, y_m: 3, path: {to: [[9, -3]]}}")
 
 Keys and values are those of `--set`. Each change takes effect before the tick at t; what was done is kept in
-`events` and does the same again through `Script`. Of code that is not swath's only that comes in which the
-scenario names, or who started the run: a change may be somebody else's, over ROS 2 or in a recording.
+`events` and does the same again through `Script`. Of code that is not swath's, and of files that are read,
+only those come in which the scenario names, or who started the run: a change may be somebody else's, over
+ROS 2 or in a recording.
 """
 
 import dataclasses
@@ -21,15 +23,16 @@ from typing import Any
 from swath.core.abilities import Closes
 from swath.core.errors import InputError
 from swath.core.foreign_code import file_of, only_code
-from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.documents.json_file import read_json
+from swath.documents.yaml_document import parse_value
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import make_obstacles, things_of
+from swath.field.obstacles import things_of
 from swath.field.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
 from swath.scenario.code import code_of
+from swath.scenario.named_files import files_of, folder_of, named_files
 from swath.scenario.resolved import SlotChoice
 from swath.scenario.scenario import Scenario, parse_scenario
 
@@ -45,12 +48,15 @@ class Interventions:
     """Changes a world, and keeps a list of what was changed.
 
     events: per change the simulated time `t_s`, the key `set` and its new `value`, None where it was removed
-    allow: code that may be set beside what the scenario names, files or `file.py:Class`
+    allow: what may be set beside what the scenario names: code, files or `file.py:Class`, and files that are
+    read, or folders with them
     """
 
     def __init__(self, world: World, allow: Iterable[str] = ()) -> None:
         self.world = world
-        self._code = (*code_of(world.scenario), *(file_of(text) for text in allow))
+        allowed = [file_of(text) for text in allow]
+        self._code = (*code_of(world.scenario), *allowed)
+        self._files = files_of(world.scenario) | set(allowed)
         self.events: list[dict[str, Any]] = []
         self._fixed = {str(i): o for i, o in enumerate(world.scenario.field.obstacles)}
         self._added: dict[str, Any] = {}
@@ -63,17 +69,28 @@ class Interventions:
     def set(self, t: int, key: str, value: Any) -> None:
         """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""
         first, _, rest = key.partition(".")
+        self._need_known_files(key, value)
         with only_code(self._code):
             if first == OBSTACLES and rest:
-                self._set_obstacle(rest, value)
+                self._set_obstacle(t, rest, value)
             else:
                 self._set_slot(key, value)
         self.events.append({"t_s": t / NS, "set": key, "value": value})
 
     def check(self, key: str, value: Any) -> None:
         """What `set` finds wrong by reading alone. SwathError."""
+        self._need_known_files(key, value)
         with only_code(self._code):
             after_change(self._now, key, value)
+
+    def _need_known_files(self, key: str, value: Any) -> None:
+        """InputError where a change would read a file that neither the scenario nor `allow` names."""
+        given = parse_value(_text(value), key)
+        found = named_files(given, folder_of(self.world.scenario))
+        new = sorted(f for f in found if not any(f == k or k in f.parents for k in self._files))
+        if new:
+            expected = f"expected no file but those that the scenario or --allow names, not {new[0]}"
+            raise InputError(key, value, expected)
 
     def values(self) -> dict[str, Any]:
         """What can be set, and how it stands: plain numbers, texts, truths and lists of one kind."""
@@ -109,11 +126,11 @@ class Interventions:
                 raise InputError(name, None, text) from error
             raise
 
-    def _set_obstacle(self, name: str, value: Any) -> None:
-        bodies, key = self.world.bodies, f"{OBSTACLES}.{name}"
+    def _set_obstacle(self, t: int, name: str, value: Any) -> None:
+        world, key = self.world, f"{OBSTACLES}.{name}"
         if value in (None, ""):
             if name in self._added:
-                bodies.remove(key)
+                world.remove_obstacle(key)
                 del self._added[name]
             elif name in self._fixed:
                 del self._fixed[name]
@@ -124,9 +141,8 @@ class Interventions:
             return
         if name in self._fixed:
             raise InputError(key, value, "expected another name: the scenario's own can only be removed")
-        read = _obstacles(self._now, key, value)
-        bodies.remove(key)
-        bodies.add(key, make_obstacles(read, self.world.field), Pose.identity(), is_machine=False)
+        (thing,) = things_of((_obstacle(self._now, key, value),), world.field)
+        world.add_obstacle(key, thing, t)
         self._added[name] = _text(value)
 
     def _keep_fixed(self) -> None:
@@ -144,7 +160,7 @@ def after_change(scenario: Scenario, key: str, value: Any) -> Scenario:
     if first != OBSTACLES or not rest:
         return _slot_after(scenario, key, value)[3]
     if value not in (None, ""):
-        _obstacles(scenario, key, value)
+        _obstacle(scenario, key, value)
     return scenario
 
 
@@ -163,12 +179,12 @@ def _slot_after(scenario: Scenario, key: str, value: Any) -> tuple[str, SlotChoi
     return f"{machine}.{slot}", before, after, wanted
 
 
-def _obstacles(scenario: Scenario, key: str, value: Any) -> tuple[Any, ...]:
+def _obstacle(scenario: Scenario, key: str, value: Any) -> Any:
     """What an obstacle's text says."""
     read = _freshly_read(scenario, [f"field.{OBSTACLES}=[{_text(value)}]"]).field.obstacles
-    if any(o.path is not None for o in read):
-        raise InputError(f"{key}.path", value, "expected no path: only obstacles of the scenario go")
-    return tuple(read)
+    if len(read) != 1:
+        raise InputError(key, value, "expected one obstacle, each has its own name")
+    return read[0]
 
 
 class Script:

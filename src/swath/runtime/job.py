@@ -43,6 +43,8 @@ class JobResult:
     def __repr__(self) -> str:
         results = [entry["result"] for entry in self.summary.get("expect", [])]
         limits = f"{results.count('pass')} of {len(results)} limits pass" if results else "no limits"
+        if open_ := results.count("not measured"):
+            limits += f", {open_} not measured in so short a run"
         name, seed = self.summary.get("name"), self.summary.get("seed")
         return f"<run of {name}, seed {seed}: {limits}, in {self.folder}>"
 
@@ -174,6 +176,7 @@ class _Running:
     ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
         recorded = world.recorded(is_drawn=out is not None)
+        detail = "none" if out is None else world.scenario.run.record
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)
@@ -181,10 +184,13 @@ class _Running:
             out or Path(),
             list(recorded.values()),
             extra={name: self.evaluation.columns(name) for name in recorded},
-            detail="none" if out is None else world.scenario.run.record,
+            detail=detail,
             scenario="" if out is None else world.scenario.resolved(),
         )
-        self.observers: list[Observer] = [self.digest, self.evaluation, self.recorder]
+        self.observers: list[Observer] = [self.digest, self.evaluation]
+        self.has_tracks = detail != "none" or bool(hooks) or self.evaluation.reads_tracks
+        if self.has_tracks:
+            self.observers.append(self.recorder)
         self.start: Start | None = None
         self._saved_s, self._done = 0.0, 0  # time of the save it goes on from, events before
 
@@ -244,7 +250,7 @@ class _Running:
                 "machine": _machines(world),
             },
             self.evaluation,
-            {name: tracks.arrays() for name, tracks in self.recorder.tracks.items()},
+            {n: t.arrays() for n, t in self.recorder.tracks.items()} if self.has_tracks else {},
             sensors={name: machine.coverage() for name, machine in world.machines.items()},
             simulated_s=world.graph.t / NS,
             wall_s=wall_s,

@@ -33,7 +33,7 @@ def drive(
     the start
     """
     graph, run = world.graph, world.scenario.run
-    graph.observers = [world.place_bodies, *observers]
+    graph.observers = [*observers]
     seen: Sequence[object] = observers
     ending = [o for o in seen if isinstance(o, EndsRun)]
 
@@ -66,7 +66,7 @@ def ticks(world: World, observers: Sequence[Observer] = ()) -> Iterator[int]:
     the world be saved and loaded.
     """
     graph = world.graph
-    graph.observers = [world.place_bodies, *observers]
+    graph.observers = [*observers]
     world.reset()
     for t, _ in graph.plan.walk(0, round(world.scenario.run.max_duration_s * NS)):
         graph.run(t)

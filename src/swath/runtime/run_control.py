@@ -143,14 +143,34 @@ class RunControl(RunHook):
             return "the run is not saved on the way, which --save-every does"
         return self.saves.refused
 
-    def branch(self, at_s: float, sets: Mapping[str, Any]) -> Reply:
-        """End the run; another goes on from `at_s` [s] with something changed there, into its own folder."""
+    def save(self) -> Reply:
+        """Save the world as it is now; a branch then starts from there without the way to it."""
+
+        def act(t: int) -> str:
+            if self.saves is None:
+                raise SwathError(self.back_refused)
+            return f"saved at {self.saves.save_now():g} s"
+
+        return self.ask(act)
+
+    def branch(self, at_s: float | None, sets: Mapping[str, Any]) -> Reply:
+        """End the run; another goes on from `at_s` [s] with something changed there, into its own folder.
+
+        None: from the tick behind the newest save.
+        """
 
         def act(t: int) -> str:
             if self.back_refused:
                 raise SwathError(self.back_refused)
             assert self._run is not None
-            raise ask_branch(self.changes, self._run.out, self._now(), at_s, sets)
+            assert self.saves is not None
+            if at_s is None and not self.saves.times:
+                raise SwathError("there is no save yet to branch off from")
+            now, begin = self._now(), at_s
+            if begin is None:  # the first tick behind that of the save
+                behind = self.saves.times[-1] + 1
+                now, begin = max(now, behind), behind / NS
+            raise ask_branch(self.changes, self._run.out, now, begin, sets)
 
         return self.ask(act)
 

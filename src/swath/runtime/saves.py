@@ -59,6 +59,17 @@ class Saves(RunHook):
                 self.times = copy_saves(run.start.folder, run.out, run.world.graph.t)
             run.world.graph.before_tick.insert(0, self._before_tick)
 
+    def save_now(self) -> float:
+        """Save between two ticks; returns the time of the save [s]. SwathError where it cannot."""
+        if self.refused:
+            raise SwathError(self.refused)
+        if self._run is None or self._run.world.graph.t <= 0:
+            raise SwathError("expected a run that has begun: at 0 s there is nothing to save")
+        at = self._run.world.graph.t
+        if at not in self.times:
+            self._save(self._run)
+        return at / NS
+
     def summarize(self, t: int) -> dict[str, Any]:
         """How many there are, how large, and what they cost."""
         if self.refused:

@@ -30,25 +30,57 @@ def scene_nodes(things: Sequence[Thing], field: Any, bodies: Bodies, machines: S
     return [Node(Slot(SLOT, from_hz(rate)), Scene(things, field, bodies, machines), wires)]
 
 
-class Scene(KeepsState):
-    """A component with the states of all machines as inputs. A thing that was taken out is left out.
-
-    begun: when each of those that go set off [ns]
-    """
+class Walkers(KeepsState):
+    """Things on their paths. begun: when each of those that go set off, by name [ns]"""
 
     kept = ("begun",)
+
+    def __init__(self, field: Any, bodies: Bodies) -> None:
+        self._field, self._bodies = field, bodies
+        self._paths: dict[str, tuple[Path, Way]] = {}
+        self.begun: dict[str, int] = {}
+
+    def add(self, name: str, thing: Thing) -> None:
+        """Another body that goes; nothing where the thing has no path."""
+        self.remove(name)
+        if thing.path is not None and thing.way is not None:
+            self._paths[name] = thing.path, thing.way
+
+    def remove(self, name: str) -> None:
+        """It goes no more; nothing where it never did."""
+        self._paths.pop(name, None)
+        self.begun.pop(name, None)
+
+    def place(self, now: int, machines: Sequence[Sequence[float]]) -> None:
+        """Put those that are still around where they are at `now` [ns]; see `sets_off`."""
+        for name, (path, way) in self._paths.items():
+            if name not in self._bodies:
+                continue
+            if name not in self.begun and sets_off(path, way, now / NS, machines):
+                self.begun[name] = now
+            gone = (now - self.begun[name]) / NS if name in self.begun else -1.0
+            x, y, heading, speed = way.after(gone)
+            pose = Pose.from_euler([x, y, float(self._field.ground_height(x, y))], yaw=heading)
+            self._bodies.place(name, pose, np.array([speed * cos(heading), speed * sin(heading), 0.0]))
+
+
+class Scene(KeepsState):
+    """A component with the states of all machines as inputs. A thing that was taken out is left out."""
+
+    kept = ("walkers",)
     outputs = (Port("state", Obstacles),)
 
     def __init__(self, things: Sequence[Thing], field: Any, bodies: Bodies, machines: Sequence[str]) -> None:
-        self._field, self._bodies = field, bodies
-        self._paths = {t.name: (t.path, t.way) for t in things if t.path is not None and t.way is not None}
+        self._bodies = bodies
         self._names = [thing.name for thing in things]
         self.inputs = tuple(Port(name, MachineState) for name in machines)
-        self.begun: dict[str, int] = {}
+        self.walkers = Walkers(field, bodies)
+        for thing in things:
+            self.walkers.add(thing.name, thing)
 
     def reset(self, stream: Stream) -> Outputs:
         """Everything where it starts; what sets off at once, sets off."""
-        self.begun = {}
+        self.walkers.begun = {}
         return self._at(0, ())
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -56,21 +88,12 @@ class Scene(KeepsState):
         return self._at(t + dt, tuple(inputs[port.name] for port in self.inputs))
 
     def _at(self, now: int, machines: Sequence[MachineState]) -> Outputs:
-        for name, (path, way) in self._paths.items():
-            if name not in self._bodies:
-                continue
-            places = [machine.pose.position[:2].tolist() for machine in machines]
-            if name not in self.begun and sets_off(path, way, now / NS, places):
-                self.begun[name] = now
-            gone = (now - self.begun[name]) / NS if name in self.begun else -1.0
-            x, y, heading, speed = way.after(gone)
-            pose = Pose.from_euler([x, y, float(self._field.ground_height(x, y))], yaw=heading)
-            velocity = np.array([speed * cos(heading), speed * sin(heading), 0.0])
-            self._bodies.place(name, pose, velocity)
+        self.walkers.place(now, [machine.pose.position[:2].tolist() for machine in machines])
         return {"state": self._sample(now)}
 
     def _sample(self, t: int) -> Obstacles:
-        there = [body for body in self._bodies.around() if body.name in self._names]
+        known = self._bodies
+        there = [b for b in known.around() if b.name in self._names or known.is_added(b.name)]
         middles = np.array([b.pose.apply(b.middle) for b in there]).reshape(-1, 3)
         half = np.array([b.half for b in there]).reshape(-1, 3)
         return Obstacles(

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes, HasRange
+from swath.core.abilities import Closes, CountsBeams, CountsRays, EndsRun, HasNotes, HasRange, KnowsErrors
 from swath.core.frames import Pose
 from swath.core.graph import EndOfRun, Graph
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
+from swath.field.obstacles import Thing
 from swath.field.projection import Origin
 from swath.field.site_setup import TRAILER, Bodies
 from swath.field.track import EdgeShape
@@ -21,6 +22,7 @@ from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.machine_sheet import MachineSheet
 from swath.machine.towing import pose_of
 from swath.record.messages import RecordedMachine
+from swath.runtime.scene import Walkers
 from swath.scenario.resolved import MachineSection
 from swath.scenario.scenario import Scenario
 from swath.signals import F64, HeaderState
@@ -114,13 +116,18 @@ class Machine:
             self.edge,
             self.start,
             scanners,
+            errors={slot: part.errors for slot, part in self.parts.items() if isinstance(part, KnowsErrors)},
             triangles=np.zeros((0, 3, 3)) if self.body is None else self.body.triangles,
         )
 
 
 @dataclass(frozen=True)
 class World:
-    """A scenario, assembled. driven: the real pass that the edge follows, (n, 2) world [m], if it does."""
+    """A scenario, assembled.
+
+    driven: the real pass that the edge follows, (n, 2) world [m], if it does
+    added: obstacles that came while the run went, those of them that go
+    """
 
     scenario: Scenario
     field: Field
@@ -129,6 +136,7 @@ class World:
     bodies: Bodies
     graph: Graph
     machines: Mapping[str, Machine]
+    added: Walkers
 
     @property
     def leader(self) -> Machine:
@@ -180,6 +188,7 @@ class World:
             "graph": self.graph.save(),
             "field": self.field.save(),
             "bodies": self.bodies.save(),
+            "added": self.added.save(),
             "retired": retired,
         }
 
@@ -188,6 +197,7 @@ class World:
         self.graph.load(state["graph"])
         self.field.load(state["field"])
         self.bodies.load(state["bodies"])
+        self.added.load(state["added"])
         for name, saved in state.get("retired", {}).items():
             for part, own in zip(self.machines[name].retired, saved, strict=True):
                 part.load(own)
@@ -203,19 +213,53 @@ class World:
                 if isinstance(part, Closes):
                     part.close()
 
+    @cached_property
+    def _ending(self) -> list[tuple[str, EndsRun]]:
+        """Parts that may end the run, by their slots."""
+        every = ((f"{m.name}.{slot}", part) for m in self.machines.values() for slot, part in m.parts.items())
+        return [(name, part) for name, part in every if isinstance(part, EndsRun)]
+
+    def exchanged(self) -> None:
+        """Another part has come into a slot."""
+        vars(self).pop("_ending", None)
+
     def end_with_parts(self, t: int) -> None:
         """Before the tick at t [ns]: a part that wants the run to end ends it."""
+        for name, part in self._ending:
+            if reason := part.end_reason(t):
+                raise EndOfRun(f"{name}: {reason}")
+
+    def watch_bodies(self) -> None:
+        """The bodies of the machines and their trailers stand where these do from now on."""
         for machine in self.machines.values():
-            for slot, part in machine.parts.items():
-                if _ends_run(part) and (reason := part.end_reason(t)):
-                    raise EndOfRun(f"{machine.name}.{slot}: {reason}")
+            for slot in (*machine.slots_of("motion"), *machine.slots_of("header")):
+                self.graph.watches[f"{machine.name}.{slot}"] = self.place_bodies
+
+    def add_obstacle(self, name: str, thing: Thing, t: int) -> None:
+        """Another obstacle from the tick at t [ns] on, in place of one of that name."""
+        self.remove_obstacle(name)
+        self.bodies.add_thing(name, thing)
+        self.added.add(name, thing)
+        if thing.way is not None and self.place_added not in self.graph.before_tick:
+            self.graph.before_tick.append(self.place_added)
+        self.place_added(t)
+
+    def remove_obstacle(self, name: str) -> None:
+        """Take away one that was added; nothing where there is none of that name."""
+        self.bodies.remove(name)
+        self.added.remove(name)
+
+    def place_added(self, t: int) -> None:
+        """The added obstacles that go are where they are at t [ns]; called before the tick at t."""
+        self.added.place(t, [self.bodies.pose_of(name).position[:2].tolist() for name in self.machines])
 
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
-        """Observer of the graph: the bodies of the machines and their trailers stand where these do."""
-        if (state := outputs.get("state")) is not None and slot.endswith(".motion"):
+        """What a machine's motion or header sent: its bodies stand there."""
+        if (state := outputs.get("state")) is not None:
             name = slot.partition(".")[0]
-            along = state.pose.rotation[:, 0] * state.speed + state.pose.rotation[:, 1] * state.lateral_speed
-            self.bodies.place(name, state.pose, along)
+            ahead, left = state.speed, state.lateral_speed
+            velocity = np.array([row[0] * ahead + row[1] * left for row in state.pose.numbers[1]])
+            self.bodies.place(name, state.pose, velocity)
             if (trailer := outputs.get("trailer")) is not None:
                 self.bodies.place(name + TRAILER, pose_of(trailer))
         elif (height := outputs.get("height")) is not None:
@@ -228,14 +272,3 @@ class World:
             if height is not None:
                 at = machine.header_kinematics.pose(height.lift, height.tilt)
             self.bodies.show(machine.name, machine.body.with_header_at(at), BODY)
-
-
-_KINDS: dict[type, bool] = {}
-
-
-def _ends_run(part: Any) -> bool:
-    """Whether a part may end the run: found out once a class, as it is asked before every tick."""
-    kind = type(part)
-    if kind not in _KINDS:
-        _KINDS[kind] = isinstance(part, EndsRun)
-    return _KINDS[kind]

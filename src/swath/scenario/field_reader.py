@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from swath.documents.hints import unknown_key
+from swath.documents.validation import known_keys
 from swath.scenario.resolved import FieldSection, LevelChoice
 from swath.scenario.section_reader import NAME, SectionReader
 from swath.scenario.sections import FieldCommon
@@ -15,8 +17,15 @@ FIELD_KEYS = (
 def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
     """The section; notes what is wrong."""
     data = reader.mapping(data, ("field",))
-    reader.unknown(data, ("field",), FIELD_KEYS)
     levels_of = ("terrain", "stand")
+    for key in [k for k in data if k not in FIELD_KEYS]:
+        deeper = next((name for name in levels_of if key in _keys_of(reader, name)), None)
+        hint = (
+            unknown_key(key, FIELD_KEYS)
+            if deeper is None
+            else f"unknown key, did you mean field.{deeper}.{key}?"
+        )
+        reader.note(("field", key), None, hint)
     data = {k: v if k in levels_of else reader.with_path(k, v, ("field", k)) for k, v in data.items()}
     folder = data.get("folder")
     if folder is not None and not isinstance(folder, str):
@@ -41,6 +50,12 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
         boundary,
         common or FieldCommon(),
     )
+
+
+def _keys_of(reader: SectionReader, name: str) -> list[str]:
+    """Keys of the default level of terrain or stand."""
+    level = reader.catalogue.registry.get(name, reader.catalogue.field_levels[name])
+    return known_keys(level.params)
 
 
 def _edges(reader: SectionReader, data: dict[str, Any]) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class CutWatch:
     def _stubble(self, key: Key, u: Ints, v: Ints) -> NDArray[np.uint8]:
         """Stubble height [cm] of cut cells of a page that stood at the start, UNTOUCHED elsewhere."""
         if key not in self._start:
-            self._start[key] = self.field.maker.codes(*key)
+            self._start[key] = self.field.maker.codes([key])[0]
         self.field.store.need([key])
         now = _codes_at(self.field.store.codes_of(key), u, v)
         stood = _codes_at(self._start[key], u, v) == STANDING

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.site_setup import SiteSetup
+from swath.rays.sight import Sight
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.noise import Noise
@@ -35,7 +36,7 @@ class ScannerParams:
     sensor: str = "sick-lms511-hr"
     mount: Mount = field(default_factory=Mount)
     sector_deg: tuple[float, float] | None = None
-    step_deg: Annotated[float, Gt(0), Le(10)] | None = None
+    step_deg: Annotated[float, Ge(0.01), Le(10)] | None = None
     reach_m: Annotated[float, Gt(0), Le(200)] = 40.0
     noise: Literal["data_sheet", "none"] = "data_sheet"
 
@@ -106,6 +107,11 @@ class Scanner:
         nothing = np.full((len(self.azimuth), self.echo_count), np.nan)
         points = np.full((len(self.azimuth), self.echo_count, 3), np.nan)
         return self.outputs_of(0, nothing, nothing, points, np.full((len(self.azimuth), 3), np.nan))
+
+    def sight(self) -> Sight:
+        """The pages that its beams can get to."""
+        wide, grows = self.sheet.beam.exit_diameter, self.sheet.beam.divergence
+        return Sight(self.setup.field, reach=self.reach, exit_diameter=max(wide), divergence=max(grows))
 
     def axes_at(self, t: int) -> F64:
         """Beam frames of the sweep that ends at t [ns]: where the beams really point."""

@@ -1,6 +1,7 @@
 """Spread tables on disk: `<name>.npz` with the numbers, `<name>.yaml` with source, range and fit quality."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ from swath.documents.yaml_document import dump, read_document
 from swath.rays.spread import Spread, SpreadTable
 
 GRID = ("density", "height", "depression", "spot", "quantile", "ground_share", "ground_lift")
-ARRAYS = ("silhouette", "lean")
+ARRAYS = ("silhouette", "view", "aside")
+NUMBERS = ("fine", "aside_step", "cosine")
 STUBBLE = "stubble_"  # before the names of its grid's arrays
 
 
@@ -33,14 +35,24 @@ def load_table(name: str, base: Path | None = None) -> SpreadTable:
         have = ", ".join(table_names()) or "none"
         expected = f"expected a .npz file or one of {have}; `swath calibrate lidar` makes one"
         raise InputError("table", name, expected)
+    files = [file.stat() for file in (path, path.with_suffix(".yaml")) if file.is_file()]
+    return _load(path, *((file.st_mtime_ns, file.st_size) for file in files))
+
+
+@lru_cache(maxsize=16)
+def _load(path: Path, *_: tuple[int, int]) -> SpreadTable:
+    """The table of a file; by time and size of it and of what is said about it."""
     return _made(read_arrays(path, "table", "a spread table"), path)
 
 
 def _made(arrays: Mapping[str, Any], path: Path) -> SpreadTable:
+    if "lean" in arrays and "view" not in arrays:
+        expected = "expected silhouettes by depression: `swath calibrate lidar` makes the table anew"
+        raise InputError("table", str(path), expected)
     with readable("table", "a spread table", path):
         values: dict[str, Any] = {k: np.asarray(arrays[k], dtype=np.float64) for k in ARRAYS}
         values |= {"standing": _grid(arrays, ""), "stubble": _grid(arrays, STUBBLE)}
-        values |= {k: float(arrays[k]) for k in ("fine", "cosine")}
+        values |= {k: float(arrays[k]) for k in NUMBERS}
         values["correlation"] = float(arrays["correlation"][0]), float(arrays["correlation"][1])
         return SpreadTable(**values, about=_about(path))
 
@@ -50,7 +62,7 @@ def save_table(table: SpreadTable, path: Path) -> list[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {k: np.asarray(getattr(table, k), dtype=np.float32) for k in ARRAYS}
     arrays |= _grid_arrays(table.standing, "") | _grid_arrays(table.stubble, STUBBLE)
-    extra = {"fine": np.float64(table.fine), "cosine": np.float64(table.cosine)}
+    extra = {k: np.float64(getattr(table, k)) for k in NUMBERS}
     everything: dict[str, Any] = {**arrays, **extra, "correlation": np.array(table.correlation)}
     with path.open("wb") as file:  # numpy gives every member the same time stamp
         np.savez_compressed(file, **everything)

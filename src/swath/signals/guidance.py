@@ -3,14 +3,20 @@
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Quantity, Signal
+from swath.core.signal import About, Message, Quantity, Signal
 from swath.signals.arrays import F64
 
 _POINTS = ("point_count",)
 
 
+_PATH = (
+    Message("swath_msgs/GuidancePath"),
+    Message("nav_msgs/Path", "to look at; heights are 0", "/machine/slot/output_path"),
+)
+
+
 @frozen
-class GuidancePath(Signal, about=About("world")):
+class GuidancePath(Signal, about=About("world", _PATH)):
     """A path for the middle of the fixed axle: points with straight lines between them.
 
     Curves stand as points that are close together, 0.25 m or so. Without a point there is no path.

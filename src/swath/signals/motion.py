@@ -9,11 +9,11 @@ from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
 
 
 def _position(axis: int) -> Callable[[Pose], float]:
-    return lambda pose: float(pose.position[axis])
+    return lambda pose: pose.numbers[0][axis]
 
 
 def _angle(axis: int) -> Callable[[Pose], float]:
-    return lambda pose: float(pose.euler()[axis])
+    return lambda pose: pose.euler()[axis]
 
 
 _POSE = (

@@ -32,7 +32,7 @@ def add_allow(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CODE",
-        help="file.py:Class or FMU that may be set while it runs; may be given several times",
+        help="file.py:Class, FMU, or file that is read, that may be set while it runs; several times",
     )
 
 

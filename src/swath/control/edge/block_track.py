@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swath.control.edge.arc_track import Arc, ArcTrack
+from swath.control.edge.arc_track import KEPT, Arc, ArcTrack
 from swath.control.edge.blocks import Block, Found, find_edge, split
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_feet import OBLIQUE, CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from swath.control.edge.near_line import EdgePoints
-from swath.control.edge.populations import Populations, crop_excess, overlap_of
+from swath.control.edge.populations import Populations, crop_excess, middle_of, overlap_of
 from swath.core.component import KeepsState
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
@@ -26,6 +26,8 @@ STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
 UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
 TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this share less this step is lodged
 RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
+SUNKEN = 0.25  # of the crop's height
+MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
@@ -41,13 +43,15 @@ class BlockTrack(KeepsState):
     """The edge in the frame at rest, from rays in its own frame.
 
     track, points: of the edge; populations: of the answers on both sides; feet: behind the canopy's edge
+    followed: blocks since the edge began
     height: of the crop, that rays were cut with [m]; agreed: share 0..1 of late blocks that fitted
     scatter: of the blocks about the track, beyond their own variance [m2]
+    blank: mean width of the strip about the edge between the rays that show it [m]
     """
 
     kept = (
-        "track", "points", "populations", "feet", "height", "agreed", "scatter", "_block", "_scans",
-        "_is_lodged", "_usual", "_levels",
+        "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
+        "_block", "_scans", "_is_lodged", "_is_broken", "_usual", "_levels", "_scatters",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -62,8 +66,11 @@ class BlockTrack(KeepsState):
             part.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter, self._is_lodged = HEIGHT, 0.0, 0.0, False
+        self.blank, self.followed = 0.0, 0
+        self._is_broken = False  # the last blocks showed no standing edge near the track
         self._usual = float("nan")  # height of the first metre of crop
         self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
+        self._scatters: deque[tuple[float, float]] = deque(maxlen=KEPT)  # (way, scatter before its block)
 
     def add(
         self,
@@ -101,6 +108,7 @@ class BlockTrack(KeepsState):
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
         x, u = frame.x + self._block.along, frame.u + place
         self.points.clear()
+        self.followed = 0
         self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2], 0.0))
         return True
 
@@ -112,6 +120,7 @@ class BlockTrack(KeepsState):
         is_near = found.lead < LEAD
         if found.gain < LEAST_GAIN and is_near and block.travel < LONGEST:
             return False
+        self.followed += 1
         self.populations.move(block.travel)
         along = block.along if np.isfinite(block.along) else block.travel
         swing = self._lodged_swing(found, arc.angle - heading)
@@ -135,7 +144,14 @@ class BlockTrack(KeepsState):
         x = edge.x - found.beside * float(np.sin(edge.angle))
         u = edge.u + found.beside * float(np.cos(edge.angle))
         self.points.add(x, u, found.variance, edge.way)
-        more = max(0.0, found.beside**2 - found.variance)
+        own = 0.0
+        if self._is_broken:  # what the track drifted by across the hole is not the edge's
+            self.points.found_again(edge.way)
+            own = float(edge.covariance[0, 0])
+        self._is_broken = self._is_sunken(found)
+        self.blank += min(1.0, self._block.travel / RAGGED_M) * (found.blank - self.blank)
+        self._scatters.append((edge.way, self.scatter))
+        more = max(0.0, found.beside**2 - found.variance - own)
         self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance)
         self.agreed += 0.2 * (1.0 - self.agreed)
@@ -146,12 +162,20 @@ class BlockTrack(KeepsState):
         """The block shows no edge here; where it shows one elsewhere, the last blocks are doubted too."""
         arc = self.track.arc
         assert arc is not None
+        self._is_broken = self._is_broken or broke
         if broke and arc.unseen < 1.0:
-            self.points.doubt(self.track.rewind(STRAIGHTEN))
+            self._take_back()
         self.track.advance(along)
         self.agreed *= 0.8
         if self.track.arc is not None and self.track.arc.unseen > self._search.forget:
             self.track.clear()
+
+    def _take_back(self) -> None:
+        """The last blocks were already wrong: what they did to the track and its scatter goes."""
+        way = self.track.rewind(STRAIGHTEN)
+        self.points.doubt(way)
+        while self._scatters and self._scatters[-1][0] >= way:
+            self.scatter = self._scatters.pop()[1]
 
     def _lodged_swing(self, found: Found, angle: float) -> float:
         """How far the tops of a stand that has become low may have moved aside [m], 0 where it stands.
@@ -165,11 +189,17 @@ class BlockTrack(KeepsState):
         if not usual > TALL or stopped < 0.8 or abs(angle) > 3.0 * OBLIQUE or is_uneven:
             return 0.0
         now = self._first_metre(found)
-        if np.isnan(now) and self._is_lodged:
+        if np.isnan(now) and self.populations.has_mat(self._block.just_inside(MAT)):
             now = LIMIT * usual
         if not now < LOW_SHARE * usual - LOW_STEP:
             return 0.0
         return float(np.sqrt(usual**2 - now**2))
+
+    def _is_sunken(self, found: Found) -> bool:
+        """Behind the edge the rays end lower than further in: they go on over a hole to its far wall."""
+        near, inner = self._block.two_strips(found.beside)
+        is_dense = self.populations.heights()[2] > 0.8
+        return is_dense and middle_of(inner) - middle_of(near) > SUNKEN * self.height
 
     def _first_metre(self, found: Found) -> float:
         return self.populations.height_of(self._block.just_inside(found.beside))
@@ -182,8 +212,8 @@ class BlockTrack(KeepsState):
     def _pass_lodged(self, found: Found, along: float, swing: float) -> None:
         """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
         if not self._is_lodged:
-            self.points.doubt(self.track.rewind(STRAIGHTEN))
-        self._is_lodged = True
+            self._take_back()
+        self._is_lodged = self._is_broken = True
         self.track.advance(along)
         assert self.track.arc is not None
         unseen, doubt = self.track.arc.unseen, (DOUBT * swing) ** 2

@@ -58,6 +58,10 @@ class Block(KeepsState):
         """Counts of classes (CLASSES,) in the first metre of crop behind an edge [m]."""
         return _between(self.counts, edge + 0.1, edge + 1.1)
 
+    def two_strips(self, edge: float) -> tuple[F64, F64]:
+        """Counts of classes (CLASSES,) of the crop just behind an edge [m], and of that further in."""
+        return _between(self.counts, edge + 0.1, edge + 0.6), _between(self.counts, edge + 1.2, edge + 2.4)
+
     def sides(self, edge: float) -> tuple[F64, F64]:
         """Counts of classes (CLASSES,) well inside the crop and well beside it, for an edge [m]."""
         crop = _between(self.counts, edge + CLEAR, edge + WINDOW)
@@ -69,12 +73,14 @@ class Found:
     """The edge of a block. beside [m] of the frame, variance [m2]; gain [nat] over "all crop" and "no crop"
 
     lead [nat]: of the best place anywhere over the best one within the gate
+    blank: width of the strip about the edge in which no ray says anything [m]
     """
 
     beside: float
     variance: float
     gain: float
     lead: float
+    blank: float
 
 
 def find_edge(block: Block, ratios: F64, gate: float) -> Found:
@@ -89,7 +95,16 @@ def find_edge(block: Block, ratios: F64, gate: float) -> Found:
     chance /= chance.sum()
     mean = float((chance * place[near]).sum())
     variance = float((chance * (place[near] - mean) ** 2).sum())
-    return Found(mean, variance + FINEST**2, best, float(gain.max()) - best)
+    return Found(mean, variance + FINEST**2, best, float(gain.max()) - best, _blank(block.counts, mean))
+
+
+def _blank(counts: F64, edge: float) -> float:
+    """Width of the strip about an edge [m] in which there are no counts (PLACES, CLASSES)."""
+    filled = np.flatnonzero(counts.any(axis=1))
+    above = int(np.searchsorted(EDGES[filled], edge))
+    first = float(EDGES[filled[above]]) if above < len(filled) else HALF
+    last = float(EDGES[filled[above - 1]]) + CELL if above else -HALF
+    return max(first - last, 0.0)
 
 
 def split(block: Block, expected: float, spread: float) -> tuple[float, float, F64, F64]:

@@ -11,5 +11,5 @@ STEEPEST = -0.05  # a beam that falls less than this per metre never reaches the
 CELL, HALF = 0.025, 4.0  # m: width of a place, and how far to either side places are counted
 PLACES = round(2 * HALF / CELL)
 GROUND_REACH, GROUND_NEAR = 0.6, 1.5  # m: of the heights about the plane before; nearer echoes are puffs
-GROUND_MOST = 1.0  # m above or below the machine's own ground plane: beyond are puffs
+GROUND_MOST, GROUND_LEAST = 1.0, -4.0  # m above the machine's own ground plane: higher are puffs
 GROUND_SPREAD = 0.08  # m: echoes this far from the plane count a quarter

@@ -15,8 +15,9 @@ FAR, NEAR, STEEPEST, LAYER, LOWEST, HEADROOM, HEAD = (
 LIMIT, INWARD, OUTWARD, OUTWARD_SHARE = (
     wp.constant(real(n)) for n in (k.LIMIT, k.INWARD, k.OUTWARD, k.OUTWARD_SHARE)
 )
-GROUND_REACH, GROUND_NEAR, GROUND_MOST, GROUND_SPREAD = (
-    wp.constant(real(n)) for n in (k.GROUND_REACH, k.GROUND_NEAR, k.GROUND_MOST, k.GROUND_SPREAD)
+GROUND_REACH, GROUND_NEAR, GROUND_MOST, GROUND_LEAST, GROUND_SPREAD = (
+    wp.constant(real(n))
+    for n in (k.GROUND_REACH, k.GROUND_NEAR, k.GROUND_MOST, k.GROUND_LEAST, k.GROUND_SPREAD)
 )
 CELL, HALF_WIDTH = wp.constant(real(k.CELL)), wp.constant(real(k.HALF))
 LEAST_FALL = wp.constant(real(-1e-3))
@@ -133,7 +134,7 @@ def trace(
             if r > GROUND_NEAR:
                 p = start + aim * r
                 beside = place(way, p[0], p[1])[1]
-                if beside > way.low and beside < way.high and wp.abs(p[2]) < GROUND_MOST:
+                if beside > way.low and beside < way.high and p[2] < GROUND_MOST and p[2] > GROUND_LEAST:
                     rays.u[ground] = p[1] - way.edge_u
                     rays.z[ground] = p[2]
                     ground += 1

@@ -12,10 +12,12 @@ kept over the last tens of metres; the steps of single scans carry the line.
 """
 
 import math
+from collections.abc import Hashable
 
 import numpy as np
 
 from swath.control.edge.height_step import Rays
+from swath.control.edge.shared import shared
 from swath.core.component import KeepsState
 from swath.core.portable import exp, geomspace, log
 from swath.signals import F64
@@ -57,7 +59,7 @@ class CanopyOffset(KeepsState):
         self._which = apart - apart.min()  # [shift, place] -> place of `_there`
         steps = STEP * np.arange(apart.min(), apart.max() + 1) + float(lateral[0, 0] - STEP * apart[0, 0])
         self._there = np.interp(steps / self._spreads[:, None], _Z, _PHI)  # share of the stand, [spread, ...]
-        self._chance = stopped(_MET, parts)
+        self._chance, self._parts = stopped(_MET, parts), parts
         self.clear()
 
     def clear(self) -> None:
@@ -88,7 +90,7 @@ class CanopyOffset(KeepsState):
         self._count(rays)
         if self._since >= OFTEN and height > 0.0:
             self._since = 0.0
-            self._shift = self._fit(height)
+            self._shift = self._fit(self._guess(height))
 
     def shift(self, height: float) -> float:
         """How far the edge of the feet lies behind the detected step [m], of crop `height` [m] tall."""
@@ -104,7 +106,11 @@ class CanopyOffset(KeepsState):
         is_stopped = rays.height > max(float(low), rays.limit)
         np.add.at(self._seen, (is_stopped[ok].astype(np.int64), bins[ok]), 1.0 / SCANS_PER_SAMPLE)
 
-    def _fit(self, height: float) -> float:
+    def _key(self, guess: float) -> Hashable:
+        return self._seen.tobytes(), self._parts, guess
+
+    @shared(_key)
+    def _fit(self, guess: float) -> float:
         """Mean shift under the likelihood of the counts and the guess [m]."""
         inside = self._seen[:, self._middle > INSIDE[0]].sum(axis=1)
         most = float(np.clip(inside[1] / max(float(inside.sum()), 1e-9), 0.3, 1.0 - STRAY))
@@ -112,7 +118,7 @@ class CanopyOffset(KeepsState):
         high = STRAY + (1.0 - STRAY) * np.interp(depth * self._there, _MET, self._chance)
         passed, held = log(1.0 - high)[:, self._which], log(high)[:, self._which]
         score = (self._seen[1] * held + self._seen[0] * passed).sum(axis=-1)
-        score -= 0.5 * ((self._shifts - self._guess(height)) / GUESS) ** 2
+        score -= 0.5 * ((self._shifts - guess) / GUESS) ** 2
         chance = exp(score - score.max())
         return float((chance * self._shifts).sum() / chance.sum())
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.control.edge.canopy_classes import GROUND_REACH, GROUND_SPREAD
-from swath.core.component import KeepsState
+from swath.control.edge.silent_beams import SilentBeams
+from swath.core.component import KeepsState, State
 from swath.core.frames import Pose
 from swath.kernels import Row, filled, repeatable, start_warp
 from swath.signals import F64, Scan, beam_directions
@@ -109,14 +110,30 @@ class Ground(KeepsState):
         return level, slope
 
 
-class CanopyRays:
-    """The rays of one scanner. mounting: pose_machine_sensor; sign: > 0 where the crop is on the left."""
+class CanopyRays(KeepsState):
+    """The rays of one scanner. mounting: pose_machine_sensor; sign: > 0 where the crop is on the left.
+
+    silent: beams that are left out
+    """
+
+    kept = ("silent",)
 
     def __init__(self, mounting: Pose, sign: float) -> None:
         self._mounting, self._sign = mounting, sign
+        self.silent = SilentBeams()
         self._beams: tuple[Any, ...] = ()
         self._good: Any = None
         self._count, self._room = 0, -1
+
+    def clear(self) -> None:
+        """All beams count."""
+        self.silent.clear()
+        self._beams = ()
+
+    def load(self, state: State) -> None:
+        """Back to a saved moment."""
+        super().load(state)
+        self._beams = ()
 
     def take(
         self,
@@ -132,6 +149,8 @@ class CanopyRays:
         motion: speed [m/s], turn rate [rad/s] > 0 toward the crop; frame: where the edge is expected
         low, high: of what lies on the stubble side, beside the edge [m]
         """
+        if scan.ranges.size and self.silent.take(scan.ranges[:, 0] > 0.0):
+            self._beams = ()
         self._point(scan)
         if scan.ranges.size:
             ranges = scan.ranges[:, 0]
@@ -169,6 +188,8 @@ class CanopyRays:
             return
         self._beams = beams
         good = np.isfinite(scan.azimuth) & np.isfinite(scan.elevation)
+        if len(self.silent.is_dead) == len(good):
+            good &= ~self.silent.is_dead
         self._count = int(np.count_nonzero(good))
         self._good = None if self._count == len(good) else good
         if self._count > self._room:

@@ -4,14 +4,16 @@ A split rule scores every place at which the laterally ordered heights could be 
 them, levels the ground, applies the gates and turns the scores into an edge point with a variance.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from math import fsum
+from types import FunctionType
 
 import numpy as np
 
 from swath.control.edge.line_fit import Line
 from swath.control.edge.profile import Profile
+from swath.control.edge.shared import shared
 from swath.core import portable
 from swath.signals import F64
 
@@ -103,6 +105,21 @@ class _Split:
     high_var: float
 
 
+def _key(
+    profile: Profile,
+    expected: Line | None,
+    centre: float,
+    split: SplitRule,
+    gates: Gates,
+    rise: float | None = None,
+) -> Hashable:
+    if not isinstance(split, FunctionType):  # a rule may have a memory
+        return None
+    echoes = profile.x.tobytes(), profile.u.tobytes(), profile.z.tobytes(), profile.sensor
+    return echoes, expected, centre, split, gates, rise
+
+
+@shared(_key)
 def find_step(
     profile: Profile,
     expected: Line | None,
@@ -147,7 +164,7 @@ def find_step(
         return None
     at, variance = _locate(lateral, score)
     ahead = _abreast(x, lateral - at, found.first)
-    quality = float(np.clip((separation - 0.5 * gates.min_separation) / gates.min_separation, 0.2, 1.0))
+    quality = float(min(max((separation - 0.5 * gates.min_separation) / gates.min_separation, 0.2), 1.0))
     crop, stubble, ground = _heights(level, found.first)
     return Step(
         ahead,
@@ -173,7 +190,7 @@ def _ground_slope(lateral: F64, z: F64, first: int) -> float:
     Least squares, shrunk toward 0 by a roll of 2 deg standard deviation; points far from the mean count less.
     """
     w, h = lateral[:first], z[:first]
-    middle = float(np.median(h))
+    middle = portable.median(h)
     weight = 1.0 / (1.0 + ((h - middle) / 0.1) ** 2)
     total = float(weight.sum())
     dw = w - float((weight * w).sum()) / total
@@ -220,7 +237,7 @@ def _crossing(
     x: F64, lateral: F64, z: F64, height: float, line: Line, sensor: tuple[float, float, float]
 ) -> tuple[F64, F64]:
     """(x, lateral) [m] where every ray is, or would have been without its echo, at a height [m]."""
-    share = np.clip((sensor[2] - height) / np.maximum(sensor[2] - z, 0.1), 0.0, 2.0)
+    share = np.minimum(np.maximum((sensor[2] - height) / np.maximum(sensor[2] - z, 0.1), 0.0), 2.0)
     at_x = sensor[0] + share * (x - sensor[0])
     at_u = sensor[1] + share * (lateral + line.at(x) - sensor[1])
     return at_x, at_u - line.at(at_x)
@@ -230,7 +247,7 @@ def _locate(lateral: F64, score: F64) -> tuple[float, float]:
     """Mean and variance of the edge under the likelihood of all splits, uniform within each gap of beams."""
     gap = np.diff(lateral)
     middle = 0.5 * (lateral[1:] + lateral[:-1])
-    chance = portable.exp(score - score.max()) * np.clip(gap, 1e-3, 0.3)
+    chance = portable.exp(score - score.max()) * np.minimum(np.maximum(gap, 1e-3), 0.3)
     chance /= chance.sum()
     mean = float((chance * middle).sum())
     return mean, float((chance * ((middle - mean) ** 2 + gap * gap / 12.0)).sum())
@@ -244,8 +261,8 @@ def _abreast(x: F64, beside: F64, first: int) -> float:
     """
     close = np.abs(beside) < 1.0
     low, high = x[:first][close[:first]], x[first:][close[first:]]
-    middle = [float(np.median(side)) for side in (low, high) if len(side)]
-    return fsum(middle) / len(middle) if middle else float(np.median(x))
+    middle = [portable.median(side) for side in (low, high) if len(side)]
+    return fsum(middle) / len(middle) if middle else portable.median(x)
 
 
 def _heights(z: F64, first: int) -> tuple[float, float, float]:

@@ -13,12 +13,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.edge.block_track import BlockTrack, Search
+from swath.control.edge.block_track import BLOCK, BlockTrack, Search
+from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
-from swath.control.edge.near_line import LineFit, NearLine
+from swath.control.edge.near_line import WAY, LineFit, NearLine
 from swath.control.edge.overhang import HeightOverhang, Overhang
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import CRAB, Inclination
+from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -27,6 +29,7 @@ from swath.core.units import PERCENT
 from swath.signals import CropEdge, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
+BEGIN = 3  # blocks: a line through two shows nothing of its own error
 TOLERANCE = 0.10  # m, of the confidence
 FLOOR = 0.018  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
 RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bites, swing
@@ -35,6 +38,7 @@ BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 RAMP = 0.25  # of the way from a ramp to its feet
 UNSURE = 0.45  # greatest confidence of an edge that is held, not seen
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
+FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
 OLD, LATE = 0.15, 0.4  # s: age of the newest scan from which on an edge is less sure, and is none
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
 
@@ -62,7 +66,7 @@ class Params:
 class LikelihoodRatio(KeepsState):
     """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
 
-    kept = ("_time", "_at", "_blocks", "_ground", "_inclination")
+    kept = ("_time", "_at", "_blocks", "_ground", "_rays", "_inclination", "_yaw_rate")
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
         Port("odometry", Odometry),
@@ -80,7 +84,10 @@ class LikelihoodRatio(KeepsState):
         self._blocks = BlockTrack(Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE))
         self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
         self._line = LineFit(self._reference)
+        ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])
+        self._early = 0.5 * (1.0 - LIMIT) * min(abs(ahead) / max(abs(up), 0.1), FLATTEST)
         self._inclination = Inclination(setup.mountings.get("inertial"))
+        self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._forget()
 
     def _forget(self) -> None:
@@ -88,7 +95,9 @@ class LikelihoodRatio(KeepsState):
         self._at = (0.0, 0.0, 0.0)  # x, u [m] and heading [rad] in the frame at rest
         self._blocks.clear()
         self._ground.clear()
+        self._rays.clear()
         self._inclination.clear()
+        self._yaw_rate.clear()
 
     def reset(self, stream: Stream) -> Outputs:
         """No edge at t = 0: nothing was seen yet."""
@@ -99,8 +108,9 @@ class LikelihoodRatio(KeepsState):
         """Take a new scan, if there is one, and report the edge in the machine frame of t + dt."""
         scan, odometry = inputs["scan"], inputs["odometry"]
         speed = _finite(odometry.speed) / (1.0 + PERCENT * self._p.slip_percent)
-        yaw_rate = self._sign * _finite(odometry.yaw_rate)
-        self._inclination.take(inputs.get("inertial"), speed)
+        inertial = inputs.get("inertial")
+        yaw_rate = self._sign * _finite(self._yaw_rate.of(odometry, inertial, dt / NS))
+        self._inclination.take(inertial, speed)
         if scan is not None and scan.t > self._time:
             self._take(scan, speed, yaw_rate)
         return {"edge": self._report(t + dt, speed, yaw_rate)}
@@ -136,7 +146,8 @@ class LikelihoodRatio(KeepsState):
         age = (now - self._time) / NS
         if self._blocks.track.arc is None or age > LATE:
             return self._no_edge(now)
-        line = self._near(self._moved(speed, yaw_rate, age))
+        has_begun = self._blocks.followed >= BEGIN
+        line = self._near(self._moved(speed, yaw_rate, age)) if has_begun else None
         if line is None or line.gap > self._p.hold_m:
             return self._no_edge(now)
         edge = self._as_edge(now, line)
@@ -161,9 +172,10 @@ class LikelihoodRatio(KeepsState):
         ragged = sqrt(max(0.0, self._blocks.scatter - EVEN**2))
         known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), BENT * edge.bend, FLOOR)
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
+        known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
-        if line.seen_to < 0.0 or line.gap > BETWEEN or not isfinite(crop):
+        if line.seen_to < 0.0 or not isfinite(crop) or not self._shows(line, crop):
             sure = min(sure, UNSURE)
         return CropEdge(
             t=now,
@@ -179,6 +191,16 @@ class LikelihoodRatio(KeepsState):
             seen_to=self._reference + line.seen_to * steep,
             is_held=line.gap > 1.0,
         )
+
+    def _shows(self, line: NearLine, crop: float) -> bool:
+        """Standing crop was seen at the reported place.
+
+        The wall behind a hole is seen from over it. Rays on their way down from the canopy's top to the lower
+        limit are stopped by it; a block lies in the middle of that way.
+        """
+        points = self._blocks.points
+        way = float(points.rows[-1, WAY]) - line.seen_to
+        return points.shows(way, BETWEEN, self._early * crop + 0.5 * BLOCK)
 
     def _no_edge(self, now: int) -> CropEdge:
         nan = float("nan")

@@ -1,12 +1,13 @@
 """The edge as a parabola over the machine's x axis, and its robust fit."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from swath.core.portable import product, solve
+from swath.control.edge.shared import shared
+from swath.core.portable import median, product, solve
 from swath.signals import F64
 
 TUKEY = 4.685  # 95 % efficiency on normal errors; Beaton & Tukey 1974, doi:10.1080/00401706.1974.10489171
@@ -53,6 +54,11 @@ class Prior:
 LineFit = Callable[[F64, F64, F64, float, Prior, Line | None], tuple[Line, F64]]
 
 
+def _key(x: F64, u: F64, variance: F64, x0: float, prior: Prior, start: Line | None) -> Hashable:
+    return x.tobytes(), u.tobytes(), variance.tobytes(), x0, prior, start
+
+
+@shared(_key)
 def fit_line(x: F64, u: F64, variance: F64, x0: float, prior: Prior, start: Line | None) -> tuple[Line, F64]:
     """Weighted robust parabola through edge points, and each point's remaining weight (0 = outlier).
 
@@ -62,21 +68,21 @@ def fit_line(x: F64, u: F64, variance: F64, x0: float, prior: Prior, start: Line
     """
     ahead = x - x0
     base = 1.0 / variance
-    ridge = np.array([0.0, 1.0 / prior.slope**2, 1.0 / prior.bend**2])
+    ridge = np.diag([0.0, 1.0 / prior.slope**2, 1.0 / prior.bend**2])
     if start is None:
-        line = Line(x0, float(np.median(u)), 0.0, 0.0)
+        line = Line(x0, median(u), 0.0, 0.0)
     else:
         line = start
     robust = np.ones_like(u)
     basis = np.stack([np.ones_like(ahead), ahead, 0.5 * ahead * ahead])
     for _ in range(4):
         residual = u - line.at(x)
-        spread = np.sqrt(variance + (MAD * float(np.median(np.abs(residual)))) ** 2)
-        robust = np.clip(1.0 - (residual / (TUKEY * spread)) ** 2, 0.0, None) ** 2
+        spread = np.sqrt(variance + (MAD * median(np.abs(residual))) ** 2)
+        robust = np.maximum(1.0 - (residual / (TUKEY * spread)) ** 2, 0.0) ** 2
         if float(robust.sum()) < 0.5:
             robust = np.ones_like(u)
         weighted = basis * (base * robust)
-        normal = product(weighted, basis.T) + np.diag(ridge)
+        normal = product(weighted, basis.T) + ridge
         offset, slope, bend = solve(normal, product(weighted, u))
         line = Line(x0, float(offset), float(slope), float(bend))
     return line, robust

@@ -14,15 +14,19 @@ from swath.core.component import KeepsState
 from swath.kernels import Row, repeatable, start_warp
 from swath.signals import F64
 
-WAY, COLUMNS = 3, 4  # of the rows: x, u, variance, way
+VARIANCE, WAY, COLUMNS = 2, 3, 4  # of the rows: x, u, variance, way
+VAGUE = 0.15  # m, standard deviation from which on a point does not show the edge: lodged crop
 BEHIND = 14.0  # m of the edge that are kept
 ROOM = 256  # points that a fit takes, the newest
 
 
 class EdgePoints(KeepsState):
-    """Points of the accepted blocks, in the frame at rest. rows (n, COLUMNS)."""
+    """Points of the accepted blocks, in the frame at rest. rows (n, COLUMNS).
 
-    kept = ("rows",)
+    returns: ways along the edge at which it was found again behind a hole [m]
+    """
+
+    kept = ("rows", "returns")
 
     def __init__(self) -> None:
         self.clear()
@@ -30,11 +34,27 @@ class EdgePoints(KeepsState):
     def clear(self) -> None:
         """None."""
         self.rows: F64 = np.zeros((0, COLUMNS))
+        self.returns: tuple[float, ...] = ()
+
+    def shows(self, way: float, reach: float, early: float) -> bool:
+        """A standing edge was seen within a reach [m] of a way along it, and no hole may lie there.
+
+        early: how far ahead of where it begins crop behind a hole may seem to stand [m]
+        """
+        rows = self.rows[self.rows[:, VARIANCE] < VAGUE**2]
+        if not (np.abs(rows[:, WAY] - way) <= reach).any():
+            return False
+        return not any(way - early < again < way + reach for again in self.returns)
 
     def add(self, x: float, u: float, variance: float, way: float) -> None:
         """A block's edge point [m], its variance [m2], and its way along the edge [m]."""
         rows = self.rows[self.rows[:, WAY] > way - BEHIND - 10.0]
         self.rows = np.vstack([rows, [x, u, variance, way]])
+        self.returns = tuple(old for old in self.returns if old > way - BEHIND)
+
+    def found_again(self, way: float) -> None:
+        """Behind a hole, at a way along the edge [m]."""
+        self.returns = (*self.returns, way)
 
     def doubt(self, way: float) -> None:
         """Forget those from a way along the edge [m] on."""

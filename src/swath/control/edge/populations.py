@@ -19,6 +19,7 @@ STRAY = 0.03  # share of answers beside the crop that are something else: weeds,
 MOST = 3.0  # nat that one ray is worth at most
 CROP_FROM, CROP_TO = 0.18, (1.15, 2.5)  # m above the stubble: heights of crop that was not seen yet
 STUBBLE_TO, LITTLE = 0.8, 0.12  # m; part of the fullest layer's echoes below which a population ends
+MAT, FEW = 0.08, 10.0  # m above the middle of the stubble: of crop that lies flat; echoes that show it
 SAMPLE = 0.5  # counts added to each class
 _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
 
@@ -99,9 +100,19 @@ class Populations(KeepsState):
         """Height of the canopy [m] in other counts (CLASSES,), nan where they hold little of it."""
         return canopy_height(counts[:LAYERS], self._first_layer())
 
+    def has_mat(self, counts: F64) -> bool:
+        """Other counts (CLASSES,) show crop that lies flat: no canopy, but above the stubble."""
+        return middle_of(counts) > middle_of(self.counts[2]) + MAT
+
     def _first_layer(self) -> int:
         """The lowest layer that is no stubble."""
         return _end_of_peak(np.where(_HEIGHT < STUBBLE_TO, self.counts[2, :LAYERS], 0.0)) + 1
+
+
+def middle_of(counts: F64) -> float:
+    """Median height [m] of the echoes among counts (CLASSES,), nan where they are few."""
+    echoes = counts[:LAYERS]
+    return _percentile(echoes, 0.5) if float(echoes.sum()) > FEW else float("nan")
 
 
 def canopy_height(layers: F64, first: int) -> float:

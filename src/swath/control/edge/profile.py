@@ -5,10 +5,12 @@ at the left header end the crop lies to the right, so u = -y; with the edge at t
 arithmetic is the same for both sides, so left and right give mirrored results exactly.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 import numpy as np
 
+from swath.control.edge.shared import shared
 from swath.core.frames import Pose
 from swath.signals import F64, Scan, beam_directions
 
@@ -47,6 +49,13 @@ def crop_sign(edge_side: str) -> float:
     return -1.0 if edge_side == "left" else 1.0
 
 
+def _key(scan: Scan, mounting: Pose, sign: float, speed: float, yaw_rate: float, reach: Reach) -> Hashable:
+    beams = (scan.ranges, scan.azimuth, scan.elevation, scan.beam_t)
+    place = mounting.position.tobytes(), mounting.rotation.tobytes()
+    return tuple(a.tobytes() for a in beams), scan.ranges.shape, place, sign, speed, yaw_rate, reach
+
+
+@shared(_key)
 def make_profile(
     scan: Scan, mounting: Pose, sign: float, speed: float, yaw_rate: float, reach: Reach
 ) -> Profile:

@@ -45,7 +45,7 @@ class Params:
 
     lost_s: without an edge until the path leads; found_s: with an edge until it leads again
     learn_m: way over which the line driven last is taken, at least half of it has to be driven
-    stray_m: with a job: beside its path at most so far the edge leads
+    stray_m: where a job gives the path, the edge leads no farther than so beside it
     """
 
     edge: EdgeParams = field(default_factory=EdgeParams)

@@ -148,7 +148,7 @@ class PathSteer(KeepsState):
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The wanted curvature from the newest pose, valid at t + dt."""
-        pose: PoseEstimate | None = inputs["pose"]
+        pose: PoseEstimate | None = inputs.get("pose")
         odometry: Odometry = inputs["odometry"]
         seconds = dt / NS
         speed = max(odometry.speed, 0.0) if isfinite(odometry.speed) else 0.0

@@ -21,7 +21,7 @@ All this holds in the frame in which the machine will stand when the command has
 lag), and the slip of the machine on slopes is observed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan, atan2, cos, isfinite, sin, tan
 from typing import Annotated
 
@@ -29,6 +29,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB, Inclination
 from swath.control.steer.plant_model import CRAWL, ActuatorModel, Place, SlipObserver, driven_curvature
+from swath.control.yaw_rate import YawRate
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -75,7 +76,17 @@ class Params:
 class Preview(KeepsState):
     """The header end is aimed along the edge, with prediction over the delay and a slip observer."""
 
-    kept = ("_command", "_held", "_engaged", "_lost", "_observer", "_slip", "_actuator", "_inclination")
+    kept = (
+        "_command",
+        "_held",
+        "_engaged",
+        "_lost",
+        "_observer",
+        "_slip",
+        "_actuator",
+        "_inclination",
+        "_yaw_rate",
+    )
 
     inputs = (
         Port("edge", CropEdge),
@@ -96,6 +107,7 @@ class Preview(KeepsState):
         self._actuator = ActuatorModel(params.dead_time_s, params.lag_s, setup.period, params.trim_m)
         self._observer = SlipObserver(params.slip_m, params.slip_step_cm * CM, 4.0 * DEG)
         self._inclination = Inclination(setup.mountings.get("inertial"))
+        self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._slip = 0.0  # direction of travel to the left of what the steering explains [rad]
         self._command, self._held = 0.0, 0.0
         self._engaged, self._lost = 0.0, float("inf")
@@ -105,6 +117,7 @@ class Preview(KeepsState):
         self._actuator.reset()
         self._observer.reset()
         self._inclination.clear()
+        self._yaw_rate.clear()
         self._slip = 0.0
         self._command, self._held = 0.0, 0.0
         self._engaged, self._lost = 0.0, float("inf")
@@ -115,9 +128,11 @@ class Preview(KeepsState):
         edge, odometry = inputs["edge"], inputs["odometry"]
         seconds = dt / NS
         speed = odometry.speed if isfinite(odometry.speed) else 0.0
-        driven = driven_curvature(odometry, self._wheelbase, self._limit)
+        inertial = inputs.get("inertial")
+        turning = replace(odometry, yaw_rate=self._yaw_rate.of(odometry, inertial, seconds))
+        driven = driven_curvature(turning, self._wheelbase, self._limit)
         self._actuator.push(self._command, driven, max(speed, 0.0) * seconds)
-        self._inclination.take(inputs.get("inertial"), speed)
+        self._inclination.take(inertial, speed)
         expected = -self._inclination.crab(self._p.crab, speed * self._actuator.curvature * speed)
         self._slip = self._observer.slip + expected
         if edge is not None and _is_usable(edge) and odometry.speed > 0.0:

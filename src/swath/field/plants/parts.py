@@ -184,10 +184,13 @@ def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generato
     elevation = np.clip(start[:, None] + (end - start)[:, None] * along, -limit, limit)
     step = (length / parts)[:, None]
     out, up = np.cumsum(step * np.cos(elevation), axis=1), np.cumsum(step * np.sin(elevation), axis=1)
-    shift = np.stack([out * np.cos(azimuth)[:, None], out * np.sin(azimuth)[:, None], up], axis=-1)
-    ends = foot[:, None, :] + np.concatenate([np.zeros((count, 1, 3)), shift], axis=1)
-    across = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(count)], axis=-1)
-    half = np.repeat((0.5 * width)[:, None] * across, parts, axis=0).reshape(count, parts, 3)
+    cos, sin = np.cos(azimuth), np.sin(azimuth)
+    ends = np.empty((count, parts + 1, 3))
+    ends[:, 0] = foot
+    for k, shift in enumerate((out * cos[:, None], out * sin[:, None], up)):
+        np.add(foot[:, k, None], shift, out=ends[:, 1:, k])
+    across = np.stack([-sin, cos, np.zeros(count)], axis=-1)
+    half = np.broadcast_to(((0.5 * width)[:, None] * across)[:, None, :], (count, parts, 3))
     if how.taper:
         half = half * np.interp(along, np.linspace(0.0, 1.0, len(how.taper)), how.taper)[:, None]
     owners = np.repeat(owner, parts).reshape(count, parts)
@@ -200,7 +203,7 @@ def assemble(height: Array, grain: Array, straw: Array, parts: list[Part]) -> Pl
     owner = np.concatenate([part.owner.ravel() for part in parts])
     order = np.argsort(owner, kind="stable")
     a, b, width = (
-        np.concatenate([getattr(part, name).reshape(-1, 3) for part in parts])[order]
+        np.concatenate([getattr(part, name).reshape(-1, 3) for part in parts]).take(order, axis=0)
         for name in ("a", "b", "width")
     )
     radius = np.concatenate([part.radius.ravel() for part in parts])[order]

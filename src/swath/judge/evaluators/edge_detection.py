@@ -1,7 +1,7 @@
 """The detected crop edge against the one that stands in the field."""
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,8 +86,8 @@ class EdgeDetection:
                "error is", GROUP, "higher", "of them with an error", "%", 1),
     )  # fmt: skip
 
-    def __init__(self, setup: EvaluatorSetup) -> None:
-        self.setup = setup
+    def __init__(self, setup: EvaluatorSetup, across: Callable[..., NDArray[np.bool_]] = crop_across) -> None:
+        self.setup, self._across = setup, across
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
         self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[1]
         self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
@@ -160,7 +160,7 @@ class EdgeDetection:
     def _look(self, edge: CropEdge) -> None:
         pose, distance = self._at(edge.t)
         end = 2.0 * self._end_y - self._begin
-        crop = crop_across(self.setup.field, pose, edge.reference_x, self._begin, end)
+        crop = self._across(self.setup.field, pose, edge.reference_x, self._begin, end)
         self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop)))
         if len(self._rows) >= CHUNK:
             self._judge_rows()

@@ -129,7 +129,7 @@ class Part:
         self._is_counting = False
         self._origin: int | None = None
         self._step_s = 0.0
-        graph.observers = [world.place_bodies, self._count]
+        graph.observers = [self._count]
         graph.before_tick += [feed.at_tick for feed in self._feeds.values()]
 
     @property

@@ -2,10 +2,10 @@
 
     run_job(scenario, out, hooks=[Bridge()])
 
-Node `/swath`. Services: `~/pause` (std_srvs/SetBool), `~/step`, `~/reset` (std_srvs/Trigger) and the
-parameter services that every node has: levels and parameters of the slots are its parameters, obstacles too.
-Requests are served between two ticks by the thread of the run. Without requests the results are those of a
-run without the bridge.
+Node `/swath`. Services: `~/pause` (std_srvs/SetBool), `~/step`, `~/reset`, `~/save`, `~/branch`
+(std_srvs/Trigger) and the parameter services that every node has: levels and parameters of the slots are its
+parameters, obstacles too. Requests are served between two ticks by the thread of the run. Without requests
+the results are those of a run without the bridge.
 """
 
 import threading
@@ -13,12 +13,10 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.link.ros2.middleware import Clock, close_node, open_node
-from swath.link.ros2.parameters import RunParameters
+from swath.link.ros2.parameters import OWN, RunParameters
 from swath.link.ros2.publisher import Publisher
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.run_control import RunControl
-
-STEP_S = 0.02
 
 
 class Bridge(RunHook):
@@ -34,7 +32,8 @@ class Bridge(RunHook):
         self._control = control or RunControl(is_paused=is_paused)
         self._clock = Clock(self._node)
         self._publisher: Publisher | None = None
-        self._node.declare_parameter("step_s", STEP_S)
+        for key, value in OWN.items():
+            self._node.declare_parameter(key, value)
         self._parameters = RunParameters(self._node, self._control)
         self._offer()
         self._spinner = threading.Thread(target=self._spin, name="ros2", daemon=True)
@@ -84,6 +83,8 @@ class Bridge(RunHook):
             (SetBool, "~/pause", self._serve_pause),
             (Trigger, "~/step", self._serve_step),
             (Trigger, "~/reset", self._serve_reset),
+            (Trigger, "~/save", self._serve_save),
+            (Trigger, "~/branch", self._serve_branch),
         ):
             self._node.create_service(kind, name, serve)
         self._executor = rclpy.executors.SingleThreadedExecutor(context=self._node.context)
@@ -108,4 +109,20 @@ class Bridge(RunHook):
 
     def _serve_reset(self, request: Any, response: Any) -> Any:
         response.success, response.message = self._control.restart()
+        return response
+
+    def _serve_save(self, request: Any, response: Any) -> Any:
+        response.success, response.message = self._control.save()
+        return response
+
+    def _serve_branch(self, request: Any, response: Any) -> Any:
+        """From `branch_at_s`, below 0 from the newest save, with `branch_set`."""
+        at_s = float(self._node.get_parameter("branch_at_s").value)
+        texts = [text for text in self._node.get_parameter("branch_set").value or () if text]
+        wrong = next((text for text in texts if "=" not in text), None)
+        if wrong is not None:
+            response.success, response.message = False, f"branch_set: expected KEY=VALUE, not {wrong!r}"
+            return response
+        sets = {key.strip(): value for key, _, value in (text.partition("=") for text in texts)}
+        response.success, response.message = self._control.branch(at_s if at_s >= 0.0 else None, sets)
         return response

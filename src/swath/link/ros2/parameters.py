@@ -12,6 +12,9 @@ from typing import Any
 from swath.runtime.changes import Interventions
 from swath.runtime.run_control import RunControl
 
+OWN = {"step_s": 0.02, "branch_at_s": -1.0, "branch_set": [""]}
+"""Parameters of the node that are no keys of the run, and their values at first."""
+
 
 class RunParameters:
     """Turns parameters set on the node into changes of the run. Runs in the ROS 2 thread, except `join`."""
@@ -32,7 +35,7 @@ class RunParameters:
     def _on_set(self, parameters: list[Any]) -> Any:
         from rcl_interfaces.msg import SetParametersResult
 
-        ours = [p for p in parameters if p.name not in ("step_s", "use_sim_time")]
+        ours = [p for p in parameters if p.name not in (*OWN, "use_sim_time")]
         if self._is_own or not ours:
             return SetParametersResult(successful=True)
         if len(parameters) > 1:

@@ -36,13 +36,18 @@ class MachineBody:
     @property
     def triangles(self) -> Array:
         """All of it with a level header, (n, 3, 3) [m]."""
-        level = self.level
-        places = zip(level.mesh_shape, level.mesh_centre, strict=True)
-        return np.concatenate([shape.corners.astype(float) + centre for shape, centre in places])
+        return corners_of(self.level)
 
     def with_header_at(self, pose: Pose) -> Solids:
         """All of it. pose: of the header in the machine frame, identity where it is level"""
         return merge(self.fixed, moved(self.header, pose))
+
+
+def corners_of(solids: Solids) -> Array:
+    """Triangles of what was read from a file, (n, 3, 3) [m]."""
+    places = zip(solids.mesh_shape, solids.mesh_centre, strict=True)
+    found = [shape.corners.astype(float) + centre for shape, centre in places]
+    return np.concatenate([*found, np.zeros((0, 3, 3))])
 
 
 def read_body(section: BodySection, key: str) -> MachineBody:

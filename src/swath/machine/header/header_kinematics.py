@@ -27,6 +27,11 @@ class HeaderKinematics:
         self.half = 0.5 * machine.header_width
         self.arm = self.knife_x - self._pivot[0]
 
+    @property
+    def axes(self) -> tuple[float, float, float]:
+        """Where it turns: x and z of the feeder pivot, z of the tilt pivot, in the machine frame [m]."""
+        return self._pivot[0], self._pivot[1], self._tilt_z
+
     def points(self, behind: Array, across: Array, lift: float, tilt: float) -> Array:
         """Points at the knife's level in the machine frame [m], (n, 3).
 

@@ -184,9 +184,9 @@ class HeightControlHeader(KeepsState):
         self, t: int, dt: int, states: tuple[MachineState, ...], knife: Array, heights: Array
     ) -> CropFlow:
         taken, swept_area = Cut(), 0.0
-        for before, now in self._path.over(states, lambda pose: pose.apply(knife)[::2, :2]):
+        for before, now in self._path.over(states, lambda pose: pose.apply(knife)[::2, :2].tolist()):
             for first, last, height in self._runs(heights):
-                for polygon in swept(before[[first, last]], now[[first, last]]):
+                for polygon in swept([before[first], before[last]], [now[first], now[last]]):
                     taken += self._field.cut(polygon, height)
                     swept_area += signed_area(polygon)
         fill = self._gauge.read(taken.area, swept_area)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import ceil, cos, hypot, sin
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -21,7 +21,7 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.towing import ports_of, refuse_reverse, towed_by
-from swath.machine.tyre import GRAVITY, ROLLING_SPEED, creep_damping
+from swath.machine.tyre import GRAVITY, ROLLING_SPEED, axle_stiffness, creep_damping
 from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
 
 State = tuple[float, ...]  # x, y, yaw, lateral speed, yaw rate, trailer yaw, its rate, three slips
@@ -32,7 +32,7 @@ class Params:
     """start_speed_kmh: speed at t = 0; substep_ms: longest integration step"""
 
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
-    substep_ms: Annotated[float, Gt(0), Le(20)] = 10.0
+    substep_ms: Annotated[float, Ge(0.01), Le(20)] = 10.0
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,7 @@ class Articulated(KeepsState):
         self._follower = TerrainFollower(setup.field, setup.machine)
         self._loop = SpeedLoop(self._d)
         self._cg = self._d.cg_behind  # ahead of the fixed axle: the steered one is ahead
+        self._stiffness = axle_stiffness(self._d.stiffness, self._d.understeer, steers_ahead=True)
         self._to_pin = self._cg - towed.sheet.hitch_x
         self.outputs = ports_of(towed)
 
@@ -153,8 +154,8 @@ class Articulated(KeepsState):
         ca, sa = cos(angle), sin(angle)
         pin_side = side - e * turn
         axle_along, axle_side = u * ca + pin_side * sa, pin_side * ca - u * sa - s.drawbar * swing
-        front = -m.front * self._tyre(front_slip, along, across, d.rear.relaxation, d.stiffness)
-        rear = -m.rear * self._tyre(rear_slip, u, rear_side, d.front.relaxation, d.stiffness)
+        front = -m.front * self._tyre(front_slip, along, across, d.rear.relaxation, self._stiffness[1])
+        rear = -m.rear * self._tyre(rear_slip, u, rear_side, d.front.relaxation, self._stiffness[0])
         axle = -m.axle * self._tyre(axle_slip, axle_along, axle_side, s.relaxation, s.stiffness)
         drag = d.rolling_resistance * min(max(u / ROLLING_SPEED, -1.0), 1.0)
         front_across = front * cs - drag * m.front * ss

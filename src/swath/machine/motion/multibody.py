@@ -9,7 +9,7 @@ from math import atan2, ceil, fsum, hypot, tan
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import MissingExtra
@@ -18,7 +18,7 @@ from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.units import KMH, MS
+from swath.core.units import DEG_PER_G, KMH, MS
 from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
@@ -26,7 +26,7 @@ from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, masses_
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
-from swath.machine.tyre import GRAVITY
+from swath.machine.tyre import GRAVITY, axle_stiffness
 from swath.signals import EngineState, HeaderState, MachineLoad, MachineState, SpeedCommand, SteerState
 
 LOOK = 0.01  # the ground under the wheels is read this often [s]
@@ -40,7 +40,8 @@ SETTLE_STEP = 0.0025  # [s]
 class Params:
     """What is left out comes from the machine's sheet.
 
-    stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
+    stiffness_per_rad: cornering stiffness over load; understeer_deg_per_g: front axle more compliant than the
+    rear one (> 0) or less; friction: largest side force over load;
     rolling_resistance: over load, on firm soil
     soil: `firm`, or `brixius` by cone_index_kpa (ASABE D497: 450 soft, 900 tilled, 1200 firm, 1800 hard)
     suspension: front axle on springs; header: fitted; engine: drives and brakes, without it all wheels roll
@@ -49,6 +50,7 @@ class Params:
     """
 
     stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
+    understeer_deg_per_g: Annotated[float, Ge(-20), Le(20)] | None = None
     friction: Annotated[float, Ge(0.05), Le(1.5)] | None = None
     rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
     soil: Literal["firm", "brixius"] = "firm"
@@ -58,7 +60,7 @@ class Params:
     engine: bool = True
     grain_kg: Annotated[float, Ge(0), Le(50000)] = 0.0
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
-    substep_ms: Annotated[float, Gt(0), Le(5)] = 2.5
+    substep_ms: Annotated[float, Ge(0.01), Le(5)] = 2.5
 
 
 class Multibody(KeepsState):
@@ -292,17 +294,29 @@ def wheels_of(machine: MachineSheet, params: Params) -> list[Wheel]:
     d, m = dynamics_of(machine), masses_of(machine)
     share = d.cg_behind / machine.wheelbase
     loads = (0.5 * d.mass * GRAVITY * (1.0 - share), 0.5 * d.mass * GRAVITY * share)
-    front = _wheel(machine, params, d.front, loads[0], m.front_deflection, m.front_section)
-    rear = _wheel(machine, params, d.rear, loads[1], m.rear_deflection, m.rear_section)
+    given = params.understeer_deg_per_g
+    fixed, steered = axle_stiffness(
+        d.stiffness if params.stiffness_per_rad is None else params.stiffness_per_rad,
+        d.understeer if given is None else given * DEG_PER_G,
+        steers_ahead=machine.steers_ahead,
+    )
+    front = _wheel(machine, params, d.front, fixed, loads[0], m.front_deflection, m.front_section)
+    rear = _wheel(machine, params, d.rear, steered, loads[1], m.rear_deflection, m.rear_section)
     return [front, front, rear, rear]
 
 
 def _wheel(
-    machine: MachineSheet, params: Params, axle: Axle, load: float, deflection: float, section: float
+    machine: MachineSheet,
+    params: Params,
+    axle: Axle,
+    stiffness: float,
+    load: float,
+    deflection: float,
+    section: float,
 ) -> Wheel:
     d, m = dynamics_of(machine), masses_of(machine)
     grip = Grip(
-        d.stiffness if params.stiffness_per_rad is None else params.stiffness_per_rad,
+        stiffness,
         m.stiffness_along,
         d.friction if params.friction is None else params.friction,
         m.friction_along,

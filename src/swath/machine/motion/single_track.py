@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.units import KMH, MS
+from swath.core.units import DEG_PER_G, KMH, MS
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
@@ -22,7 +22,7 @@ from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of, loaded
 from swath.machine.towing import ports_of, tow, towed_by, with_trailer
 from swath.machine.traction import pull, stiffness_of, wheels_of
-from swath.machine.tyre import GRAVITY
+from swath.machine.tyre import GRAVITY, axle_stiffness
 from swath.signals import (
     EngineState,
     HeapState,
@@ -40,17 +40,19 @@ GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 class Params:
     """What is left out comes from the machine's sheet.
 
-    stiffness_per_rad: cornering stiffness over load; friction: largest side force over load;
+    stiffness_per_rad: cornering stiffness over load; understeer_deg_per_g: front axle more compliant than the
+    rear one (> 0) or less; friction: largest side force over load;
     rolling_resistance: over load; start_speed_kmh: speed at t = 0; substep_ms: longest integration step
     wheel_slip: say what the driven wheels pull and slip, for odometry; the machine itself drives as without
     """
 
     stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
+    understeer_deg_per_g: Annotated[float, Ge(-20), Le(20)] | None = None
     friction: Annotated[float, Ge(0.05), Le(1.5)] | None = None
     rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
     wheel_slip: bool = False
-    substep_ms: Annotated[float, Gt(0), Le(20)] = 20.0
+    substep_ms: Annotated[float, Ge(0.01), Le(20)] = 20.0
 
 
 class SingleTrack:
@@ -75,7 +77,12 @@ class SingleTrack:
         self._wheelbase, self._track = -setup.machine.steered_x, setup.machine.front_track
         self._sense = -1.0 if setup.machine.steers_ahead else 1.0
         self._machine, self._grain = setup.machine, 0.0
-        self._stiffness = _either(params.stiffness_per_rad, d.stiffness)
+        given = params.understeer_deg_per_g
+        self._stiffness = axle_stiffness(
+            _either(params.stiffness_per_rad, d.stiffness),
+            d.understeer if given is None else given * DEG_PER_G,
+            steers_ahead=setup.machine.steers_ahead,
+        )
         self._friction = _either(params.friction, d.friction)
         self._rolling = _either(params.rolling_resistance, d.rolling_resistance)
         self._follower = TerrainFollower(setup.field, setup.machine)
@@ -154,7 +161,7 @@ class SingleTrack:
         self._ahead = self._sense * d.cg_behind
         self._behind = self._wheelbase - self._ahead
         wheels = d.front.radius, d.rear.radius, d.front.relaxation, d.rear.relaxation
-        tyres = self._stiffness, self._friction, self._rolling
+        tyres = *self._stiffness, self._friction, self._rolling
         body = self._ahead, self._behind, d.mass, d.yaw_inertia, d.cg_height, self._track
         self._car.write(*body, *wheels, *tyres)
 

@@ -32,7 +32,8 @@ class Car:
     rear_radius: wp.float64
     front_relaxation: wp.float64
     rear_relaxation: wp.float64
-    stiffness: wp.float64
+    front_stiffness: wp.float64
+    rear_stiffness: wp.float64
     friction: wp.float64
     rolling: wp.float64
 
@@ -114,13 +115,18 @@ def held(car: Car, d: Drive) -> Moment:
 
 @wp.func
 def side_force(
-    slip: wp.float64, along: wp.float64, across: wp.float64, relaxation: wp.float64, car: Car
+    slip: wp.float64,
+    along: wp.float64,
+    across: wp.float64,
+    relaxation: wp.float64,
+    stiffness: wp.float64,
+    friction: wp.float64,
 ) -> wp.float64:
     """Side force over load against the slip: the brush of tyre.py, and at a crawl `tyre.creep_damping`."""
-    x = wp.min(car.stiffness * wp.abs(slip) / (THREE * car.friction), ONE)
-    force = wp.sign(slip) * car.friction * x * (THREE - x * (THREE - x))
+    x = wp.min(stiffness * wp.abs(slip) / (THREE * friction), ONE)
+    force = wp.sign(slip) * friction * x * (THREE - x * (THREE - x))
     if wp.abs(along) < CREEP_SPEED:
-        at_rest = TWO * CREEP_DAMPING * wp.sqrt(car.stiffness / (relaxation * GRAVITY))
+        at_rest = TWO * CREEP_DAMPING * wp.sqrt(stiffness / (relaxation * GRAVITY))
         force += at_rest * HALF * (ONE + wp.cos(PI * along / CREEP_SPEED)) * across
     return force
 
@@ -132,8 +138,10 @@ def rates(q: Track, u: wp.float64, car: Car, m: Moment) -> Track:
     rear_side = q.side - car.behind * q.turn
     rear_along = u * m.steer_cos - rear_side * m.steer_sin
     rear_across = u * m.steer_sin + rear_side * m.steer_cos
-    front = side_force(q.front_slip, u, front_side, car.front_relaxation, car)
-    rear = side_force(q.rear_slip, rear_along, rear_across, car.rear_relaxation, car)
+    front = side_force(q.front_slip, u, front_side, car.front_relaxation, car.front_stiffness, car.friction)
+    rear = side_force(
+        q.rear_slip, rear_along, rear_across, car.rear_relaxation, car.rear_stiffness, car.friction
+    )
     drag = car.rolling * soft_sign(rear_along) * m.rear_load
     front_force = -m.front_load * front
     rear_force = drag * m.steer_sin - m.rear_load * rear * m.steer_cos
@@ -186,8 +194,9 @@ def advance(
     k3 = rates(moved(q, k2, HALF * d.h), d.middle, car, m)
     k4 = rates(moved(q, k3, d.h), d.end, car, m)
     q = moved(moved(moved(moved(q, k1, d.h / SIX), k2, d.h / THREE), k3, d.h / THREE), k4, d.h / SIX)
-    sliding = THREE * car.friction / car.stiffness
-    q.front_slip = wp.clamp(q.front_slip, -sliding, sliding)
-    q.rear_slip = wp.clamp(q.rear_slip, -sliding, sliding)
+    most = THREE * car.friction / car.front_stiffness
+    q.front_slip = wp.clamp(q.front_slip, -most, most)
+    most = THREE * car.friction / car.rear_stiffness
+    q.rear_slip = wp.clamp(q.rear_slip, -most, most)
     moments[0] = m
     tracks[0] = q

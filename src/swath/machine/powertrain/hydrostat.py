@@ -37,7 +37,7 @@ class Params:
     """
 
     recover_m_s2: Annotated[float, Gt(0), Le(5)] = 0.2
-    substep_ms: Annotated[float, Gt(0), Le(50)] = 25.0
+    substep_ms: Annotated[float, Ge(0.01), Le(50)] = 25.0
     rated_power_kw: Annotated[float, Ge(1), Le(2000)] | None = None
 
 

@@ -2,12 +2,9 @@
 
 from math import atan2, fsum, hypot
 
-import numpy as np
-
 from swath.core.component import KeepsState
-from swath.core.frames import Array
 from swath.field.field import Field
-from swath.machine.sweep import line_ends, signed_area, swept
+from swath.machine.sweep import Corners, line_ends, signed_area, swept
 from swath.signals import MachineState
 
 
@@ -27,7 +24,7 @@ class StrawOutlet(KeepsState):
 
     def reset(self) -> None:
         """Nothing loose; it starts where the first state finds the machine."""
-        self._ends: Array | None = None
+        self._ends: Corners | None = None
         self._origin = (0.0, 0.0, 1.0, 0.0)
         self._loose = 0.0
 
@@ -41,22 +38,23 @@ class StrawOutlet(KeepsState):
         if self._is_near(state):
             return
         ends = line_ends(state.pose, *self._outlet)
-        if float(np.hypot(*(ends - before).T).max()) < self._step:
+        ways = [(x - u, y - v) for (x, y), (u, v) in zip(ends, before, strict=True)]
+        if max(hypot(*way) for way in ways) < self._step:
             return
         polygons = swept(before, ends)
         area = fsum(signed_area(p) for p in polygons)
         if area <= 0.0:
             return
         if self._loose > 0.0:
-            dx, dy = (ends - before).sum(axis=0).tolist()
-            heading = atan2(dy, dx) if self._ridge else None
+            (dx, dy), (more_x, more_y) = ways
+            heading = atan2(dy + more_y, dx + more_x) if self._ridge else None
             for polygon in polygons:
                 mass = self._loose * signed_area(polygon) / area
                 self._ground.deposit_straw(polygon, mass, heading=heading)
             self._loose = 0.0
         self._begin(ends, state)
 
-    def _begin(self, ends: Array, state: MachineState) -> None:
+    def _begin(self, ends: Corners, state: MachineState) -> None:
         self._ends = ends
         self._origin = _stance(state)
 
@@ -69,5 +67,5 @@ class StrawOutlet(KeepsState):
 
 def _stance(state: MachineState) -> tuple[float, float, float, float]:
     """x, y [m], and x, y of the forward axis."""
-    position, axis = state.pose.position, state.pose.rotation[:, 0]
-    return float(position[0]), float(position[1]), float(axis[0]), float(axis[1])
+    (x, y, _), ((c, _, _), (s, _, _), _) = state.pose.numbers
+    return x, y, c, s

@@ -67,7 +67,7 @@ def _pack_in_order(count: int, order: tuple[int, ...]) -> Packing:
         table = np.full((-(-count // SINGLES), N), -1, np.int32)
         table[:, :SINGLES] = np.arange(table.shape[0] * SINGLES, dtype=np.int32).reshape(-1, SINGLES)
         table[table >= count] = -1
-        return _grouped(table)
+        return _grouped(table, GROUP_LANES // N)
     vectors = -(-s // N)
     parts = np.array_split(np.array(order), vectors)
     column = np.concatenate([N * i + np.arange(len(part)) for i, part in enumerate(parts)])
@@ -118,8 +118,9 @@ def _turn(directions: F64) -> F64:
     return np.asarray(arctan2(y - y.mean(), x - x.mean()))
 
 
-def _grouped(table: I32) -> Packing:
+def _grouped(table: I32, most: int = LINE_PACKETS) -> Packing:
+    """Groups of at most so many packets side by side."""
     packets, width = table.shape
-    step = max(1, min(LINE_PACKETS, GROUP_LANES // width))
+    step = max(1, min(most, GROUP_LANES // width))
     first = np.append(np.arange(0, packets, step), packets).astype(np.int32)
     return Packing(table, first)

@@ -74,13 +74,15 @@ class PacketTraversal:
         """
         wp = start_warp()
         before = () if solids is None else self._hit_solids(wp, solids, rays, range_max, hits)
-        offsets = np.ascontiguousarray(rays.offsets) if isinstance(rays, Spots) else np.zeros((1, 1, 5))
-        starts, ways = (rays.origins, rays.axes) if isinstance(rays, Spots) else rays
+        spots, subs, step = 0, 1, 0
+        if not isinstance(rays, Spots):
+            starts, ways = rays
+        else:
+            offsets = np.ascontiguousarray(rays.offsets)
+            starts, ways, spots, subs = rays.origins, rays.axes, offsets.ctypes.data, offsets.shape[1]
+            step = 0 if len(offsets) == 1 else 5 * subs
         kept = np.ascontiguousarray(starts, np.float64), np.ascontiguousarray(ways, np.float64)
         o, d, *held = [a.ctypes.data for a in (*kept, *hits.arrays, *before)]
-        spots = offsets.ctypes.data if isinstance(rays, Spots) else 0
-        subs = offsets.shape[1]
-        step = 0 if len(offsets) == 1 else 5 * subs
         places = (o, d, spots, *packing.addresses, *held, *[0] * (8 - len(held)))
         self._job[0] = (*places, packing.table.shape[1], packing.group_count, subs, step, 0, 0, range_max)
         self._prepare(wp, scene, version)

@@ -44,6 +44,7 @@ for (int l = 0; l < N && start + l < count; ++l) {
 }
 const F ox = load(raw.ox), oy = load(raw.oy), oz = load(raw.oz), dx = load(raw.dx), dy = load(raw.dy), dz = load(raw.dz), z0 = load(raw.z0);
 const I tile_x = loadi(raw.tx), tile_y = loadi(raw.ty), right = dx > 0.0f, upward = dy > 0.0f;
+const F per_flat = 1.0f / most(root(dx * dx + dy * dy), put(1.0e-6f)), heading_x = dx * per_flat, heading_y = dy * per_flat;
 auto slope_of = [&](F d) -> F { return pick(size_of(d) < 1.0e-12f, F{}, 1.0f / d); };           // t of a plane
 auto offset_of = [&](F o, F d) -> F { return pick(size_of(d) < 1.0e-12f, put(MISS), -o / d); };  // x = c: c * slope + offset
 const F inv_x = slope_of(dx), inv_y = slope_of(dy), off_x = offset_of(ox, dx), off_y = offset_of(oy, dy);
@@ -58,16 +59,19 @@ if (has_solids) {
   hit_organ = loadi(beams.kind.data + start);
 }
 const F share = normal_share(load(beams.score.data + start));
+I turn = whole(share * 65536.0f);  // which part of a plant the next step looks for: digits that say little about the depth
 F left = put(-1.0f), spent = {}, full = put(1.0f);  // optical depth until the echo (-1 = no crop met yet), passed, of a full canopy
 F seen = {}, lift = {};  // of what it was drawn for: share of beams that crop stops, mean measured height of the others [m]
 F cut = put(-1.0f);      // what it was drawn for: height of stubble [m], 0 = standing crop
 
+I view = {};  // where the silhouettes from its depression begin
+
 auto area_above = [&](F relative) -> F {  // per stem above a relative height [m2]
-  const int last = canopy.depth.shape[0] - 1;
+  const int last = canopy.depth_steps - 1;
   const F x = within(relative * per_fine, 0.0f, (float)last);
-  const I k = leasti(whole(x), puti(last - 1));
-  const F a = gather(canopy.depth.data, k, puti(-1));
-  return a + (gather(canopy.depth.data + 1, k, puti(-1)) - a) * (x - real(k));
+  const I k = leasti(whole(x), puti(last - 1)), at = view + k;
+  const F a = gather(canopy.depth.data, at, puti(-1));
+  return a + (gather(canopy.depth.data + 1, at, puti(-1)) - a) * (x - real(k));
 };
 
 // ---- The table: fill in the optical depth of beams that meet crop here
@@ -121,7 +125,7 @@ auto draw = [&](I who, const auto& grid, int flag, F density, F scale, F height,
   const F depth = known * scale * cot, none = area_above(top);
   const F drawn = relative * height / (canopy.height * scale), needed = depth * most(area_above(drawn) - none, F{}) - spent;
   left = pick(who, pick(is_crop, most(needed, F{}), put(MISS)), left);
-  full = pick(who, density * scale * cot * (canopy.depth.data[0] - none), full);
+  full = pick(who, density * scale * cot * (area_above(F{}) - none), full);
   seen = pick(who, stopped, seen);
   lift = pick(who, mean_lift, lift);
   out_of |= who & outside;
@@ -185,8 +189,9 @@ F stop_from = {}, stop_length = {}, stop_above = {};  // the step in which a bea
 F until = {}, density = {}, scale = put(1.0f), lean_x = {}, lean_y = {}, h0 = {}, h1 = {}, r0 = {}, r1 = {}, x0 = {}, x1 = {}, y0 = {}, y1 = {};
 F speed = put(1.0f), pitch = put(1.0f), unit = {}, above = {}, spot = put(1.0f);
 I row = {};
-const int stems = canopy.lean.shape[0] / (2 * N);
-int turn = start * 7 % stems;  // which of the drawn stems the next step looks for
+const int parts = canopy.aside.shape[0] / (2 * canopy.aside_levels);  // of plants at a level, and what lies opposite
+const float row_cells = canopy.row * fine, per_row = row_cells > 0.0f ? 1.0f / row_cells : 0.0f;  // rows lie along x
+const float per_level = 1.0f / canopy.aside_step, aside = canopy.height * fine;
 
 auto enter = [&](I who, F from, F to, I tile, F scales, F a, F b) {
   const float* stands = (const float*)scene.tile_stand.data;
@@ -204,6 +209,10 @@ auto enter = [&](I who, F from, F to, I tile, F scales, F a, F b) {
   r0 = rise * per_height, r1 = rate * per_height;
   x0 = (ox - lean_x * rise) * fine - real(page_x * 8 - tile_x) * 64.0f, x1 = flow_x * fine;
   y0 = (oy - lean_y * rise) * fine - real(page_y * 8 - tile_y) * 64.0f, y1 = flow_y * fine;
+  const F tangent = size_of(h1) / speed;
+  I seen_from = {};
+  for (int k = 0; k < canopy.view.shape[0]; ++k) seen_from -= (I)(put(canopy.view.data[k]) <= tangent);
+  view = picki(who & (I)(left < 0.0f), canopy.depth_steps * seen_from, view);
   above = area_above(r0 + r1 * t);
 };
 auto code_at = [&](I who, I x, I y) -> I {  // of cut cells, counted from the page's corner
@@ -225,11 +234,14 @@ auto code_at = [&](I who, I x, I y) -> I {  // of cut cells, counted from the pa
 auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   const F dt = least(pick(above < THIN, pick(above < FEW, 4.0f * pitch, 2.0f * pitch), pitch), until - t), middle = t + 0.5f * dt;
   const F relative = r0 + r1 * middle, below = area_above(r0 + r1 * (t + dt));
-  const F bent = least(relative, put(1.2f)), bow = bent * bent * (canopy.height * fine);
-  const float* stem = canopy.lean.data + turn * 2 * N;
-  turn = turn + 1 == stems ? 0 : turn + 1;
-  const I looks = who & (I)(relative > 0.0f);
-  const I code = code_at(looks, down(x0 + x1 * middle - load(stem) * bow), down(y0 + y1 * middle - load(stem + N) * bow));
+  const I looks = who & (I)(relative > 0.0f), level = mosti(leasti(whole(relative * per_level), puti(canopy.aside_levels - 1)), I{});
+  const I part = 2 * (level * parts + (turn & (parts - 1)));
+  const F far = pick((turn & parts) != 0, put(-aside), put(aside)), along = gather(canopy.aside.data, part, looks) * far, across = gather(canopy.aside.data + 1, part, looks) * far;
+  F aside_y = along * heading_y + across * heading_x;
+  if (row_cells > 0.0f) aside_y *= gather(canopy.from_row.data, level, looks);
+  const F foot_x = x0 + x1 * middle - (along * heading_x - across * heading_y), between = y0 + y1 * middle - aside_y;
+  const F foot_y = row_cells > 0.0f ? (real(down(between * per_row)) + 0.5f) * row_cells : between;
+  const I code = code_at(looks, down(foot_x), down(foot_y));
   const I stands = code == STANDING;
   const F stubble = 0.01f * real(code);
   const F reach = stubble * canopy.stubble_bound, lowest = h0 + h1 * pick(h1 < 0.0f, t + dt, t);
@@ -250,16 +262,17 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
     gain = pick(flat, density * speed * dt * width * (per_fine * per_height), gain);
   }
   const I stops = acts & (I)(gain >= left), goes_on = acts & ~stops;
-  const F part = left / gain;
-  hit_t = pick(stops, t + dt * part, hit_t);
+  const F reached = left / gain;
+  hit_t = pick(stops, t + dt * reached, hit_t);
   stop_from = pick(stops, t, stop_from);
   stop_length = pick(stops & ~flat, dt, stop_length);
-  stop_above = pick(stops, from + (to - from) * part, stop_above);
+  stop_above = pick(stops, from + (to - from) * reached, stop_above);
   hit_organ = picki(stops, picki(code == STANDING, picki(relative > EAR_ZONE, puti(upper_organ), puti(STEM)), puti(STUBBLE)), hit_organ);
   hit_cosine = pick(stops, put(canopy.cosine), hit_cosine);
   left = pick(goes_on, left - gain, pick(stops, F{}, left));
   spent = pick(goes_on, spent + gain, spent);
-  who &= ~first;  // those draw, and repeat the step
+  who &= ~first;  // those draw, and repeat the step with the same part of a plant
+  turn -= who;
   above = pick(who, below, above);
   t = pick(who, t + dt, t);
   return {first, stops};

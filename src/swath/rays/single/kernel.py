@@ -43,8 +43,12 @@ class Canopy:
     """The table as native code reads it, see `rays/spread.py`.
 
     node_count: quantiles of a cell
-    depth: projected area per stem above equal steps `fine` of the relative height [m2]
-    lean: sideways place of tips per plant height of k drawn stems, x then y for a packet of beams: (k, 2, 16)
+    depth: projected area per stem above depth_steps equal steps `fine` of the relative height [m2], for one
+    depression after the other; view: tangents of depressions at which the next one is used
+    aside: how far what is seen at a height stands aside of its foot, per crop height, along and across the
+    beam's heading: (levels, k, 2), k a power of two; levels every `aside_step` of the relative height
+    row: from one row of plants to the next [m], 0 = no rows; from_row: share of `aside` across the rows that
+    is left when feet are taken to the middle of their rows, (levels,)
     pitch: step along the ray [m]; height: of the crop at scale 1; top_bound: it stops no beam above [m]
     stubble_bound: stubble stops no beam above this multiple of its height
     density_max [1/m2]
@@ -56,8 +60,14 @@ class Canopy:
     stubble: Grid
     node_count: int
     depth: wp.array(dtype=float)
+    depth_steps: int
+    view: wp.array(dtype=float)
     fine: float
-    lean: wp.array(dtype=float)
+    aside: wp.array(dtype=float)
+    aside_step: float
+    aside_levels: int
+    row: float
+    from_row: wp.array(dtype=float)
     top_bound: float
     stubble_bound: float
     pitch: float

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.record.positioning_messages import UNKNOWN
+from swath.record.messages import UNKNOWN
 from swath.record.read.fields import Maker, Makers, stamp_of
 from swath.record.read.tangent_plane import TangentPlane
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial

@@ -52,14 +52,13 @@ class Frames:
         self._shift = {name: _shift(columns, origin) for name, columns in self.columns.items()}
         self._scanners = [f"{n}.{slot}" for n, m in world.machines.items() for slot in m.slots_of("lidar")]
         self._sent = [-1] * len(self._scanners)
-        self._moving = [item.name for item in world.bodies.around() if _moves(world, item.name)]
 
     def frame(self, t: int) -> bytes:
         """The world before the tick at t [ns]."""
         rows = [self._rows(name, self._newest(name)) for name in self.columns]
         head: dict[str, Any] = {"rows": [row.size for row in rows]}
-        if self._moving:
-            head["ways"] = self._ways(t)
+        if ways := self._ways(t):
+            head["ways"] = ways
         fresh = self._fresh()
         room = LARGEST - 4 - len(_json(head)) - 4 * sum(head["rows"]) - 16 - 60 * len(fresh)
         scans, points = [], []
@@ -137,15 +136,11 @@ class Frames:
     def _ways(self, t: int) -> dict[str, list[float]]:
         """t, x, y, z, yaw of what goes."""
         found = {}
-        for body in self.world.bodies.around():
-            if body.name in self._moving:
-                place = [*(body.pose.position - self.origin), body.pose.euler()[2]]
-                found[body.name] = [t / NS, *(round(float(v), 3) for v in place)]
+        for name in self.world.bodies.going():
+            pose = self.world.bodies.pose_of(name)
+            place = [*(pose.position - self.origin), pose.euler()[2]]
+            found[name] = [t / NS, *(round(float(v), 3) for v in place)]
         return found
-
-
-def _moves(world: World, name: str) -> bool:
-    return any(o.path is not None and o.name == name for o in world.scenario.field.obstacles)
 
 
 def _shown(tracks: Tracks, *, has_edge: bool, cuts: bool) -> list[str]:

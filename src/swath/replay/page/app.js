@@ -14,7 +14,8 @@ class App {
     this.isSlow = /swiftshader|llvmpipe|software/i.test(rendererName(gl));
     if (this.isSlow) this.detail = 0.4;
     const tracks = data.machines.map((m, k) => new Tracks(m.columns, data[`track_${k}`]));
-    this.machines = data.machines.map((m, k) => new Machine(gl, m, tracks[k], k));
+    this.machines = data.machines.map((m, k) => new Machine(gl, m, tracks[k], k,
+      m.header_axes && [data[`own_body_${k}`], data[`own_header_${k}`]]));
     this.ground = new Ground(gl, data);
     this.stand = new Stand(gl, data, this.ground);
     this.solids = new Solids(gl);

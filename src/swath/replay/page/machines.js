@@ -10,12 +10,14 @@ const GLASS = [0.13, 0.18, 0.22], STEEL = [0.62, 0.64, 0.66], RUBBER = [0.10, 0.
 const CHASSIS = [0.17, 0.18, 0.19], GRAIN = [0.86, 0.66, 0.27], ROOF = [0.88, 0.89, 0.88];
 
 class Machine {
-  constructor(gl, about, tracks, index) {
+  // own: triangles of a body from a file, corner by corner, and of its header; none = made from the data sheet
+  constructor(gl, about, tracks, index, own) {
     Object.assign(this, about);
     this.about = about;
     this.track = tracks;
     this.paint = PAINTS[index % PAINTS.length];
     this.index = index;
+    if (own) this.own = own.map((corners, k) => meshShape(corners, k ? this.paint.header : this.paint.body).upload(gl));
     const kind = about.type === "combine" || about.type === "forage_harvester" ? harvesterBody : vehicleBody;
     this.bodyShape = kind(new Shape(), about, this.paint, Boolean(tracks.columns.unload_angle_rad)).upload(gl);
     this.pivot = [about.body[1] - 0.6, 0, Math.max(1.3, about.body[3] + 0.9)];
@@ -93,16 +95,24 @@ class Machine {
     return times(turnedAt(this.pivot, "y", -lift), turnedAt([0, this.header[2], this.pivot[2]], "x", tilt));
   }
 
+  // The same of a body from a file, whose header turns where the simulated one does.
+  ownHeaderMotion(t) {
+    const lift = this.track.at("header_lift_rad", t) || 0, tilt = this.track.at("header_tilt_rad", t) || 0;
+    const [x, z, low] = this.about.header_axes;
+    return times(turnedAt([x, 0, z], "y", -lift), turnedAt([0, 0, low], "x", tilt));
+  }
+
   parts(t) {
-    const body = this.pose(t), found = [[this.bodyShape, body]];
+    const body = this.pose(t), found = this.own
+      ? [[this.own[0], body], [this.own[1], times(body, this.ownHeaderMotion(t))]] : [[this.bodyShape, body]];
     const way = this.track.at("distance_m", t) || 0, steer = this.track.at("steer_rad", t) || 0;
-    if (this.headerShape) {
+    if (this.headerShape && !this.own) {
       const header = times(body, this.headerMotion(t)), [, knife, , high] = this.header;
       found.push([this.headerShape, header]);
       const axle = [knife + 0.05, 0, Math.max(0.95, 0.8 * high)];
       found.push([this.reelShape, times(header, times(moved(...axle), turned("y", way * 1.2 / 0.55)))]);
     }
-    for (const wheel of this.wheels) {
+    for (const wheel of this.own ? [] : this.wheels) {
       let m = times(body, moved(wheel.x, wheel.y, wheel.r));
       // a steered axle behind the fixed one turns its wheels the other way
       if (wheel.steered) m = times(m, turned("z", this.steered_x < 0 ? -steer : steer));
@@ -111,7 +121,7 @@ class Machine {
     for (const sensor of this.sensors) {
       found.push([this.sensorShape, times(body, frameMatrix(sensor.position, sensor.rotation))]);
     }
-    if (this.track.at("tank_level", t) > 0) found.push([this.grainShape, times(body, this.grain(t))]);
+    if (!this.own && this.track.at("tank_level", t) > 0) found.push([this.grainShape, times(body, this.grain(t))]);
     let carrier = body;
     if (this.trailerShape) {
       carrier = this.trailerPose(t);
@@ -141,6 +151,14 @@ class Machine {
     const m = moved(front - 2.9, 0, top - 0.75 + 0.8 * level);
     return times(m, [1.9, 0, 0, 0, 0, 1.8 * half, 0, 0, 0, 0, 0.6, 0, 0, 0, 0, 1]);
   }
+}
+
+function meshShape(c, paint) {
+  const shape = new Shape();
+  for (let i = 0; i + 8 < c.length; i += 9) {
+    shape.triangle([c[i], c[i + 1], c[i + 2]], [c[i + 3], c[i + 4], c[i + 5]], [c[i + 6], c[i + 7], c[i + 8]], paint);
+  }
+  return shape;
 }
 
 function harvesterBody(shape, about, paint, moves) {

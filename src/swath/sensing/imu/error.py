@@ -1,10 +1,10 @@
 """IMU with bias, a random walk of the bias, scale error and white noise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import sqrt
 from typing import Annotated, Literal
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -14,9 +14,9 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
-from swath.sensing.imu.strapdown import Place, Reading, Strapdown, back, sample_of
+from swath.sensing.imu.strapdown import Place, Reading, Strapdown, back
 from swath.sensing.imu.vibration import Shaking, Vibration
-from swath.signals import F64, EngineState, Inertial, MachineState
+from swath.signals import EngineState, Inertial, MachineState
 
 Share = Annotated[float, Ge(0), Le(30)]
 Factor = Annotated[float, Ge(0), Le(1000)]
@@ -62,33 +62,40 @@ class ErrorImu(KeepsState):
         if self._shaking is not None:
             self.inputs = (*self.inputs, Port("engine", EngineState, optional=True))
         self._turn = self.mounting.rotation.tolist()
-        # rows: gyroscopes, accelerometers
-        self._density = p.noise_factor * np.array([[unit.gyro.density], [unit.accel.density]])
-        self._walk = p.walk_factor * np.array([[unit.gyro.walk], [unit.accel.walk]])
-        self._bias_sd = np.array([[p.gyro_bias_deg_s * DEG], [p.accel_bias_mg * MILLI_G]])
-        self._scale_sd = PERCENT * np.array([[p.gyro_scale_percent], [p.accel_scale_percent]])
-        white = self._density / sqrt(setup.period)
-        self._white_sd = float(white[0, 0]), float(white[1, 0])
+        # of three gyroscopes, then three accelerometers
+        self._density = _six(p.noise_factor * unit.gyro.density, p.noise_factor * unit.accel.density)
+        self._walk = _six(p.walk_factor * unit.gyro.walk, p.walk_factor * unit.accel.walk)
+        self._bias_sd = _six(p.gyro_bias_deg_s * DEG, p.accel_bias_mg * MILLI_G)
+        self._scale_sd = _six(PERCENT * p.gyro_scale_percent, PERCENT * p.accel_scale_percent)
+        self._white_sd = self._density[0] / sqrt(setup.period), self._density[3] / sqrt(setup.period)
+
+    def errors(self, sample: Inertial) -> dict[str, tuple[float, float]]:
+        """White noise, and the bias at the start of a run."""
+        rate, force = self._white_sd
+        return {"rate": (rate, self._bias_sd[0]), "force": (force, self._bias_sd[3])}
 
     def reset(self, stream: Stream) -> Outputs:
         """At rest, level; draws bias and scale of this unit."""
         self._normals = Normals(stream)
-        draw = stream.at(0).standard_normal((2, 2, 3))
-        self._bias: F64 = self._bias_sd * draw[0]
-        self._scale: F64 = 1.0 + self._scale_sd * draw[1]
+        draw = stream.at(0).standard_normal(12).tolist()
+        self._bias = [sd * d for sd, d in zip(self._bias_sd, draw[:6], strict=True)]
+        self._scale = [1.0 + sd * d for sd, d in zip(self._scale_sd, draw[6:], strict=True)]
         if self._shaking is not None:
             self._shaking.reset(stream.child("vibration").at(0).random(3).tolist())
-        return self._read(0, self._motion.reset(self._start), np.zeros((2, 3)))
+        return self._read(0, self._motion.reset(self._start), [0.0] * 6)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One sample at t + dt."""
-        white, walk = self._normals.at(t + dt, (2, 2, 3))
+        draw = self._normals.at(t + dt, 12).tolist()
         seconds = dt / NS
-        self._bias = self._bias + self._walk * sqrt(seconds) * walk
+        root = sqrt(seconds)
+        walked = zip(self._bias, self._walk, draw[6:], strict=True)
+        self._bias = [bias + walk * root * d for bias, walk, d in walked]
         truth = self._motion.take(inputs["state"])
         if self._shaking is not None:
             truth = self._shaken(self._shaking, truth, seconds, inputs.get("engine"))
-        return self._read(t + dt, truth, self._density / sqrt(seconds) * white)
+        noise = [density / root * d for density, d in zip(self._density, draw[:6], strict=True)]
+        return self._read(t + dt, truth, noise)
 
     def _shaken(self, by: Shaking, truth: Reading, seconds: float, engine: EngineState | None) -> Reading:
         """The reading and what shakes the machine, in the axes of the unit."""
@@ -98,9 +105,14 @@ class ErrorImu(KeepsState):
             for own, extra in zip(truth, more, strict=True)
         )  # type: ignore[return-value]
 
-    def _read(self, t: int, truth: Reading, noise: F64) -> Outputs:
-        rate, force = (np.array(truth) * self._scale + self._bias + noise).tolist()
-        return {"inertial": sample_of(t, rate, force, *self._white_sd)}
+    def _read(self, t: int, truth: Reading, noise: Sequence[float]) -> Outputs:
+        wrong = zip((*truth[0], *truth[1]), self._scale, self._bias, noise, strict=True)
+        p, q, r, x, y, z = (v * scale + bias + n for v, scale, bias, n in wrong)
+        return {"inertial": Inertial(t, p, q, r, x, y, z, *self._white_sd)}
+
+
+def _six(gyro: float, accel: float) -> list[float]:
+    return [gyro] * 3 + [accel] * 3
 
 
 LEVEL = Level(

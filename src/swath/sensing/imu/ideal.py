@@ -30,6 +30,10 @@ class IdealImu(KeepsState):
         self._start = setup.start
         self._motion = Strapdown(self.mounting)
 
+    def errors(self, sample: Inertial) -> dict[str, tuple[float, float]]:
+        """None."""
+        return dict.fromkeys(("rate", "force"), (0.0, 0.0))
+
     def reset(self, stream: Stream) -> Outputs:
         """At rest, level."""
         return {"inertial": sample_of(0, *self._motion.reset(self._start))}

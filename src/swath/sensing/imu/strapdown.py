@@ -88,9 +88,9 @@ class Strapdown(KeepsState):
         return (0.0, 0.0, 0.0), back(self._turn, back(pose.rotation.tolist(), (0.0, 0.0, GRAVITY)))
 
     def _between(self, path: Sequence[MachineState]) -> Reading:
-        first: Rows = path[0].pose.rotation.tolist()
+        first: Rows = path[0].pose.numbers[1]
         begin, span = path[0].t / NS, (path[-1].t - path[0].t) / NS
-        turn = rotation_vector(first, path[-1].pose.rotation.tolist())
+        turn = rotation_vector(first, path[-1].pose.numbers[1])
         s0, v0 = self._velocity or self._velocity_of(path[0], path[1])
         s1, v1 = self._velocity = self._velocity_of(path[-2], path[-1])
         per_s = 1.0 / (s1 - s0) if s1 > s0 else 0.0

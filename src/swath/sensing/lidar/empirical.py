@@ -7,17 +7,17 @@ line). The draw is an optical depth, so crop adds up along the beam wherever it 
 the side wall at the edge, through gaps. Sweeps are independent of each other.
 """
 
-import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from swath.core.component import Outputs, State
+from swath.core.component import Outputs
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.field.crop_sheet import load_crop
+from swath.field.crop_sheet import copied_from, load_crop
 from swath.field.field import Field
 from swath.field.site_setup import SiteSetup
 from swath.rays.bodies import BodyCaster
@@ -27,7 +27,7 @@ from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, valid_range
 from swath.signals import F64
 
-ENSURE_EVERY = 2.0  # travel after which pages are asked for again [m]
+MOST_SHOWN = 5  # keys in a note
 LODGED = 1 << 8  # flag of the caster: a beam met crop that leans by more than 20 deg
 
 
@@ -51,8 +51,12 @@ class EmpiricalLidar(ScanningLidar):
         super().__init__(params, setup)
         self.params = params
         crop = setup.field.stand.crop
-        self.table = load_table(params.table or table_name(crop, params.echo), setup.base)
-        _check_reading(self.table, params, crop)
+        original, self._about_crop = _original(crop)
+        if params.table is None and Path(original).is_absolute():
+            like = f"no bundled crop is like {Path(crop).name}"
+            raise InputError("table", None, f"expected a table: {like}; `swath calibrate lidar` makes one")
+        self.table = load_table(params.table or table_name(original, params.echo), setup.base)
+        _check_reading(self.table, params, crop, original)
         self.rays = SingleRays(self.scanner)
         beam = self.sheet.beam
         self.caster = BodyCaster(
@@ -65,22 +69,21 @@ class EmpiricalLidar(ScanningLidar):
             exit_diameter=float(np.mean(beam.exit_diameter)),
             divergence=float(np.mean(beam.divergence)),
         )
+        self.sight = self.scanner.sight()
         self._notes: list[str] = []
         self._clamped = 0
-        self._ensured = (math.inf, math.inf, 0)
 
     def reset(self, stream: Stream) -> Outputs:
         """As every scanner; nothing noted yet."""
         self._notes, self._clamped = [], 0
-        self._ensured = (math.inf, math.inf, 0)
         outputs = super().reset(stream)
         self.rays.reset(stream)
         return outputs
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        self._ensure(origins[len(origins) // 2])
         self.rays.aim(t, origins, rotations)
+        self.sight.ensure(self.rays.beams.origins[: len(origins)], self.rays.beams.directions[: len(origins)])
         clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
         self.ray_count += len(origins)
         self._note(clamped)
@@ -91,20 +94,8 @@ class EmpiricalLidar(ScanningLidar):
     def notes(self) -> list[str]:
         """What the user of a run should know of the scanner, of what this level cannot see, and of the table,
         each once."""
-        return [*self.scanner.notes, *_unseen(self.setup.field), *self._notes]
-
-    def load(self, state: State) -> None:
-        """Back to a saved moment."""
-        super().load(state)
-        self._ensured = (math.inf, math.inf, 0)
-
-    def _ensure(self, middle: F64) -> None:
-        """Pages around the sensor, asked for anew after some travel, and when some went out of memory."""
-        field, (x, y) = self.setup.field, middle[:2].tolist()
-        went = field.store.dropped
-        if math.hypot(x - self._ensured[0], y - self._ensured[1]) > ENSURE_EVERY or went != self._ensured[2]:
-            field.ensure(x, y, self.params.reach_m + ENSURE_EVERY)
-            self._ensured = x, y, went
+        about = [self._about_crop] if self._about_crop else []
+        return [*self.scanner.notes, *about, *_unseen(self.setup.field), *self._notes]
 
     def _note(self, clamped: int) -> None:
         new = clamped & ~self._clamped
@@ -142,13 +133,28 @@ def table_name(crop: str, echo: str) -> str:
     return f"{crop}-{'median' if echo == 'percentile' else echo}"
 
 
-def _check_reading(table: SpreadTable, params: Params, crop: str) -> None:
+def _original(crop: str) -> tuple[str, str]:
+    """The bundled crop of whose tables a crop may use one, itself where it is none; what to say of it."""
+    found = copied_from(crop)
+    if found is None:
+        return crop, ""
+    name, differing = found
+    shown = ", ".join(differing[:MOST_SHOWN]) + (", ..." if len(differing) > MOST_SHOWN else "")
+    other = f"other numbers are {shown}" if differing else "all numbers are the same"
+    return (
+        name,
+        f"lidar empirical: {Path(crop).name} is measured as {name}, which it was copied from: {other}",
+    )
+
+
+def _check_reading(table: SpreadTable, params: Params, crop: str, original: str) -> None:
     reading = table.about.get("reading")
     rule = reading.get("echo") if isinstance(reading, dict) else None
     if rule is not None and rule != params.echo:
         raise InputError("table", params.table, f"expected one made for echo: {params.echo}, it says {rule}")
     made_for = table.about.get("crop")
-    if made_for is not None and made_for != crop:
+    same = made_for == original or Path(str(made_for)).name == Path(crop).name
+    if made_for is not None and not same:
         raise InputError("table", params.table, f"expected one made for {crop}, it says {made_for}")
 
 

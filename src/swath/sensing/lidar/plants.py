@@ -67,7 +67,7 @@ class PlantsLidar(ScanningLidar):
         if len(self.azimuth) * params.sub_rays > 4_000_000:
             raise InputError("sub_rays", params.sub_rays, "expected at most 4 million rays per scan")
         self.pattern = spot_pattern(params.sub_rays, self.sheet.beam.profile)
-        self.caster = RayCaster(setup.field)
+        self.caster, self.sight = RayCaster(setup.field), self.scanner.sight()
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world.
@@ -76,10 +76,9 @@ class PlantsLidar(ScanningLidar):
         """
         beams, subs = len(origins), self.params.sub_rays
         rng = self._stream.at(t)
-        middle = origins[beams // 2]
-        self.setup.field.ensure(middle[0], middle[1], self.params.reach_m)
         pattern = self._pattern(rng, beams)
         axes = product(rotations, self.scanner.axes_at(t))
+        self.sight.ensure(np.ascontiguousarray(origins), np.ascontiguousarray(axes[:, :, 0]))
         rays = spots(origins, axes, self.sheet.beam, pattern.position)
         hits = self.caster.cast_bundles(rays, range_max=self.scanner.reach, solids=self.setup.solids(), t=t)
         self.ray_count += beams * subs

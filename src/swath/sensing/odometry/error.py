@@ -1,6 +1,7 @@
 """Odometry with the errors of wheel speed, gyro and steer-angle sensor."""
 
 from dataclasses import dataclass
+from math import hypot
 from typing import Annotated
 
 from annotated_types import Ge, Le
@@ -49,6 +50,16 @@ class ErrorOdometry(KeepsState):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self._p = params
+
+    def errors(self, sample: Odometry) -> dict[str, tuple[float, float]]:
+        """Noise, and the constant errors with the slip that nobody measures."""
+        p = self._p
+        stays = hypot(p.slip_percent, p.speed_scale_percent) * PERCENT
+        return {
+            "speed": (p.speed_noise_m_s, stays * abs(sample.speed)),
+            "yaw_rate": (p.gyro_noise_deg_s * DEG, p.gyro_bias_deg_s * DEG),
+            "steer_angle": (p.steer_noise_deg * DEG, p.steer_bias_deg * DEG),
+        }
 
     def reset(self, stream: Stream) -> Outputs:
         """Draw the constant errors."""

@@ -23,6 +23,10 @@ class IdealOdometry(KeepsState):
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         pass
 
+    def errors(self, sample: Odometry) -> dict[str, tuple[float, float]]:
+        """None."""
+        return dict.fromkeys(("speed", "yaw_rate", "steer_angle"), (0.0, 0.0))
+
     def reset(self, stream: Stream) -> Outputs:
         """At rest."""
         return {"odometry": Odometry(0, 0.0, 0.0, 0.0)}

@@ -35,12 +35,21 @@ class PlannedBranch:
     allow: Sequence[str] = ()
 
     def run(
-        self, out: Path, *, progress: bool = False, report: bool = True, save_every_s: float | None = None
+        self,
+        out: Path,
+        *,
+        progress: bool = False,
+        report: bool = True,
+        replay: bool = True,
+        save_every_s: float | None = None,
     ) -> JobResult:
-        """Make the run. save_every_s: 0 = without saves, None = with them where the earlier one has some"""
+        """Make the run. report: with its pages, replay: replay.html among them
+
+        save_every_s: 0 = without saves, None = with them where the earlier one has some
+        """
         if save_every_s is None:
             save_every_s = EVERY_S if saves_in(self.start.folder) else 0.0
-        pages: list[RunHook] = [ReportWriter(), ReplayWriter()] if report else []
+        pages: list[RunHook] = [ReportWriter(), *([ReplayWriter()] if replay else [])] if report else []
         hooks = [*pages, *([Saves(save_every_s)] if save_every_s else [])]
         return run_job(
             self.scenario,

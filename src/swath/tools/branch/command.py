@@ -19,6 +19,7 @@ def add(parsers: Any) -> None:
     add_allow(parser)
     parser.add_argument("--save-every", type=float, metavar="S", help="as of swath run")
     add_no_code(parser)
+    parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
     parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
@@ -37,7 +38,9 @@ def run(args: argparse.Namespace) -> int:
         begin = f"from its save at {plan.saved_s:g} s" if plan.saved_s else "from the start, it has no save"
         print(f"going on {begin}", flush=True)
     try:
-        result = plan.run(out, progress=not args.quiet, save_every_s=args.save_every)
+        result = plan.run(
+            out, progress=not args.quiet, save_every_s=args.save_every, replay=not args.no_replay
+        )
     except InputError as error:
         remove_empty(out)
         raise scenario.locate(error) from error

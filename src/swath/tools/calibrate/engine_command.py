@@ -62,7 +62,18 @@ def run_engine_fit(args: argparse.Namespace) -> int:
         for n in made.numbers
     ]
     table("fitted on all machines", ("key", "start", "value", "error", *names, "unit"), rows)
-    head = ("machine", "count", "load R2", "RMSE", "bias", "fuel R2", "RMSE l/h", "bias l/h", "bias %")
+    head = (
+        "machine",
+        "count",
+        "load R2",
+        "95 %",
+        "RMSE",
+        "bias",
+        "fuel R2",
+        "RMSE l/h",
+        "bias l/h",
+        "bias %",
+    )
     table("as given", head, _rows(made.before))
     table("fitted on all machines", head, _rows(made.after))
     table("each machine predicted by numbers fitted on the others", head, _rows(made.left_out))
@@ -77,7 +88,8 @@ def _rows(made: Iterable["Prediction"]) -> list[list[str]]:
 
     rows = []
     for p in made:
-        load = [signed(v, 2) for v in (p.load.r2, p.load.rmse, p.load.bias)]
+        between = " to ".join(signed(v, 2) for v in p.load_r2_range)
+        load = [signed(p.load.r2, 2), between, signed(p.load.rmse, 2), signed(p.load.bias, 2)]
         fuel = [signed(v, 2) for v in (p.fuel.r2, p.fuel.rmse, p.fuel.bias, p.fuel_bias_percent)]
         rows.append([p.machine, str(p.load.count), *load, *fuel])
     return rows

@@ -35,6 +35,7 @@ STRETCH = 300.0  # s: what is left of the load is no longer correlated with itse
 STEPS = 4  # of Gauss and Newton
 DIFFERENCE = 0.02  # of a number, for its derivative
 LEAST = 0.02  # of its start that a number keeps
+RESAMPLES = 2000  # of stretches, for the range of R2
 
 
 @dataclass(frozen=True)
@@ -54,12 +55,16 @@ class FittedNumber:
 
 @dataclass(frozen=True)
 class Prediction:
-    """How one machine's load [%] and fuel [l/h] are met; mean_fuel: measured [l/h]."""
+    """How one machine's load [%] and fuel [l/h] are met; mean_fuel: measured [l/h].
+
+    load_r2_range: within which 95 % of the load's R2 lie when stretches of the log are drawn anew
+    """
 
     machine: str
     load: SeriesStatistics
     fuel: SeriesStatistics
     mean_fuel: float
+    load_r2_range: tuple[float, float]
 
     @property
     def fuel_bias_percent(self) -> float:
@@ -140,8 +145,23 @@ def predictions(log: MachineLog, simulated: dict[str, Array]) -> tuple[Predictio
         load, fuel = (
             compare_series(log.measured[q] * SHOWN[q][1], simulated[q] * SHOWN[q][1], mask, log) for q in ON
         )
-        made.append(Prediction(name, load, fuel, float(log.measured["fuel"][mask].mean() * SHOWN["fuel"][1])))
+        mean_fuel = float(log.measured["fuel"][mask].mean() * SHOWN["fuel"][1])
+        spread = r2_range(log, mask, log.measured["engine_load"], simulated["engine_load"])
+        made.append(Prediction(name, load, fuel, mean_fuel, spread))
     return tuple(made)
+
+
+def r2_range(log: MachineLog, mask: Mask, measured: Array, simulated: Array) -> tuple[float, float]:
+    """95 % interval of R2 over a bootstrap of the log's stretches: how much hangs on those driven."""
+    stretch = np.stack([log.machine[mask], np.floor(log.time[mask] / STRETCH)], axis=1)
+    _, index = np.unique(stretch, axis=0, return_inverse=True)
+    real, left = measured[mask] - measured[mask].mean(), (simulated - measured)[mask]
+    columns = (np.ones(len(real)), real, real**2, left**2)
+    sums = np.stack([np.bincount(index.ravel(), c) for c in columns], axis=1)
+    drawn = Stream(0, "r2_range").at().integers(0, len(sums), (RESAMPLES, len(sums)))
+    count, first, second, error = sums[drawn].sum(axis=1).T
+    low, high = np.percentile(1.0 - error / np.maximum(second - first**2 / count, 1e-30), [2.5, 97.5])
+    return float(low), float(high)
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,13 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import Crop
 from swath.rays.spread import SHARE_MIN, Spread, SpreadTable, quantile_nodes
-from swath.tools.calibrate.stand_scans import LINE, EchoSettings, Place, Returns, SampleStands
+from swath.tools.calibrate.overhang import STEP
+from swath.tools.calibrate.stand_scans import LINE, VIEWS, EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import Agreement, compare
 
 F64 = NDArray[np.float64]
 FINE, RELATIVE_MAX = 0.02, 1.6  # grid of the silhouette over relative height
+VIEW = np.array(VIEWS) * DEG
 CLOSEST = 0.15  # beams closer than this share of the spot see the pattern of sub-rays, not the crop
 FARTHEST = 0.2  # gaps beyond this say nothing on the correlation of neighbours [m]
 NORMAL = NormalDist()
@@ -73,7 +75,7 @@ _SMALL = Design((0.3, 1.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=
 SMALL = Designs(_SMALL, replace(_SMALL, height=(0.5, 1.5), held_out=2))
 # for scanners with a narrow beam over a crop as it is usually sown: less than half the size of the full one
 NARROW = Designs(
-    Design((0.3, 0.42, 0.6, 0.85, 1.2, 1.7), (0.7, 1.0, 1.3), spot_mm=(10.0, 22.0, 45.0, 90.0)),
+    Design((0.12, 0.19, 0.3, 0.42, 0.6, 0.85, 1.2, 1.7), (0.7, 1.0, 1.3), spot_mm=(10.0, 22.0, 45.0, 90.0)),
     replace(Designs().stubble, spot_mm=(10.0, 30.0, 90.0)),
 )
 
@@ -111,8 +113,10 @@ def fit_plants(
         standing.grid,
         fit_stubble(crop, designs.stubble, echo, stream.child("stubble"), silhouette, progress=progress),
         silhouette=silhouette,
+        view=VIEW,
         fine=FINE,
-        lean=stands.tips(stream.child("tips")),
+        aside=stands.overhang(stream.child("overhang")),
+        aside_step=STEP,
         cosine=_cosine(crop, standing.seen),
         correlation=fit_correlation(standing.places, standing.seen),
     )
@@ -183,7 +187,7 @@ def make_grid(
     """What was seen at a full grid of places; silhouette: of `stands`, [m2]."""
     shape = tuple(len(a) for a in axes)
     full = stands.crop.stand.height
-    area = [_area(silhouette, place.height / full if stands.is_cut else None) for place in places]
+    area = [_area(silhouette, place, place.height / full if stands.is_cut else 0.0) for place in places]
     if not stands.is_cut:  # of crop of another height the same stems are longer or shorter
         area = [a * place.height / full for a, place in zip(area, places, strict=True)]
     density, tall, depression, spot = axes
@@ -191,11 +195,14 @@ def make_grid(
     return Spread(density, tall, depression, spot, is_stubble=stands.is_cut, **cells)
 
 
-def _area(silhouette: F64, top: float | None) -> float:
-    """Projected area of a stem below a relative height, None = all of it [m2]."""
-    if top is None:
-        return float(silhouette[0])
-    return float(silhouette[0] - np.interp(top, FINE * np.arange(len(silhouette)), silhouette))
+def _area(silhouette: F64, place: Place, top: float) -> float:
+    """Projected area of a stem as a place sees it [m2]: all of it, or what lies below a relative height."""
+    step = FINE * np.arange(silhouette.shape[1])
+    upper = (
+        np.zeros(len(silhouette)) if top == 0.0 else np.array([np.interp(top, step, s) for s in silhouette])
+    )
+    view, seen = np.log(np.tan(VIEW)), silhouette[:, 0] - upper
+    return float(np.interp(np.log(np.tan(place.depression)), view, seen))
 
 
 def compare_place(grid: Spread, place: Place, returns: Returns, stream: Stream) -> Agreement:

@@ -16,6 +16,7 @@ from swath.rays.spread import SpreadTable
 from swath.tools.calibrate.fit import (
     FINE,
     RELATIVE_MAX,
+    VIEW,
     Design,
     HeldOut,
     Progress,
@@ -23,6 +24,7 @@ from swath.tools.calibrate.fit import (
     fit_stubble,
     make_grid,
 )
+from swath.tools.calibrate.overhang import STEP
 from swath.tools.calibrate.stand_scans import EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 
@@ -87,8 +89,10 @@ def fit_samples(
         make_grid(stands, axes, places, filled, silhouette),
         fit_stubble(crop, design, echo, stream.child("stubble"), silhouette, progress=progress),
         silhouette=silhouette,
+        view=VIEW,
         fine=FINE,
-        lean=stands.tips(stream.child("tips")),
+        aside=stands.overhang(stream.child("overhang")),
+        aside_step=STEP,
         **TYPICAL,
     )
     held_out = []

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.random import Stream
+from swath.core.units import DEG
 from swath.field.crop import Crop
 from swath.field.memory_layout import Organ, PlantLibrary
 from swath.field.plants import make_plants
@@ -20,6 +21,7 @@ from swath.rays.engine import RayCaster
 from swath.sensing.beam import Beam, Profile, spot_pattern, spots
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
+from swath.tools.calibrate.overhang import overhang
 from swath.tools.level_stand import level_stand
 
 F64 = NDArray[np.float64]
@@ -28,7 +30,20 @@ GAPS = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])  # between neighbour
 HALF_AREA = 24.0  # beams enter the crop within this of the middle of the stand [m]
 HALF_AREA_CUT = 12.0  # beams enter stubble within this [m]
 NEAREST = 0.5  # the scanner is no nearer to the top of the crop than this [m]
-THIN = ((0.2, 45.0), (0.2, 60.0), (0.4, 60.0), (0.7, 70.0))  # of the usual density; depression [deg]
+THIN = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0)  # of the usual density
+VIEWS = (
+    3.0,
+    5.0,
+    8.0,
+    12.0,
+    18.0,
+    27.0,
+    40.0,
+    55.0,
+    75.0,
+)  # depressions at which silhouettes are taken [deg]
+DEPTHS = (0.4, 3.5)  # -log(share of thin rays that reach the ground) of stands that tell them, about
+PLANTS = 500  # that show how far plants reach aside
 SPOT_AT = 0.9  # share of the crop's height where the spot is taken, as in rays/kernel/bodies.py
 
 
@@ -62,7 +77,8 @@ class EchoSettings:
     """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`.
 
     sensor: whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of
-    a spot comes back too far from the rest and too weakly to be detected there is lost.
+    a spot comes back too far from the rest and too weakly to be detected there is lost; sees_weakest: nothing
+    is lost.
     """
 
     sub_rays: int = 37
@@ -70,6 +86,7 @@ class EchoSettings:
     rule: Any = "percentile"
     percentile: float = 50.0
     sensor: str = "sick-lms111"
+    sees_weakest: bool = False
 
     @cached_property
     def sheet(self) -> LidarSheet:
@@ -78,7 +95,7 @@ class EchoSettings:
 
     def receiver(self) -> Receiver:
         """As the level `plants` has it with this scanner."""
-        weakest = least_energy(self.sheet.range_10)
+        weakest = 0.0 if self.sees_weakest else least_energy(self.sheet.range_10)
         gap = merging_gap(self.sheet.pulse)
         return Receiver(rule=self.rule, percentile=self.percentile, gap=gap, least_energy=weakest)
 
@@ -154,42 +171,50 @@ class SampleStands:
         line = (lines, LINE)
         return Returns(z.reshape(line), (share > 0.5).reshape(line), gap, echo.intensity[:, 0].reshape(line))
 
-    def silhouette(self, stream: Stream, *, relative_max: float, fine: float, rays: int = 40_000) -> F64:
-        """Silhouette per stem above equal steps of the relative height [m2], by thin rays.
+    def silhouette(self, stream: Stream, *, relative_max: float, fine: float, rays: int = 12_000) -> F64:
+        """What a plant stops of thin rays above equal steps of the relative height [m2], (VIEWS, steps).
 
-        -log(share of rays that get below z) = n A(z) cot(depression); the mean over stands and angles of
-        those heights that at least 5 % of the rays reach. Falls strictly, so that it can be turned around.
-        Stands are much thinner than the crop's own, so that rays get down to the ground.
+        -log(share of rays that get below z) = n A(z) cot(depression), at those heights that at least 5 % of
+        the rays reach. A depends on the depression: what lies flat (ears that nod, leaves, branches) shows
+        less of itself to a flat ray than upright stems do, and more of it stands behind the rest of its own
+        plant. Stands are thin enough that rays get down to the ground. Falls strictly, so that it can be
+        turned around.
         """
-        edges = fine * np.arange(round(relative_max / fine) + 1)
-        total, weight = np.zeros(len(edges)), np.zeros(len(edges))
-        full, usual = self.crop.stand.height, self.crop.stand.density
-        for k, (part, degrees) in enumerate(THIN):
-            density = part * usual
-            place = Place(density, full, np.radians(degrees), 1e-4)
-            seen = self.scan(
-                place, rays // LINE // len(THIN), EchoSettings(sub_rays=1), stream.child(f"thin{k}")
-            )
-            relative = np.where(seen.is_ground, -1.0, seen.height / full).ravel()
-            share = np.searchsorted(np.sort(relative), edges, side="left") / len(relative)
-            ok = share > 0.05
-            area = -np.log(np.maximum(share, 1e-9)) * np.tan(place.depression) / density
-            total += np.where(ok, area, 0.0)
-            weight += ok
+        edges: F64 = fine * np.arange(round(relative_max / fine) + 1, dtype=np.float64)
+        total, weight = np.zeros((len(VIEWS), len(edges))), np.zeros((len(VIEWS), len(edges)))
+        usual = self.crop.stand.density
+        steepest = self._area_above(usual * THIN[0], VIEWS[-1], edges, rays, stream.child("steepest"))[0]
+        for part in THIN:
+            for k, degrees in enumerate(VIEWS):
+                depth = part * usual * float(steepest.max()) / np.tan(degrees * DEG)
+                if not (DEPTHS[0] < depth <= DEPTHS[1] or (part == THIN[0] and depth > DEPTHS[1])):
+                    continue
+                child = stream.child(f"thin{part:g} {degrees:g}")
+                area, is_known = self._area_above(part * usual, degrees, edges, rays, child)
+                total[k] += np.where(is_known, area, 0.0)
+                weight[k] += is_known
         area = np.where(weight > 0, total / np.maximum(weight, 1), 0.0)
-        known = np.flatnonzero(weight > 0)
-        area[: known[0]] = area[known[0]]
-        falling = np.maximum.accumulate(area[::-1])[::-1]
+        for row, known in zip(area, weight > 0, strict=True):
+            first = int(np.argmax(known))
+            row[:first] = row[first]
+        falling = np.maximum.accumulate(area[:, ::-1], axis=1)[:, ::-1]
         return np.asarray(falling + 1e-7 * (edges[-1] - edges) / fine)
 
-    def tips(self, stream: Stream, count: int = 64) -> F64:
-        """Sideways places of tips per height of the plant, (count, 2)."""
-        plants = make_plants(self.crop, count, stream.at())
-        found = np.zeros((count, 3))
-        for organ in (Organ.STEM, Organ.EAR):  # later pieces of a stem lie higher
-            mine = plants.organ == organ
-            found[plants.owner[mine]] = plants.b[mine]
-        return found[:, :2] / plants.height[:, None]
+    def _area_above(
+        self, density: float, degrees: float, edges: F64, rays: int, stream: Stream
+    ) -> tuple[F64, NDArray[np.bool_]]:
+        """What a plant stops above relative heights [m2], and where enough rays tell."""
+        full = self.crop.stand.height
+        place = Place(density, full, degrees * DEG, 1e-4)
+        seen = self.scan(place, rays // LINE, EchoSettings(sub_rays=1, sees_weakest=True), stream)
+        relative = np.where(seen.is_ground, -1.0, seen.height / full).ravel()
+        share = np.searchsorted(np.sort(relative), edges, side="left") / len(relative)
+        area = -np.log(np.maximum(share, 1e-9)) * np.tan(degrees * DEG) / density
+        return area, share > 0.05
+
+    def overhang(self, stream: Stream) -> F64:
+        """How far plants reach aside of their feet, see `overhang.py`."""
+        return overhang(make_plants(self.crop, PLANTS, stream.at()), self.crop.stand.height)
 
 
 def _frames(azimuth: F64, depression: float) -> F64:

@@ -7,7 +7,9 @@ from typing import Any
 _DESCRIPTION = (
     "Runs a machine's process and powertrain along a recorded log (its speed, its crop, its slope) and "
     "compares engine load, engine speed and fuel, as far as the log has them. Keys of the data sheet can be "
-    "fitted on one part of the log; the others then test it. A plain regression is shown for comparison."
+    "fitted on one part of the log; the others then test it. A plain regression is shown for comparison. "
+    "A log with a steering angle and without the engine tells the steering and the motion instead: dead "
+    "time, lag, rate, understeer and relaxation are fitted, with intervals."
 )
 
 
@@ -20,7 +22,13 @@ def add(parsers: Any) -> None:
     log.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
     log.add_argument("--out", type=Path, metavar="DIR", help="write picture, report, JSON, sheet and series")
     log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the data sheet to fit")
-    log.add_argument("--on", action="append", default=[], metavar="QUANTITY", help="to fit to (engine_load)")
+    log.add_argument(
+        "--on",
+        action="append",
+        default=[],
+        metavar="QUANTITY",
+        help="to fit to (engine_load); of a steering angle: yaw_rate or place",
+    )
     log.add_argument("--machine", metavar="NAME", help="fit on this machine of the log, test on the others")
     log.add_argument(
         "--share", type=float, default=0.5, metavar="S", help="else: fit on the first share (0.5)"
@@ -36,6 +44,10 @@ def add(parsers: Any) -> None:
         help="logged load over the torque at the present speed, or over the largest",
     )  # fmt: skip
     log.add_argument("--friction", type=float, default=0.0, metavar="P", help="logged load of no torque [%%]")
+    log.add_argument(
+        "--antenna", type=float, nargs=2, metavar=("X", "Y"),
+        help="of logged positions: ahead of the fixed axle and to the left of it [m] (0 0)",
+    )  # fmt: skip
     log.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
     log.set_defaults(run=run_log)
 
@@ -45,6 +57,7 @@ def run_log(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swath.core.errors import InputError
+    from swath.field_io.steer_log import is_steer_log
     from swath.terminal.tables import number, table
     from swath.tools.compare_log.along_log import Drive
     from swath.tools.compare_log.compare import compare_log
@@ -55,6 +68,10 @@ def run_log(args: argparse.Namespace) -> int:
             raise InputError(
                 f"--{key.replace('_', '-')}", getattr(args, key), f"expected {low:g} to {high:g}"
             )
+    if is_steer_log(args.log, args.columns):
+        return _run_steering(args)
+    if args.antenna is not None:
+        raise InputError("--antenna", args.antenna, "expected a log with a steering angle")
     drive = Drive(
         args.process, args.engine, args.straw, args.whole_crop, args.load_over, args.friction / 100.0,
         args.flow_floor,
@@ -75,5 +92,41 @@ def run_log(args: argparse.Namespace) -> int:
         console.print(f"note: {note}", markup=False)
     if args.out is not None:
         write_comparison(made, args.out)
+        console.print(f"written: {args.out}/report.html", markup=False)
+    return 0
+
+
+_OF_THE_ENGINE = ("machine", "alternate", "whole_crop", "flow_floor", "friction")
+
+
+def _run_steering(args: argparse.Namespace) -> int:
+    """Fit steering and motion, print, write."""
+    from rich.console import Console
+
+    from swath.core.errors import InputError
+    from swath.terminal.tables import table
+    from swath.tools.compare_log.steering import compare_steering
+    from swath.tools.compare_log.steering_page import fitted_rows, left_rows, write_steering
+
+    for key in _OF_THE_ENGINE:
+        if getattr(args, key):
+            flag = f"--{key.replace('_', '-')}"
+            raise InputError(flag, getattr(args, key), "expected a log with a crop flow and an engine")
+    if len(args.on) > 1:
+        raise InputError("--on", ", ".join(args.on), "expected yaw_rate or place, once")
+    with Console(stderr=True).status("reading the log") as status:
+        made = compare_steering(
+            args.model, args.log, fit=args.fit, on=next(iter(args.on), None),
+            antenna=tuple(args.antenna or (0.0, 0.0)), columns=args.columns, progress=status.update,
+        )  # fmt: skip
+    head = ("part", "key", "data sheet", "fitted", "95 % interval", "unit")
+    table(f"{made.model} by {made.log_name}", head, fitted_rows(made))
+    columns = ("part", "compared with", "passes", "RMSE, data sheet", "fitted", "predicted", "unit")
+    table("what is left", columns, left_rows(made))
+    console = Console(highlight=False)
+    for note in made.notes:
+        console.print(f"note: {note}", markup=False)
+    if args.out is not None:
+        write_steering(made, args.out)
         console.print(f"written: {args.out}/report.html", markup=False)
     return 0

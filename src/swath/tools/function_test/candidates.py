@@ -6,6 +6,7 @@ from pathlib import Path
 
 from swath.core.errors import InputError
 from swath.documents.yaml_document import read_document
+from swath.tools.function_test.files import from_beside
 
 
 def read_candidates(path: Path | None) -> Mapping[str, Sequence[str]]:
@@ -23,16 +24,7 @@ def read_candidates(path: Path | None) -> Mapping[str, Sequence[str]]:
     for name, sets in document.data.items():
         if not isinstance(sets, dict):
             raise document.error((name,), sets, "expected scenario keys and values, {} for none")
-        found[name] = [f"{key}={json.dumps(_absolute(value, path.parent))}" for key, value in sets.items()]
+        found[name] = [f"{key}={json.dumps(from_beside(value, path.parent))}" for key, value in sets.items()]
     if any(not name or "/" in name for name in found):
         raise InputError("candidates", str(list(found)), "expected names without /", file=path)
     return found
-
-
-def _absolute(value: object, base: Path) -> object:
-    """A file beside the candidates' one as an absolute path."""
-    if isinstance(value, str):
-        file, colon, name = value.partition(":")
-        if file.endswith((".py", ".yaml", ".fmu", ".csv", ".npz")) and (base / file).is_file():
-            return f"{(base / file).resolve()}{colon}{name}"
-    return value

@@ -7,8 +7,8 @@ a platform and an expected result.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.resources import files
-from itertools import product
 from math import prod
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -22,6 +22,7 @@ from swath.documents.hints import near_miss
 from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, read_document
 from swath.scenario.sections import Bounds
+from swath.tools.function_test.files import from_beside
 
 FORMAT = "swath test case 1"
 MOST_RUNS = 1_000_000
@@ -96,10 +97,10 @@ class Case:
     document: Document
 
     @property
-    def seeds(self) -> list[int]:
+    def seeds(self) -> Sequence[int]:
         """Seeds of the scenario, each run at every point."""
         seeds = self.file.seeds
-        return list(range(1, seeds + 1)) if isinstance(seeds, int) else seeds
+        return range(1, seeds + 1) if isinstance(seeds, int) else seeds
 
     @property
     def scenario(self) -> str:
@@ -108,29 +109,46 @@ class Case:
         beside = (self.document.file or Path()).parent / source
         return str(beside.resolve()) if beside.suffix in (".yaml", ".yml") else source
 
+    @property
+    def grid_size(self) -> int:
+        """How many combinations the values of all parameters have."""
+        return prod(len(varied.at) for varied in self.file.vary.values())
+
+    def grid_point(self, number: int) -> dict[str, Scalar]:
+        """One combination, 0 <= number < grid_size; the last parameter changes fastest."""
+        values: list[Scalar] = []
+        for varied in reversed(self.file.vary.values()):
+            number, place = divmod(number, len(varied.at))
+            values.append(varied.at[place])
+        return dict(zip(self.file.vary, reversed(values), strict=True))
+
     def grid(self) -> list[dict[str, Scalar]]:
         """Every combination of the values of all parameters."""
-        names = list(self.file.vary)
-        return [
-            dict(zip(names, values, strict=True))
-            for values in product(*(v.at for v in self.file.vary.values()))
-        ]
+        return [self.grid_point(number) for number in range(self.grid_size)]
+
+    def drawn_point(self, number: int, seed: int) -> dict[str, Scalar]:
+        """A point at random: uniform in the ranges, one of the values where a parameter has no range.
+
+        It depends on the case's name, the seed and its number alone, not on how many are drawn.
+        """
+        rng = Stream(seed, f"function test {self.name}").at(number)
+        return {name: _draw(varied, rng) for name, varied in self.file.vary.items()}
 
     def drawn(self, count: int, seed: int) -> list[dict[str, Scalar]]:
-        """Points at random: uniform in the ranges, one of the values where a parameter has no range.
+        """The first points at random."""
+        return [self.drawn_point(number, seed) for number in range(count)]
 
-        A point depends on the case's name, the seed and its number alone, not on how many are drawn.
-        """
-        points: list[dict[str, Scalar]] = []
-        for number in range(count):
-            rng = Stream(seed, f"function test {self.name}").at(number)
-            points.append({name: _draw(varied, rng) for name, varied in self.file.vary.items()})
-        return points
+    @cached_property
+    def fixed(self) -> dict[str, Any]:
+        """Keys and values of the scenario at every point; files beside the case by their absolute paths."""
+        folder = (self.document.file or Path()).parent
+        return {key: from_beside(value, folder) for key, value in self.file.set.items()}
 
-    def sets(self, point: Point) -> list[str]:
-        """Changes of the scenario at a point, as after `--set`."""
-        fixed = {**self.file.set, "expect": self.file.expect}
-        varied = {self.file.vary[name].key: value for name, value in point.items()}
+    def sets(self, point: Point, expect: Mapping[str, Any] | None = None) -> list[str]:
+        """Changes of the scenario at a point, as after `--set`. expect: instead of the case's own limits"""
+        folder = (self.document.file or Path()).parent
+        fixed = {**self.fixed, "expect": self.file.expect if expect is None else expect}
+        varied = {self.file.vary[name].key: from_beside(value, folder) for name, value in point.items()}
         return [f"{key}={json.dumps(value)}" for key, value in {**fixed, **varied}.items()]
 
     def known(self, point: Point) -> str:
@@ -163,7 +181,7 @@ def read_case(path: Path) -> Case:
     if errors:
         raise errors[0]
     case = Case(path.stem, made, document)
-    runs = prod(len(varied.at) for varied in made.vary.values()) * len(case.seeds)
+    runs = case.grid_size * len(case.seeds)
     if runs > MOST_RUNS:
         raise document.error(("vary",), runs, f"expected at most {MOST_RUNS} runs, values by seeds")
     for index, known in enumerate(case.file.known):
@@ -196,6 +214,11 @@ def _paths(source: str) -> list[Path]:
     if source in bundled:
         return [bundled[source]]
     path = Path(source)
+    if path.suffix == ".py":
+        how = f"swath test run bend --set combine.edge.level={source}:Class --out DIR"
+        raise InputError(
+            "cases", source, f"expected cases; a part of your own goes into them by --set: {how}"
+        )
     if path.is_dir():
         found = sorted(path.glob("*.yaml"))
         if not found:

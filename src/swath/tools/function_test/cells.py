@@ -1,79 +1,112 @@
-"""Results put together: a cell is a case with a candidate, pooled over points and seeds."""
+"""Results put together: a cell is a case with a candidate, pooled over points and seeds.
 
-import json
-from collections.abc import Iterable, Iterator, Sequence
+Results come one at a time. Of each a cell keeps what its verdict needs; of some, and of the worst, what the
+page shows: so the memory does not grow with the number of runs.
+"""
+
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import sqrt
+from math import fsum, nan, sqrt
 from typing import Any
 
-from swath.judge.limits import check_metric
-from swath.scenario.sections import Limit
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.integrity import SUMMARY, pooled
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.margin import is_kept_or_not, margin, margin_of
+from swath.tools.function_test.judged import OPEN
+from swath.tools.function_test.kept_runs import Kept, Region, Sample, Worst, kept
+from swath.tools.function_test.margin import ERROR, is_kept_or_not, margin_of
 from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
 from swath.tools.function_test.steering_accuracy import pooled as pooled_classes
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, describe, verdict
 
 STEERING_TAG = "steering"  # of cases that stand in the table of steering accuracy
-OPEN = "open"  # verdict of a run that no limit of its case judges
 EXIT = {SHOWN: 0, BROKEN: 1, NOT_SHOWN: 3}
+KEPT_MAX = 20_000  # runs that are drawn, over all cells
+DRAWN_MAX, DRAWN_LEAST = 1000, 20  # in one cell
+POINTS_MAX = 30  # with a row each in the table of steering accuracy; more are put together
+ALL_POINTS = "all points"
+SURPRISES_MAX = 5  # that are named
 
 
 @dataclass
 class Cell:
-    """The runs of a case with a candidate. planned: how many there are to be; text: what the rate of passes
-    shows; means: what is said of each bounded mean; surprises: runs that passed at points of known failures
+    """The runs of a case with a candidate. planned: how many there are to be; room: how many are drawn
+    text: what the rate of passes shows; means: what is said of each bounded mean
+
+    count: of runs; counted, passed: of those that count for the rate, which are not those at points where a
+    failure is known, nor unjudged ones; surprises: runs that passed at points of known failures
+    failed: runs that count and did not pass; groups: the same by the first limit that failed
+    worst: the run farthest beyond a limit, or nearest to one; an error before all others
     """
 
     case: Case
     candidate: str
     planned: int
-    runs: list[Result] = field(default_factory=list)
+    room: int = DRAWN_MAX
     verdict: str = NOT_SHOWN
     text: str = ""
     means: list[str] = field(default_factory=list)
+    count: int = 0
+    counted: int = 0
+    passed: int = 0
+    known: int = 0
+    worst: Kept | None = None
     integrity: dict[str, Any] = field(default_factory=lambda: pooled(()))
     steering: dict[str, tuple[int, dict[str, Any]]] = field(default_factory=dict)
-    _limits: dict[str, Any] = field(default_factory=dict)
+    groups: dict[str, Region] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.failed = Worst(max(10, self.room // 10))
+        self.surprises = Worst(SURPRISES_MAX)
+        self.drawn = Sample(-(-self.planned // self.room))
+        self._nearest: dict[str, tuple[float, dict[str, Any]]] = {}
+        self._values = {name: array("d") for name in self.case.file.mean}
 
     def add(self, result: Result) -> None:
-        """Take in a run: of its metrics and limits what is asked for later, so that many runs fit."""
+        """Take in a run."""
+        self._add_sums(result)
+        shares = [(f"{e['subject']}.{e['name']}", margin_of(e), e) for e in result["expect"]]
+        for name, share, entry in shares:
+            if name not in self._nearest or share < self._nearest[name][0]:
+                self._nearest[name] = share, entry
+        is_error = result["verdict"] == "error"
+        run = kept(result, ERROR if is_error else min((share for _, share, _ in shares), default=1.0))
+        self.count += 1
+        self.drawn.add(run)
+        if self.worst is None or run.margin < self.worst.margin:
+            self.worst = run
+        if self.case.known(run.point):
+            self.known += 1
+            if run.verdict == "pass":
+                self.surprises.add(run)
+        elif run.verdict != OPEN:
+            self._count(run, result["metrics"])
+
+    def _add_sums(self, result: Result) -> None:
+        """Take in what is added up over runs."""
         if told := result.get(SUMMARY):
             self.integrity = pooled((self.integrity, told))
         if STEERING_TAG in self.case.file.tags and (classes := result.get(STEERING)):
             point = ", ".join(f"{name} {value}" for name, value in result["point"].items())
             count, before = self.steering.get(point, (0, pooled_classes(())))
             self.steering[point] = count + 1, pooled_classes((before, classes))
-        kept = {name: result[name] for name in ("id", "point", "seed", "verdict", "reason")}
-        metrics = {name: result["metrics"].get(name) for name in self.case.file.mean}
-        entries = [
-            {**{k: entry.get(k) for k in ("subject", "name", "value", "result")},
-             "limit": self._limits.setdefault(json.dumps(entry["limit"]), entry["limit"])}
-            for entry in result["expect"]
-        ]  # fmt: skip
-        self.runs.append({**kept, "metrics": metrics, "expect": entries})
+            if len(self.steering) > POINTS_MAX or ALL_POINTS in self.steering:
+                counts, told = zip(*self.steering.values(), strict=True)
+                self.steering = {ALL_POINTS: (sum(counts), pooled_classes(told))}
 
-    @property
-    def counted(self) -> list[Result]:
-        """Runs that count for the rate: not those at points where a failure is known, nor unjudged ones."""
-        return [r for r in self.runs if r["verdict"] != OPEN and not self.case.known(r["point"])]
-
-    @property
-    def failed(self) -> list[Result]:
-        """Runs that count and did not pass, in the order of the plan."""
-        return [run for run in self.counted if run["verdict"] != "pass"]
-
-    @property
-    def surprises(self) -> list[Result]:
-        """Runs that passed where a failure is known: the list of known failures is out of date."""
-        return [run for run in self.runs if self.case.known(run["point"]) and run["verdict"] == "pass"]
-
-    @property
-    def worst(self) -> Result | None:
-        """The run farthest beyond a limit, or nearest to one; an error before all others."""
-        return max(self.runs, key=lambda run: -margin(run), default=None)
+    def _count(self, run: Kept, metrics: Mapping[str, float | None]) -> None:
+        """Take in a run that counts for the rate."""
+        self.counted += 1
+        for name, values in self._values.items():
+            value = metrics.get(name)
+            values.append(nan if value is None else value)
+        if run.verdict == "pass":
+            self.passed += 1
+            return
+        self.failed.add(run)
+        what = "error" if run.verdict == "error" else run.reason.partition(":")[0]
+        self.groups.setdefault(what, Region()).add(run.point)
 
     @property
     def nearest(self) -> list[tuple[str, float, dict[str, Any]]]:
@@ -81,36 +114,28 @@ class Cell:
 
         Limits that can only be kept or not are left out where they are kept.
         """
-        found: dict[str, tuple[float, dict[str, Any]]] = {}
-        for run in self.runs:
-            for entry in run["expect"]:
-                name, share = f"{entry['subject']}.{entry['name']}", margin_of(entry)
-                if name not in found or share < found[name][0]:
-                    found[name] = share, entry
-        rows = [(name, share, entry) for name, (share, entry) in found.items() if not _is_kept(entry)]
+        rows = [(name, share, e) for name, (share, e) in self._nearest.items() if not _is_kept(e)]
         return sorted(rows, key=lambda row: row[1])
 
     def judge(self) -> None:
         """Work out the verdict from the runs."""
-        claim, counted = self.case.file.claim, self.counted
-        passed = sum(run["verdict"] == "pass" for run in counted)
-        is_complete = len(self.runs) >= self.planned
-        self.verdict = verdict(
-            passed, len(counted), claim.pass_rate, claim.confidence, is_complete=is_complete
-        )
-        self.text = describe(passed, len(counted), claim.pass_rate, claim.confidence, self.verdict)
+        claim = self.case.file.claim
+        is_complete = self.count >= self.planned
+        shows = self.passed, self.counted, claim.pass_rate, claim.confidence
+        self.verdict = verdict(*shows, is_complete=is_complete)
+        self.text = describe(*shows, self.verdict)
         for name, bounds in self.case.file.mean.items():
-            values = [run["metrics"].get(name) for run in counted]
-            outcome, text = _mean(name, values, bounds)
+            outcome, text = _mean(name, self._values[name], bounds)
             self.means.append(text)
             self.verdict = max(self.verdict, outcome, key=(SHOWN, NOT_SHOWN, BROKEN).index)
 
 
-def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: dict[tuple[str, str], int],
+def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[str, int],
              results: Iterable[Result]) -> list[Cell]:  # fmt: skip
-    """Judged cells by case and candidate. planned: how many runs each is to have"""
+    """Judged cells by case and candidate. planned: how many runs a case is to have with each candidate"""
     names = list(candidates)
-    cells = {(c.name, name): Cell(c, name, planned.get((c.name, name), 0)) for c in cases for name in names}
+    room = max(DRAWN_LEAST, min(DRAWN_MAX, KEPT_MAX // (len(cases) * len(names))))
+    cells = {(c.name, name): Cell(c, name, planned.get(c.name, 0), room) for c in cases for name in names}
     for result in results:
         cells[result["case"], result["candidate"]].add(result)
     for cell in cells.values():
@@ -118,83 +143,21 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: dict[tup
     return list(cells.values())
 
 
-def judged_again(result: Result, case: Case) -> Result:
-    """The result against the present limits of its case on whole runs; others as they were judged."""
-    entries = []
-    for entry in result["expect"]:
-        limit = _present(case, entry)
-        if limit is None:
-            entries.append(entry)
-            continue
-        value, reason = check_metric(limit, entry["value"])
-        plain = {k: v for k, v in limit.plain().items() if k not in limit.window}
-        kept = {k: v for k, v in entry.items() if k not in ("limit", "result", "reason", "value")}
-        entries.append({**kept, "limit": plain, "value": value, "result": "fail" if reason else "pass",
-                        **({"reason": reason} if reason else {})})  # fmt: skip
-    broken = [e for e in entries if e["result"] == "fail"]
-    if result["verdict"] == "error":
-        return result
-    reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}" if broken else ""
-    return {**result, "expect": entries, "verdict": "fail" if broken else "pass", "reason": reason}
-
-
-def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
-    """The results of the candidates that went along with a run in shadow, judged by the limits on what they
-    have: metrics of the edge. `open` where there is no such limit.
-    """
-    for name in names:
-        told = result.get("shadow", {}).get(name, {"metrics": {}, "digest": ""})
-        entries = []
-        for entry in result["expect"]:
-            if entry["name"] in told["metrics"] and "window" not in entry and "hold" not in entry["limit"]:
-                value, reason = check_metric(
-                    Limit.model_validate(entry["limit"]), told["metrics"][entry["name"]]
-                )
-                said = {"reason": reason} if reason else {}
-                kept = {k: entry[k] for k in ("subject", "name", "limit")}
-                entries.append({**kept, "value": value, "result": "fail" if reason else "pass", **said})
-        broken = [e for e in entries if e["result"] == "fail"]
-        verdict = "fail" if broken else "pass" if entries else OPEN
-        yield {
-            **result,
-            "id": f"{result['id']}-{name}",
-            "candidate": name,
-            "verdict": "error" if result["verdict"] == "error" else verdict,
-            "reason": f"{broken[0]['name']}: {broken[0]['reason']}" if broken else "",
-            "expect": entries,
-            "incidents": [],
-            STEERING: None,
-            **told,
-        }
-
-
 def _is_kept(entry: dict[str, Any]) -> bool:
     return entry["result"] != "fail" and is_kept_or_not(entry)
 
 
-def _present(case: Case, entry: dict[str, Any]) -> Limit | None:
-    """The limit on a metric of the whole run that a case has now; None where it is of another kind."""
-    expect = case.file.expect
-    at = expect.get(entry["subject"], expect)
-    found = at.get(entry["name"], expect.get(entry["name"])) if isinstance(at, dict) else None
-    if not isinstance(found, dict) or "window" in entry or "hold" in entry["limit"]:
-        return None
-    limit = Limit.model_validate(found)
-    return None if limit.window or limit.hold is not None else limit
-
-
-def _mean(name: str, values: Sequence[float | None], bounds: Any) -> tuple[str, str]:
-    """Verdict on a mean with its interval of 95 % (Student), and the text that says so."""
-    good = [v for v in values if v is not None]
-    if len(good) < max(2, len(values)):
-        return (
-            BROKEN if len(good) < len(values) else NOT_SHOWN
-        ), f"{name}: {len(good)} of {len(values)} runs have it"
+def _mean(name: str, values: Sequence[float], bounds: Any) -> tuple[str, str]:
+    """Verdict on a mean with its interval of 95 % (Student), and the text that says so. nan: no value"""
+    count = sum(v == v for v in values)
+    if count < max(2, len(values)):
+        text = f"{name}: {count} of {len(values)} runs have it"
+        return BROKEN if count < len(values) else NOT_SHOWN, text
     from scipy import stats
 
-    mean = sum(good) / len(good)
-    spread = sqrt(sum((v - mean) ** 2 for v in good) / (len(good) - 1) / len(good))
-    half = float(stats.t.ppf(0.975, len(good) - 1)) * spread
+    mean = fsum(values) / count
+    spread = sqrt(fsum((v - mean) ** 2 for v in values) / (count - 1) / count)
+    half = float(stats.t.ppf(0.975, count - 1)) * spread
     low, high = mean - half, mean + half
     inside = (bounds.max is None or high <= bounds.max) and (bounds.min is None or low >= bounds.min)
     outside = (bounds.max is not None and low > bounds.max) or (bounds.min is not None and high < bounds.min)

@@ -13,13 +13,11 @@ from swath.tools.function_test.integrity import (
     episodes_per_km,
     pooled,
 )
-from swath.tools.function_test.journal import Result
-from swath.tools.function_test.margin import margin
+from swath.tools.function_test.judged import OPEN
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "#22262b")
 WIDTH, HEIGHT, PAD = 250.0, 110.0, 14.0  # of a chart [px]
 SIDE, CELL = 200.0, 200.0 / BIN_COUNT  # of the Stanford diagram [px]
-DOTS_MAX = 1000  # runs that are drawn in one strip or chart
 MISTAKES = 0.1  # share of runs on the wrong side of a boundary that is drawn
 
 
@@ -32,42 +30,34 @@ def over_parameters(cells: Sequence[Cell]) -> list[dict[str, Any]]:
     """Charts of one case, one for each parameter with several numbers. cells: its candidates, in order"""
     case, charts = cells[0].case, []
     for name in case.file.vary:
-        points = [
-            (number, float(run["point"][name]), margin(run), run)
+        drawn = [
+            (number, float(run.point[name]), run)
             for number, cell in enumerate(cells)
-            for run in some(cell.counted)
-            if isinstance(run["point"].get(name), int | float)
+            for run in cell.drawn.runs
+            if run.verdict != OPEN
+            and not case.known(run.point)
+            and isinstance(run.point.get(name), int | float)
         ]
-        values = [value for _, value, _, _ in points]
+        values = [value for _, value, _ in drawn]
         if len(set(values)) < 2:
             continue
         low, high = min(values), max(values)
-        found = boundary([(v, m >= 0.0) for n, v, m, _ in points if n == 0])
+        found = boundary([(value, run.margin >= 0.0) for number, value, run in drawn if number == 0])
         charts.append(
             {
                 "name": name,
                 "low": f"{low:g}",
                 "high": f"{high:g}",
                 "dots": [
-                    {"x": _x(value, low, high), "y": _y(share), "colour": colour(number),
-                     "title": f"{name} {value:g}, seed {run['seed']}: {run['reason'] or 'passes'}"}
-                    for number, value, share, run in points
+                    {"x": _x(value, low, high), "y": _y(run.margin), "colour": colour(number),
+                     "title": f"{name} {value:g}, seed {run.seed}: {run.reason or 'passes'}"}
+                    for number, value, run in drawn
                 ],
                 "boundary": None if found is None else _x(found[0], low, high),
                 "text": "" if found is None else f"passes {found[1]} {found[0]:.3g}",
             }
         )  # fmt: skip
     return charts
-
-
-def some(runs: Sequence[Result]) -> Sequence[Result]:
-    """Runs to draw: all, or of very many those that did not pass first, then every so-manieth."""
-    if len(runs) <= DOTS_MAX:
-        return runs
-    failed = [run for run in runs if run["verdict"] not in ("pass", "open")][: DOTS_MAX // 2]
-    rest = [run for run in runs if run["verdict"] in ("pass", "open")]
-    step = -(-len(rest) // (DOTS_MAX - len(failed)))
-    return [*failed, *rest[::step]]
 
 
 def boundary(runs: Sequence[tuple[float, bool]]) -> tuple[float, str] | None:

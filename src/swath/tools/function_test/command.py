@@ -3,6 +3,7 @@
 import argparse
 import os
 from collections import Counter
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,7 @@ def _list(args: argparse.Namespace) -> int:
     rows = []
     for case in find_cases(args.cases):
         varied = "; ".join(f"{name} {', '.join(map(str, v.at))}" for name, v in case.file.vary.items())
-        count = len(case.grid()) * len(case.seeds)
+        count = case.grid_size * len(case.seeds)
         limits = ", ".join(str(name) for name in case.file.expect)
         rows.append(
             (case.name, case.file.objective, varied or "-", str(count), limits, ", ".join(case.file.tags))
@@ -150,11 +151,14 @@ def _compare(args: argparse.Namespace) -> int:
     for name, d in found.differences.items():
         equal = args.within is not None and d.within <= args.within
         said = f"equal within {args.within:g}" if equal else found.says(name)
-        interval, rest = f"{d.low:+.4g} to {d.high:+.4g}", (f"{d.within:.3g}", f"{d.smallest:.3g}")
+        interval = f"{d.low:+.4g} to {d.high:+.4g}" if isfinite(d.high) else "too few pairs"
+        rest = f"{d.within:.3g}" if isfinite(d.within) else "-", f"{d.smallest:.3g}"
         rows.append((name, str(d.count), f"{d.estimate:+.4g}", interval, said, *rest))
-    columns = ("new - old", "pairs", "difference", "95 %", "", "lies within", "would have been seen")
+    columns = ("new - old", "pairs", "difference", "95 %", "shown", "lies within", "would have been seen")
     table("", columns, rows)
     same = found.outcomes.count(SAME_BYTES)
+    if same < len(found.pairs) < (least := found.least_pairs):
+        print(f"{len(found.pairs)} pairs are too few: {least} are needed to show anything")
     alone = f"; {found.alone} runs have no partner" if found.alone else ""
     print(f"{same} of {len(found.pairs)} pairs are the same bytes; verdicts: {found.says(VERDICTS)}{alone}")
     return 1 if found.is_worse else 0
@@ -193,19 +197,22 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     rows = []
     for cell in cells:
         worst = cell.worst
-        rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]),
-                     "" if worst is None else f"{worst['id'][:8]} {worst['reason']}"))  # fmt: skip
+        said = "" if worst is None else f"{worst.id[:8]} {worst.reason or f'margin {worst.margin:.2f}'}"
+        rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]), said))
     table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
     verdicts = [cell.verdict for cell in cells]
     print(", ".join(f"{verdicts.count(v)} {v}" for v in (SHOWN, BROKEN, NOT_SHOWN)))
-    surprises = [run for cell in cells for run in cell.surprises]
+    surprises = sum(cell.surprises.count for cell in cells)
     if surprises:
-        print(f"{len(surprises)} runs pass where the cases say that a failure is known")
+        print(f"{surprises} runs pass where the cases say that a failure is known")
     for line in told(Counter((run.case, run.why_dear) for run in session.plan.runs() if run.why_dear)):
         print(line)
     if session.plan.shadow:
         first = next(iter(session.plan.candidates))
         print(f"open loop: {first} steers, the others see its scans and do not act on the machine")
+    failed = next((cell.worst for cell in cells if cell.failed.count and cell.worst), None)
+    if failed is not None and not session.plan.shadow:
+        print(f"`swath test again {folder} {failed.id[:8]}` makes that run once more, with its own report")
     print(f"report  {page}")
     return next((EXIT[v] for v in (BROKEN, NOT_SHOWN) if v in verdicts), 0)
 

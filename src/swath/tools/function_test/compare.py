@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil, log2
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from swath.judge.catalogue import load_evaluators
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.fidelity import CHEAP, ERRORS, LEVEL_BIAS_M, detectors, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
-from swath.tools.function_test.paired import Difference, difference, holm, paired_values, verdict_test
+from swath.tools.function_test.paired import ALPHA, Difference, difference, holm, paired_values, verdict_test
 from swath.tools.function_test.session import open_session
 
 VERDICTS = "verdicts"
@@ -53,6 +54,11 @@ class Comparison:
         changed = [self.outcomes.count(what) for what in (BETTER, WORSE)]
         p = {name: d.p for name, d in self.differences.items()}
         return holm({**p, VERDICTS: verdict_test(*changed)})
+
+    @property
+    def least_pairs(self) -> int:
+        """Pairs of which Wilcoxon's test, at best 2 / 2^n, shows anything beside all other questions."""
+        return ceil(log2(2.0 * (len(self.differences) + 1) / ALPHA))
 
     def says(self, name: str) -> str:
         """`better`, `worse`, `changed` (of a metric where neither direction is better), or nothing shown;

@@ -7,11 +7,14 @@ is the same bytes however the work was split and interrupted.
 
 import json
 import os
-from collections.abc import Container, Iterable, Iterator, Mapping
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
+
+import numpy as np
 
 from swath.documents.packed import readable
 
@@ -19,7 +22,7 @@ Result = dict[str, Any]
 PRIVATE = ("cpu_s", "worker")  # of a line: not in the table
 TABLE = "results.parquet"
 TEXTS = ("id", "case", "candidate", "verdict", "reason", "digest", "point", "expect", "incidents")  # columns
-ROWS = 4096  # of the table that are in memory at a time
+ROWS = 1024  # of the table that are in memory at a time
 
 
 class Journal:
@@ -70,21 +73,35 @@ def finished(folder: Path) -> set[str]:
 
 
 class Stored:
-    """The results in the journals of a folder, found by name and read when they are asked for."""
+    """The results in the journals of a folder, found by name and read when they are asked for.
 
-    def __init__(self, folder: Path, known: Container[str] | None = None) -> None:
-        self._places: dict[str, tuple[int, int]] = {}
+    Of each result 20 bytes are in memory: its name, which is a number of 64 bits in hexadecimal digits, and
+    where its line begins. Of a run that was done twice the first line counts.
+    """
+
+    def __init__(self, folder: Path) -> None:
         self._files = sorted(folder.glob("*.jsonl"))
         self._open: dict[int, BinaryIO] = {}
         self.metrics: set[str] = set()
+        names, files, offsets = array("Q"), array("L"), array("Q")
         for number, path in enumerate(self._files):
             for offset, result in _lines(path):
-                if known is None or result["id"] in known:
-                    self._places.setdefault(result["id"], (number, offset))
-                    self.metrics |= result["metrics"].keys()
+                names.append(int(result["id"], 16))
+                files.append(number)
+                offsets.append(offset)
+                for told in (result, *result.get("shadow", {}).values()):
+                    self.metrics |= told["metrics"].keys()
+        self._names, first = np.unique(np.array(names, np.uint64), return_index=True)
+        self._numbers = np.array(files, np.uint32)[first]
+        self._offsets = np.array(offsets, np.uint64)[first]
+
+    def _place(self, name: str) -> int | None:
+        wanted = np.uint64(int(name, 16))
+        place = int(np.searchsorted(self._names, wanted))
+        return place if place < len(self._names) and self._names[place] == wanted else None
 
     def __contains__(self, name: str) -> bool:
-        return name in self._places
+        return self._place(name) is not None
 
     def __enter__(self) -> "Stored":
         return self
@@ -93,20 +110,22 @@ class Stored:
         for file in self._open.values():
             file.close()
 
-    def of(self, name: str) -> Result:
-        """The result of a run."""
-        number, offset = self._places[name]
+    def get(self, name: str) -> Result | None:
+        """The result of a run; None where it is not done."""
+        place = self._place(name)
+        if place is None:
+            return None
+        number = int(self._numbers[place])
         file = self._open.get(number) or self._open.setdefault(number, self._files[number].open("rb"))
-        file.seek(offset)
+        file.seek(int(self._offsets[place]))
         found: Result = json.loads(file.readline())
         return found
 
 
 def results_of(folder: Path, wanted: Iterable[str]) -> list[Result]:
     """The results of runs by name, each once, in the order of `wanted`, without those that are missing."""
-    names = list(wanted)
-    with Stored(folder, set(names)) as stored:
-        return [stored.of(name) for name in names if name in stored]
+    with Stored(folder) as stored:
+        return [found for name in wanted if (found := stored.get(name)) is not None]
 
 
 def write_table(folder: Path, results: Iterable[Mapping[str, Any]]) -> Path:

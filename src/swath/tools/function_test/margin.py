@@ -15,13 +15,14 @@ from typing import Any
 from swath.judge.catalogue import load_evaluators
 
 Entry = Mapping[str, Any]
+ERROR = -2.0  # margin of a run that came to nothing
 KEPT_OR_NOT = ("distance_m",)  # whose lower bound is kept or not: it ends with the run
 
 
 def margin(result: Mapping[str, Any], limit: str = "") -> float:
     """Of a run to its nearest limit, or to that of a name, -1..1; -1 without a value, -2 for an error."""
     if result["verdict"] == "error":
-        return -2.0
+        return ERROR
     entries = [entry for entry in result["expect"] if limit in ("", entry["name"])]
     return min((margin_of(entry) for entry in entries), default=1.0)
 

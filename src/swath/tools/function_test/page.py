@@ -9,15 +9,14 @@ from swath.report.html import write_page
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.charts import HEIGHT as HIGH
 from swath.tools.function_test.charts import WIDTH as WIDE
-from swath.tools.function_test.charts import colour, over_parameters, some, stanford
-from swath.tools.function_test.journal import Result
-from swath.tools.function_test.margin import margin
+from swath.tools.function_test.charts import colour, over_parameters, stanford
+from swath.tools.function_test.kept_runs import Kept
 from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 MARKS = {SHOWN: "✓", BROKEN: "✗", NOT_SHOWN: "?"}
 WIDTH, HEIGHT, PAD = 260.0, 34.0, 8.0  # of a strip [px]
-FAILED_MAX = 200  # runs in the list of failures
+FAILED_MAX, FAILED_LEAST = 200, 3  # runs in the list of failures; of one case and candidate at least
 
 
 def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> Path:
@@ -33,7 +32,8 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         }
         for case in cases
     ]
-    failed = [(cell, run) for cell in cells for run in cell.failed]
+    failing = [cell for cell in cells if cell.failed.count]
+    each = max(FAILED_LEAST, FAILED_MAX // max(1, len(failing)))
     return write_page(
         path,
         "function_test.html.j2",
@@ -43,8 +43,8 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         rows=rows,
         shadow=shadow,
         counts={v: sum(c.verdict == v for c in cells) for v in (SHOWN, BROKEN, NOT_SHOWN)},
-        run_count=sum(len(c.runs) for c in cells),
-        groups=_groups(failed),
+        run_count=sum(c.count for c in cells),
+        groups=_groups(failing),
         charts=[
             {"name": case, "charts": found}
             for case in cases
@@ -58,9 +58,10 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
             if (diagram := stanford([by_place[case, c] for case in cases], number))
         ],
         steering=[row for cell in cells for row in _steering(cell)],
-        failed=[_failure(cell, run) for cell, run in failed[:FAILED_MAX]],
-        failed_count=len(failed),
-        surprises=[_failure(cell, run) for cell in cells for run in cell.surprises],
+        failed=[_failure(cell, run) for cell in failing for run in cell.failed.runs[:each]],
+        failed_count=sum(cell.failed.count for cell in failing),
+        surprises=[_failure(cell, run) for cell in cells for run in cell.surprises.runs],
+        surprise_count=sum(cell.surprises.count for cell in cells),
         strip={"width": WIDTH, "height": HEIGHT, "middle": WIDTH / 2.0},
     )
 
@@ -73,7 +74,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         "text": cell.text,
         "means": cell.means,
         "limits": [_limit(*nearest) for nearest in cell.nearest],
-        "dots": [_dot(run, number) for number, run in enumerate(some(cell.runs))],
+        "dots": [_dot(run, number) for number, run in enumerate(cell.drawn.runs)],
         "worst": None if worst is None else _failure(cell, worst),
     }
 
@@ -100,48 +101,32 @@ def _steering(cell: Cell) -> list[list[str]]:
     return rows
 
 
-def _dot(run: Result, number: int) -> dict[str, Any]:
+def _dot(run: Kept, number: int) -> dict[str, Any]:
     """Place of a run in its strip: left beyond the limit, right within it; rows keep dots apart."""
-    share = min(1.0, max(-1.0, margin(run)))
+    share = max(-1.0, run.margin)
     return {
         "x": round(WIDTH / 2.0 + share * (WIDTH / 2.0 - PAD), 1),
         "y": round(PAD + (number * 7 % 19) / 18.0 * (HEIGHT - 2.0 * PAD), 1),
-        "kind": run["verdict"],
-        "title": f"{_point(run)}: {run['reason'] or 'passes'}",
+        "kind": run.verdict,
+        "title": f"{_point(run)}: {run.reason or 'passes'}",
     }
 
 
-def _failure(cell: Cell, run: Result) -> dict[str, str]:
-    return {"case": cell.case.name, "candidate": cell.candidate, "point": _point(run), "id": run["id"],
-            "reason": run["reason"] or "passes"}  # fmt: skip
+def _failure(cell: Cell, run: Kept) -> dict[str, str]:
+    return {"case": cell.case.name, "candidate": cell.candidate, "point": _point(run), "id": run.id,
+            "reason": run.reason or "passes"}  # fmt: skip
 
 
-def _point(run: Result) -> str:
-    values = ", ".join(f"{name} {value}" for name, value in run["point"].items())
-    return f"{values}, seed {run['seed']}" if values else f"seed {run['seed']}"
+def _point(run: Kept) -> str:
+    values = ", ".join(f"{name} {value}" for name, value in run.point.items())
+    return f"{values}, seed {run.seed}" if values else f"seed {run.seed}"
 
 
-def _groups(failed: Sequence[tuple[Cell, Result]]) -> list[dict[str, Any]]:
+def _groups(failing: Sequence[Cell]) -> list[dict[str, Any]]:
     """Failures put together by case, candidate and the first limit that failed, most frequent first."""
-    groups: dict[tuple[str, str, str], list[Result]] = {}
-    for cell, run in failed:
-        what = "error" if run["verdict"] == "error" else run["reason"].partition(":")[0]
-        groups.setdefault((cell.case.name, cell.candidate, what), []).append(run)
-    found = sorted(groups.items(), key=lambda item: -len(item[1]))
-    return [
-        {"case": case, "candidate": candidate, "what": what, "count": len(runs), "where": _region(runs)}
-        for (case, candidate, what), runs in found
-    ]
-
-
-def _region(runs: Sequence[Result]) -> str:
-    """The range of each parameter over some runs."""
-    parts = []
-    for name in runs[0]["point"]:
-        values = sorted({run["point"][name] for run in runs}, key=str)
-        numbers = sorted(v for v in values if isinstance(v, int | float) and not isinstance(v, bool))
-        if numbers and len(numbers) == len(values):
-            parts.append(f"{name} {numbers[0]:g}" + (f" to {numbers[-1]:g}" if len(numbers) > 1 else ""))
-        else:
-            parts.append(f"{name} {', '.join(map(str, values))}")
-    return "; ".join(parts) or "everywhere"
+    found = [
+        {"case": cell.case.name, "candidate": cell.candidate, "what": what, "count": region.count,
+         "where": region.text}
+        for cell in failing for what, region in cell.groups.items()
+    ]  # fmt: skip
+    return sorted(found, key=lambda group: -int(group["count"]))

@@ -16,6 +16,7 @@ import numpy as np
 
 from swath.core.errors import MissingExtra
 
+ALPHA = 0.05  # chance with which something is shown that is not there
 POWER = 0.8  # with which the smallest difference would have been seen
 EFFICIENCY = 0.955  # of Wilcoxon's test to Student's in normal differences, 3 / pi
 MOST_PAIRS = 2000  # whose differences are all averaged with each other; of more, every so-manieth
@@ -74,7 +75,7 @@ def verdict_test(better: int, worse: int) -> float:
     return float(_scipy().binomtest(better, count, 0.5).pvalue) if count else 1.0
 
 
-def holm(p: Mapping[str, float], level: float = 0.05) -> set[str]:
+def holm(p: Mapping[str, float], level: float = ALPHA) -> set[str]:
     """Names of what is shown, all together false with a chance of `level` at most."""
     shown: set[str] = set()
     for rank, (name, value) in enumerate(sorted(p.items(), key=lambda item: item[1])):

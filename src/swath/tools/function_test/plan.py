@@ -52,6 +52,8 @@ class Plan:
     level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits
     points: (seed, point) of each run instead of all points with all seeds, as a search chose them
     code: hash of the code that its results come from, "" = this
+    expects: limits of the cases when the plan was made, by case: they belong to the names of the runs; others
+    = as the cases have them now
     """
 
     cases: str
@@ -65,6 +67,7 @@ class Plan:
     level: str = ""
     points: tuple[tuple[int, Point], ...] = ()
     code: str = ""
+    expects: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def found(self) -> list[Case]:
@@ -79,11 +82,11 @@ class Plan:
             changed = {name: [*self.sets, *sets] for name, sets in self.candidates.items()}
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
             for seed, point in self._points_of(case):
-                at = {name: [*case.sets(point), *sets] for name, sets in changed.items()}
-                steering = list(at)[:1] if self.shadow else list(at)
-                for name in steering:
+                own = case.sets(point, self.expects.get(case.name))
+                at = {name: [*own, *sets] for name, sets in changed.items()}
+                for name in self.steering:
                     more, why = self._level_at(case, at[name])
-                    shadows = {other: [*at[other], *more] for other in at if other not in steering}
+                    shadows = {other: [*at[other], *more] for other in at if other not in self.steering}
                     sets = [*at[name], *more]
                     told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
                     told += [[other, contents[other], *shadows[other]] for other in shadows]
@@ -93,15 +96,45 @@ class Plan:
                     )
                     number += 1
 
+    @property
+    def steering(self) -> list[str]:
+        """Candidates that have runs of their own."""
+        return list(self.candidates)[: 1 if self.shadow else None]
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """How many runs each case has with one candidate."""
+        sizes = {case.name: self.drawn or case.grid_size for case in self.found}
+        if self.points:
+            return dict.fromkeys(sizes, len(self.points))
+        return {case.name: sizes[case.name] * len(self._seeds_of(case)) for case in self.found}
+
+    def about(self, number: int) -> dict[str, Any]:
+        """Case, candidate, point and seed of the run with a number, as a result has them."""
+        steering = self.steering
+        place, which = divmod(number, len(steering))
+        for case in self.found:
+            if place < self.counts[case.name]:
+                seed, point = self._point_of(case, place)
+                return {"case": case.name, "candidate": steering[which], "point": dict(point), "seed": seed}
+            place -= self.counts[case.name]
+        raise IndexError(number)
+
     def _points_of(self, case: Case) -> Iterator[tuple[int, Point]]:
         """Seed and point of the runs of a case with each candidate."""
+        return (self._point_of(case, place) for place in range(self.counts[case.name]))
+
+    def _point_of(self, case: Case, place: int) -> tuple[int, Point]:
+        """Seed and point of one of the runs of a case with each candidate, 0 <= place < its count."""
         if self.points:
-            for seed, point in self.points:  # in the order of the case, which a file does not keep
-                yield seed, {name: point[name] for name in case.file.vary}
-            return
-        points = case.drawn(self.drawn, self.draw_seed) if self.drawn else case.grid()
-        for seed in case.seeds if self.seeds is None else range(1, self.seeds + 1):
-            yield from ((seed, point) for point in points)
+            seed, point = self.points[place]
+            return seed, {name: point[name] for name in case.file.vary}  # a file keeps no order
+        of_seed, number = divmod(place, self.drawn or case.grid_size)
+        seed = self._seeds_of(case)[of_seed]
+        return seed, case.drawn_point(number, self.draw_seed) if self.drawn else case.grid_point(number)
+
+    def _seeds_of(self, case: Case) -> Sequence[int]:
+        return case.seeds if self.seeds is None else range(1, self.seeds + 1)
 
     def _level_at(self, case: Case, sets: Sequence[str]) -> tuple[list[str], str]:
         """Changes for the level at which a run is judged, and why that is the dear one, if so."""
@@ -117,19 +150,25 @@ class Plan:
         for case in self.found:
             for name, sets in self.candidates.items():
                 try:
-                    point = (case.drawn(1, self.draw_seed) if self.drawn else case.grid())[0]
+                    point = self._point_of(case, 0)[1]
                     load_scenario(case.scenario, sets=[*case.sets(point), *self.sets, *sets])
                 except InputError as error:
                     where = f"{case.name}, candidate {name}: {error.key}"
                     raise InputError(where, error.value, error.expected, file=case.document.file) from error
 
-    def plain(self) -> dict[str, Any]:
-        """As it stands in plan.json, with the code that it was made with."""
-        return {"format": "swath test plan 1", **asdict(self), "code": self.code or code_hash()}
+    @property
+    def text(self) -> str:
+        """As it stands in plan.json, with the code that it was made with. The candidates keep their order, of
+        which the first one may steer.
+        """
+        expects = {case.name: self.expects.get(case.name, case.file.expect) for case in self.found}
+        plain = {"format": "swath test plan 1", **asdict(self), "expects": expects}
+        plain["code"] = self.code or code_hash()
+        return json.dumps(plain, indent=2) + "\n"
 
 
 def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
-    """The plan that `plain` gave. same_code: InputError where it was made with other code"""
+    """The plan that `text` says. same_code: InputError where it was made with other code"""
     if same_code and data.get("code") != code_hash():
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
@@ -153,7 +192,7 @@ def code_hash() -> str:
 
 def _base(case: Case, code: str) -> str:
     """Hash of a case's scenario and of what it names."""
-    fixed = [f"{key}={json.dumps(value)}" for key, value in case.file.set.items()]
+    fixed = [f"{key}={json.dumps(value)}" for key, value in case.fixed.items()]
     try:
         scenario = load_scenario(case.scenario, sets=fixed)
     except InputError as error:

@@ -116,7 +116,7 @@ def run_search(
         points += [_point(case, ranges, row) for row in more]
         chosen = tuple((seeds[i % len(seeds)], point) for i, point in enumerate(points))
         plan = Plan(search.case, sets=search.sets, level=search.level, points=chosen)
-        write_whole(folder / PLAN, json.dumps(plan.plain(), indent=2, sort_keys=True) + "\n")
+        write_whole(folder / PLAN, plan.text)
         session = Session(folder, plan)
         session.do(workers, done, client)
         found = replace(found, results=session.results())

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from swath.core.errors import InputError
 from swath.core.whole_file import write_whole
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.cells import Cell, cells_of, in_shadow, judged_again
+from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
 from swath.tools.function_test.journal import (
     Journal,
@@ -18,10 +20,10 @@ from swath.tools.function_test.journal import (
     finished,
     results_of,
     write_rows,
-    write_table,
 )
+from swath.tools.function_test.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import do_run
-from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
+from swath.tools.function_test.plan import ID_LENGTH, Plan, PlannedRun, plan_of
 from swath.tools.function_test.pool import Done, run_all
 
 PLAN, JOURNALS = "plan.json", "journal"
@@ -71,31 +73,32 @@ class Session:
 
     def _each(self, stored: Stored) -> Iterator[Result]:
         for run in self.plan.runs():
-            if run.id in stored:
-                whole = _as_planned(stored.of(run.id), run)
+            if (found := stored.get(run.id)) is not None:
+                whole = {**found, **_about(run)}  # another candidate may have come to the same scenario
                 yield from (whole, *in_shadow(whole, run.shadows))
 
     def cells(self, *, again: bool = False) -> list[Cell]:
         """Judged cells; again: against the limits that the cases have now."""
-        planned: dict[tuple[str, str], int] = {}
-        for run in self.plan.runs():
-            for candidate in (run.candidate, *run.shadows):
-                planned[run.case, candidate] = planned.get((run.case, candidate), 0) + 1
-        cases = {case.name: case for case in self.plan.found}
         with Stored(self.journals) as stored:
             results = self._each(stored)
             if again:
-                results = (judged_again(result, cases[result["case"]]) for result in results)
-            return cells_of(self.plan.found, self.plan.candidates, planned, results)
+                now = {case.name: PresentLimits(case) for case in self.plan.found}
+                results = (now[result["case"]].judge(result) for result in results)
+            return cells_of(self.plan.found, self.plan.candidates, self.plan.counts, results)
 
     def table(self) -> Path:
-        """Write results.parquet."""
-        if self.plan.shadow:
-            return write_table(self.folder, self.results())
-        planned = sorted(((run.id, run.number, _about(run)) for run in self.plan.runs()), key=lambda r: r[:2])
-        with Stored(self.journals, {name for name, _, _ in planned}) as stored:
-            rows = ({**stored.of(name), **about} for name, _, about in planned if name in stored)
-            return write_rows(self.folder, rows, stored.metrics)
+        """Write results.parquet, its rows in the order of their names."""
+        names = np.fromiter((int(run.id, 16) for run in self.plan.runs()), np.uint64)
+        shadows = sorted(set(self.plan.candidates) - set(self.plan.steering))
+
+        def rows() -> Iterator[Result]:
+            for number in np.argsort(names, kind="stable").tolist():
+                if (found := stored.get(f"{int(names[number]):0{ID_LENGTH}x}")) is not None:
+                    whole = {**found, **self.plan.about(number)}
+                    yield from (whole, *in_shadow(whole, shadows))
+
+        with Stored(self.journals) as stored:
+            return write_rows(self.folder, rows(), stored.metrics)
 
     def run_of(self, name: str) -> tuple[PlannedRun, Result | None]:
         """A run by its name or the beginning of it, with its result. InputError when there is none, or
@@ -110,11 +113,6 @@ class Session:
         return run, next(iter(results_of(self.journals, [run.id])), None)
 
 
-def _as_planned(result: Result, run: PlannedRun) -> Result:
-    """A result under the case and candidate of a run: one with the same scenario may have been done."""
-    return {**result, **_about(run)}
-
-
 def _about(run: PlannedRun) -> dict[str, Any]:
     return {"case": run.case, "candidate": run.candidate, "point": dict(run.point), "seed": run.seed}
 
@@ -122,8 +120,8 @@ def _about(run: PlannedRun) -> dict[str, Any]:
 def begin(folder: Path, plan: Plan) -> Session:
     """A session in a new folder, or the one that is there with the same plan. InputError for another plan."""
     file = folder / PLAN
-    text = json.dumps(plan.plain(), indent=2, sort_keys=True) + "\n"
-    if file.is_file() and file.read_text(encoding="utf-8") != text:
+    text = plan.text
+    if file.is_file() and _but_limits(file.read_text(encoding="utf-8")) != _but_limits(text):
         expected = (
             "expected a new folder: in this one lie results of another plan, or of another version of swath"
         )
@@ -134,6 +132,15 @@ def begin(folder: Path, plan: Plan) -> Session:
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(file, text)
     return Session(folder, plan)
+
+
+def _but_limits(text: str) -> str:
+    """A plan without the limits of its cases: runs with other limits are done beside those that are there."""
+    try:
+        data: dict[str, Any] = json.loads(text)
+    except ValueError:
+        return text
+    return json.dumps({key: value for key, value in data.items() if key != "expects"})
 
 
 def open_session(folder: Path, *, same_code: bool = True) -> Session:

@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
 from swath.core.signal import Signal
+from swath.field.present_edge import Bits, Standing, crop_across
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.judge.summary import json_safe
 from swath.record.digest import Digest
@@ -24,19 +26,38 @@ from swath.tools.function_test.integrity import integrity_of
 SUMMARY = "shadow"
 
 
+class SharedLooks:
+    """`crop_across` for the judges of all shadows: what stands on a line is looked up once for all."""
+
+    def __init__(self) -> None:
+        self._found: dict[Any, Bits] = {}
+
+    def clear(self) -> None:
+        """Something went on: the crop may be another."""
+        self._found.clear()
+
+    def __call__(self, field: Standing, pose: Pose, x: float, begin: float, end: float) -> Bits:
+        """As `crop_across`."""
+        key = pose.position.tobytes(), pose.rotation.tobytes(), x, begin, end
+        if key not in self._found:
+            self._found[key] = crop_across(field, pose, x, begin, end)
+        return self._found[key]
+
+
 class Shadow:
     """One detector beside the one that steers, in the slot `name`, such as `combine.edge`."""
 
-    def __init__(self, world: World, name: str, scenario: Scenario, judge: EdgeDetection) -> None:
+    def __init__(self, world: World, name: str, scenario: Scenario, judge: EdgeDetection,
+                 looks: SharedLooks) -> None:  # fmt: skip
         machine, _, slot = name.partition(".")
         choice = scenario.machines[machine].slots[slot]
         component, wires = make_part(world, name, choice)
         timing = next(node.slot for node in world.graph.nodes if node.slot.name == name)
         node = Node(timing, component, wires, make_fault(choice, component))
-        self.name, self.judge, self.digest = name, judge, Digest()
+        self.name, self.judge, self.digest = name, EdgeDetection(judge.setup, looks), Digest()
         self._graph = Graph([node], scenario.seed, outside=outside_of([node]))
         self._sources = {source for source, _ in wires.values()}
-        self._motion = f"{machine}.motion"
+        self.slots = {*self._sources, name}  # of the run, whose samples it takes
         self._graph.observers += [self.digest, self.judge.see]
         self._graph.reset()
 
@@ -45,9 +66,6 @@ class Shadow:
         if slot in self._sources:
             for output, sample in outputs.items():
                 self._graph.put(slot, output, sample)
-        if slot == self._motion:
-            states = {k: v for k, v in outputs.items() if isinstance(v, MachineState)}
-            self.judge.see(slot, t, states)
         if slot == self.name and t > 0:
             self._graph.run(t)
 
@@ -63,6 +81,7 @@ class ShadowHook(RunHook):
     def __init__(self, scenarios: Mapping[str, Scenario]) -> None:
         self.scenarios = scenarios
         self._shadows: dict[str, Shadow] = {}
+        self._by_slot: dict[str, list[Shadow]] = {}
 
     def begin(self, run: ActiveRun) -> None:
         """Put the shadows beside the run."""
@@ -72,10 +91,23 @@ class ShadowHook(RunHook):
         if len(slots) != 1 or judge is None:
             raise InputError(f"{machine.name}.edge", len(slots), "expected one edge detector to shadow")
         name = f"{machine.name}.{slots[0]}"
+        self._motion, self._looks = f"{machine.name}.motion", SharedLooks()
         for candidate, scenario in self.scenarios.items():
             _check(candidate, scenario, run.world.scenario, name)
-            self._shadows[candidate] = Shadow(run.world, name, scenario, EdgeDetection(judge.setup))
-        run.observers.extend(self._shadows.values())
+            self._shadows[candidate] = Shadow(run.world, name, scenario, judge, self._looks)
+        for shadow in self._shadows.values():
+            for slot in shadow.slots:
+                self._by_slot.setdefault(slot, []).append(shadow)
+        run.observers.append(self._see)
+
+    def _see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        self._looks.clear()
+        for shadow in self._by_slot.get(slot, ()):
+            shadow(slot, t, outputs)
+        if slot == self._motion:
+            states = {k: v for k, v in outputs.items() if isinstance(v, MachineState)}
+            for shadow in self._shadows.values():
+                shadow.judge.see(slot, t, states)
 
     def summarize(self, t: int) -> dict[str, Any]:
         """`shadow`: what each came to."""

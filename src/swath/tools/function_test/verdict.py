@@ -70,10 +70,13 @@ def _log_share(a: float, b: float, rate: float, is_above: bool) -> float:
 
 
 def describe(passed: int, count: int, rate: float, confidence: float, result: str) -> str:
-    """`10 of 10 passed, shows >= 74 %; 59 without a failure are needed`."""
+    """`10 of 10 passed, shows >= 74 %; 59 without a failure are needed for 95 %`."""
     if count == 0:
         return "no run is done"
-    text = f"{passed} of {count} passed, shows >= {100 * lower_bound(passed, count, confidence):.3g} %"
+    text = f"{passed} of {count} passed, shows "
+    if result == BROKEN:
+        return text + f"<= {100 * upper_bound(passed, count, confidence):.3g} %; {100 * rate:g} % is asked"
+    text += f">= {100 * lower_bound(passed, count, confidence):.3g} %"
     if result == NOT_SHOWN and passed == count:
         text += f"; {needed(rate, confidence)} without a failure are needed for {100 * rate:g} %"
     return text

@@ -79,7 +79,7 @@ class IsolatedPart:
             found.extend(Arrival(t, (slot, o), s) for o, s in outputs.items() if (slot, o) in self.given)
 
         graph.before_tick.insert(0, feed)
-        graph.observers = [self.world.place_bodies, keep, *observers]
+        graph.observers = [keep, *observers]
         try:
             self.world.reset()
             graph.run(end)

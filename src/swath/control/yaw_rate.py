@@ -1,0 +1,119 @@
+"""The yaw rate without the bias of its gyroscope, for control.
+
+One gyroscope cannot tell its bias from a bend that the machine drives. Others tell: wheels at an angle delta
+turn a machine at v tan(delta) / wheelbase, at rest not at all, and an inertial unit has a gyroscope of its
+own. Each may be off, most of them by little and a few by much: errors are normal with one of two deviations,
+that of a sound sensor or that of a faulty one. All combinations of sound and faulty are weighed by how well
+they explain what the sensors differ by, and the bias is the mean over them (a mixture of normals is
+conjugate: Gelman et al., Bayesian Data Analysis, 3rd ed., section 22.1).
+"""
+
+from collections.abc import Sequence
+from itertools import product
+from math import exp, fsum, hypot, isfinite, log, tan
+
+from swath.core.component import KeepsState
+from swath.core.frames import Pose
+from swath.core.units import DEG, PERCENT
+from swath.signals import Inertial, Odometry
+
+# sensor: standard deviation when sound, when faulty; estimates after the data sheets of the bundled ones
+GYRO = 0.03 * DEG, 0.5 * DEG  # rad/s, of the odometry
+UNIT = 0.1 * DEG, 0.5 * DEG  # rad/s, of the inertial unit
+ANGLE, FAULTY_ANGLE = 0.2 * DEG, 10.0 * DEG  # rad, of the zero of the steering angle
+UNDERSTEER = 10.0 * PERCENT  # of the yaw rate that the wheels are at
+LEAST = 0.003 * DEG  # rad/s: a machine at rest turns by no more, whatever its sensors say
+FAULTY = 0.05  # chance of each sensor
+MEMORY_S, AGAIN_S = 20.0, 0.5  # s over which differences are averaged; from one estimate to the next
+LONGEST_S = 0.5  # s: of a step that counts
+
+
+class YawRate(KeepsState):
+    """Estimates the bias of the odometry's gyroscope from what its other sensors say.
+
+    wheelbase [m]; mounting: pose_machine_sensor of the inertial unit
+    bias: what is taken off [rad/s]
+    """
+
+    kept = ("bias", "_angle", "_unit", "_since")
+
+    def __init__(self, wheelbase: float, mounting: Pose | None) -> None:
+        self._wheelbase = wheelbase
+        self._up = [0.0, 0.0, 1.0] if mounting is None else mounting.rotation[2].tolist()
+        self.clear()
+
+    def clear(self) -> None:
+        """No bias is known."""
+        self.bias, self._since = 0.0, 0.0
+        self._angle, self._unit = _Mean(2), _Mean(1)
+
+    def of(self, odometry: Odometry, samples: Sequence[Inertial] | None, seconds: float) -> float:
+        """The yaw rate [rad/s], > 0 to the left, less the bias; nan where none is measured.
+
+        samples: of the inertial unit since the last call, None = there is none; seconds: since then
+        """
+        rate, speed = odometry.yaw_rate, odometry.speed
+        if not isfinite(rate):
+            return rate
+        seconds = min(seconds, LONGEST_S)
+        if isfinite(speed) and isfinite(odometry.steer_angle):
+            wheels = speed * tan(odometry.steer_angle) / self._wheelbase
+            sd = hypot(speed / self._wheelbase * ANGLE, UNDERSTEER * wheels)
+            self._angle.take(seconds, rate - wheels, sd)
+        turns = [fsum(a * b for a, b in zip(self._up, _rates(s), strict=True)) for s in samples or ()]
+        turns = [turn for turn in turns if isfinite(turn)]
+        if turns:
+            self._unit.take(seconds, rate - fsum(turns) / len(turns))
+        self._since += seconds
+        if self._since >= AGAIN_S:
+            self._since = 0.0
+            self.bias = _bias(self._differences())
+        return rate - self.bias
+
+    def _differences(self) -> list[tuple[float, float, float]]:
+        """(by what the gyroscope is above another sensor, deviations of that: sound, faulty) [rad/s]"""
+        found = []
+        if self._angle.seconds > AGAIN_S:
+            away, sd = self._angle.values
+            found.append((away, hypot(sd, LEAST), hypot(sd * FAULTY_ANGLE / ANGLE, LEAST)))
+        if self._unit.seconds > AGAIN_S:
+            found.append((self._unit.values[0], *UNIT))
+        return found
+
+
+class _Mean(KeepsState):
+    """Means of some values over the last while."""
+
+    kept = ("values", "seconds")
+
+    def __init__(self, count: int) -> None:
+        self.values, self.seconds = [0.0] * count, 0.0
+
+    def take(self, seconds: float, *values: float) -> None:
+        """Values that held for some seconds."""
+        self.seconds = min(self.seconds + seconds, MEMORY_S)
+        share = seconds / self.seconds if self.seconds > 0.0 else 0.0
+        self.values = [old + share * (new - old) for old, new in zip(self.values, values, strict=True)]
+
+
+def _bias(differences: Sequence[tuple[float, float, float]]) -> float:
+    """Posterior mean of the gyroscope's bias [rad/s] from its differences to other sensors."""
+    logs, means = [], []
+    for which in product((0, 1), repeat=1 + len(differences)):
+        gyro, *others = which
+        precision, pull, cost = 1.0 / GYRO[gyro] ** 2, 0.0, 2.0 * log(GYRO[gyro])
+        for is_faulty, (away, *sds) in zip(others, differences, strict=True):
+            sd = sds[is_faulty]
+            precision, pull = precision + 1.0 / sd**2, pull + away / sd**2
+            cost += 2.0 * log(sd) + (away / sd) ** 2
+        cost += log(precision) - pull**2 / precision
+        chance = fsum(log(FAULTY) if faulty else log(1.0 - FAULTY) for faulty in which)
+        logs.append(chance - 0.5 * cost)
+        means.append(pull / precision)
+    most = max(logs)
+    weights = [exp(value - most) for value in logs]
+    return fsum(w * m for w, m in zip(weights, means, strict=True)) / fsum(weights)
+
+
+def _rates(s: Inertial) -> tuple[float, float, float]:
+    return s.rate_x, s.rate_y, s.rate_z

@@ -1,0 +1,286 @@
+"""Fits steering and motion of a machine to a log, with intervals by bootstrap over its passes.
+
+Least squares on what the levels `actuator` and `single_track` make of the log. Each resample of the passes
+takes one step of Gauss and Newton from the solution; the interval of a value is Student's t at passes - 1
+times the standard deviation over resamples, widened by sqrt(passes / (passes - 1)) for the few of them (Efron
+and Tibshirani 1993, An Introduction to the Bootstrap, 5.3). A value that the log does not show is left
+as it was.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError, MissingExtra
+from swath.core.random import Stream
+from swath.core.units import DEG, split_unit
+from swath.documents.data_sheets import Sheet
+from swath.field_io.steer_log import SteerLog
+from swath.machine.machine_sheet import MachineSheet, read_machine
+from swath.tools.compare_log.along_path import off_the_track, run_motion, run_steering, settled, windows
+
+Array = NDArray[np.float64]
+FEWEST_BLOCKS = 6
+RESAMPLES = 400
+CONFIDENCE = 0.95
+LEAST_EFFECT = 1e-6  # of a value on all of the log: below, the log does not show it
+UNSEEN = 0.25  # of its range: a standard error beyond that says that the log does not show the value
+RELAXATION = "tyres.front_relaxation_m", "tyres.rear_relaxation_m"
+OFFSET = "angle offset"  # of the logged angle, in deg: what the sensor shows driving straight
+
+
+@dataclass(frozen=True)
+class Free:
+    """A number that may be fitted: limits and step for its derivative in the unit of the sheet.
+
+    keys: of the sheet that go in proportion with it, itself first; default: where the sheet has none
+    """
+
+    low: float
+    high: float
+    step: float
+    keys: tuple[str, ...]
+    default: float | None = None
+
+
+def _free(key: str, low: float, high: float, step: float, default: float | None = None) -> tuple[str, Free]:
+    return key, Free(low, high, step, (key,), default)
+
+
+STEERING = dict([
+    _free("steering.dead_time_s", 0.0, 2.0, 0.01),
+    _free("steering.lag_s", 0.01, 3.0, 0.01),
+    _free("steering.rate_deg_s", 1.0, 100.0, 0.3),
+    _free("steering.dead_band_percent", 0.0, 30.0, 0.2),
+])  # fmt: skip
+MOTION = dict([
+    _free("tyres.understeer_deg_per_g", -8.0, 8.0, 0.1, default=0.0),
+    (RELAXATION[0], Free(0.05, 5.0, 0.05, RELAXATION)),
+    _free("tyres.stiffness_per_rad", 0.5, 20.0, 0.1),
+    _free("chassis.wheelbase_m", 0.5, 20.0, 0.02),
+])  # fmt: skip
+USUAL = {
+    "steering": ("steering.dead_time_s", "steering.lag_s", "steering.rate_deg_s"),
+    "motion": ("tyres.understeer_deg_per_g", "tyres.front_relaxation_m"),
+}
+
+
+@dataclass(frozen=True)
+class FittedWith:
+    """A fitted number. low, high: of its 95 % interval; is_seen: False where the log does not show it, the
+    value is then the start and the interval without limits.
+    """
+
+    key: str
+    start: float
+    value: float
+    low: float
+    high: float
+    unit: str
+    is_seen: bool = True
+
+
+@dataclass(frozen=True)
+class PartFit:
+    """One part, fitted. quantity: what it was fitted to, unit: of it; block_count: passes, or parts of them
+
+    rmse: of the machine as it was, as fitted, and predicted: each pass by the numbers fitted on the others
+    measured, before, after: series in that unit, shape (n,), nan where nothing is compared
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    fitted: tuple[FittedWith, ...]
+    block_count: int
+    rmse: tuple[float, float, float]
+    measured: Array
+    before: Array
+    after: Array
+
+
+def fit_steering(sheet: Sheet, log: SteerLog, keys: Sequence[str]) -> tuple[Sheet, PartFit]:
+    """Dead time, lag and rate of the steering by commands and angles of a log."""
+    counts = settled(log)
+
+    def series(machine: MachineSheet, offset: float) -> Array:
+        return run_steering(machine, log) / DEG + offset
+
+    part = _Part("steering", "steering angle", "deg", log, counts, log.angle / DEG, series)
+    starts = [0.05, 0.15, 0.3, 0.6] if "steering.dead_time_s" in keys else []
+    return part.fit(sheet, {k: STEERING[k] for k in keys}, ("steering.dead_time_s", starts))
+
+
+def fit_motion(
+    sheet: Sheet, log: SteerLog, keys: Sequence[str], on: str, antenna: tuple[float, float]
+) -> tuple[Sheet, PartFit]:
+    """Understeer and relaxation of the tyres by angles and yaw rates, or positions (`on` = place)."""
+    free = {k: MOTION[k] for k in keys}
+    if on == "yaw_rate":
+
+        def rates(machine: MachineSheet, offset: float) -> Array:
+            return run_motion(machine, log, log.angle - offset * DEG).yaw_rate / DEG
+
+        counts = settled(log) & np.isfinite(log.yaw_rate)
+        part = _Part("motion", "yaw rate", "deg/s", log, counts, log.yaw_rate / DEG, rates)
+    else:
+        window = windows(log)
+
+        def errors(machine: MachineSheet, offset: float) -> Array:
+            path = run_motion(machine, log, log.angle - offset * DEG)
+            return 100.0 * off_the_track(path, log, window, antenna)
+
+        zero = np.zeros((len(log), 2))
+        part = _Part("motion", "position", "cm", log, window >= 0, zero, errors)
+    return part.fit(sheet, free, ("", []))
+
+
+class _Part:
+    """What is fitted: a series of the model against the measured one, (n,) or (n, 2)."""
+
+    def __init__(
+        self, name: str, quantity: str, unit: str, log: SteerLog, counts: NDArray[np.bool_], measured: Array,
+        series: Callable[[MachineSheet, float], Array],
+    ) -> None:  # fmt: skip
+        self.name, self._quantity, self._unit = name, quantity, unit
+        self._measured, self._series, self._counts = measured, series, counts
+        wide = measured[0].size
+        _, block = np.unique(log.block[counts], return_inverse=True)
+        self._block = np.repeat(block, wide)
+        self._count = int(block.max()) + 1 if len(block) else 0
+        if self._count < FEWEST_BLOCKS:
+            expected = f"expected at least {FEWEST_BLOCKS} passes, or two minutes, with a {quantity}"
+            raise InputError("log", self._count, expected)
+
+    def fit(
+        self, sheet: Sheet, free: dict[str, Free], first: tuple[str, list[float]]
+    ) -> tuple[Sheet, PartFit]:
+        """Least squares over the keys and the offset. first: key whose start is searched, and where."""
+        least_squares, student = _scipy()
+        start = np.array([*(_number(sheet, k, f) for k, f in free.items()), 0.0])
+        low, high = np.array([*((f.low, f.high) for f in free.values()), (-5.0, 5.0)]).T
+        step = np.array([*(f.step for f in free.values()), 0.02])
+
+        def residual(values: Array) -> Array:
+            made = self._series(read_machine(_changed(sheet, free, values)), float(values[-1]))
+            return np.asarray((made - self._measured)[self._counts].reshape(-1))
+
+        began = start.clip(low, high)
+        for value in first[1]:
+            tried = np.where([k == first[0] for k in (*free, OFFSET)], value, start).clip(low, high)
+            began = min(began, tried, key=lambda v: float((residual(v) ** 2).sum()))
+        at_start = residual(start)
+        # steps of the derivative are those of `Free`: the model is smooth on that scale only
+        found = least_squares(
+            residual, began, jac=lambda v: _jacobian(residual, v, step, low, high), bounds=(low, high),
+            x_scale=step, xtol=1e-5, ftol=1e-7, max_nfev=30,
+        ).x  # fmt: skip
+        rest, jacobian = residual(found), _jacobian(residual, found, step, low, high)
+        error, predicted = self._bootstrap(jacobian, rest)
+        seen = error < UNSEEN * (high - low)
+        wide = float(student.ppf(0.5 + 0.5 * CONFIDENCE, self._count - 1)) * error
+        values = np.where(seen, found, start)
+        best = _changed(sheet, free, values)
+        names = [*free, OFFSET]
+        limits = np.where(seen, wide, np.inf)
+        rows = [
+            FittedWith(
+                key, _plain(start[i]), _plain(values[i]), _plain(values[i] - limits[i]),
+                _plain(values[i] + limits[i]), _unit(key), bool(seen[i]),
+            )
+            for i, key in enumerate(names)
+        ]  # fmt: skip
+        rmse = _rms(at_start), _rms(rest), _rms(predicted)
+        shown = [self._shown(r) for r in (at_start, rest)]
+        real = self._shown(np.zeros_like(rest))
+        return best, PartFit(
+            self.name, self._quantity, self._unit, tuple(rows), self._count, rmse, real, *shown
+        )  # fmt: skip
+
+    def _bootstrap(self, jacobian: Array, rest: Array) -> tuple[Array, Array]:
+        """Standard deviation of each value over resampled blocks; residuals of each block by the others."""
+        width = jacobian.shape[1]
+        square, slope = np.zeros((self._count, width, width)), np.zeros((self._count, width))
+        rows = [np.flatnonzero(self._block == b) for b in range(self._count)]
+        for b, r in enumerate(rows):
+            square[b], slope[b] = jacobian[r].T @ jacobian[r], jacobian[r].T @ rest[r]
+        scale = np.sqrt(np.maximum(np.diagonal(square.sum(axis=0)), LEAST_EFFECT**2))
+        ridge = 1e-9 * np.diag(scale**2)
+
+        def move(weight: Array) -> Array:
+            left = np.tensordot(weight, square, 1) + ridge
+            return np.asarray(-np.linalg.solve(left, np.tensordot(weight, slope, 1)))
+
+        stream = Stream(0, f"bootstrap {self.name}")
+        picked = stream.at().integers(0, self._count, (RESAMPLES, self._count))
+        moved = np.array([move(np.bincount(p, minlength=self._count).astype(float)) for p in picked])
+        few = sqrt(self._count / (self._count - 1))
+        predicted = rest.copy()
+        for b, r in enumerate(rows):
+            others = np.ones(self._count)
+            others[b] = 0.0
+            predicted[r] += jacobian[r] @ move(others)
+        error = np.where(scale > LEAST_EFFECT, moved.std(axis=0) * few, np.inf)
+        return error, predicted
+
+    def _shown(self, rest: Array) -> Array:
+        """Measured plus residual as a series of the log, of positions the distance; nan where none counts."""
+        made = np.full(len(self._counts), np.nan)
+        if self._measured.ndim == 1:
+            made[self._counts] = self._measured[self._counts] + rest
+        else:
+            made[self._counts] = np.hypot(*rest.reshape(-1, 2).T)
+        return made
+
+
+def _jacobian(residual: Callable[[Array], Array], at: Array, step: Array, low: Array, high: Array) -> Array:
+    """Central differences, one-sided at a limit."""
+    columns = []
+    for i in range(len(at)):
+        up, down = at.copy(), at.copy()
+        up[i], down[i] = min(at[i] + step[i], high[i]), max(at[i] - step[i], low[i])
+        columns.append((residual(up) - residual(down)) / (up[i] - down[i]))
+    return np.stack(columns, axis=1)
+
+
+def _number(sheet: Sheet, key: str, free: Free) -> float:
+    try:
+        return sheet.number(key)
+    except InputError:
+        if free.default is None:
+            raise
+        return free.default
+
+
+def _changed(sheet: Sheet, free: dict[str, Free], values: Array) -> Sheet:
+    """The sheet with the values of the free keys; keys that go along keep their proportion."""
+    numbers: dict[str, float] = {}
+    for (key, f), value in zip(free.items(), values[: len(free)].tolist(), strict=True):
+        for k in f.keys:
+            numbers[k] = value * (1.0 if k == key else sheet.number(k) / sheet.number(key))
+    return sheet.changed(numbers, new=[k for k, f in free.items() if f.default is not None])
+
+
+def _plain(value: float) -> float:
+    return float(f"{value:.5g}")
+
+
+def _unit(key: str) -> str:
+    return "deg" if key == OFFSET else split_unit(key)[1]
+
+
+def _rms(values: Array) -> float:
+    return sqrt(float((values**2).mean()))
+
+
+def _scipy() -> tuple[Any, Any]:
+    try:
+        from scipy.optimize import least_squares
+        from scipy.stats import t
+    except ImportError as error:
+        raise MissingExtra("geo", "fitting a model") from error
+    return least_squares, t

@@ -1,0 +1,107 @@
+"""The files of a comparison of steering and motion: picture, report, results and the fitted data sheet."""
+
+import json
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.documents.yaml_document import dump
+from swath.judge.summary import json_safe
+from swath.report.html import write_page
+from swath.report.plots import BLUE, GREY, ORANGE, STYLE, as_image, figure
+from swath.tools.compare_log.steering import SteeringComparison
+from swath.tools.compare_log.steering_fit import FittedWith, PartFit
+
+FILES = ("results.json", "comparison.png", "report.html", "machine.yaml")
+EXCERPT = 40.0  # s
+
+
+def fitted_rows(made: SteeringComparison) -> list[list[str]]:
+    """Part, key, number of the data sheet, fitted number, its interval, unit, as text."""
+    return [
+        [p.name, f.key, f"{f.start:.4g}", f"{f.value:.4g}" if f.is_seen else "-", _interval(f), f.unit]
+        for p in made.parts
+        for f in p.fitted
+    ]
+
+
+def left_rows(made: SteeringComparison) -> list[list[str]]:
+    """Part, quantity, passes, RMSE of the data sheet, as fitted and predicted, unit, as text."""
+    return [
+        [p.name, p.quantity, str(p.block_count), *(f"{v:.3g}" for v in p.rmse), p.unit] for p in made.parts
+    ]
+
+
+def write_steering(made: SteeringComparison, out: Path) -> list[Path]:
+    """Write results.json, comparison.png, report.html and machine.yaml (as fitted).
+
+    out: a new or empty folder, or one that an earlier comparison wrote. Raises InputError for another.
+    """
+    out = Path(out)
+    if out.exists() and (not out.is_dir() or any(p.name not in FILES for p in out.iterdir())):
+        expected = "expected a new or empty folder, or that of an earlier comparison"
+        raise InputError("--out", str(out), expected)
+    out.mkdir(parents=True, exist_ok=True)
+    fig = draw(made)
+    fig.savefig(out / "comparison.png", dpi=130, metadata={"Software": None})
+    results = json.dumps(json_safe(made.to_dict()), indent=2, allow_nan=False)
+    (out / "results.json").write_text(results + "\n", encoding="utf-8")
+    write_page(
+        out / "report.html", "compare_steering.html.j2", model=made.model, log=made.log_name,
+        fitted=fitted_rows(made), left=left_rows(made), image=as_image(fig, kind="png", dpi=130),
+        notes=made.notes,
+    )  # fmt: skip
+    (out / "machine.yaml").write_text(dump(made.sheet.document.data, width=110), encoding="utf-8")
+    return [out / name for name in FILES]
+
+
+def draw(made: SteeringComparison) -> Any:
+    """One row per part: an excerpt over time, and what is left of every pass."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        fig = figure(12.5, 3.1 * len(made.parts))
+        grid = fig.add_gridspec(len(made.parts), 4)
+        for i, part in enumerate(made.parts):
+            _excerpt(fig.add_subplot(grid[i, :3]), made, part)
+            _by_pass(fig.add_subplot(grid[i, 3]), made, part)
+    return fig
+
+
+def _excerpt(ax: Any, made: SteeringComparison, part: PartFit) -> None:
+    known = np.flatnonzero(np.isfinite(part.after))
+    time = made.log.time
+    begin = time[known[len(known) // 2]]
+    rows = known[(time[known] >= begin) & (time[known] < begin + EXCERPT)]
+    rows = rows if len(rows) > 1 else known
+    x = time[rows] - time[rows[0]]
+    cut = np.flatnonzero(np.diff(rows) > 1) + 1  # lines end where nothing is compared
+
+    def line(values: NDArray[np.float64], **style: Any) -> None:
+        ax.plot(np.insert(x, cut, np.nan), np.insert(values[rows], cut, np.nan), **style)
+
+    if part.quantity != "position":
+        line(part.measured, color=GREY, lw=2.4, alpha=0.55, label="measured")
+    line(part.before, color=BLUE, lw=1.0, label="data sheet")
+    line(part.after, color=ORANGE, lw=1.2, label="fitted")
+    name = "distance from the measured position" if part.quantity == "position" else part.quantity
+    ax.set(xlabel="time [s]", ylabel=f"{name} [{part.unit}]", xlim=(0, x[-1]))
+    ax.set_title(f"{part.name}, excerpt", loc="left", fontsize=10)
+    ax.legend(ncol=3, loc="upper right", bbox_to_anchor=(1.0, 1.16))
+
+
+def _by_pass(ax: Any, made: SteeringComparison, part: PartFit) -> None:
+    offset = np.zeros_like(part.after) if part.quantity == "position" else part.measured
+    blocks = [b for b in np.unique(made.log.block) if np.isfinite(part.after[made.log.block == b]).any()]
+    for series, colour, label in ((part.before, BLUE, "data sheet"), (part.after, ORANGE, "fitted")):
+        error = [np.sqrt(np.nanmean((series - offset)[made.log.block == b] ** 2)) for b in blocks]
+        ax.plot(range(1, len(error) + 1), error, "o", ms=3.5, color=colour, label=label)
+    ax.set(xlabel="pass", ylabel=f"RMSE [{part.unit}]", ylim=(0, None))
+
+
+def _interval(f: FittedWith) -> str:
+    return f"{f.low:.4g} to {f.high:.4g}" if isfinite(f.low) and isfinite(f.high) else "not shown by this log"

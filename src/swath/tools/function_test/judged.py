@@ -1,0 +1,80 @@
+"""Stored results judged once more: against the limits that a case has now, and of candidates in shadow."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from swath.judge.limits import check_metric
+from swath.scenario.sections import Limit
+from swath.tools.function_test.case import Case
+from swath.tools.function_test.journal import Result
+from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
+
+OPEN = "open"  # verdict of a run that no limit of its case judges
+
+
+class PresentLimits:
+    """The limits on metrics of the whole run that a case has now."""
+
+    def __init__(self, case: Case) -> None:
+        self._expect = case.file.expect
+        self._found: dict[tuple[str, str], Limit | None] = {}
+
+    def judge(self, result: Result) -> Result:
+        """A result against them; what is limited in windows or at every moment stays as it was judged."""
+        if result["verdict"] in ("error", OPEN):
+            return result
+        entries = [self._judged(entry) for entry in result["expect"]]
+        broken = [e for e in entries if e["result"] == "fail"]
+        reason = f"{broken[0]['subject']}.{broken[0]['name']}: {broken[0]['reason']}" if broken else ""
+        return {**result, "expect": entries, "verdict": "fail" if broken else "pass", "reason": reason}
+
+    def _judged(self, entry: dict[str, Any]) -> dict[str, Any]:
+        limit = None if "window" in entry or "hold" in entry["limit"] else self._limit_of(entry)
+        if limit is None:
+            return entry
+        value, reason = check_metric(limit, entry["value"])
+        plain = {k: v for k, v in limit.plain().items() if k not in limit.window}
+        kept = {k: v for k, v in entry.items() if k not in ("limit", "result", "reason", "value")}
+        return {**kept, "limit": plain, "value": value, "result": "fail" if reason else "pass",
+                **({"reason": reason} if reason else {})}  # fmt: skip
+
+    def _limit_of(self, entry: dict[str, Any]) -> Limit | None:
+        """The limit on a metric of the whole run; None where it is of another kind."""
+        place = entry["subject"], entry["name"]
+        if place not in self._found:
+            at = self._expect.get(entry["subject"], self._expect)
+            found = at.get(entry["name"], self._expect.get(entry["name"])) if isinstance(at, dict) else None
+            limit = Limit.model_validate(found) if isinstance(found, dict) else None
+            is_other = limit is not None and (limit.window or limit.hold is not None)
+            self._found[place] = None if is_other else limit
+        return self._found[place]
+
+
+def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
+    """The results of the candidates that went along with a run in shadow, judged by the limits on what they
+    have: metrics of the edge. `open` where there is no such limit.
+    """
+    for name in names:
+        told = result.get("shadow", {}).get(name, {"metrics": {}, "digest": ""})
+        entries = []
+        for entry in result["expect"]:
+            if entry["name"] in told["metrics"] and "window" not in entry and "hold" not in entry["limit"]:
+                value, reason = check_metric(
+                    Limit.model_validate(entry["limit"]), told["metrics"][entry["name"]]
+                )
+                said = {"reason": reason} if reason else {}
+                kept = {k: entry[k] for k in ("subject", "name", "limit")}
+                entries.append({**kept, "value": value, "result": "fail" if reason else "pass", **said})
+        broken = [e for e in entries if e["result"] == "fail"]
+        verdict = "fail" if broken else "pass" if entries else OPEN
+        yield {
+            **result,
+            "id": f"{result['id']}-{name}",
+            "candidate": name,
+            "verdict": "error" if result["verdict"] == "error" else verdict,
+            "reason": f"{broken[0]['name']}: {broken[0]['reason']}" if broken else "",
+            "expect": entries,
+            "incidents": [],
+            STEERING: None,
+            **told,
+        }

@@ -1,0 +1,49 @@
+"""The bias of a gyroscope, told from steering angle and inertial unit."""
+
+from math import atan, nan
+
+import numpy as np
+import pytest
+
+from swath.control.yaw_rate import YawRate
+from swath.core.frames import Pose
+from swath.core.units import DEG
+from swath.signals import Inertial, Odometry
+
+BASE, DT = 3.75, 0.02
+
+
+def left_over(bias, *, turn=0.0, speed=2.0, unit=0.0, angle=0.0, seconds=8.0, has_unit=True, has_angle=True):
+    """What is left of a gyro bias [deg/s]; others are off by `unit` [deg/s], `angle` [deg]."""
+    rate, rng = YawRate(BASE, Pose(np.zeros(3), np.eye(3))), np.random.default_rng(3)
+    wheels = atan(turn * BASE / speed) if speed else 0.0
+    for _ in range(round(seconds / DT)):
+        noise = 0.1 * DEG * rng.standard_normal(2)
+        steer = wheels + angle * DEG if has_angle else nan
+        odometry = Odometry(0, speed, turn + bias * DEG + noise[0], steer)
+        felt = [Inertial(0, 0.0, 0.0, turn + unit * DEG + noise[1], 0.0, 0.0, 9.81)]
+        told = rate.of(odometry, felt if has_unit else None, DT)
+    return (told - noise[0] - turn) / DEG
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("turn", [0.0, 0.01])
+def test_a_large_bias_is_taken_off(sign, turn):
+    assert left_over(0.5 * sign, turn=turn) == pytest.approx(0.0, abs=0.05)
+    assert left_over(0.5 * sign, turn=turn, unit=-0.05, angle=0.1) == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("other", [{"unit": 0.5}, {"angle": 2.0}, {"has_unit": False, "angle": 6.0}])
+def test_one_other_sensor_that_is_off_is_not_believed(other):
+    assert left_over(0.0, **other) == pytest.approx(0.0, abs=0.04)
+
+
+def test_sound_sensors_leave_the_gyroscope_alone():
+    assert left_over(0.02, unit=0.1, angle=-0.2) == pytest.approx(0.02, abs=0.02)
+    assert left_over(0.3, has_unit=False, has_angle=False) == pytest.approx(0.3, abs=1e-9)
+    assert np.isnan(YawRate(BASE, None).of(Odometry(0, 2.0, nan, 0.0), None, DT))
+
+
+def test_a_machine_at_rest_does_not_turn():
+    assert left_over(0.3, speed=0.0, has_unit=False) == pytest.approx(0.0, abs=0.03)
+    assert abs(left_over(0.3, has_unit=False)) > 0.1  # one sensor against one, on the way

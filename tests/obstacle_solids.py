@@ -1,0 +1,8 @@
+"""Solids of obstacles as they stand at t = 0."""
+
+from swath.field.obstacles import things_of
+from swath.field.solids import merge
+
+
+def solids_of(obstacles, field):
+    return merge(*(thing.in_world for thing in things_of(obstacles, field)))

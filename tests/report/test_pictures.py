@@ -1,0 +1,74 @@
+"""Pictures of a camera in a report: which are kept, and what is drawn of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from swath.core.frames import Pose
+from swath.report.pictures import MOST, SHOWN, KeptPicture, PictureSampler, pictures_figure
+from swath.signals import OBSTACLE_KINDS, MachineState
+from swath.signals.image import ImageBoxes, empty_image
+from tests.fake_run import machine
+
+NS = 1_000_000_000
+SIZE = 40, 30
+
+
+@dataclass(frozen=True)
+class Lens:
+    width: int = SIZE[0]
+    height: int = SIZE[1]
+    focal: float = 30.0
+    centre_x: float = 19.5
+    centre_y: float = 14.5
+    coefficients: tuple = ()
+
+
+def boxes(t, *distances):
+    n = len(distances)
+    edges = (np.full(n, v) for v in (5.0, 6.0, 15.0, 26.0))
+    person = np.full(n, OBSTACLE_KINDS.index("person"), np.uint8)
+    return ImageBoxes(t, np.arange(1.0, n + 1), person, *edges, np.full(n, 200.0), np.array(distances))
+
+
+def driven(steps, away, channels=("colour",)):
+    """A metre and a picture a second; away: distance of the thing in each picture, inf = none."""
+    sampler = PictureSampler(machine())
+    for k in range(steps):
+        state = MachineState(k * NS, Pose.identity(), 1.0, 0.0, 0.0, 0.0, float(k))
+        sampler("combine.motion", k * NS, {"state": state})
+        seen = boxes(k * NS, *([away(k)] if np.isfinite(away(k)) else []))
+        sampler("combine.camera", k * NS, {"image": empty_image(k * NS, Lens(), channels), "boxes": seen})
+        sampler("tractor.camera", k * NS, {"image": empty_image(k * NS, Lens(), channels)})
+    return sampler.pick()
+
+
+def test_spread_over_the_run_and_the_one_with_the_nearest_thing():
+    picked = driven(200, lambda k: abs(k - 61) + 3.0)
+    assert list(picked) == ["camera"]
+    at = [p.distance for p in picked["camera"]]
+    assert len(at) == SHOWN
+    assert 61.0 in at
+    assert at == sorted(at)
+    assert at[0] < 20.0
+    assert at[-1] == 199.0
+    without = [p.distance for p in driven(200, lambda k: np.inf)["camera"]]
+    assert np.diff(without).max() < 2 * 200 / MOST * 2
+    assert 0.0 not in without  # black, before the first exposure
+
+
+def test_a_camera_that_saw_nothing_yet_shows_nothing():
+    assert driven(1, lambda k: np.inf) == {}
+
+
+@pytest.mark.parametrize("channel", ["colour", "depth"])
+def test_boxes_lie_where_the_camera_says(channel):
+    image = empty_image(NS, Lens(), (channel,))
+    fig = pictures_figure([KeptPicture(image, boxes(NS, 8.25), 3.0)])
+    ax = fig.axes[0]
+    assert ax.images[0].get_array().shape[:2] == SIZE[::-1]
+    (box,) = ax.patches
+    assert box.get_bbox().extents.tolist() == [5.0, 6.0, 15.0, 26.0]
+    assert ax.texts[0].get_text() == "person, 8.2 m"
+    assert ax.get_title(loc="left") == "3.0 m, 1.0 s"

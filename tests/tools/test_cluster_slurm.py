@@ -1,0 +1,86 @@
+"""`--cluster slurm` without SLURM: an sbatch on the PATH that keeps each job's text and runs it here."""
+
+import gc
+import os
+import re
+
+import pytest
+
+from swath.core.errors import InputError
+from swath.tools.function_test.cluster import cluster_client, run_on_cluster
+from swath.tools.function_test.journal import finished
+from swath.tools.function_test.plan import Plan
+from tests.tools.fake_work import fake_work
+from tests.tools.test_cluster import CASE
+
+SETTINGS = {
+    "queue": "crop", "account": "harvest", "memory": "2GB", "walltime": "02:00:00", "interface": "lo",
+    "job-script-prologue": ["module load python"], "death-timeout": 60,
+}  # fmt: skip
+SBATCH = """#!/bin/sh
+n=$$
+cp "$1" "$SLURM_JOBS/$n.sh"
+sed 's/^module load python$/:/' "$1" > "$SLURM_JOBS/.run-$n"
+setsid bash "$SLURM_JOBS/.run-$n" > "$SLURM_JOBS/.log-$n" 2>&1 & echo $! > "$SLURM_JOBS/.pid-$n"
+echo "Submitted batch job $n"
+"""
+SCANCEL = '#!/bin/sh\nfor n in "$@"; do kill -- "-$(cat "$SLURM_JOBS/.pid-$n")"; done\n'
+
+
+@pytest.fixture
+def slurm(tmp_path, monkeypatch):
+    """Settings as a site has them; the folder of the jobs that were submitted."""
+    pytest.importorskip("dask_jobqueue")
+    import dask
+
+    jobs, programs = tmp_path / "jobs", tmp_path / "bin"
+    for folder in (jobs, programs):
+        folder.mkdir()
+    for name, text in (("sbatch", SBATCH), ("scancel", SCANCEL)):
+        (programs / name).write_text(text, encoding="utf-8")
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
+    monkeypatch.setenv("SLURM_JOBS", str(jobs))
+    with dask.config.set({f"jobqueue.slurm.{key}": value for key, value in SETTINGS.items()}):
+        yield jobs
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_jobs_have_the_settings_of_the_site_and_do_the_runs(slurm, tmp_path):
+    """The text of a job is that of dask-jobqueue for one process of one thread; the runs are done by it."""
+    from dask_jobqueue import SLURMCluster
+
+    (tmp_path / "drives.yaml").write_text(CASE, encoding="utf-8")
+    runs = list(Plan(str(tmp_path / "drives.yaml"), seeds=2).runs())
+    done = []
+    with cluster_client("slurm", 2) as client:
+        address = client.scheduler.address
+        run_on_cluster(runs, tmp_path / "journal", client, done.append, work=fake_work)
+    assert sorted(result["id"] for result in done) == sorted(run.id for run in runs)
+    assert finished(tmp_path / "journal") == {run.id for run in runs}
+
+    texts = [path.read_text(encoding="utf-8") for path in sorted(slurm.glob("*.sh"))]
+    assert len(texts) == 2
+    with SLURMCluster(cores=1, processes=1) as cluster:
+        expected = cluster.job_script().replace(cluster.scheduler_address, address)
+    for text in texts:
+        assert re.sub(r"--name \S+", "--name dummy-name", text) == expected
+    asked = dict(line.removeprefix("#SBATCH ").split(" ", 1) for line in expected.splitlines()
+                 if line.startswith("#SBATCH -") and not line.startswith("#SBATCH --"))  # fmt: skip
+    assert (asked["-p"], asked["-A"], asked["-t"], asked["-n"]) == ("crop", "harvest", "02:00:00", "1")
+    assert "#SBATCH --cpus-per-task=1" in expected
+    assert "module load python" in expected
+    assert re.search(r"dask_worker tcp://\S+ .*--nthreads 1 --memory-limit 1.86GiB", expected)
+
+
+@pytest.mark.filterwarnings("ignore")  # of the cluster that was not made, when it is collected
+def test_settings_that_are_missing_are_named(slurm):
+    import dask
+
+    with (
+        dask.config.set({"jobqueue.slurm.memory": None}),
+        pytest.raises(InputError, match=r"--cluster = slurm: expected settings of jobqueue\.slurm: .*memory"),
+        cluster_client("slurm", 1),
+    ):
+        pass
+    gc.collect()
