@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swath.control.box.grain_profile import at_wall
 from swath.control.box.rim_fit import edges_of, fit_rim
 from tests.control.box_rig import DUST, MOUNT, THICK, errors, look
 
@@ -91,3 +92,17 @@ def test_a_sample_says_that_it_knows_nothing():
     assert np.isnan([seen.x, seen.y, seen.heading, seen.rim_height, seen.x_sd]).all()
     assert seen.confidence == 0.0
     assert replace(seen, t=0).is_seen is False
+
+
+@pytest.mark.parametrize("angle", [0.0, 20.0, 25.0])
+def test_grain_at_the_wall_of_a_heap_that_slopes_down_to_it(angle):
+    """Points 3 to 25 cm from the wall, noise of 2 cm: their median is up to 7 cm too high there."""
+    rng = np.random.default_rng(3)
+    slope = np.tan(np.radians(angle))
+    off = []
+    for _ in range(50):
+        away = rng.uniform(0.03, 0.25, 40)
+        off.append(at_wall(away, 1.2 + slope * away + 0.02 * rng.standard_normal(40)) - 1.2)
+    assert abs(np.mean(off)) < 0.015
+    assert np.std(off) < 0.02
+    assert np.isnan(at_wall(away[:3], away[:3]))

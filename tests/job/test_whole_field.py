@@ -154,6 +154,14 @@ def test_the_cart_keeps_out_of_the_headland_turn(run):
     assert (np.hypot(ahead, left) > 10.0).all()
 
 
+def test_grain_flows_only_while_the_cart_keeps_its_station(run):
+    """No "in position" too early: nothing is poured on the way to it."""
+    done, _ = run
+    flows = column(done, "flow") > 0.0
+    assert flows.sum() > 100
+    assert (column(done, "cart")[flows] == Phase.BESIDE).all()
+
+
 def test_the_trailer_is_straight_when_the_cart_arrives(run):
     done, _ = run
     beside = column(done, "cart") == Phase.BESIDE

@@ -9,6 +9,7 @@ from swath.signals import F64
 
 MIDDLE = 0.15  # to both sides of the middle line, where the profile is taken [m]
 STRIP = (0.03, 0.25)  # from a wall, where grain is looked for that may run over [m]
+STEEPEST = 0.58  # tangent of 30 deg, above all angles of repose
 FEWEST = 6  # points that make a place of the profile
 SCATTER = 0.12  # of heights at one place, as a standard deviation; more is dust [m]
 ABOVE, BELOW = 1.5, 2.5  # the rim: beyond there is no grain [m]
@@ -47,20 +48,36 @@ def fill_of(points: F64, length: float, width: float, rim: float, rim_sd: float,
         if found is not None:
             height[k], sd[k] = found[0] - rim, hypot(rim_sd, 0.02, found[1])
         for side, sign in enumerate((1.0, -1.0)):
-            beside = own & (0.5 * width - sign * points[:, 1] < STRIP[1])
-            found = _height(points[beside, 2])
-            if found is not None:
-                sides[side, k] = found[0] + found[1] - rim
+            away = 0.5 * width - sign * points[:, 1]
+            beside = own & (away < STRIP[1])
+            sides[side, k] = at_wall(away[beside], points[beside, 2]) - rim
     there = np.isfinite(sides)
     highest = np.where(there.any(axis=0), np.where(there, sides, -np.inf).max(axis=0), np.nan)
     for k, sign in ((0, -1.0), (count - 1, 1.0)):
-        beside = 0.5 * length - sign * points[:, 0] < STRIP[1]
-        found = _height(points[beside, 2])
-        if found is not None:
-            highest[k] = float(np.fmax(highest[k], found[0] + found[1] - rim))
+        away = 0.5 * length - sign * points[:, 0]
+        beside = away < STRIP[1]
+        highest[k] = float(np.fmax(highest[k], at_wall(away[beside], points[beside, 2]) - rim))
     both = there.all(axis=0)
     lean = float((sides[0, both] - sides[1, both]).mean()) if bool(both.any()) else 0.0
     return Fill(height, sd, -highest, lean)
+
+
+def at_wall(away: F64, heights: F64) -> float:
+    """Height of the grain at a wall [m], from points so far away from it [m]; nan where it is not seen.
+
+    A line through the points, by least squares, no steeper than grain lies; its end at the wall, with two
+    standard deviations of it on top.
+    """
+    found = _height(heights)
+    if found is None:
+        return float("nan")
+    dx, dz = away - away.mean(), heights - heights.mean()
+    spread = float((dx * dx).sum())
+    slope = float((dx * dz).sum()) / spread if spread > 1e-6 else 0.0
+    slope = min(max(slope, 0.0), STEEPEST)
+    rest = _height(heights - slope * away)
+    level, scatter = rest if rest is not None else found
+    return float(level + 2.0 * scatter / len(heights) ** 0.5)
 
 
 def _height(heights: F64) -> tuple[float, float] | None:

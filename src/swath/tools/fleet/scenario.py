@@ -29,6 +29,7 @@ RECEIVER: dict[str, Any] = {
 """Two antennas, so that a machine that stands knows where it looks."""
 GENTLE = 0.6  # of the steering's rate in a turn, the rest is for coming back to the path
 STRAIGHT = 3.0  # m on the line of the next pass before its begin
+LEAST_STRAY = 0.2  # m beside the plan, up to which the edge leads; else as far as passes overlap
 LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 
 
@@ -165,6 +166,7 @@ def _combine(
             "level": "edge_or_path",
             "edge": {"overlap_m": round(overlap, 6)},
             "path": {"distance_m": 6.0},
+            "stray_m": round(max(overlap, LEAST_STRAY), 6),
         },
         "speed": "job",
     }
