@@ -86,8 +86,9 @@ class EdgeDetection:
                "error is", GROUP, "higher", "of them with an error", "%", 1),
     )  # fmt: skip
 
-    def __init__(self, setup: EvaluatorSetup, across: Callable[..., NDArray[np.bool_]] = crop_across) -> None:
-        self.setup, self._across = setup, across
+    def __init__(self, setup: EvaluatorSetup, across: Callable[..., NDArray[np.bool_]] | None = None) -> None:
+        self.setup = setup
+        self._across = across  # None, which a save of the run can hold, is `crop_across`
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
         self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[1]
         self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
@@ -160,7 +161,7 @@ class EdgeDetection:
     def _look(self, edge: CropEdge) -> None:
         pose, distance = self._at(edge.t)
         end = 2.0 * self._end_y - self._begin
-        crop = self._across(self.setup.field, pose, edge.reference_x, self._begin, end)
+        crop = (self._across or crop_across)(self.setup.field, pose, edge.reference_x, self._begin, end)
         self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop)))
         if len(self._rows) >= CHUNK:
             self._judge_rows()
