@@ -36,7 +36,8 @@ def test_a_run_from_python(result):
     resolved = read_document(result.folder / "scenario.yaml").data
     assert resolved["machines"]["combine"]["lidar"]["sub_rays"] == 1
     assert repr(result).startswith("<run of straight, seed 5: ")
-    assert repr(result).endswith(f"limits pass, in {result.folder}>")
+    text = f"3 of 5 limits pass, 2 not measured in so short a run, in {result.folder}>"
+    assert repr(result).endswith(text)
 
 
 def test_a_scenario_that_is_read_already(result):

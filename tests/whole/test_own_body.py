@@ -60,8 +60,7 @@ def seen(world):
     world.reset()
     world.graph.run(200_000_000)
     points = world.graph.latest("combine.lidar", "truth").points.reshape(-1, 3)
-    start = world.machines["combine"].start
-    return start.inverse().apply(points[np.isfinite(points[:, 0])])
+    return world.bodies.pose_of("combine").inverse().apply(points[np.isfinite(points[:, 0])])
 
 
 def test_its_own_scanner_sees_the_header_where_it_is(body):
@@ -85,7 +84,7 @@ def test_the_header_is_lifted_about_the_feeder(body):
     lift, zero = 0.12, np.zeros(3)
     state = HeaderState(0, zero, zero, 0.15, 0.05, lift, 0.0, 0.0)
     world.place_bodies("combine.header", 0, {"height": state})
-    start = world.machines["combine"].start.inverse()
+    start = world.bodies.pose_of("combine").inverse()
     centre = start.apply(world.bodies.others("combine").mesh_centre)
     x, z = 4.0 - masses.feeder_x, 0.3 - masses.feeder_z
     expected = [
