@@ -85,8 +85,11 @@ class Publisher:
         return send
 
     def _leave_out(self, topic: str, why: str) -> None:
+        is_new = why not in self.left_out.values()
         self.left_out[topic] = why
-        logging.getLogger(__name__).warning("swath: %s is not published: %s", topic, why)
+        if is_new:
+            text = "swath: %s is not published: %s (all such topics: `ros2.left_out` of summary.json)"
+            logging.getLogger(__name__).warning(text, topic, why)
 
     def _publisher(self, topic: str, msgtype: str, is_latched: bool) -> Any:
         if topic not in self._publishers:
