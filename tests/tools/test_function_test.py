@@ -191,6 +191,9 @@ def test_known_failures_do_not_count_and_are_told_when_they_pass(case_file):
     assert [run.margin for run in cell.surprises.runs] == [pytest.approx(0.7)]
     assert [run.point["speed_kmh"] for run in cell.failed.runs] == [5]
     assert cell.text.startswith("1 of 2 passed")
+    assert cell.text.endswith("; 2 of 4 runs lie where a failure is known")
+    (cell,) = cells_of([case], ["base"], {"drives": 1}, results([(2.0, 8)]))
+    assert (cell.text, cell.verdict) == ("1 of 1 runs lie where a failure is known", "not shown")
 
 
 def test_a_failure_is_known_over_a_range_with_its_ends(case_file):

@@ -123,7 +123,10 @@ class Cell:
         is_complete = self.count >= self.planned
         shows = self.passed, self.counted, claim.pass_rate, claim.confidence
         self.verdict = verdict(*shows, is_complete=is_complete)
-        self.text = describe(*shows, self.verdict)
+        self.text = describe(*shows, self.verdict) if self.counted or not self.known else ""
+        if self.known:
+            about = f"{self.known} of {self.count} runs lie where a failure is known"
+            self.text = f"{self.text}; {about}" if self.text else about
         for name, bounds in self.case.file.mean.items():
             outcome, text = _mean(name, self._values[name], bounds)
             self.means.append(text)
