@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from math import atan2, cos, isfinite, sin
 from typing import NamedTuple
 
+from swath.control.pose.standing import Standing
 from swath.core.component import KeepsState
 from swath.core.schedule import NS
 from swath.signals import Odometry
@@ -27,9 +28,12 @@ class Step(NamedTuple):
 
 
 class DeadReckoning(KeepsState):
-    """Poses by odometry, in a frame of its own. distance: driven since the start [m]."""
+    """Poses by odometry, in a frame of its own, which does not turn while the wheels stand.
 
-    kept = ("_steps", "distance")
+    distance: driven since the start [m]
+    """
+
+    kept = ("_steps", "_standing", "distance")
 
     def __init__(self) -> None:
         self.clear()
@@ -37,6 +41,7 @@ class DeadReckoning(KeepsState):
     def clear(self) -> None:
         """Nothing known."""
         self._steps: deque[Step] = deque()
+        self._standing = Standing()
         self.distance = 0.0
 
     def take(self, samples: Sequence[Odometry]) -> None:
@@ -47,7 +52,9 @@ class DeadReckoning(KeepsState):
             here = self._steps[-1] if self._steps else Step(sample.t, 0.0, 0.0, 0.0, 0.0, 0.0)
             gone = _gone_on(here, sample.t)
             self.distance += abs(here.speed) * max(sample.t - here.t, 0) / NS
-            self._steps.append(gone._replace(speed=sample.speed, yaw_rate=sample.yaw_rate))
+            stands = self._standing.take(sample.speed, (sample.t - here.t) / NS)
+            yaw_rate = 0.0 if stands else sample.yaw_rate
+            self._steps.append(gone._replace(speed=sample.speed, yaw_rate=yaw_rate))
         while len(self._steps) > 2 and self._steps[1].t < self._steps[-1].t - REACH:
             self._steps.popleft()
 

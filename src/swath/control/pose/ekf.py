@@ -3,13 +3,14 @@
 A fix comes late. The filter stands at the newest fix; from there the stored steps of wheels and gyroscope
 bring it to the present, and another fix is taken in at the time when it was measured. A position that is
 further off than its covariance allows is left out; if that goes on for `gate_s`, the filter is wrong and
-takes the receiver's word.
+takes the receiver's word. Wheels that stand do not turn the machine: the gyroscope reads its bias then. Where
+the receiver says that the machine moves, standing wheels are taken for faulty and left out.
 """
 
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import atan2, cos, exp, fsum, hypot, isfinite, sin
+from math import atan2, cos, exp, fsum, hypot, isfinite, sin, tan
 from typing import Annotated
 
 import numpy as np
@@ -34,6 +35,7 @@ from swath.control.pose.kalman import (
     Y,
 )  # fmt: skip
 from swath.control.pose.receiver import AntennaPlace
+from swath.control.pose.standing import AT_ONCE, GroundVelocity, Standing
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -43,6 +45,8 @@ from swath.signals import FIX_QUALITIES, Fix, Inertial, Odometry, PoseEstimate
 from swath.signals.setup import ControlSetup
 
 NAN = float("nan")
+NEVER = -(10**18)  # ns
+FAULTY_AFTER = NS // 2  # ns, that the receiver has to say that a machine moves whose wheels stand
 OLDEST = NS  # a fix that was measured longer ago is left out [ns]
 # Share of the reported variance that is white, and correlation time of the rest [s], by the quality of the
 # fix: what the filter assumes of a receiver (docs/positioning.md).
@@ -66,8 +70,8 @@ class Params:
     (biases of the inertial unit). 0 on a plane, the slope where there is no inertial unit
     tilt_start_deg: of the inclination at first, while it settles and the machine sets off; it dies out over
     tilt_start_s and is told beside what the filter knows. 0 on a plane
-    gate: squared distance of a position in its standard deviations beyond which it is left out; gate_s: for
-    so long at most
+    gate: squared distance in standard deviations beyond which a position is left out, the
+    gyroscope of a standing machine, too; gate_s: a position for so long at most
     course_from_m_s: speed from which on the course gives the first heading
     """
 
@@ -100,6 +104,11 @@ class EkfPose(KeepsState):
         "_tilt",
         "_is_known",
         "_wheels",
+        "_standing",
+        "_ground",
+        "_moved_t",
+        "_apart_t",
+        "_are_faulty",
     )
 
     inputs = (
@@ -113,6 +122,7 @@ class EkfPose(KeepsState):
         self._p = params
         self._antenna = AntennaPlace(setup)
         self._tilt = self._antenna.inclination
+        self._standing, self._ground, self._wheelbase = Standing(), GroundVelocity(), setup.machine.wheelbase
         self._leaning = self._antenna.height * params.tilt_deg * DEG
         mounting = setup.mountings.get("inertial")
         self._turn = np.eye(3).tolist() if mounting is None else mounting.rotation.tolist()
@@ -125,6 +135,11 @@ class EkfPose(KeepsState):
         self._steps: deque[Motion] = deque()
         self._fix_t, self._used_t, self._quality = -1, -1, 0
         self._is_known = False
+        self._standing.clear()
+        self._ground.clear()
+        self._moved_t = NEVER  # the last fix that said that the machine moves
+        self._apart_t = -1  # since then wheels stand and the receiver moves, -1: they do not
+        self._are_faulty = False  # the wheels
         self._wheels = Odometry(0, 0.0, 0.0, 0.0)
         unknown = np.full((4, 4), NAN)
         return {"pose": PoseEstimate(0, NAN, NAN, NAN, 0.0, 0.0, unknown, NAN)}
@@ -163,11 +178,19 @@ class EkfPose(KeepsState):
             turn = p * float(up[0]) + q * float(up[1]) + r * float(up[2])
             sd = hypot(own, (samples or ())[-1].rate_sd / len(rates) ** 0.5)
         crab = self._tilt.crab(self._p.crab, last.speed * turn)
-        return Motion(now, dt / NS, turn, sd, crab, last.speed, (p, q, turn), self._antenna.offset())
+        rest = NAN
+        if self._standing.take(last.speed, dt / NS):
+            angle = last.steer_angle if isfinite(last.steer_angle) else 0.0
+            rest = (self._standing.mean or 0.0) * tan(angle) / self._wheelbase
+        return Motion(now, dt / NS, turn, sd, crab, last.speed, (p, q, turn), self._antenna.offset(), rest)
 
     def _go(self, filter_: Kalman, m: Motion) -> None:
         filter_.go(m)
-        filter_.take_wheels(m.speed, self._p.wheel_noise_m_s)
+        if self._are_faulty:
+            return
+        filter_.take_wheels(m.speed, self._p.wheel_noise_m_s, self._p.gate)
+        if isfinite(m.rest) and m.t - self._moved_t > OLDEST:
+            filter_.take_rest(m, self._p.gate)
 
     def _take(self, fix: Fix) -> None:
         """The filter goes to the time of the fix, takes it, and on to the present."""
@@ -239,7 +262,10 @@ class EkfPose(KeepsState):
         x, y, *rows = f.expected_place(m.offset)
         east, north = rows
         is_far = f.distance(fix.x - x, fix.y - y, (east, north), variance) > p.gate
-        if is_far and (fix.t - self._used_t) / NS < p.gate_s:
+        are_found_faulty = self._compare(fix, m, f)
+        if is_far:
+            self._moved_t = fix.t
+        if is_far and not are_found_faulty and (fix.t - self._used_t) / NS < p.gate_s:
             return
         if is_far:
             f.covariance[X, X] += (fix.x - x) ** 2 + fix.horizontal_sd**2
@@ -253,20 +279,48 @@ class EkfPose(KeepsState):
         if isfinite(fix.course):
             self._take_velocity(fix, m, f)
 
+    def _compare(self, fix: Fix, m: Motion, f: Kalman) -> bool:
+        """Wheels against receiver. Whether the wheels are found to be faulty, now."""
+        if not isfinite(fix.course):
+            return False
+        before, gate = self._are_faulty, self._p.gate
+        along, across, variance = self._lever(fix, m, f)
+        if self._ground.take(fix) ** 2 > gate * (variance - (1.0 - self._ground.share) * fix.speed_sd**2):
+            self._moved_t = fix.t
+        apart = fix.speed - hypot(m.speed + along, across)
+        stands_at_once = abs(m.speed) < AT_ONCE and apart**2 > gate * (variance + self._p.wheel_noise_m_s**2)
+        if not (stands_at_once or (isfinite(m.rest) and self._moved_t == fix.t)):
+            self._apart_t = -1
+        elif self._apart_t < 0:
+            self._apart_t = fix.t
+        self._are_faulty = self._apart_t >= 0 and fix.t - self._apart_t >= FAULTY_AFTER
+        if before or not self._are_faulty:
+            return False
+        f.covariance[SPEED, SPEED] += apart**2
+        f.covariance[BIAS, BIAS] += (self._p.gyro_bias_deg_s * DEG) ** 2  # it was learned at no stand
+        return True
+
+    def _lever(self, fix: Fix, m: Motion, f: Kalman) -> tuple[float, float, float]:
+        """What turning, rolling and pitching add to the antenna's velocity: along, across [m/s]; variance."""
+        (ahead, left), (roll, pitch, _) = m.offset, m.rates
+        turn, height = m.yaw_rate - float(f.state[BIAS]), self._antenna.height
+        variance = fix.speed_sd**2 + (0.1 * DEG * height) ** 2 + 1e-8
+        return pitch * height - turn * left, turn * ahead - roll * height, variance
+
     def _take_velocity(self, fix: Fix, m: Motion, f: Kalman) -> None:
         """Velocity of the antenna: that of the axle and what turning, rolling and pitching add."""
-        (ahead, left), (roll, pitch, _) = m.offset, m.rates
-        turn = m.yaw_rate - float(f.state[BIAS])
-        along, across = pitch * self._antenna.height - turn * left, turn * ahead - roll * self._antenna.height
-        variance = fix.speed_sd**2 + (0.1 * DEG * self._antenna.height) ** 2 + 1e-8
+        along, across, variance = self._lever(fix, m, f)
         for axis, measured in ((0, fix.speed * cos(fix.course)), (1, fix.speed * sin(fix.course))):
             heading, travel, v = float(f.state[HEADING]), f.travel(m.crab), float(f.state[SPEED])
             c, s, ct, st = cos(heading), sin(heading), cos(travel), sin(travel)
-            vx, vy = v * ct + c * along - s * across, v * st + s * along + c * across
+            own_x, own_y, pace = c * along - s * across, s * along + c * across, f.pace
+            dx, dy = pace * ct, pace * st
             if axis == 0:
-                f.take(measured - vx, {HEADING: -vy, SLIP: -v * st, SPEED: ct}, variance)
+                row = {HEADING: -dy - own_y, SLIP: -dy, SPEED: ct}
+                f.take(measured - v * ct - own_x, row, variance)
             else:
-                f.take(measured - vy, {HEADING: vx, SLIP: v * ct, SPEED: st}, variance)
+                row = {HEADING: dx + own_x, SLIP: dx, SPEED: st}
+                f.take(measured - v * st - own_y, row, variance)
 
     def _estimate(self, now: int, m: Motion) -> PoseEstimate:
         if not self._is_known:

@@ -3,11 +3,13 @@
 States: x, y of the fixed axle [m], heading [rad], speed [m/s], bias of the yaw rate [rad/s], scale error of
 the wheels' speed (slip and calibration), side slip beyond what is expected [rad], and the receiver's
 wandering error east and north [m], a first-order Gauss-Markov process: without these two the filter would
-take the mean of an error that hardly moves for a better position. Extended Kalman filter in the form of
+take the mean of an error that hardly moves for a better position. A speed says something about the scale,
+the heading and the slip only while the machine moves: derivatives taken at the noise of a speed near 0 would
+make the filter sure of a scale that is wrong. Extended Kalman filter in the form of
 Bar-Shalom, Li and Kirubarajan 2001, ch. 10; updates in Joseph's form.
 """
 
-from math import cos, exp, sin
+from math import cos, exp, fsum, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ from swath.signals import F64
 
 X, Y, HEADING, SPEED, BIAS, SCALE, SLIP, EAST, NORTH = range(9)
 SIZE = 9
+MOVES = 10.0  # standard deviations above which a speed is one
 Row = dict[int, float]  # derivatives of a measurement by the states
 
 
@@ -42,7 +45,8 @@ class Wander(NamedTuple):
 
 class Motion(NamedTuple):
     """A step of the machine. seconds; yaw_rate: measured [rad/s], its sd over the step; crab: expected slip
-    to the right [rad]; speed: by the wheels [m/s]
+    to the right [rad]; speed: by the wheels [m/s]; rest: yaw rate by the wheels while they stand [rad/s], nan
+    while they roll
     """
 
     t: int
@@ -53,6 +57,7 @@ class Motion(NamedTuple):
     speed: float
     rates: tuple[float, float, float]
     offset: tuple[float, float]
+    rest: float = float("nan")
 
 
 class Kalman(KeepsState):
@@ -75,6 +80,12 @@ class Kalman(KeepsState):
     def travel(self, crab: float) -> float:
         """Direction of travel of the axle [rad]."""
         return float(self.state[HEADING] + self.state[SLIP]) - crab
+
+    @property
+    def pace(self) -> float:
+        """Speed at which derivatives of measured speeds are taken [m/s]: 0 while it may be noise."""
+        v = float(self.state[SPEED])
+        return v if v * v > MOVES**2 * float(self.covariance[SPEED, SPEED]) else 0.0
 
     def go(self, m: Motion) -> None:
         """On by a step."""
@@ -117,10 +128,27 @@ class Kalman(KeepsState):
         p += np.multiply.outer(gain, gain) * variance
         self.covariance = 0.5 * (p + p.T)
 
-    def take_wheels(self, speed: float, sd: float) -> None:
-        """Speed by the wheels, (1 + scale) v."""
+    def take_wheels(self, speed: float, sd: float, gate: float) -> None:
+        """Speed by the wheels, (1 + scale) v. Beyond the gate, a squared distance, the speed has jumped: that
+        says nothing about the scale.
+        """
         scale, v = 1.0 + float(self.state[SCALE]), float(self.state[SPEED])
-        self.take(speed - scale * v, {SPEED: scale, SCALE: v}, sd**2)
+        row, difference = {SPEED: scale, SCALE: self.pace}, speed - scale * v
+        if not self._is_within(gate, difference, row, sd**2):
+            self.covariance[SPEED, SPEED] += difference**2
+            row = {SPEED: scale}
+        self.take(difference, row, sd**2)
+
+    def take_rest(self, m: Motion, gate: float) -> None:
+        """What the yaw rate is above that of standing wheels is its bias; left out beyond the gate."""
+        difference, row = m.yaw_rate - m.rest - float(self.state[BIAS]), {BIAS: 1.0}
+        if self._is_within(gate, difference, row, m.yaw_rate_sd**2):
+            self.take(difference, row, m.yaw_rate_sd**2)
+
+    def _is_within(self, gate: float, difference: float, row: Row, variance: float) -> bool:
+        p = self.covariance
+        spread = fsum(a * b * float(p[i, j]) for i, a in row.items() for j, b in row.items())
+        return difference**2 <= gate * (spread + variance)
 
     def roam(self, wander: Wander) -> None:
         """Another receiver error from now on, that nothing is known of."""

@@ -197,6 +197,7 @@ def _cart(
         "peer": combine.name,
         "start": _start(Pose(x, y, heading)),
         "odometry": {"level": "error"},
+        "imu": "error",
         **RECEIVER,
         "heap": {"level": "height_map", "empty_l_s": settings.unload_l_s},
         "peer_link": {"level": "radio", "rate_hz": 10, "delay_ms": 100},
