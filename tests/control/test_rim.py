@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath.control.box.grain_profile import at_wall
+from swath.control.box.grain_profile import at_wall, fill_of
 from swath.control.box.rim_fit import edges_of, fit_rim
 from tests.control.box_rig import DUST, MOUNT, THICK, errors, look
 
@@ -106,3 +106,18 @@ def test_grain_at_the_wall_of_a_heap_that_slopes_down_to_it(angle):
     assert abs(np.mean(off)) < 0.015
     assert np.std(off) < 0.02
     assert np.isnan(at_wall(away[:3], away[:3]))
+
+
+@pytest.mark.parametrize("end", [-1.0, 1.0])
+def test_grain_at_the_end_of_a_box_where_a_cone_touches_it(end):
+    """A cone 1.25 m before an end reaches the rim there in its middle; at the corners it is 0.33 m lower."""
+    rng = np.random.default_rng(8)
+    x, y = rng.uniform(-3.0, 3.0, 6000), rng.uniform(-1.5, 1.5, 6000)
+    slope = np.tan(np.radians(25.0))
+    cone = slope * (1.25 - np.hypot(x - 1.75 * end, y))
+    points = np.column_stack([x, y, 2.0 + np.maximum(cone, -0.4) + 0.01 * rng.standard_normal(6000)])
+    free = fill_of(points, 6.0, 3.0, 2.0, 0.005, 12).freeboard
+    beside = 10 if end > 0.0 else 1
+    assert free[-1 if end > 0.0 else 0] == pytest.approx(0.0, abs=0.03)
+    assert free[beside] == pytest.approx(slope * 0.25, abs=0.03)
+    assert free[11 - beside] == pytest.approx(0.4, abs=0.03)

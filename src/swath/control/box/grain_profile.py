@@ -55,11 +55,24 @@ def fill_of(points: F64, length: float, width: float, rim: float, rim_sd: float,
     highest = np.where(there.any(axis=0), np.where(there, sides, -np.inf).max(axis=0), np.nan)
     for k, sign in ((0, -1.0), (count - 1, 1.0)):
         away = 0.5 * length - sign * points[:, 0]
-        beside = away < STRIP[1]
-        highest[k] = float(np.fmax(highest[k], at_wall(away[beside], points[beside, 2]) - rim))
+        highest[k] = float(np.fmax(highest[k], _at_end(away, points, width, length / count) - rim))
     both = there.all(axis=0)
     lean = float((sides[0, both] - sides[1, both]).mean()) if bool(both.any()) else 0.0
     return Fill(height, sd, -highest, lean)
+
+
+def _at_end(away: F64, points: F64, width: float, part: float) -> float:
+    """Height of the grain at the wall of an end where it stands highest [m]; nan where it is not seen.
+
+    Taken in parts of the width [m]: a heap before the end touches that wall in its middle, not all along it.
+    """
+    count = max(1, round(width / part))
+    place = np.minimum(((points[:, 1] / width + 0.5) * count).astype(np.int64), count - 1)
+    highest = float("nan")
+    for k in range(count):
+        beside = (away < STRIP[1]) & (place == k)
+        highest = float(np.fmax(highest, at_wall(away[beside], points[beside, 2])))
+    return highest
 
 
 def at_wall(away: F64, heights: F64) -> float:
