@@ -12,7 +12,7 @@ when one of them is used; so is `Env`, a scenario as an environment of gymnasium
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 _OFFERED = {
     "batch": "swath.api",
     "branch": "swath.api",
