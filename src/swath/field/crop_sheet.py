@@ -3,15 +3,15 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
-from swath.documents.data_sheets import Sheet, find_sheet, read_sheet, sheet_names
+from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
 from swath.documents.sheet_fields import Entry, entries
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
 from swath.field.habits import find_habit
 
 ALIKE = 0.6  # share of equal numbers that makes a data sheet a copy of another; wheat and barley share 0.42
-_KEPT: dict[tuple[Path, int, int], Crop] = {}  # bundled ones by file, its time and size
 
 
 def load_crop(name: str, base: Path | None = None) -> Crop:
@@ -20,13 +20,13 @@ def load_crop(name: str, base: Path | None = None) -> Crop:
     Raises InputError that names key, file and line when a number is missing, has no source or lies outside
     what a crop can be.
     """
-    path = find_sheet("crops", name, base)
-    if name.endswith((".yaml", ".yml")):  # a user's own, which may rest on other files
-        return _read(read_sheet("crops", name, base))
-    stamp = path, path.stat().st_mtime_ns, path.stat().st_size
-    if stamp not in _KEPT:
-        _KEPT[stamp] = _read(read_sheet("crops", name, base))
-    return _KEPT[stamp]
+    is_own = name.endswith((".yaml", ".yml"))  # it may change, and rest on other files
+    return _read(read_sheet("crops", name, base)) if is_own else _bundled(name)
+
+
+@cache
+def _bundled(name: str) -> Crop:
+    return _read(read_sheet("crops", name))
 
 
 def _read(sheet: Sheet) -> Crop:

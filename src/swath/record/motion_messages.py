@@ -28,6 +28,7 @@ MEASURED = (
     *(f"pose.covariance.{6 * row + column}" for row in (0, 1, 5) for column in (0, 1, 5)),
     *(*ODOMETRY[7:], "twist.covariance.0", "twist.covariance.35"),
 )
+NOTHING_KNOWN = (UNKNOWN, 0.0, 0.0, 0.0, UNKNOWN, 0.0, 0.0, 0.0, UNKNOWN, UNKNOWN, UNKNOWN)  # as in MEASURED
 TRANSFORM = (
     *(f"transforms.0.transform.translation.{axis}" for axis in PLACE),
     *(f"transforms.0.transform.rotation.{axis}" for axis in (*PLACE, "w")),
@@ -121,19 +122,7 @@ class OdometryMessages:
         self._t = sample.t
         pose = self._pose
         if errors is None:
-            spread: tuple[float, ...] = (
-                UNKNOWN,
-                0.0,
-                0.0,
-                0.0,
-                UNKNOWN,
-                0.0,
-                0.0,
-                0.0,
-                UNKNOWN,
-                UNKNOWN,
-                UNKNOWN,
-            )
+            spread: tuple[float, ...] = NOTHING_KNOWN
         else:
             twist = (max(hypot(*errors[key]) ** 2, EXACT) for key in ("speed", "yaw_rate"))
             spread = (*covariance(self._doubt), *twist)
