@@ -126,9 +126,12 @@ def test_an_even_stand_gives_the_table_back(echo):
         assert np.quantile(drawn, share) == pytest.approx(np.quantile(told, share), abs=5e-3)
 
 
-@pytest.mark.parametrize(("crop", "density"), [("wheat", 400), ("barley", 400), ("rye", 300), ("rape", 50)])
-def test_crop_edge_lies_where_it_does_for_plants(crop, density):
-    """Where the height goes through half the crop's, along a scan across the edge: within 4 cm.
+@pytest.mark.parametrize(
+    ("crop", "density", "limit"),
+    [("wheat", 400, 0.015), ("barley", 400, 0.015), ("rye", 300, 0.03), ("rape", 50, 0.03)],
+)
+def test_crop_edge_lies_where_it_does_for_plants(crop, density, limit):
+    """Where the height goes through half the crop's, along a scan across the edge; limit [m]: of the mean.
 
     Three stands of each: those of other seeds differ by 1 to 2.5 cm. Branches of rape hang over it by 0.4 m.
     """
@@ -138,7 +141,7 @@ def test_crop_edge_lies_where_it_does_for_plants(crop, density):
         setup = site(density, f"field.stand.crop={crop}", f"seed={seed}")
         dear, cheap = pair(setup, sensor="sick-lms511-hr", sector_deg=(-9.0, 9.0), step_deg=0.25)
         off.append(edge_place(cheap, view, height, 40, seed) - edge_place(dear, view, height, 15, seed))
-    assert np.mean(off) == pytest.approx(0.0, abs=0.04)
+    assert np.mean(off) == pytest.approx(0.0, abs=limit)
 
 
 def test_solids_and_bare_ground_are_exact():

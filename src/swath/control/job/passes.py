@@ -54,10 +54,7 @@ def route_of(passes: Sequence[Pass], index: int, knife: float, radius: float, he
     then = axle_line(passes[index + 1], knife, header_y)
     (ax, ay), (bx, by) = then[:2]
     begin = Place(ax, ay, atan2(by - ay, bx - ax))
-    given = [
-        Bend(s.length_m, s.curvature_per_m, s.curvature_per_m if s.to_per_m is None else s.to_per_m)
-        for s in passes[index].turn
-    ]
+    given = [segment.bend for segment in passes[index].turn]
     return _made(own, along_bends(*end, given or bends_of(shortest(end, begin, radius), radius)), then)
 
 

@@ -49,6 +49,12 @@ class Segment:
     curvature_per_m: Curvature = 0.0
     to_per_m: Curvature | None = None
 
+    @property
+    def bend(self) -> Bend:
+        """The same with both curvatures."""
+        to = self.curvature_per_m if self.to_per_m is None else self.to_per_m
+        return Bend(self.length_m, self.curvature_per_m, to)
+
 
 @dataclass(frozen=True)
 class Begin:
@@ -238,10 +244,7 @@ def _own_line(params: Params, setup: ControlSetup) -> GuidanceLine | None:
     if params.points_m:
         points = rounded(params.points_m, params.corner_radius_m)
     elif params.segments:
-        bends = [
-            Bend(s.length_m, s.curvature_per_m, s.curvature_per_m if s.to_per_m is None else s.to_per_m)
-            for s in params.segments
-        ]
+        bends = [segment.bend for segment in params.segments]
         points = along_bends(begin.x_m, begin.y_m, begin.heading_deg * DEG, bends)
     elif params.file is not None:
         if setup.line_of is None:
