@@ -1,7 +1,7 @@
 """What is gone from a field, counted anew from the codes of its cells: the check of what cuts returned."""
 
 from collections.abc import Mapping
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import fsum
 from typing import Any
 
@@ -13,6 +13,7 @@ from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_T
 from swath.field.pages import Codes, Key, PageData, PageStore, inflate_codes
 
 Ints = NDArray[Any]
+TOGETHER = 16  # pages that are made for one look
 
 
 def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | bytes | None]) -> Cut:
@@ -20,12 +21,12 @@ def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | 
 
     begun: packed codes of pages that were not whole at the start
     """
-    total: list[Cut] = []
-    for key, codes in store.recut_codes():
-        data = store.make([key])[0]
-        before = begun.get(key)
-        start = _full(data.codes if before is None else inflate_codes(before))
-        total += _recount_page(stems, store.tile_size / TILE_CELLS, data, start, _full(codes))
+    total, changed = list[Cut](), store.recut_codes()
+    while some := dict(islice(changed, TOGETHER)):
+        for data, (key, codes) in zip(store.make([*some]), some.items(), strict=True):
+            before = begun.get(key)
+            start = _full(data.codes if before is None else inflate_codes(before))
+            total += _recount_page(stems, store.tile_size / TILE_CELLS, data, start, _full(codes))
     return Cut(
         fsum(c.grain for c in total),
         fsum(c.straw for c in total),
@@ -47,8 +48,8 @@ def _recount_page(
     then, after = start[row, column], now[row, column]
     moved = then != after
     mine, tile, then, after = mine[moved], tile[moved], then[moved], after[moved]
-    was, is_now = (stems.taken(mine, stand[tile], codes) for codes in (then, after))
-    masses = [(b - a).tolist() for a, b in zip(was, is_now, strict=True)]
+    was, is_now = (_taken(stems, mine, stand[tile], codes) for codes in (then, after))
+    masses = (is_now - was).tolist()
     gone = (then == STANDING) & (after != STANDING) & stems.is_crop[mine]
     counts = np.bincount(tile[gone], minlength=len(ty)).tolist()
     cells = _tiles((start == STANDING) & (now != STANDING)).sum(axis=(1, 3))[ty, tx]
@@ -59,6 +60,15 @@ def _recount_page(
         grain, straw, left = (fsum(mass[first:last]) for mass in masses)
         found.append(Cut(grain, straw, counts[n], areas[n], left))
     return found
+
+
+def _taken(
+    stems: StemIndex, mine: Ints, stand: NDArray[np.float64], codes: NDArray[np.uint8]
+) -> NDArray[np.float64]:
+    """Grain, straw and grain left [kg] that are gone from stems by the codes of their cells, (3, n)."""
+    masses, cut = np.zeros((3, len(mine))), codes != STANDING
+    masses[:, cut] = stems.taken(mine[cut], stand[cut], codes[cut])
+    return masses
 
 
 def _tiles(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
