@@ -1,4 +1,4 @@
-"""Digests of scenarios as this machine is, as if it had AVX2 only, and from the wheel under its other Pythons.
+"""Digests of scenarios as this machine is, as if it had AVX2 only, and of the wheel under other Pythons.
 
 python .ci/same_bytes.py SCENARIO[:METRES] ...    exit code 1 when two differ. The environments of the other
 Pythons are those that `.ci/packages` made.
@@ -22,7 +22,7 @@ AVX2_ONLY = {
 
 
 def others() -> dict[str, str]:
-    """Executables of the environments that `.ci/packages` made, by the version of their Python; not our own."""
+    """Executables of the environments of `.ci/packages` by the version of their Python; without our own."""
     own = f"{sys.version_info.major}.{sys.version_info.minor}"
     made = {folder.name.removeprefix("python-"): folder for folder in sorted(ROOT.glob("out/python-3.*"))}
     return {version: str(made[version] / "bin" / "python") for version in made if version != own}
