@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
@@ -103,13 +104,13 @@ def test_types_with_constants_are_published_and_others_are_named(caplog, monkeyp
     make, node = MessageFactory(), FakeNode()
     sender = module.Publisher(node, make.store)
     for topic, kind in (("/fix", "sensor_msgs/msg/NavSatFix"), ("/edge", "visualization_msgs/msg/Marker")):
-        sender(topic, 0, make(kind), b"", False)
+        sender(topic, 0, b"", partial(make, kind), False)
         assert len(node.topics[topic]) == 1
     assert sender.left_out == {}
     other = SimpleNamespace(get_fields_and_field_types=lambda: {"header": "std_msgs/Header"})
     monkeypatch.setattr(module, "type_of", lambda msgtype: other)
-    sender("/old", 0, make("sensor_msgs/msg/Imu"), b"", False)
-    sender("/older", 0, make("sensor_msgs/msg/Imu"), b"", False)
+    sender("/old", 0, b"", partial(make, "sensor_msgs/msg/Imu"), False)
+    sender("/older", 0, b"", partial(make, "sensor_msgs/msg/Imu"), False)
     assert sender.left_out == dict.fromkeys(
         ["/old", "/older"], "the installed sensor_msgs/msg/Imu has other fields"
     )
