@@ -51,7 +51,7 @@ class BlockTrack(KeepsState):
 
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
-        "_block", "_scans", "_is_lodged", "_is_broken", "_usual", "_levels", "_scatters",
+        "_block", "_scans", "_is_lodged", "_lodged_blocks", "_is_broken", "_usual", "_levels", "_scatters",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -66,7 +66,7 @@ class BlockTrack(KeepsState):
             part.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter, self._is_lodged = HEIGHT, 0.0, 0.0, False
-        self.blank, self.followed = 0.0, 0
+        self.blank, self.followed, self._lodged_blocks = 0.0, 0, 0
         self._is_broken = False  # the last blocks showed no standing edge near the track
         self._usual = float("nan")  # height of the first metre of crop
         self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
@@ -186,7 +186,8 @@ class BlockTrack(KeepsState):
         """
         usual, stopped = self._usual, self.populations.heights()[2]
         is_uneven = max(self._levels) - min(self._levels) > UNEVEN
-        if not usual > TALL or stopped < 0.8 or abs(angle) > 3.0 * OBLIQUE or is_uneven:
+        is_doubtful = (stopped < 0.8 or is_uneven) and not self._is_lodged
+        if not usual > TALL or is_doubtful or abs(angle) > 3.0 * OBLIQUE:
             return 0.0
         now = self._first_metre(found)
         if np.isnan(now) and self.populations.has_mat(self._block.just_inside(MAT)):
@@ -213,12 +214,15 @@ class BlockTrack(KeepsState):
         """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
         if not self._is_lodged:
             self._take_back()
+            self._lodged_blocks = 0
         self._is_lodged = self._is_broken = True
         self.track.advance(along)
         assert self.track.arc is not None
         unseen, doubt = self.track.arc.unseen, (DOUBT * swing) ** 2
-        if found.gain >= LEAST_GAIN:
-            self.track.accept(found.beside, doubt + found.variance)
+        self._lodged_blocks += 1
+        is_flat = np.isnan(self._first_metre(found))  # what stands out there is the wall behind it
+        if found.gain >= LEAST_GAIN and not is_flat:  # the tops of all lie off alike: together worth one
+            self.track.accept(found.beside, self._lodged_blocks * doubt + found.variance, turns=False)
         arc = self.track.arc
         self.points.add(arc.x, arc.u, doubt, arc.way)
         crop, stubble = self._block.sides(0.0)
