@@ -99,6 +99,15 @@ def test_a_gap_is_held_and_the_end_of_the_crop_is_told():
     assert 14.5 < last * SPEED * 0.04 + edges[last].reference_x < 23.0
 
 
+def test_the_far_wall_of_a_long_hole_is_not_the_edge():
+    """2.2 m further in, within reach of the search at the start."""
+    hole = lambda x, y: 6.0 - y - np.where(x > 16.0, 2.2, 0.0)  # noqa: E731
+    edges, error = drive(inside=hole, metres=26.0)
+    assert edges[75].is_found
+    assert not edges[-1].is_found
+    assert np.nanmax(np.abs(error[75:])) < 0.3
+
+
 @pytest.mark.parametrize(
     ("made", "most"),
     [({}, 1.0), ({"usual": 0.85}, 0.2), ({"usual": 0.5}, 1.0), ({"usual": 0.85, "upright_m": 0.5}, 1.0)],
