@@ -376,12 +376,10 @@ TRUTH = (MachineState, ScanTruth, TrailerState, WheelState)  # what control neve
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:
     """The kind of a slot by the name of an instance: `lidar` and `lidar_left` are of kind lidar."""
     kinds = {s.name: s for s in slots}
-    found, name = kinds.get(instance), instance
-    while found is None and "_" in name:
+    name = instance
+    while name and not ((kind := kinds.get(name)) and is_instance(instance, kind)):
         name = name.rpartition("_")[0]
-        if (kind := kinds.get(name)) is not None and is_instance(instance, kind):
-            found = kind
-    return found
+    return kinds.get(name)
 
 
 def is_instance(name: str, kind: SlotKind) -> bool:

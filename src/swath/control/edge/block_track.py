@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, replace
+from math import tan
 
 import numpy as np
 
@@ -125,7 +126,7 @@ class BlockTrack(KeepsState):
         if self._lost is None or self._lost[1] > RELIC_M:
             return False
         old = self._lost[0].frame(*at)
-        beside = frame.u + place - old.u - (frame.x + self._block.along - old.x) * float(np.tan(old.angle))
+        beside = frame.u + place - old.u - (frame.x + self._block.along - old.x) * tan(old.angle)
         return abs(old.angle) < TURNED and abs(beside) > ELSEWHERE
 
     def _go_on(self, arc: Arc, heading: float) -> bool:
