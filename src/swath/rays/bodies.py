@@ -1,7 +1,6 @@
 """Beams against bodies: solids, ground, and the canopy with a drawn depth. One ray per beam."""
 
 import math
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -53,6 +52,7 @@ class BodyCaster:
         self._launch: Any = None
         self._made_for = -1  # version of the scene
         self._called = (0.0, 0)  # range and flag of solids it has
+        self._kept: tuple[Any, ...] = ()  # what it reads
 
     def cast_beams(self, *, range_max: float, solids: Solids | None = None) -> int:
         """Nearest body of each beam within range_max [m]: fills distance, kind (organ), cosine, reflectance.
@@ -82,15 +82,11 @@ class BodyCaster:
         """The launch that is repeated until the field's memory moves."""
         from swath.rays.single.kernel import cast_bodies
 
+        self._kept = self._kept or (self._pack(), share(self._apart))
         canopy, apart = self._kept
         inputs = [scene, canopy, self.beams.struct(), apart, self.line_count, range_max, has_solids]
         self._launch = self.beams.record(cast_bodies, inputs, threads=1)
         self._made_for = self.scene.version
-
-    @cached_property
-    def _kept(self) -> tuple[Any, Any]:
-        """What the launch reads beside the field and the beams: the table, angles to neighbours."""
-        return self._pack(), share(self._apart)
 
     def _pack(self) -> Any:
         """The table as native code reads it."""

@@ -375,12 +375,11 @@ TRUTH = (MachineState, ScanTruth, TrailerState, WheelState)  # what control neve
 
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:
     """The kind of a slot by the name of an instance: `lidar` and `lidar_left` are of kind lidar."""
-    kinds, name = {s.name: s for s in slots}, instance
-    while (kind := kinds.get(name)) is None or not is_instance(instance, kind):
-        if "_" not in name:
-            return None
+    kinds = {s.name: s for s in slots}
+    name = instance
+    while name and not ((kind := kinds.get(name)) and is_instance(instance, kind)):
         name = name.rpartition("_")[0]
-    return kind
+    return kinds.get(name)
 
 
 def is_instance(name: str, kind: SlotKind) -> bool:
