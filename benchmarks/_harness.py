@@ -2,9 +2,11 @@
 
 import gc
 import json
+import os
 import platform
 import random
 import statistics
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -32,6 +34,16 @@ def interleave(
     return times
 
 
+def environment(**more: str) -> dict[str, str]:
+    """Of a process that is measured: Python may keep the bytecode of what it imports, as it usually does.
+
+    Compiling swath takes half a second each time where PYTHONDONTWRITEBYTECODE is set.
+    """
+    kept = {name: text for name, text in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    cache = Path(tempfile.gettempdir()) / "swath-benchmark-bytecode"
+    return {**kept, "SWATH_THREADS": "1", "PYTHONPYCACHEPREFIX": str(cache), **more}
+
+
 def median(values: list[float]) -> float:
     return statistics.median(values)
 
@@ -57,8 +69,6 @@ def machine() -> dict[str, Any]:
     if info.is_file():
         lines = [s for s in info.read_text(encoding="utf-8").splitlines() if s.startswith("model name")]
         model = lines[0].split(":", 1)[1].strip() if lines else model
-    import os
-
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {"cpu": model, "cores": os.cpu_count(), "python": platform.python_version(), "load_1min": load}
 

@@ -18,7 +18,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ["SWATH_THREADS"] = "1"
 
-from _harness import machine, write_json
+from _harness import environment, machine, write_json
 
 CHEAP = {"combine.lidar.level": "empirical"}
 NOTHING, SHORT, LONG, SAMPLE_S = 0.1, 4.0, 24.0, 60.0  # m, m, m, s
@@ -73,6 +73,7 @@ def alone(options: list[str], folder: Path) -> float:
         [sys.executable, "-c", command, *run, "--out", str(folder), "--quiet", *options],
         check=True,
         capture_output=True,
+        env=environment(),
     )
     after = os.times()
     return after.children_user + after.children_system - before.children_user - before.children_system

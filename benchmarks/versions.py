@@ -24,7 +24,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from _harness import machine, write_json
+from _harness import environment, machine, write_json
 
 RUN = "import sys, runpy; from importlib.util import find_spec as f;" \
       "m = 'swath.commands.main' if f('swath.commands.main') else 'swath.cli';" \
@@ -69,7 +69,7 @@ class Version:
 
     def cpu_s(self, arguments: Sequence[str]) -> float:
         """CPU time [s] of `swath ARGUMENTS` in a process of its own; RuntimeError when it cannot run."""
-        env = os.environ | {"PYTHONPATH": str(self.root / "src"), "SWATH_THREADS": "1"}
+        env = environment(PYTHONPATH=str(self.root / "src"))
         before = os.times()
         done = subprocess.run(
             [self.python, "-c", RUN, *arguments], env=env, cwd=self.root, capture_output=True, text=True
