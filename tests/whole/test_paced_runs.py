@@ -28,6 +28,11 @@ def digest_of(*sets, clock=None):
 def test_the_clock_changes_no_result_unless_a_level_is_exchanged():
     plain, none, _ = digest_of()
     assert none is None
+    swift, pacer, world = digest_of("realtime.pace=real_time", clock=FakeClock())
+    assert swift == plain
+    assert pacer.report()["max_late_ms"] == 0.0
+    assert not world.field.prepare()  # all was made in the time left
+
     slow = FakeClock()
     slow.work = 8 * MS
     slipped, pacer, world = digest_of("realtime.pace=real_time", "realtime.grace_s=0", clock=slow)

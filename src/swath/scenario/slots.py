@@ -375,8 +375,13 @@ TRUTH = (MachineState, ScanTruth, TrailerState, WheelState)  # what control neve
 
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:
     """The kind of a slot by the name of an instance: `lidar` and `lidar_left` are of kind lidar."""
-    kinds = sorted((s for s in slots if is_instance(instance, s)), key=lambda s: len(s.name))
-    return kinds[-1] if kinds else None
+    kinds = {s.name: s for s in slots}
+    found, name = kinds.get(instance), instance
+    while found is None and "_" in name:
+        name = name.rpartition("_")[0]
+        if (kind := kinds.get(name)) is not None and is_instance(instance, kind):
+            found = kind
+    return found
 
 
 def is_instance(name: str, kind: SlotKind) -> bool:

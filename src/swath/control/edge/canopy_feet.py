@@ -85,12 +85,12 @@ class CanopyFeet(KeepsState):
         """
         if not height > 0.0:
             return 0.0
-        dense = float(np.clip((stopped - THIN) / (DENSE - THIN), 0.0, 1.0))
-        seen = float(np.clip((DUSTY - dust) / (DUSTY - CLEAR), 0.0, 1.0))
+        dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
+        seen = min(max((DUSTY - dust) / (DUSTY - CLEAR), 0.0), 1.0)
         dense = max(dense, 1.0 - seen)  # in dust it is not seen how dense the crop is
         learned = self._overhang(height)
         upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)
         share, foot, _ = self.lean
-        even = float(np.clip((RAGGED - spread) / (RAGGED - EVEN), 0.0, 1.0))
+        even = min(max((RAGGED - spread) / (RAGGED - EVEN), 0.0), 1.0)
         upright = even * upright + (1.0 - even) * dense * USUAL * height
         return (1.0 - share) * upright + share * seen * foot

@@ -103,6 +103,7 @@ class LikelihoodRatio(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """No edge at t = 0: nothing was seen yet."""
         self._forget()
+        self._line.compile()
         return {"edge": self._no_edge(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
