@@ -30,7 +30,8 @@ from swath.scenario.sections import RealTime
 
 MS = 1_000_000
 STEPS_MS = (0.1, 1.0, 5.0, 20.0, 50.0, 100.0)  # lateness is counted between these
-PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance
+PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance, at least
+FORGET = 0.99  # from tick to tick, of the longest piece so far, which has to fit in too
 SYSTEM = "system"  # the run slept and was woken late
 REST = "recording"  # time that no slot used: observers, files
 
@@ -79,6 +80,7 @@ class Pacer:
         self.overruns: Counter[str] = Counter()
         self.exchanges: list[Exchange] = []
         self.priority, self.scheduling = plan.priority, "default"
+        self._piece = float(PIECE)
         self.after_grace: Callable[[], None] | None = None  # called once
 
     def __call__(self, t: int) -> None:
@@ -91,8 +93,7 @@ class Pacer:
             self.after_grace = None
         due = self._due(t)
         slept = now < due
-        while due - now > PIECE and self._prepare():
-            now = self._clock.now()
+        now = self._work_ahead(now, due)
         if slept:
             self._mark(now)
             self._clock.sleep(max(due - now, 0))
@@ -146,6 +147,14 @@ class Pacer:
             found.append(f"real time: scheduling {self.scheduling}")
         changed = [f"{e.slot} went from {e.before} to {e.after} at {e.t / NS:g} s" for e in self.exchanges]
         return found + [f"real time: {text}" for text in changed]
+
+    def _work_ahead(self, now: int, due: int) -> int:
+        """Pieces of work in advance, as long as one fits in; the time then [ns]."""
+        while due - now > self._piece and self._prepare():
+            began, now = now, self._clock.now()
+            self._piece = max(self._piece, now - began)
+        self._piece = max(float(PIECE), FORGET * self._piece)
+        return now
 
     def _begin(self, t: int, now: int) -> None:
         self._origin = (t, now)
