@@ -50,14 +50,14 @@ class Change:
 class PageStore:
     """Pages in memory and what was changed on the others.
 
-    make: gives the pages of indices; finish: called with the keys of pages that just came into memory
-    tile_size [m]; limit: number of pages kept in memory beyond those asked for last
+    make: gives the pages of indices; finish: called with the store and keys of pages that just came into
+    memory; tile_size [m]; limit: number of pages kept in memory beyond those asked for last
     """
 
     def __init__(
         self,
         make: Callable[[Sequence[Key]], list[PageData]],
-        finish: Callable[[list[Key]], None] = lambda keys: None,
+        finish: Callable[["PageStore", list[Key]], None] = lambda store, keys: None,
         *,
         tile_size: float = 1.0,
         limit: int = 1024,
@@ -107,7 +107,7 @@ class PageStore:
             made.update(zip(new, self.make(new), strict=True))
         for key in missing:
             self._insert(key, made[key])
-        self.finish(missing)
+        self.finish(self, missing)
         self.pages.revision += 1
         self._around = keys
 
