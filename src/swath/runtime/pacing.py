@@ -32,6 +32,7 @@ MS = 1_000_000
 STEPS_MS = (0.1, 1.0, 5.0, 20.0, 50.0, 100.0)  # lateness is counted between these
 PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance, at least
 FORGET = 0.99  # from tick to tick, of the longest piece so far, which has to fit in too
+SEARCHES = 700, 10, 10  # of garbage collection, as `gc.set_threshold` has them: each takes up to 2 ms
 SYSTEM = "system"  # the run slept and was woken late
 REST = "recording"  # time that no slot used: observers, files
 
@@ -252,7 +253,7 @@ def paced(graph: Graph, pacer: Pacer | None) -> Iterator[None]:
     """Inside the block the graph waits for its pacer, with the scheduling that was asked for.
 
     What was there before, and what is loaded in the grace, is left out of garbage collection: going through
-    all of it takes some 50 ms.
+    all of it takes some 50 ms. What comes later is searched in small parts.
     """
     if pacer is None:
         yield
@@ -261,9 +262,12 @@ def paced(graph: Graph, pacer: Pacer | None) -> Iterator[None]:
     gc.collect()
     gc.freeze()
     pacer.after_grace = gc.freeze
+    before = gc.get_threshold()
+    gc.set_threshold(*SEARCHES)
     try:
         with scheduling(pacer.priority) as pacer.scheduling:
             yield
     finally:
+        gc.set_threshold(*before)
         gc.unfreeze()
         graph.before_tick.remove(pacer)
