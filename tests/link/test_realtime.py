@@ -66,6 +66,24 @@ def test_time_that_is_left_goes_into_work_in_advance_as_long_as_a_piece_fits_in(
     assert rig.pacer.report()["max_late_ms"] == 0.0
 
 
+def test_work_in_advance_that_takes_longer_than_is_left_is_left_for_a_while():
+    rig, done = Rig(), []
+
+    def piece():
+        done.append(rig.clock.t)
+        rig.clock.t += 12 * MS
+        return True
+
+    rig.pacer = Pacer(RealTime(grace_s=0.0), clock=rig.clock, prepare=piece)
+    for k in range(1, 41):
+        rig.tick(5 * k)
+    assert len(done) == 1  # 12 ms are longer than all that is left between two ticks
+    assert rig.pacer.report()["late"]["up to 20 ms"] == 1
+    for k in range(41, 300):
+        rig.tick(5 * k)
+    assert 2 <= len(done) <= 5
+
+
 def test_lateness_within_the_tolerance_is_caught_up():
     rig = Rig(tolerance_ms=20)
     for k in range(1, 20):

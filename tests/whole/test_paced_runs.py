@@ -124,11 +124,21 @@ def test_outputs_write_their_blocks_in_different_ticks(tmp_path):
     assert max(together.values()) <= outputs // 2
 
 
-def test_what_was_assembled_is_left_out_of_garbage_collection_while_it_is_paced():
+def test_garbage_collection_leaves_out_what_was_assembled_and_goes_in_small_parts():
     import gc
 
-    world = assemble(small("realtime.pace=real_time"))
-    before = gc.get_freeze_count()
-    with paced(world.graph, make_pacer(world, clock=FakeClock())):
-        assert gc.get_freeze_count() > before + 10_000
-    assert gc.get_freeze_count() == 0
+    world, usual = assemble(small("realtime.pace=real_time")), gc.get_threshold()
+    gc.set_threshold(500_000, 20, 100)
+    try:
+        before, pacer = gc.get_freeze_count(), make_pacer(world, clock=FakeClock())
+        with paced(world.graph, pacer):
+            begun = gc.get_freeze_count()
+            assert begun > before + 10_000
+            assert gc.get_threshold()[0] < 10_000
+            loaded = [[] for _ in range(5000)]
+            drive(world, until_s=1.1)
+            assert gc.get_freeze_count() >= begun + len(loaded)  # the grace is over
+        assert gc.get_freeze_count() == 0
+        assert gc.get_threshold() == (500_000, 20, 100)
+    finally:
+        gc.set_threshold(*usual)

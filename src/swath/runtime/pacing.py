@@ -30,7 +30,9 @@ from swath.scenario.sections import RealTime
 
 MS = 1_000_000
 STEPS_MS = (0.1, 1.0, 5.0, 20.0, 50.0, 100.0)  # lateness is counted between these
-PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance
+PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance, at least
+FORGET = 0.99  # from tick to tick, of the longest piece so far, which has to fit in too
+SEARCHES = 700, 10, 10  # of garbage collection, as `gc.set_threshold` has them: each takes up to 2 ms
 SYSTEM = "system"  # the run slept and was woken late
 REST = "recording"  # time that no slot used: observers, files
 
@@ -79,6 +81,7 @@ class Pacer:
         self.overruns: Counter[str] = Counter()
         self.exchanges: list[Exchange] = []
         self.priority, self.scheduling = plan.priority, "default"
+        self._piece = float(PIECE)
         self.after_grace: Callable[[], None] | None = None  # called once
 
     def __call__(self, t: int) -> None:
@@ -91,8 +94,7 @@ class Pacer:
             self.after_grace = None
         due = self._due(t)
         slept = now < due
-        while due - now > PIECE and self._prepare():
-            now = self._clock.now()
+        now = self._work_ahead(now, due)
         if slept:
             self._mark(now)
             self._clock.sleep(max(due - now, 0))
@@ -146,6 +148,14 @@ class Pacer:
             found.append(f"real time: scheduling {self.scheduling}")
         changed = [f"{e.slot} went from {e.before} to {e.after} at {e.t / NS:g} s" for e in self.exchanges]
         return found + [f"real time: {text}" for text in changed]
+
+    def _work_ahead(self, now: int, due: int) -> int:
+        """Pieces of work in advance, as long as one fits in; the time then [ns]."""
+        while due - now > self._piece and self._prepare():
+            began, now = now, self._clock.now()
+            self._piece = max(self._piece, now - began)
+        self._piece = max(float(PIECE), FORGET * self._piece)
+        return now
 
     def _begin(self, t: int, now: int) -> None:
         self._origin = (t, now)
@@ -243,7 +253,7 @@ def paced(graph: Graph, pacer: Pacer | None) -> Iterator[None]:
     """Inside the block the graph waits for its pacer, with the scheduling that was asked for.
 
     What was there before, and what is loaded in the grace, is left out of garbage collection: going through
-    all of it takes some 50 ms.
+    all of it takes some 50 ms. What comes later is searched in small parts.
     """
     if pacer is None:
         yield
@@ -252,9 +262,12 @@ def paced(graph: Graph, pacer: Pacer | None) -> Iterator[None]:
     gc.collect()
     gc.freeze()
     pacer.after_grace = gc.freeze
+    before = gc.get_threshold()
+    gc.set_threshold(*SEARCHES)
     try:
         with scheduling(pacer.priority) as pacer.scheduling:
             yield
     finally:
+        gc.set_threshold(*before)
         gc.unfreeze()
         graph.before_tick.remove(pacer)

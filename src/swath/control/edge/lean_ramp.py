@@ -28,7 +28,8 @@ SOAK = 0.035  # m per slope by which it seems to begin late
 STEEP, FLATTER = 0.085, 0.6  # slope of an upright canopy without overhang; less this times that per height
 LEAST, WIDTH = 0.045, 0.07  # slope beyond that from which on it may be a ramp, and further until it is one
 SPARSE, DENSE = 0.7, 0.98  # LEAST grows with the share within that is not stopped, from DENSE on
-FIRST, SETTLED = 0.15, (1.0, 5.0)  # and while little was seen: between two ways since the beginning [m]
+LOW, HEIGHTS = 0.3, (0.55, 0.75)  # and with a low crop, among whose lower layers is stubble: two heights [m]
+FIRST, SETTLED = 0.4, (1.0, 5.0)  # and while little was seen: between two ways since the beginning [m]
 _CELLS = 2 * round(HALF / CELL)
 _PLACE = CELL * (np.arange(_CELLS) + 0.5) - HALF
 _WALL = slice(*(round((HALF + place) / CELL) for place in WALL))
@@ -84,15 +85,20 @@ class LeanRamp(KeepsState):
         slope = float((apart * begins).sum() / (apart * apart).sum())
         foot = float(begins.mean()) - slope * (float(level.mean()) + SOAK)
         upright = max(STEEP - FLATTER * overhang / height, 0.0)
-        least = upright + feigned + self._least(float(most[1]))
+        least = upright + feigned + self._least(height, float(most[1]))
         is_ramp = float(np.clip((slope - least) / WIDTH, 0.0, 1.0))
         return is_ramp, float(np.clip(foot, -0.5, 0.2)), slope
 
-    def _least(self, stopped: float) -> float:
-        """Slope beyond that of an upright canopy that may be chance; stopped: share of the rays within."""
+    def _least(self, height: float, stopped: float) -> float:
+        """Slope beyond that of an upright canopy that may be chance.
+
+        height [m] of the crop; stopped: share of the rays within
+        """
+        short, tall = HEIGHTS
+        low = min(max((tall - height) / (tall - short), 0.0), 1.0)
         early, late = SETTLED
         fresh = min(max((late - self._way) / (late - early), 0.0), 1.0)
-        return LEAST + SPARSE * max(DENSE - stopped, 0.0) + FIRST * fresh
+        return LEAST + SPARSE * max(DENSE - stopped, 0.0) + LOW * low + FIRST * fresh**2
 
 
 def _open(stopped: F64, rays: F64, whole: F64) -> F64:

@@ -171,7 +171,7 @@ class LogPlayer:
         self._t = self._skipped = 0
         self.ends_at: int | None = None
         self.ending = ""
-        demux = self._demux = Demux(self.log.messages(self._topics))
+        demux = self._demux = Demux(self.log.messages, self._topics)
         limit = None if self.params.gap_s is None else round(self.params.gap_s * NS)
         streams = [self._samples(source, demux) for source in self._sources]
         self._feeds = [Feed(s, shift=self._shift, gap_limit=limit) for s in streams]

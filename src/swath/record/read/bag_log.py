@@ -1,4 +1,4 @@
-"""A rosbag 1, or a rosbag 2 in any container, read with its index."""
+"""A rosbag 2 in a database, or packed, read with its index."""
 
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -6,11 +6,15 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.record.read.mcap_log import BROKEN, CUT_OFF
+from swath.documents.packed import most_unpacked
+from swath.documents.yaml_document import read_document
+from swath.record.read.mcap_log import BROKEN, CUT_OFF, unpacked_message
+
+LENGTH = 0  # SQLITE_LIMIT_LENGTH: the longest value of a database, sqlite.org/c3ref/c_limit_attached.html
 
 
 class BagLog:
-    """Reads a rosbag 1 or 2 with its index; notes as of McapLog."""
+    """Reads a rosbag 2 with its index; notes as of McapLog."""
 
     def __init__(self, path: Path) -> None:
         from rosbags.highlevel import AnyReader
@@ -22,6 +26,8 @@ class BagLog:
             [path], default_typestore=get_typestore(Stores.ROS2_JAZZY)
         )
         try:
+            if path.is_dir():
+                _check_parts(path)
             with self._make() as reader:
                 self._topics = {c.topic: c.msgtype for c in reader.connections}
                 self._begin = int(reader.start_time) if reader.message_count else 0
@@ -50,6 +56,7 @@ class BagLog:
             connections = [c for c in reader.connections if c.topic in wanted or c.topic in rest]
             if not connections:
                 return
+            is_packed = _bounded(reader, self.path)
             records = iter(reader.messages(connections=connections))
             while True:
                 try:
@@ -63,6 +70,7 @@ class BagLog:
                     continue
                 rest.discard(connection.topic)
                 try:
+                    data = unpacked_message(data) if is_packed else data
                     made = reader.deserialize(data, connection.msgtype)
                 except Exception:
                     self.notes[BROKEN] = self.notes.get(BROKEN, 0) + 1
@@ -72,3 +80,34 @@ class BagLog:
     def attachment(self, name: str) -> bytes | None:
         """A rosbag has none."""
         return None
+
+
+def _check_parts(folder: Path) -> None:
+    """InputError where the metadata are none, or packed files hold more than they honestly can.
+
+    rosbags reads both without a bound; it unpacks files to the disk.
+    """
+    import zstandard
+
+    read_document(folder / "metadata.yaml")
+    for part in folder.glob("*.zstd"):
+        most, held = most_unpacked(part.stat().st_size), 0
+        with part.open("rb") as file:
+            for piece in zstandard.ZstdDecompressor().read_to_iter(file):
+                held += len(piece)
+                if held > most:
+                    expected = f"expected at most {most} bytes unpacked"
+                    raise InputError("recording", part.name, expected, file=part)
+
+
+def _bounded(reader: Any, path: Path) -> bool:
+    """Keeps a database from giving a message longer than the file; whether messages are packed, see
+    `unpacked_message`: rosbags would unpack them without a bound."""
+    storage = reader.readers[0].storage
+    most = most_unpacked(sum(p.stat().st_size for p in ([path] if path.is_file() else path.iterdir())))
+    for part in getattr(storage, "storages", [storage]):
+        if (database := getattr(part, "dbconn", None)) is not None:
+            database.limit(LENGTH, min(most, 2**31 - 1))
+    is_packed = bool(storage.metadata.compression_mode == "message")
+    storage.metadata = storage.metadata._replace(compression_mode=None)
+    return is_packed

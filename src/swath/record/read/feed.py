@@ -1,8 +1,9 @@
 """Samples of a recording in the order of time, each at the moment it came out."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 from swath.core.abilities import Closes
@@ -15,38 +16,71 @@ from swath.signals import MachineState, Signal
 from swath.signals.flat import build, flat_fields, read
 
 Timed = tuple[int, Signal]  # (published [ns], sample)
+Record = tuple[str, int, Any]  # (topic, log time [ns], message)
+Pass = Callable[[Collection[str]], Iterator[Record]]
+WAITING = 256  # messages that one reader may be behind the others
 
 
 class Demux:
-    """One pass through a recording for several readers; each has a queue of what it has not read yet."""
+    """One pass through a recording for several readers; each has a queue of what it has not read yet.
 
-    def __init__(self, records: Iterator[tuple[str, int, Any]]) -> None:
-        self._records = records
-        self._waiting: dict[str, list[deque[tuple[str, int, Any]]]] = {}
+    Who falls more than WAITING messages behind the others, or never reads, loses its queue: it goes through
+    the recording by itself from then on. open_pass: messages of some topics, as of a log
+    """
 
-    def read(self, *topics: str) -> Iterator[tuple[str, int, Any]]:
+    def __init__(self, open_pass: Pass, topics: Collection[str]) -> None:
+        self._open = open_pass
+        self._records = open_pass(topics)
+        self._waiting: dict[str, list[_Queue]] = {}
+        self._own: list[Iterator[Record]] = []
+
+    def read(self, *topics: str) -> Iterator[Record]:
         """(topic, log time [ns], message) of some topics; to be called before the first message is read."""
-        mine: deque[tuple[str, int, Any]] = deque()
+        mine = _Queue(topics)
         for topic in topics:
             self._waiting.setdefault(topic, []).append(mine)
         return self._read(mine)
 
     def close(self) -> None:
         """Close the file."""
-        if isinstance(self._records, Closes):
-            self._records.close()
+        for records in (self._records, *self._own):
+            if isinstance(records, Closes):
+                records.close()
 
-    def _read(self, mine: deque[tuple[str, int, Any]]) -> Iterator[tuple[str, int, Any]]:
-        while True:
-            while mine:
-                yield mine.popleft()
+    def _read(self, mine: "_Queue") -> Iterator[Record]:
+        while not mine.is_alone:
+            while mine.records:
+                mine.given += 1
+                yield mine.records.popleft()
             for record in self._records:
                 for waiting in self._waiting.get(record[0], ()):
-                    waiting.append(record)
-                if mine:
+                    waiting.add(record)
+                if mine.records:
                     break
             else:
-                return
+                if not mine.is_alone:
+                    return
+        own = self._open(mine.topics)
+        self._own.append(own)
+        yield from islice(own, mine.given, None)
+
+
+class _Queue:
+    """What one reader has not read yet. given: messages that it has read; is_alone: it fell behind"""
+
+    def __init__(self, topics: Collection[str]) -> None:
+        self.topics = topics
+        self.records: deque[Record] = deque()
+        self.given = 0
+        self.is_alone = False
+
+    def add(self, record: Record) -> None:
+        """One more, where it can wait."""
+        if len(self.records) >= WAITING:
+            self.is_alone = True
+            self.records.clear()
+        if not self.is_alone:
+            self.records.append(record)
 
 
 class Feed:

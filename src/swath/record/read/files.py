@@ -6,11 +6,14 @@ from swath.core.errors import InputError
 from swath.record.formats import ABOUT, RECORDING, check_format, read_about
 from swath.record.read.bag_log import BagLog
 from swath.record.read.mcap_log import MAGIC, McapLog
-from swath.record.read.torn_bag import open_torn_bag
+from swath.record.read.parts import PartsLog, open_parts
+from swath.record.read.rosbag1 import MAGIC as MAGIC_1
+from swath.record.read.rosbag1 import open_rosbag1
 
+RUN = "run.mcap"  # of swath, in the order in which it was published
 KINDS = "expected a run folder, an .mcap, a .bag, a .db3 or the folder of a rosbag 2"
 
-Log = McapLog | BagLog
+Log = McapLog | PartsLog | BagLog
 
 
 def open_log(path: Path) -> Log:
@@ -24,37 +27,31 @@ def open_log(path: Path) -> Log:
 
 
 def _open(path: Path) -> Log:
-    if (path / "run.mcap").is_file():
-        path = path / "run.mcap"
+    if (path / RUN).is_file():
+        path = path / RUN
     if path.is_dir():
         return _open_folder(path)
     if not path.is_file():
         raise InputError("recording", str(path), "there is no such file")
-    return McapLog(path) if path.suffix == ".mcap" or _has_magic(path) else _open_bag(path)
-
-
-def _open_bag(path: Path) -> Log:
-    try:
-        return BagLog(path)
-    except InputError:
-        torn = open_torn_bag(path)
-        if torn is None:
-            raise
-        return torn
+    if path.suffix == ".mcap" or _begins(path, MAGIC):
+        return McapLog(path, by_time=path.name != RUN)
+    return open_rosbag1(path) if path.suffix == ".bag" or _begins(path, MAGIC_1) else BagLog(path)
 
 
 def _open_folder(path: Path) -> Log:
     parts = sorted(path.glob("*.mcap"))
     if not (path / "metadata.yaml").is_file() and not parts:
         raise InputError("recording", path.name, KINDS, file=path)
+    if (named := open_parts(path)) is not None:
+        return named
     try:
         return BagLog(path)
     except InputError:
         if len(parts) != 1:
             raise
-        return McapLog(parts[0])  # torn, or without metadata: as far as it goes
+        return McapLog(parts[0], by_time=True)  # torn, or without metadata: as far as it goes
 
 
-def _has_magic(path: Path) -> bool:
+def _begins(path: Path, magic: bytes) -> bool:
     with path.open("rb") as file:
-        return file.read(8) == MAGIC
+        return file.read(len(magic)) == magic

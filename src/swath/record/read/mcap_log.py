@@ -1,6 +1,7 @@
 """An MCAP file, read from its beginning, without its index, up to where it breaks off.
 
-Messages are taken apart by the definitions that travel in the file.
+Messages are taken apart by the definitions that travel in the file. One chunk is in memory at a time; where
+they are to come in the order of time, also what later chunks may come before, see `time_order.py`.
 """
 
 import struct
@@ -12,6 +13,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.documents.packed import most_unpacked
+from swath.record.read.time_order import in_time_order
 
 MAGIC = b"\x89MCAP0\r\n"
 CUT_OFF = "recording broke off"
@@ -25,13 +27,15 @@ _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, checksum, le
 class McapLog:
     """Reads an MCAP file from its beginning, without its index.
 
+    by_time: messages in the order of time, not of the file, which is that in which swath writes
+    packed: every message is packed by zstd, as rosbag 2 can do it
     notes: what went wrong, with how often; grows while reading
     """
 
     magic, kind = MAGIC, "an MCAP file"
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, *, by_time: bool = False, packed: bool = False) -> None:
+        self.path, self.by_time, self.packed = path, by_time, packed
         self.notes: dict[str, int] = {}
         self._codecs: dict[tuple[str, bytes], Any] = {}
         with path.open("rb") as file:
@@ -60,12 +64,15 @@ class McapLog:
         return max((t for _, _, t, _ in self._records(lambda topic: True)), default=0)
 
     def messages(self, wanted: Collection[str], also_first: str = "") -> Iterator[tuple[str, int, Any]]:
-        """(topic, log time [ns], message) of some topics, and the first one of another, in file order."""
+        """(topic, log time [ns], message) of some topics, and the first one of another."""
         rest = {also_first} - {""}
         for channel, schema, t, data in self._records(lambda topic: topic in wanted or topic in rest):
             topic = channel.topic
+            if topic not in wanted and topic not in rest:
+                continue
             rest.discard(topic)
             try:
+                data = unpacked_message(data) if self.packed else data
                 made = self._decode(channel, schema, data)
             except Exception:  # what a broken message raises depends on where it is broken
                 self.notes[BROKEN] = self.notes.get(BROKEN, 0) + 1
@@ -109,6 +116,12 @@ class McapLog:
         self, is_wanted: Callable[[str], bool], *, channels: bool = False
     ) -> Iterator[tuple[Any, Any, int, bytes]]:
         """(channel, schema, log time, data) of messages; with `channels` of every channel when it is met."""
+        return in_time_order(self._found(is_wanted, channels))
+
+    def _found(
+        self, is_wanted: Callable[[str], bool], channels: bool
+    ) -> Iterator[tuple[Any, Any, int, bytes] | int]:
+        """What `_records` gives, in the order of the file; before a chunk its first time [ns], if known."""
         from mcap.records import Channel, Schema
 
         known: dict[int, tuple[Any, Any]] = {}
@@ -126,6 +139,8 @@ class McapLog:
                         known[entry.id] = (entry, schemas.get(entry.schema_id))
                         if channels:
                             yield (*known[entry.id], 0, b"")
+                    elif isinstance(entry, int):
+                        yield entry
                     else:
                         number, t, data = entry
                         first, reached = t if first is None else first, max(reached, t)
@@ -139,7 +154,19 @@ class McapLog:
                 self.notes[f"{CUT_OFF} after {(reached - (first or 0)) / NS:.2f} s"] = 1
 
     def _entries(self, file: Any) -> Iterator[Any]:
-        return _entries(file)
+        starts = _chunk_starts(file) if self.by_time else None
+        return _entries(file) if starts is None else self._sorted_entries(file, starts)
+
+    def _sorted_entries(self, file: Any, starts: list[tuple[int, int]]) -> Iterator[Any]:
+        """What _entries gives, chunks by their first time, which stands before each of them."""
+        summary = self._summary()
+        if summary is not None:  # a channel may be declared in a chunk that comes later
+            yield from summary.schemas.values()
+            yield from summary.channels.values()
+        for first, at in sorted(starts):
+            file.seek(at)
+            yield first
+            yield from _entries_here(file, one=True)
 
     def _decode(self, channel: Any, schema: Any, data: bytes) -> Any:
         key = (schema.name, schema.data)
@@ -162,8 +189,15 @@ def _entries(file: Any) -> Iterator[Any]:
     before Cut is raised. The layout of the records is that of the MCAP specification, version 0
     (mcap.dev/spec).
     """
-    size = file.seek(0, 2)
     file.seek(len(MAGIC))
+    yield from _entries_here(file)
+
+
+def _entries_here(file: Any, *, one: bool = False) -> Iterator[Any]:
+    """From where the file stands; only of one record."""
+    at = file.tell()
+    size = file.seek(0, 2)
+    file.seek(at)
     while True:
         head = file.read(9)
         if len(head) < 9:
@@ -183,6 +217,28 @@ def _entries(file: Any) -> Iterator[Any]:
             yield from _records_of(memoryview(head + body))
         if len(body) < length:
             raise Cut
+        if one:
+            return
+
+
+def _chunk_starts(file: Any) -> list[tuple[int, int]] | None:
+    """(first time [ns], place) of all chunks; None where the file is torn or messages lie outside of them."""
+    size = file.seek(0, 2)
+    file.seek(len(MAGIC))
+    found: list[tuple[int, int]] = []
+    while True:
+        at = file.tell()
+        head = file.read(17)
+        if len(head) < 9 or head[0] == _MESSAGE:
+            return None
+        if head[0] == _DATA_END:
+            return found
+        if head[0] == _CHUNK and len(head) == 17:
+            found.append((int.from_bytes(head[9:], "little"), at))
+        after = at + 9 + int.from_bytes(head[1:9], "little")
+        if after > size:
+            return None
+        file.seek(after)
 
 
 def _records_of(view: memoryview) -> Iterator[Any]:
@@ -229,6 +285,11 @@ def unpacked(kind: bytes, data: bytes, declared: int) -> bytes:
 
         return BZ2Decompressor().decompress(data, max_length=most)
     return data if kind in (b"", b"none") else b""
+
+
+def unpacked_message(data: bytes) -> bytes:
+    """A message that rosbag 2 packed, no longer than an honest one of its size can be."""
+    return unpacked(b"zstd", data, most_unpacked(len(data)))
 
 
 def _read(kind: Any, body: memoryview) -> Any:

@@ -51,7 +51,7 @@ class RecordingComparison(RunHook):
         known = {slot: [o for o, exact in own_outputs(log, slot).items() if exact] for slot in slots}
         self.slots = {slot: SlotComparison(slot) for slot, outputs in known.items() if outputs}
         topics = {(s, o): exact_topic(s, o) for s in self.slots for o in known[s]}
-        self._demux = Demux(log.messages(list(topics.values())))
+        self._demux = Demux(log.messages, list(topics.values()))
         self._streams = {key: exact_samples(self._demux.read(topic)) for key, topic in topics.items()}
         self._early: dict[tuple[str, str], int] = {}  # published before the next recorded sample [ns]
 
