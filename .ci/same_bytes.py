@@ -1,7 +1,7 @@
-"""Digests of scenarios as this machine is, as if it had AVX2 only, and under every further Python it has.
+"""Digests of scenarios as this machine is, as if it had AVX2 only, and of the wheel under other Pythons.
 
-python .ci/same_bytes.py SCENARIO[:METRES] ...    exit code 1 when two differ. A Python gets an environment of
-its own with the pinned packages; one for which they cannot be installed is named and left out.
+python .ci/same_bytes.py SCENARIO[:METRES] ...    exit code 1 when two differ. The environments of the other
+Pythons are those that `.ci/packages` made.
 """
 
 import json
@@ -10,7 +10,6 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from shutil import which
 
 ROOT = Path(__file__).parents[1]
 RUN = "import sys, swath; swath.run(sys.argv[1], sys.argv[2], sets=sys.argv[3:], report=False)"
@@ -22,42 +21,11 @@ AVX2_ONLY = {
 }
 
 
-def pythons() -> dict[str, str]:
-    """Executables of the Pythons from 3.11 on, by version; not the one that runs this."""
-    named = [which(f"python3.{minor}") for minor in range(11, 20)]
-    kept = sorted(Path.home().glob(".pyenv/versions/3.*/bin/python3"))
-    found: dict[str, str] = {}
-    for python in [*filter(None, named), *map(str, kept)]:
-        ask = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2])"
-        asked = subprocess.run([python, "-c", ask], capture_output=True, text=True)
-        version = asked.stdout.strip()
-        if asked.returncode == 0 and tuple(map(int, version.split("."))) >= (3, 11):
-            found.setdefault(version, python)
-    found.pop(f"{sys.version_info.major}.{sys.version_info.minor}", None)
-    return found
-
-
-def environment(version: str, python: str) -> str | None:
-    """An environment with swath for another Python: its executable, None when that cannot be made."""
-    folder = ROOT / "out" / f"python-{version}"
-    own = folder / "bin" / "python"
-    install = [
-        "-m",
-        "pip",
-        "install",
-        "-q",
-        "--disable-pip-version-check",
-        "-c",
-        "constraints.txt",
-        "-e",
-        ".",
-    ]
-    for command in ([python, "-m", "venv", str(folder)], [str(own), *install]):
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-        if done.returncode:
-            print(f"Python {version} is left out: {done.stderr.strip().splitlines()[-1:]}", flush=True)
-            return None
-    return str(own)
+def others() -> dict[str, str]:
+    """Executables of the environments of `.ci/packages` by the version of their Python; without our own."""
+    own = f"{sys.version_info.major}.{sys.version_info.minor}"
+    made = {folder.name.removeprefix("python-"): folder for folder in sorted(ROOT.glob("out/python-3.*"))}
+    return {version: str(made[version] / "bin" / "python") for version in made if version != own}
 
 
 def digest(python: str, scenario: str, settings: dict[str, str]) -> str:
@@ -76,9 +44,7 @@ def digest(python: str, scenario: str, settings: dict[str, str]) -> str:
 def main(scenarios: list[str]) -> int:
     """Print all digests; 1 when two of a scenario differ."""
     cases = {"as it is": (sys.executable, {}), "AVX2 only": (sys.executable, AVX2_ONLY)}
-    for version, python in pythons().items():
-        if own := environment(version, python):
-            cases[f"Python {version}"] = (own, {})
+    cases |= {f"Python {version}": (python, {}) for version, python in others().items()}
     is_same = True
     for scenario in scenarios:
         found = {case: digest(python, scenario, settings) for case, (python, settings) in cases.items()}

@@ -20,7 +20,7 @@ from swath.tools.function_test.session import Session, begin, open_session
 FAULTS = Path(__file__).with_name("planted_faults.yaml")
 CASES = (
     "straight-clean", "side-slope", "crop-ends", "bend", "gap", "low-density", "rough-ground", "lodged-in",
-    "entry", "gap-long", "weeds", "wind", "bend-tight", "low-contrast",
+    "entry", "gap-long", "weeds", "wind", "bend-tight", "low-contrast", "timely", "edge-ends",
 )  # fmt: skip
 BASE = "without"
 

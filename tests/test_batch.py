@@ -1,11 +1,14 @@
 """A batch gives what single runs give, byte for byte, after errors and with a worker that was killed."""
 
+import gc
 import json
+import weakref
 
 import pytest
 
 import swath
 from swath.core.errors import InputError, SwathError
+from swath.runtime import job
 from swath.runtime.workers import in_workers
 from tests.tools.fake_work import begin_fake, no_begin
 
@@ -95,6 +98,24 @@ def test_entries_are_taken_as_they_are_needed():
     assert taken == [0]
     with pytest.raises(InputError, match="processes = 0"):
         swath.batch(entries(), processes=0)
+
+
+def test_a_run_that_is_over_is_gone_from_memory_at_once(monkeypatch):
+    left = {}
+
+    def assemble(*args, **more):
+        world = real(*args, **more)
+        left.update(world=weakref.ref(world), field=weakref.ref(world.field), graph=weakref.ref(world.graph))
+        return world
+
+    real = job.assemble
+    monkeypatch.setattr(job, "assemble", assemble)
+    gc.disable()
+    try:
+        next(swath.batch([{"scenario": "straight", "sets": {**SETS, "run.distance_m": 0.1}}]))
+        assert {name for name, ref in left.items() if ref() is not None} == set()
+    finally:
+        gc.enable()
 
 
 def test_workers_take_jobs_and_tell_in_order_and_go_with_the_caller():

@@ -60,6 +60,26 @@ def test_a_page_is_the_same_whatever_was_visited_before():
         assert page_bytes(one, key) == page_bytes(two, key)
 
 
+def test_pages_made_in_advance_are_those_that_would_have_been_made_and_not_made_again():
+    plain, ahead = made_field(terrain=ROUGH, edge=TOOTHED), made_field(terrain=ROUGH, edge=TOOTHED)
+    made, make = [], ahead.store.make
+    ahead.store.make = lambda keys: made.extend(keys) or make(keys)
+    for x in range(0, 60, 4):
+        for field in (plain, ahead):
+            field.ensure(float(x), 0.0, 15.0)
+            field.cut(rectangle(x - 2.0, -1.0, x + 2.0, 1.0), 0.1)
+        before = len(made)
+        while ahead.prepare():
+            assert len(made) < before + 60  # it comes to an end
+        assert not ahead.prepare()
+        assert list(ahead.store.keys) == list(plain.store.keys)
+    assert all(page_bytes(plain, key) == page_bytes(ahead, key) for key in plain.store.keys)
+    assert len(set(made)) == len(made)
+    waiting = len(made)
+    field.ensure(64.0, 0.0, 15.0)
+    assert len(made) == waiting
+
+
 def test_uniform_pages_need_no_cells():
     field = made_field(edge=StraightEdge(x_m=1.0, stubble_height_m=0.2, crop_begins_m=None))
     field.ensure(0.0, 0.0, 60.0)

@@ -20,7 +20,7 @@ class Host:
         self.folder = tempfile.mkdtemp(prefix="fmu-host-")
         fmpy.extract(str(file), self.folder)
         self.model = fmpy.read_model_description(self.folder)
-        self.is3 = self.model.fmiMajorVersion == 3
+        self.is3 = self.model.fmiVersion.startswith("3")
         self.log, self.t = [], 0.0
         kind = FMU3Slave if self.is3 else FMU2Slave
         self.fmu = kind(

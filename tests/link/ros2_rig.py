@@ -52,9 +52,9 @@ def domain(monkeypatch):
     return number
 
 
-def start(*command, **options):
-    """A process of this Python that starts as from a shell."""
-    environment = {k: v for k, v in os.environ.items() if k not in LEAKS}
+def start(*command, also=None, **options):
+    """A process of this Python that starts as from a shell; also: environment variables to set for it."""
+    environment = {k: v for k, v in os.environ.items() if k not in LEAKS} | (also or {})
     texts = [str(part) for part in command]
     return subprocess.Popen([sys.executable, *texts], env=environment, text=True, **options)
 

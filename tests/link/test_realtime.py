@@ -43,6 +43,47 @@ def test_every_tick_begins_at_its_absolute_deadline():
     assert rig.pacer.overruns.total() == 0
 
 
+def test_time_that_is_left_goes_into_work_in_advance_as_long_as_a_piece_fits_in():
+    rig, done = Rig(), []
+
+    def piece():
+        if len(done) == 6:
+            return False
+        done.append(rig.clock.t)
+        rig.clock.t += 2 * MS
+        return True
+
+    rig.pacer = Pacer(RealTime(grace_s=0.0), clock=rig.clock, prepare=piece)
+    rig.tick(10)
+    rig.tick(20, motion=3)
+    begin = rig.clock.t - 7 * MS
+    assert done == [begin, begin + 2 * MS]  # 3 ms are left then: a piece may take longer
+    rig.tick(30, motion=8)
+    assert len(done) == 2
+    for k in range(4, 20):
+        rig.tick(10 * k, motion=1)
+    assert len(done) == 6
+    assert rig.pacer.report()["max_late_ms"] == 0.0
+
+
+def test_work_in_advance_that_takes_longer_than_is_left_is_left_for_a_while():
+    rig, done = Rig(), []
+
+    def piece():
+        done.append(rig.clock.t)
+        rig.clock.t += 12 * MS
+        return True
+
+    rig.pacer = Pacer(RealTime(grace_s=0.0), clock=rig.clock, prepare=piece)
+    for k in range(1, 41):
+        rig.tick(5 * k)
+    assert len(done) == 1  # 12 ms are longer than all that is left between two ticks
+    assert rig.pacer.report()["late"]["up to 20 ms"] == 1
+    for k in range(41, 300):
+        rig.tick(5 * k)
+    assert 2 <= len(done) <= 5
+
+
 def test_lateness_within_the_tolerance_is_caught_up():
     rig = Rig(tolerance_ms=20)
     for k in range(1, 20):

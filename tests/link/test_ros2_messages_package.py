@@ -1,16 +1,44 @@
 """swath_msgs as a package, and topics that the bridge does not publish."""
 
+import hashlib
+import json
 import re
+import shutil
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
+from mcap.reader import make_reader
 from rosbags.typesys import get_types_from_msg
 
 from swath.core.errors import InputError
 from swath.link.ros2.message_package import write_package
 from swath.record.message_factory import MessageFactory
-from tests.link.ros2_rig import needs_ros2
+from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
+
+RUN = """
+import sys
+from pathlib import Path
+
+from swath.link.ros2.bridge import Bridge
+from swath.runtime.job import run_job
+from swath.scenario.scenario import load_scenario
+
+bridge = Bridge(is_paused=True)
+sets = ["run.max_duration_s=1"]
+run_job(load_scenario("person-at-edge", sets=sets), Path(sys.argv[1]), hooks=[bridge])
+bridge.close()
+"""
+LISTENED = {
+    "/combine/edge/edge": "CropEdge",
+    "/combine/objects/objects": "Objects",
+    "/scene/obstacles/state": "Obstacles",
+    "/combine/steer/command": "SteerCommand",
+}
 
 
 def test_every_message_of_the_package_is_a_definition(tmp_path):
@@ -27,6 +55,35 @@ def test_every_message_of_the_package_is_a_definition(tmp_path):
             assert re.fullmatch(r"[a-z](_?[a-z0-9])*", name), name  # as rosidl asks
     with pytest.raises(InputError, match="it is there already"):
         write_package(tmp_path)
+
+
+@pytest.mark.skipif(needs_ros2[0].args[0], reason="rclpy is not installed")
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
+@pytest.mark.skipif(
+    not Path(sys.prefix, "include", "fastcdr").exists(),
+    reason="rclpy is not from the wheels, which bring headers",
+)
+def test_where_the_package_is_built_its_types_travel_as_recorded(domain, monkeypatch, tmp_path):  # noqa: F811
+    monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
+    from tests.link.built_messages import build
+
+    write_package(tmp_path)
+    offered = build(tmp_path / "swath_msgs", tmp_path / "built", set(LISTENED.values()))
+    out, report = tmp_path / "run", tmp_path / "report.json"
+    pairs = [f"{topic}=swath_msgs/{name}" for topic, name in LISTENED.items()]
+    listener = (HERE / "ros2_listener.py", report, *pairs)
+    with (
+        node(*listener, also=offered, stdin=subprocess.PIPE) as heard,
+        node("-c", RUN, out, also=offered) as run,
+    ):
+        assert run.wait(120) == 0
+        heard.communicate("", timeout=60)
+    for topic, got in json.loads(report.read_text())["got"].items():
+        with (out / "run.mcap").open("rb") as file:
+            sent = [m for _, _, m in make_reader(file).iter_messages(topics=[topic]) if m.log_time > 0]
+        padded = [bytes(m.data) + bytes(-len(m.data) % 4) for m in sent]
+        assert got == [hashlib.sha256(data).hexdigest() for data in padded], topic
+        assert len(got) >= 5, topic
 
 
 class FakeNode:
@@ -47,13 +104,13 @@ def test_types_with_constants_are_published_and_others_are_named(caplog, monkeyp
     make, node = MessageFactory(), FakeNode()
     sender = module.Publisher(node, make.store)
     for topic, kind in (("/fix", "sensor_msgs/msg/NavSatFix"), ("/edge", "visualization_msgs/msg/Marker")):
-        sender(topic, 0, make(kind), b"", False)
+        sender(topic, 0, b"", partial(make, kind), False)
         assert len(node.topics[topic]) == 1
     assert sender.left_out == {}
     other = SimpleNamespace(get_fields_and_field_types=lambda: {"header": "std_msgs/Header"})
     monkeypatch.setattr(module, "type_of", lambda msgtype: other)
-    sender("/old", 0, make("sensor_msgs/msg/Imu"), b"", False)
-    sender("/older", 0, make("sensor_msgs/msg/Imu"), b"", False)
+    sender("/old", 0, b"", partial(make, "sensor_msgs/msg/Imu"), False)
+    sender("/older", 0, b"", partial(make, "sensor_msgs/msg/Imu"), False)
     assert sender.left_out == dict.fromkeys(
         ["/old", "/older"], "the installed sensor_msgs/msg/Imu has other fields"
     )

@@ -17,6 +17,7 @@ from swath.sensing.mount import Mount
 from swath.sensing.radar import error, ideal
 from swath.sensing.radar.cross_section import rod, trihedral
 from swath.sensing.radar.error import Echo, detection_probability, merged
+from swath.sensing.radar.extent import extent_of, glint
 from swath.sensing.radar.radar_sheet import LIGHT, load_radar
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
 from tests.field.made_field import made_field
@@ -203,7 +204,7 @@ def test_spread_of_a_strong_echo():
     sensor, draw = made(error, []), np.random.default_rng(4)
     snr, s = 10.0**3.0, CORNER
     rows = [
-        sensor._row(Echo(30.0, 0.1, 0.0, -1.0, snr), 1.0 + snr, draw.standard_normal(4).tolist())
+        sensor._row(Echo(30.0, 0.1, 0.0, -1.0, snr), 1.0 + snr, draw.standard_normal(6).tolist())
         for _ in range(4000)
     ]
     found = np.std([row[:4] for row in rows], axis=0)
@@ -215,6 +216,47 @@ def test_spread_of_a_strong_echo():
     )
     assert (found[0], found[1], found[3]) == pytest.approx(wanted, rel=0.04)
     assert np.isnan(rows[0][2])  # no elevation from this radar
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 35.0, 90.0, 160.0])
+def test_extent_of_a_box_is_that_of_its_facing_sides(heading_deg):
+    thing = BoxObstacle(
+        x_m=20.0, y_m=4.0, length_m=4.6, width_m=1.8, height_m=1.5, heading_deg=heading_deg, name="van"
+    )
+    (body,) = setup_of([thing]).bodies.around("combine")
+    eye = np.array([0.0, 0.0, 1.0])
+    rng, half = np.random.default_rng(3), body.half
+    own = body.pose.inverse().apply(eye) - body.middle
+    points, weights = [], []
+    for axis in (0, 1):
+        side = rng.uniform(-1.0, 1.0, (20_000, 3)) * half
+        side[:, axis] = np.sign(own[axis]) * half[axis]
+        points.append(side)
+        weights.append(np.full(len(side), abs(own[axis]) * half[1 - axis]))  # as wide as it looks
+    away = -own[:2] / np.hypot(*own[:2])
+    places, share = np.concatenate(points)[:, :2], np.concatenate(weights)
+    along, across = places @ away, places @ np.array([-away[1], away[0]])
+    mean = [np.average(v, weights=share) for v in (along, across)]
+    spread = [
+        np.sqrt(np.average((v - m) ** 2, weights=share)) for v, m in zip((along, across), mean, strict=True)
+    ]
+    enters = min(half[k] / abs(away[k]) for k in (0, 1) if abs(away[k]) > 1e-9)
+    found = extent_of(body, eye)
+    assert (found.depth, found.depth_sd, found.across_sd) == pytest.approx(
+        (mean[0] + enters, *spread), abs=0.02
+    )
+
+
+@pytest.mark.parametrize("share", [1.0, 2.0, 5.0])
+def test_glint_is_that_of_echoes_with_random_phases(share):
+    """The apparent place of 20 scatterers on a line, in those of 200,000 looks that have about a power."""
+    rng, places = np.random.default_rng(1), np.linspace(-1.0, 1.0, 20)
+    echo = rng.standard_normal((200_000, 20, 2), dtype=np.float32)
+    whole, moment = echo.sum(axis=1), np.einsum("ijk,j->ik", echo, places.astype(np.float32))
+    power = (whole**2).sum(axis=1)
+    kept = np.abs(power / power.mean() / share - 1.0) < 0.05
+    apparent = (whole * moment).sum(axis=1)[kept] / power[kept]
+    assert apparent.std() == pytest.approx(places.std() * glint(1.0, share), rel=0.05)
 
 
 def test_false_alarms_are_as_many_as_cells_times_chance():

@@ -166,6 +166,26 @@ def test_noise_in_columns_is_detected_as_seldom():
     assert count == pytest.approx(25 * 400 * 400 * 1e-4, rel=0.2)
 
 
+def beside_each_other(things, sheet, count=500):
+    """Of level rays, without clutter, and error for each target: (target, mean SNR, rows, rows)."""
+    sensor, other = rays_of(things, sensor=sheet, **NO_CLUTTER), made(error, things, sensor=sheet)
+    targets = seen(other)
+    here = sensor.locate(100, {"state": (state(straight(0.0), 100),)})
+    sensor._setup.field.ensure(0.0, 0.0, 75.0)
+    parts, clutter = sensor.parts(*here), sensor.clutter(*here)
+    echoes = merged([other._echo(t, targets) for t in targets], other._cell)
+    found = [(t, other._echo(t, targets).snr, [], []) for t in targets]
+    for k in range(count):
+        draw = sensor._stream.at(k)
+        columns = sensor._columns(parts, *clutter, draw)
+        ours = [sensor._measured(*p, draw) for p in peaks(columns, sensor.grid, 16, sensor._false, "ca")]
+        theirs = [row for e in echoes if (row := other._detected(e, draw)) is not None]
+        for target, _, *kept in found:
+            for rows, into in zip((ours, theirs), kept, strict=True):
+                into += [r for r in rows if abs(r[0] - target.distance) < 0.8][:1]
+    return found
+
+
 def test_error_against_rays():
     """Four targets from 10 to 58 m without clutter: Pd within 0.05, ratio of the spreads 0.8 to 1.25."""
     things = [
@@ -174,30 +194,26 @@ def test_error_against_rays():
         SheetObstacle(kind="person", x_m=40.1, y_m=3.3, name="c"),
         SheetObstacle(kind="person", x_m=57.6, y_m=-6.5, name="d"),
     ]
-    sensor, other = rays_of(things, **NO_CLUTTER), made(error, things)
-    targets = seen(other)
-    here = sensor.locate(100, {"state": (state(straight(0.0), 100),)})
-    sensor._setup.field.ensure(0.0, 0.0, 75.0)
-    parts, clutter = sensor.parts(*here), sensor.clutter(*here)
-    found = {t: ([], []) for t in range(4)}
-    echoes = merged([other._echo(t, targets) for t in targets], other._cell)
-    count = 500
-    for k in range(count):
-        draw = sensor._stream.at(k)
-        columns = sensor._columns(parts, *clutter, draw)
-        ours = [sensor._measured(*p, draw) for p in peaks(columns, sensor.grid, 16, sensor._false, "ca")]
-        theirs = [row for e in echoes if (row := other._detected(e, draw)) is not None]
-        for t, target in enumerate(targets):
-            for rows, kept in zip((ours, theirs), found[t], strict=True):
-                kept += [r for r in rows if abs(r[0] - target.distance) < 0.8][:1]
-    for t, target in enumerate(targets):
-        a, b = (np.array(rows)[:, [0, 1, 3]] for rows in found[t])
-        snr = other._echo(target, targets).snr
+    for _, snr, ours, theirs in beside_each_other(things, "radar-77ghz-corner"):
+        a, b = (np.array(rows)[:, [0, 1, 3]] for rows in (ours, theirs))
         chance = float(detection_probability(snr, 10.0**CORNER.false_alarm_lg))
-        assert len(a) / count == pytest.approx(chance, abs=0.05)
+        assert len(a) / 500 == pytest.approx(chance, abs=0.05)
         ratio = a.std(axis=0) / b.std(axis=0)
         assert (ratio > 0.8).all()
         assert (ratio < 1.25).all()
+
+
+@pytest.mark.parametrize("sheet", ["radar-77ghz-corner", "radar-77ghz-front", "radar-24ghz"])
+def test_a_thing_wider_than_a_cell_wanders_as_with_rays(sheet):
+    """Persons of half a metre at 10 and 22 m; the front radar's cell is 0.28 and 0.6 m wide there."""
+    things = [
+        SheetObstacle(kind="person", x_m=10.3, y_m=-0.7, name="a"),
+        SheetObstacle(kind="person", x_m=22.0, y_m=2.1, name="b"),
+    ]
+    for _, _, ours, theirs in beside_each_other(things, sheet):
+        a, b = (np.array(rows)[:, [0, 1]] for rows in (ours, theirs))
+        assert len(a) / len(b) == pytest.approx(1.0, abs=0.05)
+        assert a.std(axis=0) / b.std(axis=0) == pytest.approx(1.0, abs=0.22)
 
 
 def test_a_low_body_in_the_crop():

@@ -28,6 +28,11 @@ def digest_of(*sets, clock=None):
 def test_the_clock_changes_no_result_unless_a_level_is_exchanged():
     plain, none, _ = digest_of()
     assert none is None
+    swift, pacer, world = digest_of("realtime.pace=real_time", clock=FakeClock())
+    assert swift == plain
+    assert pacer.report()["max_late_ms"] == 0.0
+    assert not world.field.prepare()  # all was made in the time left
+
     slow = FakeClock()
     slow.work = 8 * MS
     slipped, pacer, world = digest_of("realtime.pace=real_time", "realtime.grace_s=0", clock=slow)
@@ -119,11 +124,21 @@ def test_outputs_write_their_blocks_in_different_ticks(tmp_path):
     assert max(together.values()) <= outputs // 2
 
 
-def test_what_was_assembled_is_left_out_of_garbage_collection_while_it_is_paced():
+def test_garbage_collection_leaves_out_what_was_assembled_and_goes_in_small_parts():
     import gc
 
-    world = assemble(small("realtime.pace=real_time"))
-    before = gc.get_freeze_count()
-    with paced(world.graph, make_pacer(world, clock=FakeClock())):
-        assert gc.get_freeze_count() > before + 10_000
-    assert gc.get_freeze_count() == 0
+    world, usual = assemble(small("realtime.pace=real_time")), gc.get_threshold()
+    gc.set_threshold(500_000, 20, 100)
+    try:
+        before, pacer = gc.get_freeze_count(), make_pacer(world, clock=FakeClock())
+        with paced(world.graph, pacer):
+            begun = gc.get_freeze_count()
+            assert begun > before + 10_000
+            assert gc.get_threshold()[0] < 10_000
+            loaded = [[] for _ in range(5000)]
+            drive(world, until_s=1.1)
+            assert gc.get_freeze_count() >= begun + len(loaded)  # the grace is over
+        assert gc.get_freeze_count() == 0
+        assert gc.get_threshold() == (500_000, 20, 100)
+    finally:
+        gc.set_threshold(*usual)

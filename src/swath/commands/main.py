@@ -1,7 +1,6 @@
 """The command line. Everything heavy is imported by the command that needs it."""
 
 import argparse
-import gc
 import os
 import sys
 import traceback
@@ -11,6 +10,7 @@ from typing import Any, NoReturn
 
 from swath import __version__
 from swath.commands import completion, levels, metrics, new, report, run, scenarios, schema, sheets, view
+from swath.core.collector import collect_rarely
 from swath.core.errors import InputError, SwathError, shortened
 from swath.core.foreign_code import only_code
 from swath.core.registry import user_line
@@ -120,7 +120,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"
-    gc.set_threshold(50_000, 20, 100)  # of what a start imports nothing goes: looking for it takes a tenth
+    collect_rarely()
     _name_unknown_settings()
     try:
         with stoppable():

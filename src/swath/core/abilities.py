@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from swath.core.ability import ByMembers
 from swath.core.frames import Pose
 
 
 @runtime_checkable
-class HasMounting(Protocol):
+class HasMounting(Protocol, metaclass=ByMembers):
     """A sensor with a fixed place on its machine. mounting: pose_machine_sensor."""
 
     @property
@@ -19,7 +20,7 @@ class HasMounting(Protocol):
 
 
 @runtime_checkable
-class HasRange(Protocol):
+class HasRange(Protocol, metaclass=ByMembers):
     """A scanner. range_limits: least and greatest range that it reports, of its data sheet [m]."""
 
     @property
@@ -27,7 +28,7 @@ class HasRange(Protocol):
 
 
 @runtime_checkable
-class KnowsErrors(Protocol):
+class KnowsErrors(Protocol, metaclass=ByMembers):
     """A sensor that knows how far off it may be. errors: of a sample, by its fields in SI.
 
     Each has two standard deviations: of what is new with every sample, and of what stays during a run. 0 is
@@ -38,7 +39,7 @@ class KnowsErrors(Protocol):
 
 
 @runtime_checkable
-class HasOpticalFrame(Protocol):
+class HasOpticalFrame(Protocol, metaclass=ByMembers):
     """A camera. optical: pose of its optical frame (x right, y down, z forward) on the machine."""
 
     @property
@@ -46,7 +47,7 @@ class HasOpticalFrame(Protocol):
 
 
 @runtime_checkable
-class CountsRays(Protocol):
+class CountsRays(Protocol, metaclass=ByMembers):
     """A sensor that casts rays. ray_count: so far."""
 
     @property
@@ -54,7 +55,7 @@ class CountsRays(Protocol):
 
 
 @runtime_checkable
-class CountsBeams(Protocol):
+class CountsBeams(Protocol, metaclass=ByMembers):
     """A sensor that plays measurements. beam_count: so far; unmeasured_count: those without an answer."""
 
     @property
@@ -64,7 +65,7 @@ class CountsBeams(Protocol):
 
 
 @runtime_checkable
-class HasNotes(Protocol):
+class HasNotes(Protocol, metaclass=ByMembers):
     """A part with something to tell the user. notes: whole sentences, for summary.json and the report."""
 
     @property
@@ -72,14 +73,14 @@ class HasNotes(Protocol):
 
 
 @runtime_checkable
-class Closes(Protocol):
+class Closes(Protocol, metaclass=ByMembers):
     """A part that holds something outside: a process, a node, a bus. close: let go; twice does nothing."""
 
     def close(self) -> None: ...
 
 
 @runtime_checkable
-class EndsRun(Protocol):
+class EndsRun(Protocol, metaclass=ByMembers):
     """A part, or an evaluator, that may end the run.
 
     end_reason: asked before every tick, with its time [ns]; a text ends the run before that tick and says
@@ -90,7 +91,7 @@ class EndsRun(Protocol):
 
 
 @runtime_checkable
-class StepsAnyLength(Protocol):
+class StepsAnyLength(Protocol, metaclass=ByMembers):
     """A part whose step may be of any length, not only its period.
 
     steps_any_length: True for a part that, when a run ends between two of its steps, takes in what was sent
@@ -102,7 +103,7 @@ class StepsAnyLength(Protocol):
 
 
 @runtime_checkable
-class NeedsRealTime(Protocol):
+class NeedsRealTime(Protocol, metaclass=ByMembers):
     """A part that answers by the clock on the wall. needs_real_time: why; empty when it does not."""
 
     @property
@@ -110,7 +111,7 @@ class NeedsRealTime(Protocol):
 
 
 @runtime_checkable
-class ReadsFiles(Protocol):
+class ReadsFiles(Protocol, metaclass=ByMembers):
     """A part that reads files while the run goes on. reads: which; no run may be written over them."""
 
     @property
@@ -118,7 +119,7 @@ class ReadsFiles(Protocol):
 
 
 @runtime_checkable
-class HasOverlap(Protocol):
+class HasOverlap(Protocol, metaclass=ByMembers):
     """A steering law with a wanted overlap. overlap: of the header end over the cut ground [m]."""
 
     @property

@@ -10,13 +10,14 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+from swath.core.ability import ByMembers
 from swath.core.errors import InputError
 
 _allowed: ContextVar[frozenset[Path] | None] = ContextVar("allowed", default=None)  # None: any
 
 
 @runtime_checkable
-class NamesCode(Protocol):
+class NamesCode(Protocol, metaclass=ByMembers):
     """Parameters that name code. foreign_code: files or `file.py:Class`, from the scenario's folder."""
 
     @property

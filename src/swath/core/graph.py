@@ -137,6 +137,12 @@ class Graph:
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
                 self._send(node, self.t, part.step(last, self.t - last, self._gather(node)))
 
+    def let_go(self) -> None:
+        """Forget those who watch and wait. They may hold the graph, too: then both go when nobody uses them,
+        and not whenever Python looks for such circles.
+        """
+        self.observers, self.watches, self.before_tick = [], {}, []
+
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""
         self._latest[(slot, output)] = sample

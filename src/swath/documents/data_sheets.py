@@ -10,6 +10,7 @@ number is as good: `divergence_mrad: 4.7` rests on nothing that is said. The bun
 import copy
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
@@ -41,8 +42,13 @@ def viewer_layout() -> Path:
 
 def sheet_names(kind: str) -> list[str]:
     """Names of the bundled files of a kind: `sensors`, `machines`, `crops`, `scenarios`."""
-    folder = Path(str(files("swath.data") / kind))
-    return sorted(p.stem for p in folder.glob("*.yaml"))
+    return sorted(p.stem for p in sheet_folder(kind).glob("*.yaml"))
+
+
+@cache
+def sheet_folder(kind: str) -> Path:
+    """Where the bundled files of a kind lie."""
+    return Path(str(files("swath.data") / kind))
 
 
 def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
@@ -50,7 +56,7 @@ def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
     if name.endswith((".yaml", ".yml")):
         path = Path(name) if Path(name).is_absolute() else (base or Path.cwd()) / name
     else:
-        path = Path(str(files("swath.data") / kind / f"{name}.yaml"))
+        path = sheet_folder(kind) / f"{name}.yaml"
     if path.is_file():
         return path
     names = sheet_names(kind)

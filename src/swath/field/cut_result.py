@@ -87,9 +87,9 @@ class StemIndex:
         return np.where(is_high, grain, 0.0), straw, np.where(is_high, 0.0, grain)
 
 
-def cell_in_tile(x: Array, tile_size: float, is_mirrored: bool) -> Ints:
-    """Cut cell (one axis) of a stem at x [m] in its prototype."""
-    place = tile_size - x if is_mirrored else x
+def cell_in_tile(x: Array, tile_size: float, is_mirrored: Any) -> Ints:
+    """Cut cell (one axis) of a stem at x [m] in its prototype. is_mirrored: of all, or (n,) of each"""
+    place = np.where(is_mirrored, tile_size - x, x)
     return np.clip(np.floor(place * (TILE_CELLS / tile_size)), 0, TILE_CELLS - 1).astype(np.int64)
 
 

@@ -94,10 +94,15 @@ class BrokenEdge:
         """True where the border between headland and crop is not farther away than the radius [m]."""
         if not np.isfinite(self.begin):
             return np.zeros(np.shape(x), dtype=bool)
+        px, py, cos, sin = self._start
+        return np.asarray(np.abs((x - px) * cos + (y - py) * sin) <= radius)
+
+    @cached_property
+    def _start(self) -> tuple[float, float, float, float]:
+        """Where the crop begins: x, y [m], cosine and sine of the direction of the edge there."""
         heading = float(self.shape.heading_at(self.begin))
-        px, py = self.shape.point_at(self.begin)
-        beyond = (x - px) * np.cos(heading) + (y - py) * np.sin(heading)
-        return np.asarray(np.abs(beyond) <= radius)
+        px, py = self.shape.point_at(self.begin).tolist()
+        return px, py, float(np.cos(heading)), float(np.sin(heading))
 
     @property
     def is_plain(self) -> bool:

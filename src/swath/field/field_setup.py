@@ -14,6 +14,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.ability import ByMembers
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop_sheet import load_crop
@@ -56,7 +57,7 @@ def drilled(
 
 
 @runtime_checkable
-class HasExtent(Protocol):
+class HasExtent(Protocol, metaclass=ByMembers):
     """A terrain or a stand that is known from a map, which ends somewhere."""
 
     def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:

@@ -19,6 +19,8 @@ Key = tuple[int, int]
 Codes = int | NDArray[np.uint8]
 N = PAGE_NODES + 1
 IDLE = 160  # pages that are made before one that nobody asked for goes out of memory
+AHEAD = 128  # pages at most that are made before they are needed
+SPARE = 8  # pages, and pages with cells, for which there is room then
 TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
 GROUND_POOLS = ("ground", "straw", "tile_plane", "tile_bump")
 SLOT_POOLS = (*GROUND_POOLS, "tile_stand", "tile_top", "tile_prototype", "cut_slot")  # one row per page
@@ -48,14 +50,14 @@ class Change:
 class PageStore:
     """Pages in memory and what was changed on the others.
 
-    make: gives the pages of indices; finish: called with the keys of pages that just came into memory
-    tile_size [m]; limit: number of pages kept in memory beyond those asked for last
+    make: gives the pages of indices; finish: called with the store and keys of pages that just came into
+    memory; tile_size [m]; limit: number of pages kept in memory beyond those asked for last
     """
 
     def __init__(
         self,
         make: Callable[[Sequence[Key]], list[PageData]],
-        finish: Callable[[list[Key]], None] = lambda keys: None,
+        finish: Callable[["PageStore", list[Key]], None] = lambda store, keys: None,
         *,
         tile_size: float = 1.0,
         limit: int = 1024,
@@ -76,6 +78,8 @@ class PageStore:
         self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
         self.packed: dict[Key, Change] = {}  # changed pages that are not in memory
         self._untouched: dict[Key, PageData] = {}  # pages that are not in memory, as `make` gives them
+        self._around: Sequence[Key] = ()  # pages whose neighbours may be needed next
+        self._ahead: dict[Key, PageData] = {}  # of these neighbours what `make` gives, made in advance
         self._free: list[int] = []
         self._free_cut: list[int] = []
 
@@ -97,14 +101,44 @@ class PageStore:
         self._made += len(missing)
         self._used.update(dict.fromkeys(missing, self._made))
         self._widen(missing)
-        made = {key: self._untouched.pop(key) for key in missing if key in self._untouched}
+        made = {k: kept.pop(k) for kept in (self._untouched, self._ahead) for k in missing if k in kept}
         if len(made) < len(missing):
             new = [key for key in missing if key not in made]
             made.update(zip(new, self.make(new), strict=True))
         for key in missing:
             self._insert(key, made[key])
-        self.finish(missing)
+        self.finish(self, missing)
         self.pages.revision += 1
+        self._around = keys
+
+    def prepare(self) -> bool:
+        """Make room, or one neighbour of the pages needed last, in advance; False where there is all of it.
+
+        What a page holds depends on its index alone: no result changes by it.
+        """
+        if self._make_room():
+            return True
+        near = {(i + a, j + b): None for i, j in self._around for a in (-1, 0, 1) for b in (-1, 0, 1)}
+        known = (self.keys, self._untouched, self._ahead)
+        new = next((key for key in near if not any(key in pages for pages in known)), None)
+        if new is not None and len(self._ahead) >= AHEAD:
+            self._ahead = {key: page for key, page in self._ahead.items() if key in near}
+        if new is None or len(self._ahead) >= AHEAD:
+            self._around = ()
+            return False
+        (self._ahead[new],) = self.make([new])
+        return True
+
+    def _make_room(self) -> bool:
+        """Let what is nearly full grow, which copies it."""
+        if len(self._free) < SPARE and 0 < len(self.pages.ground) < self.limit:
+            self._grow()
+        elif len(self._free_cut) < SPARE and len(self.pages.cut):
+            self._grow_cut()
+        else:
+            return False
+        self.pages.revision += 1
+        return True
 
     def _unused(self, keep: Collection[Key], excess: int) -> list[Key]:
         """Pages unused while IDLE others were made, `excess` at least, never those of `keep`."""
@@ -263,13 +297,13 @@ class PageStore:
         for name in SLOT_POOLS:
             setattr(p, name, _grown(getattr(p, name), new))
         self.code_max, self.ground_low = _grown(self.code_max, new), _grown(self.ground_low, new)
-        self._free += range(new - 1, old - 1, -1)
+        self._free[:0] = range(new - 1, old - 1, -1)
 
     def _grow_cut(self) -> None:
         old = len(self.pages.cut)
         new = max(2 * old, 8)
         self.pages.cut = _grown(self.pages.cut, new)
-        self._free_cut += range(new - 1, old - 1, -1)
+        self._free_cut[:0] = range(new - 1, old - 1, -1)
 
     def _widen(self, keys: list[Key], margin: int = 8) -> None:
         """Let the window table hold the keys; at least a quarter larger than before when it has to grow."""

@@ -1,14 +1,19 @@
 """What is gone from a field, counted anew from the codes of its cells: the check of what cuts returned."""
 
 from collections.abc import Mapping
+from itertools import islice, pairwise
 from math import fsum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex, cell_in_tile
-from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING
-from swath.field.pages import Codes, Key, PageStore, inflate_codes
+from swath.field.memory_layout import MIRROR_X, MIRROR_Y, PAGE_CUT_CELLS, PAGE_TILES, STANDING, PlantLibrary
+from swath.field.pages import Codes, Key, PageData, PageStore, inflate_codes
+
+Ints = NDArray[Any]
+TOGETHER = 16  # pages that are made for one look
 
 
 def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | bytes | None]) -> Cut:
@@ -16,17 +21,12 @@ def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | 
 
     begun: packed codes of pages that were not whole at the start
     """
-    total, cell = [], store.tile_size / TILE_CELLS
-    for key, codes in store.recut_codes():
-        data = store.make([key])[0]
-        before = begun.get(key)
-        start, now = _full(data.codes if before is None else inflate_codes(before)), _full(codes)
-        for ty in range(PAGE_TILES):
-            for tx in range(PAGE_TILES):
-                part = np.s_[ty * TILE_CELLS : (ty + 1) * TILE_CELLS, tx * TILE_CELLS : (tx + 1) * TILE_CELLS]
-                if not np.array_equal(start[part], now[part]):
-                    stand, prototype = data.tile_stand[ty, tx], int(data.tile_prototype[ty, tx])
-                    total.append(_recount_tile(stems, cell, stand, prototype, start[part], now[part]))
+    total, changed = list[Cut](), store.recut_codes()
+    while some := dict(islice(changed, TOGETHER)):
+        for data, (key, codes) in zip(store.make([*some]), some.items(), strict=True):
+            before = begun.get(key)
+            start = _full(data.codes if before is None else inflate_codes(before))
+            total += _recount_page(stems, store.tile_size / TILE_CELLS, data, start, _full(codes))
     return Cut(
         fsum(c.grain for c in total),
         fsum(c.straw for c in total),
@@ -36,29 +36,62 @@ def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | 
     )
 
 
-def _recount_tile(
-    stems: StemIndex,
-    cell: float,
-    stand: NDArray[np.float32],
-    prototype: int,
-    start: NDArray[np.uint8],
-    now: NDArray[np.uint8],
-) -> Cut:
-    library = stems.library
-    k = prototype & (MIRROR_X - 1)
-    mine = np.arange(library.stem_start[k], library.stem_start[k + 1])
-    mine = mine[library.stem_rank[mine] < stand[3]]
-    xy = library.stem_xy[mine].astype(np.float64)
-    ix = cell_in_tile(xy[:, 0], library.tile_size, bool(prototype & MIRROR_X))
-    iy = cell_in_tile(xy[:, 1], library.tile_size, bool(prototype & MIRROR_Y))
-    then, after = start[iy, ix], now[iy, ix]
-    stands = np.broadcast_to(stand.astype(np.float64), (len(mine), 4))
-    was, is_now = stems.taken(mine, stands, then), stems.taken(mine, stands, after)
-    grain, straw, left = (fsum((b - a).tolist()) for a, b in zip(was, is_now, strict=True))
-    newly = (start == STANDING) & (now != STANDING)
-    area = float(np.count_nonzero(newly)) * cell**2 if stand[3] > 0.0 else 0.0
+def _recount_page(
+    stems: StemIndex, cell: float, data: PageData, start: NDArray[np.uint8], now: NDArray[np.uint8]
+) -> list[Cut]:
+    """What is gone from each changed tile of a page. start, now: codes (512, 512)"""
+    ty, tx = np.nonzero(_tiles(start != now).any(axis=(1, 3)))
+    stand = data.tile_stand[ty, tx].astype(np.float64)
+    mine, tile = _stems_of(stems.library, data.tile_prototype[ty, tx], stand[:, 3])
+    row, column = _cells_of(stems.library, mine, data.tile_prototype[ty, tx][tile])
+    row, column = row + TILE_CELLS * ty[tile], column + TILE_CELLS * tx[tile]
+    then, after = start[row, column], now[row, column]
+    moved = then != after
+    mine, tile, then, after = mine[moved], tile[moved], then[moved], after[moved]
+    was, is_now = (_taken(stems, mine, stand[tile], codes) for codes in (then, after))
+    masses = (is_now - was).tolist()
     gone = (then == STANDING) & (after != STANDING) & stems.is_crop[mine]
-    return Cut(grain, straw, int(np.count_nonzero(gone)), area, left)
+    counts = np.bincount(tile[gone], minlength=len(ty)).tolist()
+    cells = _tiles((start == STANDING) & (now != STANDING)).sum(axis=(1, 3))[ty, tx]
+    areas = np.where(stand[:, 3] > 0.0, cells * cell**2, 0.0).tolist()
+    ends = np.searchsorted(tile, np.arange(len(ty) + 1)).tolist()
+    found = []
+    for n, (first, last) in enumerate(pairwise(ends)):
+        grain, straw, left = (fsum(mass[first:last]) for mass in masses)
+        found.append(Cut(grain, straw, counts[n], areas[n], left))
+    return found
+
+
+def _taken(
+    stems: StemIndex, mine: Ints, stand: NDArray[np.float64], codes: NDArray[np.uint8]
+) -> NDArray[np.float64]:
+    """Grain, straw and grain left [kg] that are gone from stems by the codes of their cells, (3, n)."""
+    masses, cut = np.zeros((3, len(mine))), codes != STANDING
+    masses[:, cut] = stems.taken(mine[cut], stand[cut], codes[cut])
+    return masses
+
+
+def _tiles(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Cells (512, 512) of a page by tile: row, row in the tile, column, column in the tile."""
+    return cells.reshape(PAGE_TILES, TILE_CELLS, PAGE_TILES, TILE_CELLS)
+
+
+def _stems_of(library: PlantLibrary, prototypes: Ints, share: NDArray[np.float64]) -> tuple[Ints, Ints]:
+    """The stems that stand on tiles, and the tile of each. share: of the prototype's stems, (tiles,)"""
+    k = prototypes & (MIRROR_X - 1)
+    first, after = library.stem_start[k].astype(np.int64), library.stem_start[k + 1].astype(np.int64)
+    tile = np.repeat(np.arange(len(k)), after - first)
+    before = np.cumsum(after - first) - (after - first)
+    mine = np.arange(len(tile)) + (first - before)[tile]
+    stands = library.stem_rank[mine] < share[tile]
+    return mine[stands], tile[stands]
+
+
+def _cells_of(library: PlantLibrary, stems: Ints, prototypes: Ints) -> tuple[Ints, Ints]:
+    """Row and column in its tile of the cell that each stem stands on."""
+    xy = library.stem_xy[stems].astype(np.float64)
+    column = cell_in_tile(xy[:, 0], library.tile_size, (prototypes & MIRROR_X) != 0)
+    return cell_in_tile(xy[:, 1], library.tile_size, (prototypes & MIRROR_Y) != 0), column
 
 
 def _full(codes: Codes) -> NDArray[np.uint8]:

@@ -86,10 +86,12 @@ class Waves:
     def _across(self) -> Callable[[bytes, float], Array]:
         """sin a and cos a of the waves by u, a row each; kept, as lattices side by side share them."""
 
+        kx, ky, amplitude, phase = self.kx, self.ky, self.amplitude[:, None], self.phase[:, None]
+
         def across(u: bytes, yaw: float) -> Array:
-            ku = self.kx * np.cos(yaw) + self.ky * np.sin(yaw)
-            a = 2 * pi * ku[:, None] * np.frombuffer(u) + self.phase[:, None]
-            return np.concatenate([self.amplitude[:, None] * np.sin(a), self.amplitude[:, None] * np.cos(a)])
+            ku = kx * np.cos(yaw) + ky * np.sin(yaw)
+            a = 2 * pi * ku[:, None] * np.frombuffer(u) + phase
+            return np.concatenate([amplitude * np.sin(a), amplitude * np.cos(a)])
 
         return lru_cache(maxsize=KEPT)(across)
 
@@ -97,8 +99,10 @@ class Waves:
     def _along(self) -> Callable[[bytes, float], Array]:
         """cos b and sin b of the waves by v, a column each; kept as `_across`."""
 
+        kx, ky = self.kx, self.ky
+
         def along(v: bytes, yaw: float) -> Array:
-            kv = -self.kx * np.sin(yaw) + self.ky * np.cos(yaw)
+            kv = -kx * np.sin(yaw) + ky * np.cos(yaw)
             b = 2 * pi * kv[:, None] * np.frombuffer(v)
             return np.asarray(np.concatenate([np.cos(b), np.sin(b)]).T.copy())
 

@@ -5,6 +5,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -56,19 +57,19 @@ class EvaluatorCatalogue:
         }  # fmt: skip
         return {s: {m.name: m for m in sorted(group, key=_rank)} for s, group in groups.items()}
 
-    @property
+    @cached_property
     def metrics(self) -> dict[str, Metric]:
         """All metrics by name."""
         found = {name: metric for group in self.by_scope().values() for name, metric in group.items()}
         return dict(sorted(found.items(), key=lambda item: _rank(item[1])))
 
-    @property
+    @cached_property
     def columns(self) -> list[str]:
         """Columns of tracks that a limit may be set on; some only where the machine has the sensor."""
         own = [name for c in self.classes if isinstance(c, HasColumns) for name in c.COLUMNS]
         return [*column_names(), *own]
 
-    @property
+    @cached_property
     def events(self) -> list[str]:
         """Kinds of events."""
         return [kind for c in self.classes if isinstance(c, HasEvents) for kind in c.EVENTS]
@@ -87,15 +88,23 @@ def load_evaluators(own: Sequence[str] = (), base: Path | None = None) -> Evalua
 
     InputError where one cannot be had or declares what another one has.
     """
-    built_in = [REGISTRY.get(KIND, name).component for name in REGISTRY.names(KIND)]
-    built_in.sort(key=lambda c: min((_rank(m) for m in c.METRICS), default=len(GROUPS)))
-    known = {m.name for c in built_in for m in c.METRICS}
+    if not own:
+        return _built_in()
+    classes = list(_built_in().classes)
+    known = {m.name for c in classes for m in c.METRICS}
     for reference in own:
         found = REGISTRY.get(KIND, reference, base=base).component
         _check(found, reference, known)
         known |= {m.name for m in found.METRICS}
-        built_in.append(found)
-    return EvaluatorCatalogue(tuple(built_in))
+        classes.append(found)
+    return EvaluatorCatalogue(tuple(classes))
+
+
+@cache
+def _built_in() -> EvaluatorCatalogue:
+    classes = [REGISTRY.get(KIND, name).component for name in REGISTRY.names(KIND)]
+    classes.sort(key=lambda c: min((_rank(m) for m in c.METRICS), default=len(GROUPS)))
+    return EvaluatorCatalogue(tuple(classes))
 
 
 def _check(found: Any, reference: str, known: set[str]) -> None:

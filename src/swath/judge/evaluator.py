@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
+from swath.core.ability import ByMembers
 from swath.core.errors import SwathError
 from swath.field.edge_defects import Gap
 from swath.field.memory_layout import Solids
@@ -146,7 +147,7 @@ class Evaluator(Protocol):
 
 
 @runtime_checkable
-class HasColumns(Protocol):
+class HasColumns(Protocol, metaclass=ByMembers):
     """An evaluator of a machine that adds columns to the tracks. COLUMNS: their names."""
 
     COLUMNS: ClassVar[tuple[str, ...]]
@@ -155,7 +156,7 @@ class HasColumns(Protocol):
 
 
 @runtime_checkable
-class HasEvents(Protocol):
+class HasEvents(Protocol, metaclass=ByMembers):
     """An evaluator that notes events. EVENTS: their kinds; events: so far, in order of their beginning.
 
     An event that lasts stands in the list from its beginning on, and is replaced when it ends.
@@ -167,7 +168,7 @@ class HasEvents(Protocol):
 
 
 @runtime_checkable
-class HasSignals(Protocol):
+class HasSignals(Protocol, metaclass=ByMembers):
     """An evaluator that is shown outputs only when a sample of one of these types is among them.
 
     SIGNALS: the types; an evaluator without it is shown everything
@@ -182,7 +183,7 @@ def is_shown(evaluator: HasSignals, kinds: Iterable[type[Signal]]) -> bool:
 
 
 @runtime_checkable
-class HasLimits(Protocol):
+class HasLimits(Protocol, metaclass=ByMembers):
     """An evaluator with limits of its own, which hold unless the scenario sets a limit on the metric itself.
 
     LIMITS: metric -> min, max

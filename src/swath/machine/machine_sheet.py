@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
+from swath.documents.data_sheets import Sheet, read_sheet, sheet_folder, sheet_names
 from swath.documents.hints import near_miss
 from swath.documents.sheet_fields import Quantity, Section
 from swath.machine.drivetrain_sheet import Drivetrain, check_drivetrain
@@ -176,7 +177,8 @@ def load_machine(name: str, *, base: Path | None = None, header_width_m: float |
     base: folder that a relative path starts from; header_width_m: another header on the same machine, the
     mass and inertia kept. Raises InputError with key and file.
     """
-    machine = read_machine(open_machine(name, base))
+    is_own = Path(name).suffix in (".yaml", ".yml") and Path(name).parent != sheet_folder("machines")
+    machine = read_machine(open_machine(name, base)) if is_own else _bundled(name)
     if header_width_m is None:
         return machine
     if not machine.has_header:
@@ -184,6 +186,11 @@ def load_machine(name: str, *, base: Path | None = None, header_width_m: float |
     if not 0.5 <= header_width_m <= 30.0:
         raise InputError("header_width_m", header_width_m, "expected 0.5 to 30")
     return replace(machine, header_width=float(header_width_m))
+
+
+@cache
+def _bundled(name: str) -> MachineSheet:
+    return read_machine(open_machine(name))
 
 
 def open_machine(name: str, base: Path | None = None) -> Sheet:

@@ -82,7 +82,7 @@ class BodyCaster:
         """The launch that is repeated until the field's memory moves."""
         from swath.rays.single.kernel import cast_bodies
 
-        self._kept = self._pack(), share(self._apart)
+        self._kept = self._kept or (self._pack(), share(self._apart))
         canopy, apart = self._kept
         inputs = [scene, canopy, self.beams.struct(), apart, self.line_count, range_max, has_solids]
         self._launch = self.beams.record(cast_bodies, inputs, threads=1)

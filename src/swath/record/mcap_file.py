@@ -3,7 +3,7 @@
 `container.py` writes the container, `message_factory.py` makes the messages.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -15,7 +15,7 @@ from swath.record.container import Container
 from swath.record.message_factory import MessageFactory
 from swath.record.templates import Draft, Template
 
-CHUNK_BYTES = 384 * 1024
+CHUNK_BYTES = 192 * 1024
 QOS = "offered_qos_profiles"  # key of a channel's metadata
 LATCHED = (
     "- history: keep_last\n  depth: 1\n  reliability: reliable\n  durability: transient_local\n"
@@ -26,9 +26,11 @@ LATCHED = (
 
 
 class Tap(Protocol):
-    """Called with every message that is written; data: its CDR bytes; t: log time [ns]."""
+    """Called with every message that is written. t: log time [ns]; data: its CDR bytes; build: gives it"""
 
-    def __call__(self, topic: str, t: int, message: Any, data: bytes, is_latched: bool, /) -> None: ...
+    def __call__(
+        self, topic: str, t: int, data: bytes, build: Callable[[], Any], is_latched: bool, /
+    ) -> None: ...
 
 
 @runtime_checkable
@@ -63,14 +65,14 @@ class McapFile:
         if self._is_torn:
             return
         if isinstance(message, Draft):
-            message, data = self._from_draft(topic, message)
+            data, build = self._from_draft(topic, message)
         else:
-            data = bytes(self.store.serialize_cdr(message, message.__msgtype__))
+            data, build = bytes(self.store.serialize_cdr(message, message.__msgtype__)), lambda: message
         if topic not in self._channels:
-            self._declare(topic, message.__msgtype__, is_latched)
+            self._declare(topic, build().__msgtype__, is_latched)
         self._add(topic, t, data)
         for tap in self.taps:
-            tap(topic, t, message, data, is_latched)
+            tap(topic, t, data, build, is_latched)
 
     @property
     def count(self) -> int:
@@ -116,16 +118,15 @@ class McapFile:
             self._container.flush()
             self._is_torn = False
 
-    def _from_draft(self, topic: str, draft: Draft) -> tuple[Any, bytes]:
-        """The message, None where no tap wants it, and its bytes."""
+    def _from_draft(self, topic: str, draft: Draft) -> tuple[bytes, Callable[[], Any]]:
+        """The bytes of a message, and what gives itself."""
         template = self._templates.get((topic, draft.variant))
-        if template is not None and not self.taps:
-            return None, template.fill(draft.t, draft.values)
+        if template is not None:
+            return template.fill(draft.t, draft.values), draft.build
         message = draft.build()
         data = bytes(self.store.serialize_cdr(message, message.__msgtype__))
-        if template is None:
-            self._templates[topic, draft.variant] = Template(self.store, message, data, draft.paths)
-        return message, data
+        self._templates[topic, draft.variant] = Template(self.store, message, data, draft.paths)
+        return data, lambda: message
 
     def announce(self, topic: str, message: Any) -> None:
         """Let the taps that publish know of a topic whose first message is still to come; writes nothing."""

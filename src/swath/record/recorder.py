@@ -67,6 +67,8 @@ class Recorder:
         self._detail = detail
         self._is_closed = False
         self._sinks: dict[tuple[str, str], _Sink] = {}
+        self._full: list[Blocks] = []
+        self._t = -1  # of the newest samples [ns]
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
             if scenario:
@@ -74,6 +76,9 @@ class Recorder:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
+        if self._full and t > self._t:
+            self._write_blocks()
+        self._t = t
         if t >= self._clock_due and self.file is not None:
             self._tell_time(self.file, t)
         for output, signal in outputs.items():
@@ -88,6 +93,14 @@ class Recorder:
                 sink.messenger.write(sink.part, output, t, signal)
             if sink.blocks is not None:
                 sink.blocks.add(t, signal)
+                if sink.blocks.is_full:
+                    self._full.append(sink.blocks)
+
+    def _write_blocks(self) -> None:
+        """Those that the tick before made full: a tick with a scan, which fills most, has enough to do."""
+        full, self._full = self._full, []
+        for blocks in full:
+            blocks.flush()
 
     def save(self) -> dict[str, Any]:
         """What is not in the files so far, and how much of them there is."""
@@ -119,6 +132,7 @@ class Recorder:
             if blocks is not None:
                 sink.blocks = self._new_blocks(*key)
                 sink.blocks.load(blocks)
+                self._full += [sink.blocks] if sink.blocks.is_full else []
         self._clock_due = state["clock_due"]
 
     def close(self) -> None:

@@ -45,17 +45,12 @@ class Blocks:
         self._most = 1  # samples that fill a block by their size
 
     def add(self, t: int, signal: Signal) -> None:
-        """Add a sample published at t [ns]; a full block is written.
-
-        Raises TypeError for a field that cannot be recorded.
-        """
+        """Add a sample published at t [ns]. Raises TypeError for a field that cannot be recorded."""
         if type(signal) is not self._signal:
             self.flush()
             self._signal = type(signal)
             self._names = leaf_names(signal)
             self._values = attrgetter(*self._names, "t", "t")  # a tuple also of no field
-        if (at := self._published) and (t - at[0] >= self._length or len(at) >= self._most):
-            self.flush()
         if not self._published:
             row = self._values(signal)[:-2]
             for value in row:
@@ -64,6 +59,12 @@ class Blocks:
             self._most = max(1, -(-BLOCK_BYTES // max(size, 1)))
         self._samples.append(signal)
         self._published.append(t)
+
+    @property
+    def is_full(self) -> bool:
+        """The block has its length or its size, and is to be written."""
+        at = self._published
+        return bool(at) and (at[-1] - at[0] >= self._length or len(at) >= self._most)
 
     def save(self) -> dict[str, Any]:
         """Samples that wait for their block."""
@@ -74,7 +75,6 @@ class Blocks:
         """Go on from a saved state."""
         self._length = state["length"]
         for signal, t in zip(state["samples"], state["published"], strict=True):
-            self._most = len(self._published) + 1
             self.add(t, signal)
         self._most = state["most"]
 

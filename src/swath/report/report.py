@@ -16,6 +16,7 @@ from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.record.messages import RecordedMachine
 from swath.report import page, plots
+from swath.report.field_plot import MapTrack, map_figure
 from swath.report.pictures import KeptPicture, PictureSampler, pictures_figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
 from swath.report.silhouette import silhouette
@@ -221,7 +222,7 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[page.Figure]:
 
 def _map(data: ReportData, picture: FieldMap) -> page.Figure:
     tracks = [
-        plots.MapTrack(
+        MapTrack(
             m.machine.name,
             (
                 _way(m.tracks, *m.machine.geometry.header_end("left")),
@@ -235,7 +236,7 @@ def _map(data: ReportData, picture: FieldMap) -> page.Figure:
         for m in data.machines
         if len(m.tracks["t_s"])
     ]
-    fig = plots.map_figure(
+    fig = map_figure(
         picture,
         tracks,
         edges=[m.edge for m in data.machines if len(m.edge) and m.path is not None],

@@ -218,8 +218,8 @@ def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F
     x0, y0, _ = box.world(0.0, 0.0, 0.0)
     found = organs_near(field, float(x0), float(y0), 3.4)
     quads, colours = _painted(field, found, box, camera)
-    fig = figure(11.0, 6.2)
-    ax = fig.add_subplot()
+    fig = figure(11.0, 6.2, layout=None)
+    ax = fig.add_axes((0.0, 0.0, 1.0, 0.95))
     ax.add_collection(_areas(quads, colours))
     _draw_edges(ax, field, scan, edge, box, camera)
     _draw_echoes(ax, scan, machine, box, camera)
@@ -295,7 +295,6 @@ def _areas(quads: F64, colours: F64) -> Any:
         for i, j in zip(first.tolist(), ends, strict=True)
     ]
     made = PathCollection(paths, facecolors=colours[order][first], edgecolors="none", linewidths=0)
-    made.set_in_layout(False)
     return made
 
 
@@ -381,5 +380,5 @@ def _legend(ax: Any, organs: NDArray[np.uint8]) -> None:
     handles.append(Line2D([], [], marker="o", ls="", mfc=BLUE, mec="white", label="echo and its beam"))
     handles.append(Line2D([], [], color=INK, ls=(0, (5, 3)), label="initial edge"))
     handles.append(Line2D([], [], color=ORANGE, label="detected edge"))
-    ax.legend(handles=handles, ncol=len(handles), loc="upper center", bbox_to_anchor=(0.5, 1.07),
-              handlelength=1.4, columnspacing=1.2)  # fmt: skip
+    ax.legend(handles=handles, ncol=len(handles), loc="lower center", bbox_to_anchor=(0.5, 1.0),
+              handlelength=1.4, columnspacing=1.2, borderaxespad=0.2)  # fmt: skip

@@ -115,6 +115,7 @@ def _run_once(
             return _drive(running, progress, events)
     finally:
         world.close()
+        world.graph.let_go()
 
 
 def _drive(running: "_Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

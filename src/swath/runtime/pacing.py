@@ -7,8 +7,9 @@
 
 Deadlines are absolute: tick t begins at origin + (t - first) / factor, so that one late tick does not delay
 the next. What is late by up to the tolerance is caught up; beyond it is an overrun, which belongs to the slot
-that used most of the time since the run was last on time. The clock changes no result, except where a cheaper
-level takes over; that is always reported with its simulated time.
+that used most of the time since the run was last on time. Time that is left before a tick goes into work that
+will be needed anyway (`Field.prepare`). The clock changes no result, except where a cheaper level takes over;
+that is always reported with its simulated time.
 """
 
 import gc
@@ -29,6 +30,9 @@ from swath.scenario.sections import RealTime
 
 MS = 1_000_000
 STEPS_MS = (0.1, 1.0, 5.0, 20.0, 50.0, 100.0)  # lateness is counted between these
+PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance, at least
+FORGET = 0.99  # from tick to tick, of the longest piece so far, which has to fit in too
+SEARCHES = 700, 10, 10  # of garbage collection, as `gc.set_threshold` has them: each takes up to 2 ms
 SYSTEM = "system"  # the run slept and was woken late
 REST = "recording"  # time that no slot used: observers, files
 
@@ -52,6 +56,7 @@ class Pacer:
 
     costs: slot -> wall time used so far [s]
     relieve: takes the next cheaper level at a simulated time [ns]; None when there is none left
+    prepare: does a piece of work in advance, of some ms; False when there is none
     """
 
     def __init__(
@@ -61,8 +66,9 @@ class Pacer:
         *,
         clock: Clock | None = None,
         relieve: Callable[[int], Exchange | None] = lambda t: None,
+        prepare: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._plan, self._costs, self._relieve = plan, costs, relieve
+        self._plan, self._costs, self._relieve, self._prepare = plan, costs, relieve, prepare
         self._clock = clock or WallClock(round(plan.spin_ms * MS))
         self._tolerance, self._window = round(plan.tolerance_ms * MS), round(plan.window_s * NS)
         self._origin: tuple[int, int] | None = None  # simulated and wall time [ns] that belong together
@@ -75,17 +81,23 @@ class Pacer:
         self.overruns: Counter[str] = Counter()
         self.exchanges: list[Exchange] = []
         self.priority, self.scheduling = plan.priority, "default"
+        self._piece = float(PIECE)
+        self.after_grace: Callable[[], None] | None = None  # called once
 
     def __call__(self, t: int) -> None:
         """Come back when the tick at t [ns] is due. OverrunError when it is too late and that is to fail."""
         now = self._clock.now()
         if self._origin is None:
             self._begin(t, now)
+        if self.after_grace is not None and t > self._grace_end:
+            self.after_grace()
+            self.after_grace = None
         due = self._due(t)
         slept = now < due
+        now = self._work_ahead(now, due)
         if slept:
             self._mark(now)
-            self._clock.sleep(due - now)
+            self._clock.sleep(max(due - now, 0))
             now = self._clock.now()
         late = max(0, now - due)
         self.ticks += 1
@@ -136,6 +148,14 @@ class Pacer:
             found.append(f"real time: scheduling {self.scheduling}")
         changed = [f"{e.slot} went from {e.before} to {e.after} at {e.t / NS:g} s" for e in self.exchanges]
         return found + [f"real time: {text}" for text in changed]
+
+    def _work_ahead(self, now: int, due: int) -> int:
+        """Pieces of work in advance, as long as one fits in; the time then [ns]."""
+        while due - now > self._piece and self._prepare():
+            began, now = now, self._clock.now()
+            self._piece = max(self._piece, now - began)
+        self._piece = max(float(PIECE), FORGET * self._piece)
+        return now
 
     def _begin(self, t: int, now: int) -> None:
         self._origin = (t, now)
@@ -225,14 +245,15 @@ def make_pacer(world: World, *, clock: Clock | None = None) -> Pacer | None:
     def costs() -> dict[str, float]:
         return {n.slot.name: n.cost_s for n in nodes}
 
-    return Pacer(section.common, costs, clock=clock, relieve=Relief(world))
+    return Pacer(section.common, costs, clock=clock, relieve=Relief(world), prepare=world.field.prepare)
 
 
 @contextmanager
 def paced(graph: Graph, pacer: Pacer | None) -> Iterator[None]:
     """Inside the block the graph waits for its pacer, with the scheduling that was asked for.
 
-    What was there before is left out of garbage collection: going through all of it takes some 50 ms.
+    What was there before, and what is loaded in the grace, is left out of garbage collection: going through
+    all of it takes some 50 ms. What comes later is searched in small parts.
     """
     if pacer is None:
         yield
@@ -240,9 +261,13 @@ def paced(graph: Graph, pacer: Pacer | None) -> Iterator[None]:
     graph.before_tick.append(pacer)
     gc.collect()
     gc.freeze()
+    pacer.after_grace = gc.freeze
+    before = gc.get_threshold()
+    gc.set_threshold(*SEARCHES)
     try:
         with scheduling(pacer.priority) as pacer.scheduling:
             yield
     finally:
+        gc.set_threshold(*before)
         gc.unfreeze()
         graph.before_tick.remove(pacer)

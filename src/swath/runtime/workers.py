@@ -15,6 +15,7 @@ from math import inf
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
+from swath.core.collector import collect_rarely
 from swath.core.errors import SwathError
 
 STRIKES = 2  # workers that a job may kill before it counts as an error
@@ -161,6 +162,7 @@ def _check_begun(worker: _Worker[T, R], found: object) -> None:
 def _serve(pipe: Connection, begin: Begin[Any, Any]) -> None:
     """What a worker does until its pipe is closed. Ctrl-C is the driver's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    collect_rarely()
     os.environ.setdefault("SWATH_THREADS", "1")  # one core a job, as many jobs as cores
     work = begin()
     with suppress(OSError):  # the driver is gone

@@ -105,18 +105,14 @@ def _instances(
 ) -> list[tuple[SlotKind, str]]:
     """Every slot of a machine with its kind, in the order of one tick; notes unknown keys."""
     named = [key for key in data if key not in MACHINE_KEYS]
+    kinds = {key: reader.catalogue.kind_of(key) for key in [*unasked, *named]}
     for key in named:
-        if reader.catalogue.kind_of(key) is None:
+        if kinds[key] is None:
             plural = [f"{s.name}_NAME" for s in reader.catalogue.slots if s.is_plural]
             known = [*MACHINE_KEYS, *(s.name for s in reader.catalogue.slots), *plural]
             reader.note((machine, key), None, unknown_key(key, known))
-    slots = [slot for slot in dict.fromkeys([*unasked, *named]) if not is_off(data.get(slot))]
-    return [
-        (kind, slot)
-        for kind in reader.catalogue.slots
-        for slot in slots
-        if reader.catalogue.kind_of(slot) is kind
-    ]
+    slots = [slot for slot in kinds if not is_off(data.get(slot))]
+    return [(kind, slot) for kind in reader.catalogue.slots for slot in slots if kinds[slot] is kind]
 
 
 def _start(reader: SectionReader, data: Any, path: KeyPath) -> StartAlongEdge | StartPose:

@@ -375,8 +375,11 @@ TRUTH = (MachineState, ScanTruth, TrailerState, WheelState)  # what control neve
 
 def kind_of(instance: str, slots: Sequence[SlotKind] = SLOTS) -> SlotKind | None:
     """The kind of a slot by the name of an instance: `lidar` and `lidar_left` are of kind lidar."""
-    kinds = sorted((s for s in slots if is_instance(instance, s)), key=lambda s: len(s.name))
-    return kinds[-1] if kinds else None
+    kinds = {s.name: s for s in slots}
+    name = instance
+    while name and not ((kind := kinds.get(name)) and is_instance(instance, kind)):
+        name = name.rpartition("_")[0]
+    return kinds.get(name)
 
 
 def is_instance(name: str, kind: SlotKind) -> bool:

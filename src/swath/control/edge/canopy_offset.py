@@ -56,9 +56,11 @@ class CanopyOffset(KeepsState):
         self._shifts = np.arange(-0.1, 0.45, 2 * STEP)
         lateral = np.subtract.outer(self._middle, self._shifts).T  # of places from shifts, few are distinct
         apart = np.round(lateral / STEP).astype(np.int64)
-        self._which = apart - apart.min()  # [shift, place] -> place of `_there`
+        which = apart - apart.min()  # [shift, place] -> place of `there`
         steps = STEP * np.arange(apart.min(), apart.max() + 1) + float(lateral[0, 0] - STEP * apart[0, 0])
-        self._there = np.interp(steps / self._spreads[:, None], _Z, _PHI)  # share of the stand, [spread, ...]
+        there = np.interp(steps / self._spreads[:, None], _Z, _PHI)  # share of the stand, [spread, ...]
+        self._there, place = np.unique(there, return_inverse=True)  # half of them are the same
+        self._which = place.reshape(there.shape)[:, which]  # [spread, shift, place] -> place of `_there`
         self._chance, self._parts = stopped(_MET, parts), parts
         self.clear()
 
@@ -116,7 +118,7 @@ class CanopyOffset(KeepsState):
         most = float(np.clip(inside[1] / max(float(inside.sum()), 1e-9), 0.3, 1.0 - STRAY))
         depth = float(np.interp(most, self._chance, _MET))
         high = STRAY + (1.0 - STRAY) * np.interp(depth * self._there, _MET, self._chance)
-        passed, held = log(1.0 - high)[:, self._which], log(high)[:, self._which]
+        passed, held = log(1.0 - high)[self._which], log(high)[self._which]
         score = (self._seen[1] * held + self._seen[0] * passed).sum(axis=-1)
         score -= 0.5 * ((self._shifts - guess) / GUESS) ** 2
         chance = exp(score - score.max())

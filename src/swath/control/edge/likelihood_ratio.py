@@ -36,6 +36,7 @@ RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bit
 DUSTY, CLEAR, THICK = 0.12, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 RAMP = 0.25  # of the way from a ramp to its feet
+HALF_RAMP = 0.04  # m, where a lean may be one or not
 UNSURE = 0.45  # greatest confidence of an edge that is held, not seen
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
@@ -102,6 +103,7 @@ class LikelihoodRatio(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """No edge at t = 0: nothing was seen yet."""
         self._forget()
+        self._line.compile()
         return {"edge": self._no_edge(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -168,9 +170,10 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         feet = self._blocks.feet
         shift = feet.shift(crop, stopped, line.spread, dust)
-        hang, hang_sd = self._overhang.of(crop, stopped, feet.lean[0])
+        hang, hang_sd = self._overhang.of(crop, stopped, feet.leans_in)
         ragged = sqrt(max(0.0, self._blocks.scatter - EVEN**2))
-        known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), BENT * edge.bend, FLOOR)
+        half = HALF_RAMP * 4.0 * feet.lean[0] * (1.0 - feet.lean[0])
+        known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), half, BENT * edge.bend, FLOOR)
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
         known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep

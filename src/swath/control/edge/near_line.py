@@ -41,8 +41,8 @@ class EdgePoints(KeepsState):
 
         early: how far ahead of where it begins crop behind a hole may seem to stand [m]
         """
-        rows = self.rows[self.rows[:, VARIANCE] < VAGUE**2]
-        if not (np.abs(rows[:, WAY] - way) <= reach).any():
+        is_near = np.abs(self.rows[:, WAY] - way) <= reach
+        if not (is_near & (self.rows[:, VARIANCE] < VAGUE**2)).any():
             return False
         return not any(way - early < again < way + reach for again in self.returns)
 
@@ -93,8 +93,7 @@ class LineFit:
         """
         if len(rows) < 2:
             return None
-        if self._launch is None:
-            self._compile()
+        self.compile()
         rows = rows[-ROOM:]
         self._points[: len(rows)] = rows
         self._asked.write(len(rows), *at, front.x, front.u, front.angle, way, self._reference)
@@ -102,7 +101,10 @@ class LineFit:
         x, u, angle, bend, *rest = self._line.read()
         return NearLine(EdgeFrame(x, u, angle, bend), *rest)
 
-    def _compile(self) -> None:
+    def compile(self) -> None:
+        """Load the compiled fit, some 10 ms the first time: before a run is in step with a clock."""
+        if self._launch is not None:
+            return
         from swath.control.edge import near_line_kernel as kernel
 
         wp = start_warp()

@@ -27,7 +27,7 @@ _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
 class Populations(KeepsState):
     """Counts of classes in the crop, lately in the crop, and beside it: rows of (3, CLASSES)."""
 
-    kept = ("counts", "_told")
+    kept = ("counts", "_told", "_first")
 
     def __init__(self) -> None:
         self.clear()
@@ -36,20 +36,22 @@ class Populations(KeepsState):
         """Nothing learned."""
         self.counts: F64 = np.zeros((3, CLASSES))
         self._told: tuple[float, float, float, float] | None = None  # heights and dust of these counts
+        self._first: int | None = None  # the lowest layer of these counts that is no stubble
 
     def begin(self, crop: F64, stubble: F64) -> None:
         """Start with the counts of both sides, (CLASSES,) each."""
-        self.counts, self._told = np.stack([crop, crop, stubble]).astype(np.float64), None
+        self._count(np.stack([crop, crop, stubble]).astype(np.float64))
 
     def move(self, travel: float) -> None:
         """Old counts fade over a travel [m]."""
-        self.counts *= exp(-travel / np.array([MEMORY, SHORT, MEMORY]))[:, None]
-        self._told = None
+        self._count(self.counts * exp(-travel / np.array([MEMORY, SHORT, MEMORY]))[:, None])
 
     def add(self, crop: F64, stubble: F64) -> None:
         """Counts of both sides of an edge that was accepted."""
-        self.counts += np.stack([crop, crop, stubble])
-        self._told = None
+        self._count(self.counts + np.stack([crop, crop, stubble]))
+
+    def _count(self, counts: F64) -> None:
+        self.counts, self._told, self._first = counts, None, None
 
     def ratios(self) -> F64:
         """Log-likelihood ratio [nat] of each class: crop over stubble, (CLASSES,)."""
@@ -106,7 +108,10 @@ class Populations(KeepsState):
 
     def _first_layer(self) -> int:
         """The lowest layer that is no stubble."""
-        return _end_of_peak(np.where(_HEIGHT < STUBBLE_TO, self.counts[2, :LAYERS], 0.0)) + 1
+        if self._first is None:
+            low = np.where(_HEIGHT < STUBBLE_TO, self.counts[2, :LAYERS], 0.0)
+            self._first = _end_of_peak(low) + 1
+        return self._first
 
 
 def middle_of(counts: F64) -> float:
@@ -130,7 +135,8 @@ def canopy_height(layers: F64, first: int) -> float:
 
 def _end_of_peak(layers: F64) -> int:
     """The first layer above the fullest one that holds little of what that holds."""
-    padded = np.pad(layers, 1)
+    padded = np.zeros(len(layers) + 2)  # much quicker than `numpy.pad`
+    padded[1:-1] = layers
     smooth = 0.25 * padded[:-2] + 0.5 * layers + 0.25 * padded[2:]
     peak = int(np.argmax(smooth))
     sparse = np.flatnonzero(smooth[peak:] < LITTLE * smooth[peak])

@@ -23,7 +23,7 @@ MATCH_M = 1.5  # a detected edge is none that stands there when it is farther fr
 SURE, WRONG_M = 0.5, 0.3  # confidence, and error, of an edge that is wrong and sure
 RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
-CHUNK = 256  # samples that are judged together
+CHUNK = 32  # samples that are judged together: a millisecond of work
 
 
 @dataclass(frozen=True)

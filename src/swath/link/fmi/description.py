@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from swath.core.errors import InputError, MissingExtra
 from swath.link.fmi.archive import BROKEN, reason
@@ -149,14 +151,15 @@ def read_fmu(file: Path, key: str = "file") -> Description:
 
 def _described(file: Path, key: str, names: list[str], fmpy: Any) -> Description:
     model, faults = _model(file, key)
+    root, major = _root(file), int(model.fmiVersion.split(".")[0])
     side = model.coSimulation
-    if side is not None and model.fmiMajorVersion == 1:
-        _read_capabilities(file, side)
+    if side is not None and major == 1:
+        _read_capabilities(root, side)
     if side is None:
         has = "model exchange" if model.modelExchange is not None else "scheduled execution"
         raise InputError(key, str(file), f"expected an FMU for co-simulation, this one is for {has} only")
-    library, misplaced = _library(names, side.modelIdentifier, model.fmiMajorVersion, fmpy)
-    variables = _variables(model, {u.name: _unit(u) for u in model.unitDefinitions}, faults)
+    library, misplaced = _library(names, side.modelIdentifier, major, fmpy)
+    variables = _variables(model, major, {u.name: _unit(u) for u in model.unitDefinitions}, faults)
     return Description(
         file=file,
         version=model.fmiVersion,
@@ -171,12 +174,12 @@ def _described(file: Path, key: str, names: list[str], fmpy: Any) -> Description
         serializes=side.canSerializeFMUstate,
         variable_step=side.canHandleVariableCommunicationStepSize,
         has_events=side.hasEventMode,
-        returns_early=side.mightReturnEarlyFromDoStep,
+        returns_early=_says(root.find("CoSimulation"), "mightReturnEarlyFromDoStep"),
         fixed_step=_number(side.fixedInternalStepSize),
         default_step=_number(getattr(model.defaultExperiment, "stepSize", None)),
-        log_categories=tuple(c.name for c in model.logCategories if c.name),
+        log_categories=tuple(n for c in root.iterfind("LogCategories/Category") if (n := c.get("name"))),
         variables=variables,
-        clocks=_clocks(file) if model.fmiMajorVersion == 3 else (),
+        clocks=_clocks(root) if major == 3 else (),
         faults=tuple(faults + misplaced),
     )
 
@@ -202,7 +205,9 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
         raise InputError(key, str(file), f"{UNREADABLE}: {reason(error)}") from error
 
 
-def _variables(model: Any, units: dict[str | None, Unit | None], faults: list[str]) -> dict[str, Variable]:
+def _variables(
+    model: Any, major: int, units: dict[str | None, Unit | None], faults: list[str]
+) -> dict[str, Variable]:
     found: dict[str, Variable] = {}
     for v in model.modelVariables:
         if v.name in found:
@@ -211,7 +216,7 @@ def _variables(model: Any, units: dict[str | None, Unit | None], faults: list[st
         found[v.name] = _variable(v, units)
         if v.start is not None and found[v.name].start is None:
             faults.append(f"the start value of {v.name}, {v.start!r}, is no number")
-    return found if model.fmiMajorVersion == 3 else found | _arrays(found)
+    return found if major == 3 else found | _arrays(found)
 
 
 def _variable(v: Any, units: dict[str | None, Unit | None]) -> Variable:
@@ -286,12 +291,18 @@ def _unit(u: Any) -> Unit | None:
     return Unit(u.name, tuple(int(getattr(base, b)) for b in BASE), float(base.factor), float(base.offset))
 
 
-def _clocks(file: Path) -> tuple[Clock, ...]:
-    """Periodic input clocks of FMI 3, which fmpy does not read in full."""
-    from xml.etree import ElementTree
-
+def _root(file: Path) -> Element:
+    """The description as it is written, for what fmpy does not read or not in every version."""
     with zipfile.ZipFile(file) as archive:
-        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        return ElementTree.fromstring(archive.read("modelDescription.xml"))
+
+
+def _says(node: Element | None, name: str) -> bool:
+    return node is not None and node.get(name) in ("true", "1")
+
+
+def _clocks(root: Element) -> tuple[Clock, ...]:
+    """Periodic input clocks of FMI 3."""
     found = []
     for node in root.iterfind("ModelVariables/Clock"):
         interval = _number(node.get("intervalDecimal"))
@@ -302,16 +313,12 @@ def _clocks(file: Path) -> tuple[Clock, ...]:
     return tuple(found)
 
 
-def _read_capabilities(file: Path, side: Any) -> None:
-    """What FMI 1 says of co-simulation, which fmpy does not read."""
-    from xml.etree import ElementTree
-
-    with zipfile.ZipFile(file) as archive:
-        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+def _read_capabilities(root: Element, side: Any) -> None:
+    """What FMI 1 says of co-simulation."""
     side.needsExecutionTool = root.find("Implementation/CoSimulation_Tool") is not None
     for node in root.iterfind("Implementation/*/Capabilities"):
         for name in ("canHandleVariableCommunicationStepSize", "canBeInstantiatedOnlyOncePerProcess"):
-            setattr(side, name, node.get(name) in ("true", "1"))
+            setattr(side, name, _says(node, name))
 
 
 def _number(value: Any) -> float | None:

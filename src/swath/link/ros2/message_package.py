@@ -9,7 +9,6 @@ from swath.core.whole_file import write_whole
 from swath.record.message_factory import definition
 from swath.record.messenger import MAKERS
 from swath.record.samples import DEFINITION, MSGTYPE
-from swath.signals import CropEdge
 
 NAME = "swath_msgs"
 _PACKAGE = f"""<?xml version="1.0"?>
@@ -63,4 +62,5 @@ def write_package(folder: Path) -> list[Path]:
 
 
 def _is_own(signal: type[Signal]) -> bool:
-    return signal not in MAKERS or signal is CropEdge  # whose maker sends its own type, and a line
+    declared = [message.type for message in signal.about.messages]
+    return signal not in MAKERS or f"{NAME}/{signal.__name__}" in declared

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ def play(file: Path, *, factor: float = 1.0, wait_s: float = 1.0, name: str = "s
                 _wait(began, clock.due, factor)
                 clock.publish(clock.due)
             _wait(began, t, factor)
-            publisher(topic, t, store.deserialize_cdr(data, kind), data, is_latched)
+            publisher(topic, t, data, partial(store.deserialize_cdr, data, kind), is_latched)
         time.sleep(min(wait_s, 0.5))
         return publisher.count
     finally:

@@ -26,7 +26,7 @@ CLOCK = "/clock"
 TRANSFORM_TOPICS = {"/tf": "/transforms", "/tf_static": "/transforms_static"}
 
 Substitute = Callable[[Any, Any], Iterator[Any]]
-Route = Callable[[Any, bytes], None]
+Route = Callable[[bytes, Callable[[], Any]], None]
 
 
 class Publisher:
@@ -42,11 +42,12 @@ class Publisher:
         self.count = 0
         self.left_out: dict[str, str] = {}
 
-    def __call__(self, topic: str, t: int, message: Any, data: bytes, is_latched: bool) -> None:
+    def __call__(self, topic: str, t: int, data: bytes, build: Callable[[], Any], is_latched: bool) -> None:
         """Publish one message."""
-        self.declare(topic, message, is_latched)
+        if topic not in self._routes:
+            self.declare(topic, build(), is_latched)
         if (route := self._routes[topic]) is not None:
-            route(message, data)
+            route(data, build)
 
     def declare(self, topic: str, message: Any, is_latched: bool) -> None:
         """Create the publisher of a topic; does nothing where there is one."""
@@ -70,7 +71,7 @@ class Publisher:
                 self._leave_out(topic, f"the installed {msgtype} has other fields")
                 return None
             publisher = self._publisher(topic, msgtype, is_latched)
-            return lambda _, data: self._send(publisher, data)
+            return lambda data, _: self._send(publisher, data)
         found = _substitute_of(msgtype, message)
         if found is None:
             self._leave_out(topic, f"{msgtype} is not installed, and no standard message replaces it")
@@ -78,8 +79,8 @@ class Publisher:
         other, make = found
         publisher = self._publisher(TRANSFORM_TOPICS.get(topic, topic), other, is_latched)
 
-        def send(given: Any, _: bytes) -> None:
-            for made in make(self._store, given):
+        def send(_: bytes, build: Callable[[], Any]) -> None:
+            for made in make(self._store, build()):
                 self._send(publisher, bytes(self._store.serialize_cdr(made, other)))
 
         return send

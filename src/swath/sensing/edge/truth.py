@@ -94,7 +94,7 @@ class TruthEdge(KeepsState):
         found: list[float] = []
         first = 0
         for row, places in enumerate(edges_of(crop)):
-            y = begin - self._out * STEP_M * places
+            y = (begin - self._out * STEP_M * places).tolist()
             near = self._nearest(y, found)
             if near is None and len(found) < FEWEST:
                 found = []
@@ -106,15 +106,15 @@ class TruthEdge(KeepsState):
                 break
         return self._x[first : first + len(found)], np.array(found)
 
-    def _nearest(self, y: F64, found: list[float]) -> float | None:
+    def _nearest(self, y: list[float], found: list[float]) -> float | None:
         """The place on a line where the edge so far goes on; its start is beside the header end."""
         gate, expected = self._p.reach_m, self._end_y
         if found:
             gate, expected = STEEP * ROW_M, found[-1]
         if len(found) > 1:
             gate, expected = JUMP_M, 2.0 * found[-1] - found[-2]
-        away = np.abs(y - expected)
-        return float(y[np.argmin(away)]) if len(y) and away.min() <= gate else None
+        near = min(y, key=lambda place: abs(place - expected), default=None)
+        return near if near is not None and abs(near - expected) <= gate else None
 
     def _reference(self, x: F64, y: F64) -> int:
         """The farthest line to report at, up to the reference, with a line on either side."""

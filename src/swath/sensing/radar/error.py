@@ -20,6 +20,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
+from swath.sensing.radar.extent import extent_of, glint
 from swath.sensing.radar.ideal import IdealRadar, Target, entry
 from swath.sensing.radar.ideal import Params as IdealParams
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
@@ -48,13 +49,18 @@ class Params(IdealParams):
 
 @dataclass(frozen=True)
 class Echo:
-    """What comes back from a resolution cell. snr: mean, linear; the others as in `Target`."""
+    """What comes back from a resolution cell. snr: mean, linear; the others as in `Target`, of the mean echo.
+
+    distance_sd [m], azimuth_sd [rad]: of the echoes in it
+    """
 
     distance: float
     azimuth: float
     elevation: float
     radial_speed: float
     snr: float
+    distance_sd: float = 0.0
+    azimuth_sd: float = 0.0
 
 
 class ErrorRadar(IdealRadar):
@@ -118,15 +124,24 @@ class ErrorRadar(IdealRadar):
         total *= PARTS / len(ends)
         lost = 2.0 * self._rain * seen.distance + self._e.loss_db
         snr = 10.0 ** ((self.sheet.snr(seen.rcs, seen.distance) - lost) / 10.0) * total
-        return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, snr)
+        wide = extent_of(seen.body, eye)
+        return Echo(
+            seen.distance + (wide.depth if self._is_noisy else 0.0),
+            seen.azimuth,
+            seen.elevation,
+            seen.radial_speed,
+            snr,
+            wide.depth_sd,
+            wide.across_sd / seen.distance,
+        )
 
     def _detected(self, echo: Echo, draw: np.random.Generator) -> list[float] | None:
         """A row of the sample, None for an echo that stays below the threshold."""
-        noise = draw.standard_normal(4).tolist()
+        noise = draw.standard_normal(6).tolist()
         power = (1.0 + echo.snr) * float(draw.standard_exponential()) if self._is_noisy else echo.snr
         if power <= self._threshold:
             return None
-        return self._row(echo, power, noise if self._is_noisy else [0.0] * 4)
+        return self._row(echo, power, noise if self._is_noisy else [0.0] * 6)
 
     def _row(self, echo: Echo, power: float, noise: list[float]) -> list[float]:
         """Errors as from an echo of this power over noise, and the cross section that it looks like."""
@@ -140,8 +155,10 @@ class ErrorRadar(IdealRadar):
                 (s.speed_resolution, s.speed_floor),
             )
         ]
-        distance = max(echo.distance + sds[0] * noise[0], s.range_min)
-        azimuth = echo.azimuth + sds[1] * noise[1]
+        wanders = glint(echo.snr, snr)
+        far = echo.distance + sds[0] * noise[0] + wanders * echo.distance_sd * noise[4]
+        distance = max(far, s.range_min)
+        azimuth = echo.azimuth + sds[1] * noise[1] + wanders * echo.azimuth_sd * noise[5]
         elevation = echo.elevation + sds[2] * noise[2] if s.elevation_resolution > 0.0 else np.nan
         speed = echo.radial_speed + sds[3] * noise[3]
         level = 10.0 * log10(snr)
@@ -158,7 +175,7 @@ class ErrorRadar(IdealRadar):
             distance = s.range_min + (s.range_max - s.range_min) * 0.5 * (1.0 + a)
             place = 0.5 * b * s.azimuth_fov, 0.5 * d * s.elevation_fov
             power = self._threshold + float(draw.standard_exponential())
-            rows.append(self._row(Echo(distance, *place, c * s.speed_max, 0.0), power, [0.0] * 4))
+            rows.append(self._row(Echo(distance, *place, c * s.speed_max, 0.0), power, [0.0] * 6))
         return rows
 
 
@@ -192,7 +209,10 @@ def merged(echoes: list[Echo], cell: tuple[float, float, float]) -> list[Echo]:
             values = np.array([[e.distance, e.azimuth, e.elevation, e.radial_speed] for e in inside])
             share = np.array([e.snr for e in inside])[:, None] / total
             distance, azimuth, elevation, speed = (values * share).sum(axis=0).tolist()
-            found.append(Echo(distance, azimuth, elevation, speed, total))
+            own = np.array([[e.distance_sd, e.azimuth_sd] for e in inside])
+            apart = values[:, :2] - np.array([distance, azimuth])
+            along, across = np.sqrt(((own**2 + apart**2) * share).sum(axis=0)).tolist()
+            found.append(Echo(distance, azimuth, elevation, speed, total, along, across))
     return found
 
 

@@ -1,0 +1,21 @@
+"""Protocols that are asked for often: `isinstance` by the names of their members alone."""
+
+from functools import cache
+from typing import Any, _ProtocolMeta
+
+
+class ByMembers(_ProtocolMeta):
+    """Metaclass of a protocol: whatever has its members is an instance.
+
+    So is it with every `runtime_checkable` protocol, but up to Python 3.11 the language looks the members up
+    anew each time, 20 us.
+    """
+
+    def __instancecheck__(self, instance: Any) -> bool:
+        return all(hasattr(instance, name) for name in _members(self))
+
+
+@cache
+def _members(protocol: type) -> tuple[str, ...]:
+    named = dict.fromkeys((*vars(protocol), *protocol.__annotations__))
+    return tuple(name for name in named if not name.startswith("_"))

@@ -1,0 +1,14 @@
+"""How often Python looks for circles of references, in a process that swath has for itself."""
+
+import atexit
+import gc
+
+
+def collect_rarely() -> None:
+    """Look when half a million objects are new, and not at the end.
+
+    What a start imports, some 300,000 objects, stays until the end: to go through it again and again takes
+    0.1 s, to take it to pieces before the process ends 0.4 s. A run makes hardly any circles.
+    """
+    gc.set_threshold(500_000, 20, 100)
+    atexit.register(gc.freeze)

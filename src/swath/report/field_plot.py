@@ -1,0 +1,166 @@
+"""The map of a field after a run: what stands, what was cut, who drove where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.report.plots import (
+    BLUE,
+    CROP,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    SOIL,
+    STRAW,
+    STUBBLE,
+    panels,
+)
+from swath.report.scan_sampler import FieldMap
+from swath.signals import F64
+
+
+@dataclass(frozen=True)
+class MapTrack:
+    """A machine's way on the map; world points [m], shape (n, 2).
+
+    header_ends: left and right path; axle: of the fixed axle's centre; outline: of the machine at the end
+    side: `left` or `right`, the header end that follows the edge; has_header: it cuts
+    """
+
+    name: str
+    header_ends: tuple[F64, F64]
+    axle: F64
+    outline: F64 | None = None
+    side: str = "left"
+    has_header: bool = True
+
+
+def map_figure(
+    picture: FieldMap,
+    tracks: Sequence[MapTrack],
+    *,
+    edges: Sequence[F64] = (),
+    obstacles: Sequence[tuple[float, float, float]] = (),
+    driven: F64 | None = None,
+    places: Sequence[tuple[float, float, str]] = (),
+) -> Any:
+    """Field map with the tracks of all machines.
+
+    edges: initial edges, (k, 2); obstacles: x, y, radius; driven: a track driven in reality, (m, 2)
+    places: x, y and kind of what happened; all world [m]
+    """
+    left, right, bottom, top = picture.extent
+    fig, axes = panels(float(np.clip(10.0 * (top - bottom) / (right - left), 1.7, 8.5)) + 0.8, top=0.3)
+    ax = axes[0, 0]
+    ax.grid(False)
+    ax.set_facecolor(SOIL)
+    ax.imshow(_layer(picture.standing, CROP, 0.92), extent=picture.extent, origin="lower", zorder=2)
+    if picture.straw is not None and (picture.straw > 0.01).any():
+        depth = np.clip(picture.straw / max(float(picture.straw.max()), 1e-6), 0, 1)
+        ax.imshow(_layer(depth, STRAW, 0.75), extent=picture.extent, origin="lower", zorder=3)
+    ax.set_autoscale_on(False)
+    for index, edge in enumerate(edges):
+        label = None if index else "initial edge"
+        ax.plot(*picture.place(edge).T, color=INK, ls=(0, (5, 3)), label=label, lw=1.4, zorder=5)
+    for index, track in enumerate(tracks):
+        _draw_track(ax, picture, track, index, named=len(tracks) > 1)
+    if driven is not None:
+        ax.plot(*picture.place(driven).T, color=PURPLE, ls=":", lw=2.0, zorder=6, label="driven in reality")
+    for x, y, radius in obstacles:
+        u, v = picture.place([x, y])
+        ax.add_patch(_circle(u, v, max(radius, 0.35)))
+    for kind in dict.fromkeys(kind for _, _, kind in places):
+        at = picture.place([(x, y) for x, y, own in places if own == kind])
+        ax.plot(*at.T, "X", ms=9, mfc="white", mec=INK, zorder=9, label=kind)
+    ax.set(xlim=(left, right), ylim=(bottom, top), xlabel="along the run [m]", aspect="equal")
+    ax.set_ylabel("across [m]")
+    _north(ax, picture.turn)
+    _map_legend(ax, picture, has_obstacles=len(obstacles) > 0)
+    return fig
+
+
+def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, named: bool) -> None:
+    """What a machine cut, the header end that follows the edge, the axle, and the machine at the end."""
+    line = {"lw": 1.4, "zorder": 5}
+    axle = (BLUE, GREEN, PURPLE, SKY)[index % 4]
+    if track.has_header:
+        left, right = (picture.place(_thin(end)) for end in track.header_ends)
+        swath = np.concatenate([left, right[::-1]])
+        ax.add_artist(_area(swath, color=STUBBLE, lw=0, label=None if index else "cut in this run"))
+        follows = f"header end ({track.side})" if not named else None if index else "header end"
+        ax.plot(*(left if track.side == "left" else right).T, color=ORANGE, label=follows, **line)
+    label = track.name if named else "machine (fixed axle)"
+    ax.plot(*picture.place(_thin(track.axle)).T, color=axle, label=label, **line)
+    if track.outline is not None:
+        outline = picture.place(track.outline)
+        ax.add_artist(_area(outline, fc="white", ec=INK, lw=0.9, alpha=0.9, zorder=7))
+        if named:
+            ax.text(*outline.mean(axis=0), track.name, ha="center", va="center", fontsize=8, zorder=8)
+
+
+def _area(corners: F64, **style: Any) -> Any:
+    """A polygon (n, 2). `Axes.fill` would go through its sides one by one, to scale the axes."""
+    from matplotlib.patches import Polygon
+
+    return Polygon(corners, closed=True, **style)
+
+
+def _thin(way: F64, most: int = 2500) -> F64:
+    """A way (n, 2) by at most so many of its points, and its end."""
+    step = max(1, len(way) // most)
+    return np.concatenate([way[:-1:step], way[-1:]])
+
+
+def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
+    """An image of one colour that covers as much as the share [0, 1] says, (h, w, 4)."""
+    from matplotlib.colors import to_rgb
+
+    rgba = np.empty((*share.shape, 4), np.uint8)
+    rgba[..., :3] = np.rint(255.0 * np.array(to_rgb(colour)))
+    rgba[..., 3] = np.rint(255.0 * alpha * share)
+    return rgba
+
+
+def _circle(x: float, y: float, radius: float) -> Any:
+    from matplotlib.patches import Circle
+
+    return Circle((x, y), radius, fc=GREY, ec=INK, lw=0.8, zorder=8)
+
+
+def _north(ax: Any, turn: float) -> None:
+    """An arrow to the north in the upper right corner."""
+    up = np.array([np.sin(turn), np.cos(turn)])
+    ax.annotate(
+        "N",
+        xy=(0.975, 0.90),
+        xycoords="axes fraction",
+        xytext=tuple(-26 * up),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=9,
+        color=INK,
+        zorder=9,
+        arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 5, "shrinkB": 0},
+        bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
+    )
+
+
+def _map_legend(ax: Any, picture: FieldMap, *, has_obstacles: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles, _ = ax.get_legend_handles_labels()
+    handles.insert(0, Patch(fc=CROP, label="standing crop"))
+    if picture.straw is not None and (picture.straw > 0.01).any():
+        handles.insert(1, Patch(fc=STRAW, alpha=0.75, label="straw"))
+    if has_obstacles:
+        handles.append(Line2D([], [], marker="o", ls="", mfc=GREY, mec=INK, label="obstacle"))
+    ax.legend(handles=handles, ncol=len(handles), loc="lower left", bbox_to_anchor=(0.0, 1.0),
+              handlelength=1.6, columnspacing=1.3, borderaxespad=0.2)  # fmt: skip
