@@ -147,11 +147,14 @@ def test_crop_edge_lies_where_it_does_for_plants(crop, density, limit):
     assert np.mean(off) == pytest.approx(0.0, abs=limit)
 
 
-@pytest.mark.parametrize(("crop", "density"), [("wheat", 120), ("wheat", 500), ("barley", 500)])
-def test_crop_edge_seen_from_the_side(crop, density):
+@pytest.mark.parametrize(
+    ("crop", "density", "limit"), [("wheat", 120, 0.025), ("wheat", 500, 0.02), ("barley", 500, 0.035)]
+)
+def test_crop_edge_seen_from_the_side(crop, density, limit):
     """50 deg across the edge from the stubble, where beams enter through stems, not through ears.
 
-    Drawn as from above, they had it off by 5 cm outwards in thin wheat and by 3 cm inwards in dense wheat.
+    Drawn as from above, they had it off by 6 cm outwards in thin wheat, and inwards by 3 cm in dense wheat,
+    4 cm in barley.
     """
     view, height = View(3.0, 16.0, 40.0), load_crop(crop).stand.height
     off = []
@@ -159,7 +162,7 @@ def test_crop_edge_seen_from_the_side(crop, density):
         setup = site(density, f"field.stand.crop={crop}", f"seed={seed}")
         dear, cheap = pair(setup, sensor="sick-lms511-hr", sector_deg=(-9.0, 9.0), step_deg=0.25)
         off.append(edge_place(cheap, view, height, 40, seed) - edge_place(dear, view, height, 15, seed))
-    assert np.mean(off) == pytest.approx(0.0, abs=0.025)
+    assert np.mean(off) == pytest.approx(0.0, abs=limit)
 
 
 def test_solids_and_bare_ground_are_exact():
