@@ -1,9 +1,11 @@
 """Closed loops over crops, densities, slopes and bends: how well the edge is found and followed.
 
-    python benchmarks/edge.py [--table runs|crops|dust|wind] [--metres 60] [--workers 2] [--set KEY=VALUE ...]
+    python benchmarks/edge.py [--table runs|crops|dust|wind|terrain|rows] [--metres 60] [--workers 2]
+        [--set KEY=VALUE ...]
 
-Prints a Markdown table [cm]: `runs` and `dust` of docs/control.md, `crops` and `wind` of docs/crops.md. Wind:
-the mean of three seeds.
+Prints a Markdown table [cm]: `runs`, `dust` and `terrain` of docs/control.md, `crops` and `wind` of
+docs/crops.md, `rows` of docs/decisions/0002-tiles.md. Wind: the mean of three seeds, terrain and rows of
+two.
 """
 
 import argparse
@@ -76,8 +78,23 @@ WINDS = {
     "8 m/s out over the edge": (8, -90),
     "5 m/s out over the edge, `steady_deg: 0`": (5, -90, 0),
 }
+LEVEL = "field.terrain={level: plane}"
+ROLLING = "field.terrain={{level: formula, waves: [{{amplitude_m: {}, wavelength_m: {}, azimuth_deg: 30}}]}}"
+SLOPING = "field.terrain={{level: formula, slope_percent: {}, slope_azimuth_deg: {}}}"
+TERRAIN: dict[str, str] = {
+    "level": LEVEL,
+    "waves of 0.5 m over 40 m": ROLLING.format(0.5, 40),
+    "waves of 0.3 m over 15 m": ROLLING.format(0.3, 15),
+    "side slope, 10 % up to the crop": SLOPING.format(10, 90),
+    "side slope, 10 % down to the crop": SLOPING.format(-10, 90),
+    "10 % uphill": SLOPING.format(10, 0),
+    "10 % downhill": SLOPING.format(-10, 0),
+}
+ROWS = (0, 20, 90)  # of the rows, and so of the tiles, against the edge [deg]
+THIN = (60, 200, 500)  # [1/m2]
 WIND_KEYS = ("speed_m_s", "azimuth_deg", "steady_deg")
 SEEDS = (1, 2, 3)  # of a wind
+TWO_SEEDS = (1, 2)  # of a terrain, of rows
 
 Case = tuple[str, tuple[str, ...]]
 
@@ -108,6 +125,24 @@ def cases_of(table: str, metres: float) -> dict[str, list[Case]]:
             name: [("straight", (*FEW_RAYS, *sets, f"seed={seed}")) for seed in SEEDS]
             for name, sets in winds.items()
         }
+    if table == "terrain":
+        short = {"laser-pilot": (), "straight": (f"run.distance_m={metres:g}",)}
+        return {
+            f"`{run}`, {name}": [(run, (*sets, ground, f"seed={seed}")) for seed in TWO_SEEDS]
+            for run, sets in short.items()
+            for name, ground in TERRAIN.items()
+        }
+    if table == "rows":
+        stand = "field.stand.stems_per_m2={}", "field.stand.row_azimuth_deg={}"
+        return {
+            f"{density} /m2, rows turned by {turned} deg": [
+                ("straight", (f"run.distance_m={metres:g}", stand[0].format(density),
+                              stand[1].format(turned), f"seed={seed}"))
+                for seed in TWO_SEEDS
+            ]
+            for density in THIN
+            for turned in ROWS
+        }  # fmt: skip
     length = {"straight": (f"run.distance_m={metres:g}",)}
     return {name: [(run, (*length.get(run, ()), *sets))] for name, (run, sets) in CASES.items()}
 
@@ -125,12 +160,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--table", choices=("runs", "crops", "dust", "wind"), default="runs")
+    tables = ("runs", "crops", "dust", "wind", "terrain", "rows")
+    parser.add_argument("--table", choices=tables, default="runs")
     parser.add_argument("--metres", type=float, default=60.0, help="length of the straight runs")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE")
     args = parser.parse_args()
-    columns = COLUMNS if args.table == "runs" else SHORT
+    columns = {"runs": COLUMNS, "terrain": SHORT | COLUMNS}.get(args.table, SHORT)
     rows = cases_of(args.table, args.metres)
     runs = [(run, (*sets, *args.sets)) for row in rows.values() for run, sets in row]
     print(f"| | {' | '.join(columns)} |\n|---{'|---' * len(columns)}|")

@@ -98,6 +98,9 @@ def test_other_crops_agree_with_plants(crop, density):
         if (crop, pitch) == ("rye", 50.0):  # heights spread by 0.4 m: two stands differ by 21 mm
             assert found.wasserstein_m < 0.025
             found = replace(found, wasserstein_m=0.0)
+        if (crop, pitch) == ("rye", 10.0):  # the highest tops lie 2 cm low, docs/empirical.md
+            assert abs(found.p95_bias_m) < 0.025
+            found = replace(found, p95_bias_m=0.0)
         assert found.is_good, (pitch, found)
 
 
@@ -122,7 +125,7 @@ def test_an_even_stand_gives_the_table_back(echo):
         spot = float(np.mean(beam.exit_diameter) + np.mean(beam.divergence) * far)
         even = (np.arange(20_000) + 0.5) / 20_000
         told = cheap.table.standing.heights(even, 600.0, height, np.radians(pitch), spot)
-        drawn = heights(cheap, setup, pitch, 3000, 1)
+        drawn = heights(cheap, setup, pitch, 9000, 1)
         assert np.quantile(drawn, share) == pytest.approx(np.quantile(told, share), abs=5e-3)
 
 
@@ -138,6 +141,24 @@ def test_crop_edge_lies_where_it_does_for_plants(crop, density, limit):
     view, height = View(2.4, 16.0), load_crop(crop).stand.height
     off = []
     for seed in (5, 6, 7):
+        setup = site(density, f"field.stand.crop={crop}", f"seed={seed}")
+        dear, cheap = pair(setup, sensor="sick-lms511-hr", sector_deg=(-9.0, 9.0), step_deg=0.25)
+        off.append(edge_place(cheap, view, height, 40, seed) - edge_place(dear, view, height, 15, seed))
+    assert np.mean(off) == pytest.approx(0.0, abs=limit)
+
+
+@pytest.mark.parametrize(
+    ("crop", "density", "limit"), [("wheat", 120, 0.025), ("wheat", 500, 0.02), ("barley", 500, 0.035)]
+)
+def test_crop_edge_seen_from_the_side(crop, density, limit):
+    """50 deg across the edge from the stubble, where beams enter through stems, not through ears.
+
+    Drawn as from above, they had it off by 6 cm outwards in thin wheat, and inwards by 3 cm in dense wheat,
+    4 cm in barley.
+    """
+    view, height = View(3.0, 16.0, 40.0), load_crop(crop).stand.height
+    off = []
+    for seed in (5, 6, 7, 8):
         setup = site(density, f"field.stand.crop={crop}", f"seed={seed}")
         dear, cheap = pair(setup, sensor="sick-lms511-hr", sector_deg=(-9.0, 9.0), step_deg=0.25)
         off.append(edge_place(cheap, view, height, 40, seed) - edge_place(dear, view, height, 15, seed))

@@ -52,6 +52,29 @@ def test_trends_of_the_fit():
     assert (np.diff(table.silhouette, axis=1) < 0).all()
 
 
+def test_depths_of_beams_through_the_side_vary_less():
+    """Half of a spot is stopped at a depth of ln 2, however thick the pieces are; of thin stems it takes more
+    pieces than of ears, and their number varies by less."""
+    side = small()[0].side
+    assert side.median == pytest.approx(np.log(2.0), rel=0.1)
+    stems = int(np.searchsorted(side.height, 0.6))
+    assert (side.factor[:, -1] == 1.0).all()
+    assert (side.factor[:, stems].mean(axis=1) < 0.85).all()
+
+
+def test_a_table_that_knows_no_sides_is_refused(tmp_path):
+    path = tmp_path / "old.npz"
+    table = load_table("wheat-median")
+    save_table(table, path)
+    with np.load(path) as data:
+        kept = {name: data[name] for name in data.files}
+    again = load_table(str(path))
+    assert np.array_equal(again.side.factor, table.side.factor)
+    np.savez(path, **{name: array for name, array in kept.items() if not name.startswith("side_")})
+    with pytest.raises(InputError, match="makes the table anew"):
+        load_table(str(path))
+
+
 def test_ground_share_between_nodes_follows_the_thin_ray():
     """exp(-n A cot(depression)) between nodes exactly, as double logarithms go linearly."""
     density, depression = np.array([100.0, 400.0]), np.array([15.0, 60.0]) * DEG

@@ -109,8 +109,36 @@ class Spread:
 
 
 @dataclass(frozen=True)
+class SideSpread:
+    """How much less the depth at an echo varies where a beam enters standing crop below its top.
+
+    height: (k,) rising, of the place where it first meets crop, over the crop's height; from the last on all
+    is as from above
+    spot: (m,) rising diameters [m]
+    factor: (2, k, m) on how far the log depth lies below and above that of `median`
+    median: (m,) of the optical depth at the echo
+    """
+
+    height: F64
+    spot: F64
+    factor: F64
+    median: F64
+
+    def __post_init__(self) -> None:
+        shape = 2, len(self.height), len(self.spot)
+        for name, axis in (("side height", self.height), ("side spot", self.spot)):
+            if axis.ndim != 1 or len(axis) < 2 or np.any(np.diff(axis) <= 0) or not np.all(axis > 0):
+                raise InputError(name, axis.tolist(), "expected two or more rising positive nodes")
+        if self.factor.shape != shape or self.median.shape != shape[2:]:
+            raise InputError("side factor", self.factor.shape, f"expected shape {shape}")
+        if not (np.all(self.factor > 0) and np.all(self.median > 0)):
+            raise InputError("side factor", None, "expected factors and medians > 0")
+
+
+@dataclass(frozen=True)
 class SpreadTable:
     """standing, stubble: the two grids
+    side: of beams that enter standing crop through its side
 
     silhouette: (k, m) what a stem stops of thin rays above equal steps `fine` of the crop's relative height
     [m2], from `view`, (k,) rising depressions [rad]: how crop adds up along a beam
@@ -123,6 +151,7 @@ class SpreadTable:
 
     standing: Spread
     stubble: Spread
+    side: SideSpread
     silhouette: F64
     view: F64
     fine: float

@@ -12,11 +12,13 @@ from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.documents.packed import read_arrays, readable
 from swath.documents.yaml_document import dump, read_document
-from swath.rays.spread import Spread, SpreadTable
+from swath.rays.spread import SideSpread, Spread, SpreadTable
 
 GRID = ("density", "height", "depression", "spot", "quantile", "ground_share", "ground_lift")
 ARRAYS = ("silhouette", "view", "aside")
 NUMBERS = ("fine", "aside_step", "cosine")
+SIDE = ("height", "spot", "factor", "median")
+SIDE_PREFIX = "side_"
 STUBBLE = "stubble_"  # before the names of its grid's arrays
 
 
@@ -46,13 +48,15 @@ def _load(path: Path, *_: tuple[int, int]) -> SpreadTable:
 
 
 def _made(arrays: Mapping[str, Any], path: Path) -> SpreadTable:
-    if "lean" in arrays and "view" not in arrays:
-        expected = "expected silhouettes by depression: `swath calibrate lidar` makes the table anew"
+    if "silhouette" in arrays and "side_factor" not in arrays:
+        expected = "expected one that knows the sides of a crop: `swath calibrate lidar` makes the table anew"
         raise InputError("table", str(path), expected)
     with readable("table", "a spread table", path):
         values: dict[str, Any] = {k: np.asarray(arrays[k], dtype=np.float64) for k in ARRAYS}
         values |= {"standing": _grid(arrays, ""), "stubble": _grid(arrays, STUBBLE)}
         values |= {k: float(arrays[k]) for k in NUMBERS}
+        side = {k: np.asarray(arrays[SIDE_PREFIX + k], dtype=np.float64) for k in SIDE}
+        values["side"] = SideSpread(**side)
         values["correlation"] = float(arrays["correlation"][0]), float(arrays["correlation"][1])
         return SpreadTable(**values, about=_about(path))
 
@@ -62,6 +66,7 @@ def save_table(table: SpreadTable, path: Path) -> list[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {k: np.asarray(getattr(table, k), dtype=np.float32) for k in ARRAYS}
     arrays |= _grid_arrays(table.standing, "") | _grid_arrays(table.stubble, STUBBLE)
+    arrays |= {SIDE_PREFIX + k: np.asarray(getattr(table.side, k), dtype=np.float32) for k in SIDE}
     extra = {k: np.float64(getattr(table, k)) for k in NUMBERS}
     everything: dict[str, Any] = {**arrays, **extra, "correlation": np.array(table.correlation)}
     with path.open("wb") as file:  # numpy gives every member the same time stamp

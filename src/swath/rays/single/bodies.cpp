@@ -62,6 +62,7 @@ const F share = normal_share(load(beams.score.data + start));
 I turn = whole(share * 65536.0f);  // which part of a plant the next step looks for: digits that say little about the depth
 F left = put(-1.0f), spent = {}, full = put(1.0f);  // optical depth until the echo (-1 = no crop met yet), passed, of a full canopy
 F seen = {}, lift = {};  // of what it was drawn for: share of beams that crop stops, mean measured height of the others [m]
+F entry = put(MISS);     // relative height where it first met what it was drawn for
 F cut = put(-1.0f);      // what it was drawn for: height of stubble [m], 0 = standing crop
 
 I view = {};  // where the silhouettes from its depression begin
@@ -83,6 +84,19 @@ auto place = [&](const auto& grid, int first, int nodes, F value) -> Place {  //
   for (int n = 1; n < nodes - 1; ++n) k -= (I)(put(axis[n]) <= value);
   const F low = gather(axis, k, puti(-1)), s = (value - low) / (gather(axis + 1, k, puti(-1)) - low);
   return {k, pick(s < SNAP, F{}, pick(s > 1.0f - SNAP, put(1.0f), s)), (s < -1.0e-3f) | (s > 1.001f)};
+};
+// On the log of a depth that was drawn for beams from above: how much less it varies through the side of a crop
+struct Nodes { decltype(canopy.side_axes)& axes; };
+auto from_side = [&](I who, F depth, F entry, F spot) -> F {
+  const Nodes nodes{canopy.side_axes};
+  const int levels = canopy.side_size[0], spots = canopy.side_size[1];
+  const Place z = place(nodes, 0, levels, within(entry, nodes.axes.data[0], nodes.axes.data[levels - 1]));
+  const Place w = place(nodes, levels, spots, within(log_of(pick(who, spot, put(1.0f))), nodes.axes.data[levels], nodes.axes.data[levels + spots - 1]));
+  auto between = [&](const float* data, I at) -> F { return gather(data, at, who) * (1.0f - w.share) + gather(data + 1, at, who) * w.share; };
+  const F middle = between(canopy.side_median.data, w.node), off = log_of(most(depth, put(1.0e-6f))) - middle;
+  const I cell = z.node * spots + w.node + picki(off > 0.0f, puti(levels * spots), I{});
+  const F factor = between(canopy.side_factor.data, cell) * (1.0f - z.share) + between(canopy.side_factor.data + spots, cell) * z.share;
+  return exp_of(middle + factor * off);
 };
 // height: of the crop or its stubble [m]; top: relative height below which crop adds up; flag: of its first axis
 auto draw = [&](I who, const auto& grid, int flag, F density, F scale, F height, F top, F tangent, F spot) {
@@ -123,7 +137,11 @@ auto draw = [&](I who, const auto& grid, int flag, F density, F scale, F height,
   // beyond the grid its end is used, as an optical depth: a thinner stand is looked into deeper
   const F cot = 1.0f / within(tangent, grid.tangents[0], grid.tangents[1]), known = within(density, grid.densities[0], grid.densities[1]);
   const F depth = known * scale * cot, none = area_above(top);
-  const F drawn = relative * height / (canopy.height * scale), needed = depth * most(area_above(drawn) - none, F{}) - spent;
+  const F drawn = relative * height / (canopy.height * scale);
+  F needed = depth * most(area_above(drawn) - none, F{});
+  const I aside = who & (I)(entry < canopy.side_axes.data[canopy.side_size[0] - 1]);
+  if (flag == 1 && any(aside)) needed = pick(aside, from_side(aside, needed, entry, spot), needed);
+  needed -= spent;
   left = pick(who, pick(is_crop, most(needed, F{}), put(MISS)), left);
   full = pick(who, density * scale * cot * (area_above(F{}) - none), full);
   seen = pick(who, stopped, seen);
@@ -250,6 +268,7 @@ auto step = [&](I who) -> Stepped {  // one step of beams in the canopy
   if (any(first)) {
     const F spot_at = SPOT_AT * pick(stands, put(1.0f), stubble * per_height / scale);
     const F deeper = most(relative - spot_at, F{}) / most(-r1, put(0.05f));
+    entry = pick(first, relative, entry);
     cut = pick(first, pick(stands, F{}, stubble), cut);
     spot = pick(first, most(canopy.exit + canopy.divergence * (middle + deeper), put(1.0e-4f)), spot);
   }

@@ -51,6 +51,8 @@ class Canopy:
     is left when feet are taken to the middle of their rows, (levels,)
     pitch: step along the ray [m]; height: of the crop at scale 1; top_bound: it stops no beam above [m]
     stubble_bound: stubble stops no beam above this multiple of its height
+    side_axes: relative heights and log spots of `SideSpread`, one after the other; side_size: of each
+    side_factor: below and above the median, per height and spot; side_median: log of the depth, per spot
     density_max [1/m2]
     exit, divergence: of the beam [m, rad]; cosine: mean |cos| of incidence on crop
     correlation: c0 [m], c1
@@ -68,6 +70,10 @@ class Canopy:
     aside_levels: int
     row: float
     from_row: wp.array(dtype=float)
+    side_axes: wp.array(dtype=float)
+    side_size: wp.vec2i
+    side_factor: wp.array(dtype=float)
+    side_median: wp.array(dtype=float)
     top_bound: float
     stubble_bound: float
     pitch: float

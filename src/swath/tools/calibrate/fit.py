@@ -14,6 +14,7 @@ from swath.core.units import DEG
 from swath.field.crop import Crop
 from swath.rays.spread import SHARE_MIN, Spread, SpreadTable, quantile_nodes
 from swath.tools.calibrate.overhang import STEP
+from swath.tools.calibrate.side import side_spread
 from swath.tools.calibrate.stand_scans import LINE, VIEWS, EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import Agreement, compare
 
@@ -32,12 +33,12 @@ class Design:
 
     density, height: relative to the sheet's, height of the crop or of its stubble; depression_deg; spot_mm:
     diameter. Nodes lie close enough that straight lines between them miss a distribution by 2 mm on average
-    (Wasserstein-1, wheat)
+    (Wasserstein-1, wheat), the closer the thinner the crop: there a few stems more hide the soil
     lines: scan lines of 24 beams per place; held_out: places drawn anywhere within the range
     tile_count: independent pieces of 1 m2 of every stand
     """
 
-    density: tuple[float, ...] = (0.12, 0.18, 0.27, 0.4, 0.58, 0.84, 1.26, 2.0)
+    density: tuple[float, ...] = (0.12, 0.15, 0.18, 0.22, 0.27, 0.33, 0.4, 0.58, 0.84, 1.26, 2.0)
     height: tuple[float, ...] = (0.6, 1.0, 1.4)
     depression_deg: tuple[float, ...] = (3, 5, 7.5, 10.5, 14, 19, 25, 33, 42, 51, 60, 68, 76, 82)
     spot_mm: tuple[float, ...] = (10.0, 20.0, 40.0, 70.0, 120.0, 200.0)
@@ -75,7 +76,11 @@ _SMALL = Design((0.3, 1.0), (0.8, 1.2), (9.0, 20.0, 45.0), (30.0, 110.0), lines=
 SMALL = Designs(_SMALL, replace(_SMALL, height=(0.5, 1.5), held_out=2))
 # for scanners with a narrow beam over a crop as it is usually sown: less than half the size of the full one
 NARROW = Designs(
-    Design((0.12, 0.19, 0.3, 0.42, 0.6, 0.85, 1.2, 1.7), (0.7, 1.0, 1.3), spot_mm=(10.0, 22.0, 45.0, 90.0)),
+    Design(
+        (0.12, 0.15, 0.19, 0.24, 0.3, 0.36, 0.42, 0.6, 0.85, 1.2, 1.7),
+        (0.7, 1.0, 1.3),
+        spot_mm=(10.0, 22.0, 45.0, 90.0),
+    ),
     replace(Designs().stubble, spot_mm=(10.0, 30.0, 90.0)),
 )
 
@@ -112,6 +117,7 @@ def fit_plants(
     table = SpreadTable(
         standing.grid,
         fit_stubble(crop, designs.stubble, echo, stream.child("stubble"), silhouette, progress=progress),
+        side=side_spread(stands, echo, stream.child("side"), silhouette, fine=FINE, lines=design.lines),
         silhouette=silhouette,
         view=VIEW,
         fine=FINE,

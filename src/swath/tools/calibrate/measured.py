@@ -25,6 +25,7 @@ from swath.tools.calibrate.fit import (
     make_grid,
 )
 from swath.tools.calibrate.overhang import STEP
+from swath.tools.calibrate.side import side_spread
 from swath.tools.calibrate.stand_scans import EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 
@@ -88,6 +89,7 @@ def fit_samples(
     table = SpreadTable(
         make_grid(stands, axes, places, filled, silhouette),
         fit_stubble(crop, design, echo, stream.child("stubble"), silhouette, progress=progress),
+        side=side_spread(stands, echo, stream.child("side"), silhouette, fine=FINE, lines=design.lines),
         silhouette=silhouette,
         view=VIEW,
         fine=FINE,

@@ -143,18 +143,26 @@ class SampleStands:
             self._caster = (density, height), RayCaster(field)
         return self._caster[1]
 
-    def scan(self, place: Place, lines: int, settings: EchoSettings, stream: Stream) -> Returns:
-        """Beams into the stand of a place."""
+    def scan(
+        self,
+        place: Place,
+        lines: int,
+        settings: EchoSettings,
+        stream: Stream,
+        *,
+        begin: float | None = None,
+    ) -> Returns:
+        """Beams into the stand of a place. begin: relative height at which they begin, None = above it."""
         rng = stream.at()
         caster = self.caster(place.density, place.height)
         tallest = 1.0 if self.is_cut else self.library(place.density).height_max / self.crop.stand.height
-        top = tallest * place.height + 0.05
+        top = tallest * place.height + 0.05 if begin is None else begin * place.height
         azimuth = np.repeat(rng.uniform(-np.pi, np.pi, lines), LINE)
         gap = rng.choice(GAPS, (lines, LINE))
         aside = np.cumsum(gap, axis=1).ravel()
         start = np.repeat(rng.uniform(-self._half_area, self._half_area, (lines, 2)), LINE, axis=0)
         axes = _frames(azimuth, place.depression)
-        width = 0.5 * place.spot * np.cos(place.depression)
+        width = 0.5 * place.spot * np.cos(place.depression) if begin is None else 0.0
         origin = np.c_[start, np.full(lines * LINE, top + width)] + aside[:, None] * axes[:, :, 1]
         beam = Beam((place.spot, place.spot), (0.0, 0.0), settings.profile)
         pattern = spot_pattern(settings.sub_rays, settings.profile)
