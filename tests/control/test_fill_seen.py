@@ -41,7 +41,7 @@ def seen_of(surface, t, place, rng):
 
 def filled(level, start, seed):
     """Share of the largest heap, and of the poured grain that ran over, until it takes none for 50 s."""
-    keep = Shared(profile="seen", margin_m=0.03)
+    keep = Shared(profile="seen")
     keeper = make("cooperate", level, ControlSetup(CART, {}, "left", 0.5), keep=keep)
     keeper.reset(STREAM)
     rng, surface = np.random.default_rng(seed), Surface(CART.box, SLOPE, 0.1)
