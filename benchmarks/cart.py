@@ -111,12 +111,14 @@ def link() -> None:
 
 def fill() -> None:
     """Filling while driving."""
-    for level, start in (("one_spot", 45), ("front_to_back", 86), ("oscillate", 86), ("by_profile", 86)):
-        found = Run(f"cart.cooperate={level}", f"cart.heap.start_percent={start}", seconds=150)
+    one, rest = ("one_spot", 45, 4.32), (("oscillate", 80, 4.32), ("by_profile", 80, 4.32))
+    for level, start, speed in (one, ("front_to_back", 86, 4.32), ("front_to_back", 75, 6.0), *rest):
+        more = f"cart.heap.start_percent={start}", f"combine.speed.speed_kmh={speed}"
+        found = Run(f"cart.cooperate={level}", *more, seconds=200)
         pipe, share = found.of("combine", UnloadState), found.of("cart", HeapState).level
-        spilled = pipe.missed / pipe.drawn
+        spilled = f"{100 * share:.1f} %, spilled {100 * pipe.missed / pipe.drawn:.3f} %"
         expected = "77 %" if level == "one_spot" else "95 %, spill 0.1 %"
-        say(f"filled while driving, {level}", f"{100 * share:.1f} %, spilled {100 * spilled:.3f} %", expected)
+        say(f"filled while driving, {level} from {start} %, {speed:g} km/h", spilled, expected)
 
 
 def reachable() -> None:
@@ -170,12 +172,14 @@ def seen_box() -> None:
     for name, sets in (("the link alone", ()), ("with the scanner", sees)):
         along, across = np.abs(Run(*links, *sets, seconds=25).while_pouring(4.0)[:, 1:3]).mean(axis=0)
         say(f"links off by 0.30, 0.35 m, {name}", f"along {along:.3f}, across {across:.3f} m", "-")
-    for level, margin in (("front_to_back", 0.03), ("front_to_back", 0.01), ("by_profile", 0.03)):
-        aim = f"cart.cooperate={{level: {level}, keep: {{profile: seen, margin_m: {margin}}}}}"
-        found = Run(*sees, aim, "cart.heap.start_percent=86", seconds=150)
+    cases = (("front_to_back", 1, 86, 4.32), ("front_to_back", 7, 80, 5.4), ("by_profile", 7, 82, 4.32))
+    for level, seed, start, speed in cases:
+        aim = f"cart.cooperate={{level: {level}, keep: {{profile: seen}}}}"
+        more = f"seed={seed}", f"cart.heap.start_percent={start}", f"combine.speed.speed_kmh={speed}"
+        found = Run(*sees, aim, *more, seconds=190)
         pipe, share = found.of("combine", UnloadState), found.of("cart", HeapState).level
         spilled = f"{100 * share:.1f} %, spilled {100 * pipe.missed / pipe.drawn:.3f} %"
-        say(f"filled by what is seen, {level}, margin {margin:g} m", spilled, "95 %, spill 0.1 %")
+        say(f"by what is seen, {level}, seed {seed}, {start} %, {speed:g} km/h", spilled, "95 %, spill 0.1 %")
 
 
 if __name__ == "__main__":

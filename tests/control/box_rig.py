@@ -8,7 +8,7 @@ from swath.scenario.scenario import parse_scenario
 from tests.whole.cart_rig import SCENARIO
 
 EYE = "{level: empirical, sensor: ouster-os1-64, rate_hz: 10, sector_deg: [-65, 65], mount: {%s}%s}"
-MOUNT = "at: axle, x_m: -0.6, y_m: 5.2, z_m: 5.8, pitch_deg: 38, yaw_deg: 90"
+MOUNT = "at: axle, x_m: -0.6, y_m: 5.2, z_m: 6.8, pitch_deg: 48, yaw_deg: 90"
 DUST = ", weather: {extinction_per_m: 0.1, near_returns: 0.1}"
 THICK = ", weather: {extinction_per_m: 1.0, near_returns: 0.9}"
 

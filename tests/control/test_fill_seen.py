@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from swath.control.box.grain_profile import fill_of
+from swath.control.cooperate.freeboard import FreeboardTrack
 from swath.control.cooperate.station import Shared
 from swath.core.schedule import NS
 from swath.machine.heap.surface import Surface, largest_heap
@@ -41,7 +42,7 @@ def seen_of(surface, t, place, rng):
 
 def filled(level, start, seed):
     """Share of the largest heap, and of the poured grain that ran over, until it takes none for 50 s."""
-    keep = Shared(profile="seen", margin_m=0.03)
+    keep = Shared(profile="seen")
     keeper = make("cooperate", level, ControlSetup(CART, {}, "left", 0.5), keep=keep)
     keeper.reset(STREAM)
     rng, surface = np.random.default_rng(seed), Surface(CART.box, SLOPE, 0.1)
@@ -84,3 +85,13 @@ def test_nothing_runs_over_while_filling_by_what_is_seen(level, start, seed):
     share, spilled = filled(level, start, seed)
     assert share >= 0.93
     assert spilled <= 1e-3
+
+
+def test_freeboard_that_falls_evenly_is_told_ahead():
+    """20 cm less 2 cm/s: without a lag after some seconds; one look at another place starts anew."""
+    track = FreeboardTrack()
+    for i in range(161):
+        track.update(np.array([0.2 - 0.02 * 0.05 * i, 0.2]), 0.05)
+    np.testing.assert_allclose(track.after(1.5), [0.2 - 0.02 * 9.5, 0.2], atol=5e-4)
+    track.update(np.array([0.5, 0.2]), 0.05)
+    np.testing.assert_allclose(track.after(1.5), [0.5, 0.2], atol=5e-4)

@@ -102,10 +102,20 @@ def test_grain_at_the_wall_of_a_heap_that_slopes_down_to_it(angle):
     off = []
     for _ in range(50):
         away = rng.uniform(0.03, 0.25, 40)
-        off.append(at_wall(away, 1.2 + slope * away + 0.02 * rng.standard_normal(40)) - 1.2)
-    assert abs(np.mean(off)) < 0.015
+        along = rng.uniform(-0.25, 0.25, 40)
+        heights = 1.2 + slope * away + 0.1 * (along - 0.25) + 0.02 * rng.standard_normal(40)
+        off.append(at_wall(away, along, heights, 0.5) - 1.2)
+    assert abs(np.mean(off)) < 0.02
     assert np.std(off) < 0.02
-    assert np.isnan(at_wall(away[:3], away[:3]))
+    assert np.isnan(at_wall(away[:3], away[:3], away[:3], 0.5))
+
+
+def test_grain_that_the_wall_hides():
+    """The wall hides 20 cm beside it: the slope of the 22 cm behind them is carried on to the wall."""
+    rng = np.random.default_rng(4)
+    away, along = rng.uniform(0.2, 0.5, 60), rng.uniform(-0.25, 0.25, 60)
+    heights = 1.2 + 0.46 * away + 0.005 * rng.standard_normal(60)
+    assert at_wall(away, along, heights, 0.5) == pytest.approx(1.2, abs=0.025)
 
 
 @pytest.mark.parametrize("end", [-1.0, 1.0])

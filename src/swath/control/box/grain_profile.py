@@ -8,7 +8,10 @@ import numpy as np
 from swath.signals import F64
 
 MIDDLE = 0.15  # to both sides of the middle line, where the profile is taken [m]
-STRIP = (0.03, 0.25)  # from a wall, where grain is looked for that may run over [m]
+NEAREST = 0.03  # to a wall, where grain is looked for [m]
+STRIP = 0.22  # and from the nearest grain that is seen so far on [m]
+WEAK = 0.005  # of points that tell no slope, in the squares of their distances [m2]
+HIDDEN = 0.45  # a wall hides grain so far behind it at most, or it lies low [m]
 STEEPEST = 0.58  # tangent of 30 deg, above all angles of repose
 FEWEST = 6  # points that make a place of the profile
 SCATTER = 0.12  # of heights at one place, as a standard deviation; more is dust [m]
@@ -35,8 +38,8 @@ def fill_of(points: F64, length: float, width: float, rim: float, rim_sd: float,
 
     A strip beside a wall that is not seen is hidden by that wall: grain lies low there.
     """
-    inside = np.abs(points[:, 0]) < 0.5 * length - STRIP[0]
-    inside &= np.abs(points[:, 1]) < 0.5 * width - STRIP[0]
+    inside = np.abs(points[:, 0]) < 0.5 * length - NEAREST
+    inside &= np.abs(points[:, 1]) < 0.5 * width - NEAREST
     inside &= (points[:, 2] < rim + ABOVE) & (points[:, 2] > rim - BELOW)
     points = points[inside]
     place = np.minimum(((points[:, 0] / length + 0.5) * count).astype(np.int64), count - 1)
@@ -47,10 +50,10 @@ def fill_of(points: F64, length: float, width: float, rim: float, rim_sd: float,
         found = _height(points[own & middle, 2])
         if found is not None:
             height[k], sd[k] = found[0] - rim, hypot(rim_sd, 0.02, found[1])
+        along = points[own, 0] - ((k + 0.5) / count - 0.5) * length
         for side, sign in enumerate((1.0, -1.0)):
-            away = 0.5 * width - sign * points[:, 1]
-            beside = own & (away < STRIP[1])
-            sides[side, k] = at_wall(away[beside], points[beside, 2]) - rim
+            away = 0.5 * width - sign * points[own, 1]
+            sides[side, k] = at_wall(away, along, points[own, 2], length / count) - rim
     there = np.isfinite(sides)
     highest = np.where(there.any(axis=0), np.where(there, sides, -np.inf).max(axis=0), np.nan)
     for k, sign in ((0, -1.0), (count - 1, 1.0)):
@@ -70,27 +73,47 @@ def _at_end(away: F64, points: F64, width: float, part: float) -> float:
     place = np.minimum(((points[:, 1] / width + 0.5) * count).astype(np.int64), count - 1)
     highest = float("nan")
     for k in range(count):
-        beside = (away < STRIP[1]) & (place == k)
-        highest = float(np.fmax(highest, at_wall(away[beside], points[beside, 2])))
+        own = place == k
+        along = points[own, 1] - ((k + 0.5) / count - 0.5) * width
+        highest = float(np.fmax(highest, at_wall(away[own], along, points[own, 2], width / count)))
     return highest
 
 
-def at_wall(away: F64, heights: F64) -> float:
-    """Height of the grain at a wall [m], from points so far away from it [m]; nan where it is not seen.
+def at_wall(away: F64, along: F64, heights: F64, part: float) -> float:
+    """Height of the grain at a part of a wall where it stands highest [m]; nan where it is not seen.
 
-    A line through the points, by least squares, no steeper than grain lies; its end at the wall, with two
-    standard deviations of it on top.
+    A plane, by least squares, through the points beside the wall: so far away from it, and along it from the
+    middle of the part [m]; where the wall hides what is beside it through the nearest that is seen. Towards
+    the wall it rises nowhere, and falls no steeper than grain lies. Two standard deviations come on top.
+    part: length of the part [m]
     """
-    found = _height(heights)
-    if found is None:
+    near = away < HIDDEN
+    if np.count_nonzero(near) < FEWEST:
         return float("nan")
-    dx, dz = away - away.mean(), heights - heights.mean()
-    spread = float((dx * dx).sum())
-    slope = float((dx * dz).sum()) / spread if spread > 1e-6 else 0.0
-    slope = min(max(slope, 0.0), STEEPEST)
-    rest = _height(heights - slope * away)
-    level, scatter = rest if rest is not None else found
-    return float(level + 2.0 * scatter / len(heights) ** 0.5)
+    near = away < float(np.partition(away[near], FEWEST - 1)[FEWEST - 1]) + STRIP
+    away, along, heights = away[near], along[near], heights[near]
+    keeps = np.abs(heights - np.median(heights)) < STRIP
+    for _ in range(2):
+        x, y, z = away[keeps], along[keeps], heights[keeps]
+        if len(z) < FEWEST:
+            return float("nan")
+        slope, tilt = _plane(x - x.mean(), y - y.mean(), z - z.mean())
+        slope, tilt = min(max(slope, 0.0), STEEPEST), min(max(tilt, -STEEPEST), STEEPEST)
+        heights_at_wall = heights - slope * away - tilt * along
+        rest = _height(heights_at_wall[keeps])
+        if rest is None:
+            return float("nan")
+        level, scatter = rest
+        keeps &= np.abs(heights_at_wall - level) <= max(3.0 * scatter, 0.03)
+    return float(level + 0.5 * abs(tilt) * part + 2.0 * scatter / float(len(z)) ** 0.5)
+
+
+def _plane(x: F64, y: F64, z: F64) -> tuple[float, float]:
+    """Slopes of the plane through points about their middle."""
+    xx, yy, xy = float((x * x).sum()) + WEAK, float((y * y).sum()) + WEAK, float((x * y).sum())
+    xz, yz = float((x * z).sum()), float((y * z).sum())
+    whole = xx * yy - xy * xy
+    return (xz * yy - yz * xy) / whole, (yz * xx - xz * xy) / whole
 
 
 def _height(heights: F64) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""Cooperate level `by_profile`: always to where the measured profile is lowest."""
+"""Cooperate level `by_profile`: to where the measured profile is lowest, near the rim from front to rear."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -13,23 +13,27 @@ from swath.signals.setup import ControlSetup
 @dataclass(frozen=True)
 class Params:
     """shift_m_s: how fast the cart moves along the stream; better_m: how much lower grain must be
-    elsewhere before it goes there; keep: how the station is kept
+    elsewhere before it goes there; top_m: from that little freeboard on it fills up from front to rear
+    keep: how the station is kept
     """
 
     shift_m_s: Annotated[float, Gt(0), Le(1)] = 0.15
     better_m: Annotated[float, Ge(0), Le(2)] = 0.2
+    top_m: Annotated[float, Ge(0), Le(2)] = 0.3
     keep: Shared = field(default_factory=Shared)
 
 
 class ByProfile(StationKeeper):
-    """Goes towards the lowest place that has room."""
+    """Goes towards the lowest place, until grain is near the rim."""
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         super().__init__(params.keep, setup)
         self.params = params
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
-        """The place of now; full when no place has room."""
+        """The place of now; near the rim the first from the front with room."""
+        if self.tops_up(view, self.params.top_m):
+            return self.from_front(t, view)
         there = view.open_places()
         place, since = self._memory.get("place", 0.0), t - self._memory.get("t", t)
         goal = self._memory.get("goal", 0.0)
@@ -47,7 +51,7 @@ class ByProfile(StationKeeper):
 LEVEL = Level(
     ByProfile,
     Params,
-    summary="goes to where the measured profile is lowest",
+    summary="goes to where the measured profile is lowest, near the rim from front to rear",
     cost="0.1 ms per step",
     tolerance="fills 93.5 % and more of the largest heap on the middle line (closed form)",
 )

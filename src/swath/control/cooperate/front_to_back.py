@@ -27,13 +27,7 @@ class FrontToBack(StationKeeper):
 
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """The first place from the front with room; one that was left is not gone back to."""
-        inner = view.reach
-        place = self._memory.setdefault("place", inner)
-        since = t - self._memory.get("t", t)
-        self._memory["t"] = t
-        if not view.has_room(place):
-            place = self._memory["place"] = max(place - self.params.shift_m_s * since, -inner)
-        return place, place <= -inner + 1e-6 and not view.has_room(place)
+        return self.from_front(t, view, self.params.shift_m_s)
 
 
 LEVEL = Level(

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
+from swath.control.cooperate.freeboard import FreeboardTrack
 from swath.control.cooperate.peer_track import PeerTrack
 from swath.control.cooperate.seen_box import SeenBox
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -28,6 +29,8 @@ NEAR = 0.12  # it works while the box is nearer to its path than this [m]
 STEADY = 0.004  # and the trailer swings slower than this against the machine [rad/s]
 SMOOTHED, MOST_DRIFT = 3.0, 0.03  # of how the stream moves across: time constant [s], fastest [m/s]
 MOST_LEAN = 0.12  # grain is poured so far to the side that is lower, at most [m]
+ONWARD = 0.1  # how fast it moves on from front to rear [m/s]
+LEARNS_LEAN = 10.0  # time constant of what takes out the rest of it [s]
 LONGEST_WAIT = 6.0  # for the auger to stop before a full cart leaves [s]
 LEAVING = 16.0  # time in which a machine that leaves comes to rest [s]
 
@@ -35,13 +38,15 @@ LEAVING = 16.0  # time in which a machine that leaves comes to rest [s]
 @dataclass(frozen=True)
 class Shared:
     """margin_m: of the rim above the grain at the walls with which the box counts as full
+    lead_s: grain goes on coming for so long after the auger is told to stop
     compensate: whether the age of messages is made up for; hold_s: silence through which the station is kept
     by dead reckoning; clear_m: how far aside the cart goes when it is full, or when it hears nothing
     profile: of the grain from the own `heap`, or as slot `box` of the other machine has `seen` it; then the
     box takes no grain before it is seen, nor blind_s after it was seen last
     """
 
-    margin_m: Annotated[float, Ge(0), Le(1)] = 0.01
+    margin_m: Annotated[float, Ge(0), Le(1)] = 0.02
+    lead_s: Annotated[float, Ge(0), Le(10)] = 1.5
     compensate: bool = True
     hold_s: Annotated[float, Ge(0), Le(60)] = 2.5
     clear_m: Annotated[float, Gt(0), Le(50)] = 3.0
@@ -65,13 +70,17 @@ class BoxView:
 
     def has_room(self, place: float) -> bool:
         """Whether grain poured there stays in the box."""
+        return self.room(place) > 0.0
+
+    def room(self, place: float) -> float:
+        """Least freeboard, less the margin, at the walls beside a place [m]."""
         at_end = abs(place) > self.half - 0.5 * self.width - 0.3
         beside = [
             free for free, at in zip(self.freeboard, self.places, strict=True) if abs(at - place) <= 0.3
         ]
         if at_end:
             beside.append(self.freeboard[-1 if place > 0.0 else 0])
-        return min(beside) > 0.0
+        return min(beside)
 
     @property
     def reach(self) -> float:
@@ -91,7 +100,7 @@ class StationKeeper(KeepsState, ABC):
 
     kept = (
         "_track", "_hitch_angle", "_swing", "_integral", "_spot", "_is_full", "_waits", "_full_at", "_aside",
-        "_memory", "_seen", "_box_seen",
+        "_memory", "_seen", "_box_seen", "_free",
     )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
@@ -108,15 +117,36 @@ class StationKeeper(KeepsState, ABC):
         self._keep, self._box, self._hitch = keep, setup.machine.box, setup.machine.hitch
         self._track = PeerTrack(compensated=keep.compensate)
         self._box_seen = SeenBox()
+        self._free = FreeboardTrack()
 
     @abstractmethod
     def aim(self, t: float, view: BoxView) -> tuple[float, bool]:
         """Where grain is to come down, ahead of the middle of the box [m], and whether the box is full."""
 
+    def from_front(self, t: float, view: BoxView, shift: float = ONWARD) -> tuple[float, bool]:
+        """The first place from the front with room; one that was left is not gone back to: an `aim`.
+
+        shift: how fast it moves on [m/s]
+        """
+        inner = view.reach
+        place, since = self._memory.setdefault("from_front", inner), t - self._memory.get("then", t)
+        self._memory["then"] = t
+        if not view.has_room(place):
+            place = self._memory["from_front"] = max(place - shift * since, -inner)
+        return place, place <= -inner + 1e-6 and not view.has_room(place)
+
+    def tops_up(self, view: BoxView, freeboard: float) -> bool:
+        """Whether grain has come that near to the rim somewhere [m], until the box is emptied."""
+        near = min(view.freeboard) < freeboard
+        if near:
+            self._memory["tops_up"] = 1.0
+        return near or "tops_up" in self._memory
+
     def reset(self, stream: Stream) -> Outputs:
         """Nothing to keep yet."""
         self._track.reset()
         self._box_seen.clear()
+        self._free.clear()
         self._hitch_angle = self._swing = self._integral = self._spot = self._aside = 0.0
         self._is_full = self._waits = False
         self._full_at, self._seen = -1.0, 0.0
@@ -140,13 +170,16 @@ class StationKeeper(KeepsState, ABC):
             is_blind = self._box_seen.age(now) > self._keep.blind_s
             heights, freeboard = self._box_seen.grain(self._box.depth)
             heap = replace(heap, profile=heights, freeboard=freeboard, lean=self._box_seen.lean)
+        self._free.update(heap.freeboard, h)
         view = self._view(heap)
         spot, is_full = self.aim(now / NS, view)
-        self._waits = self._is_full or is_blind or not view.has_room(self._spot)
+        shift = (spot - before) / h if abs(spot - before) < 0.5 * h and not self._is_full else 0.0
+        there = self._spot + shift * self._keep.lead_s
+        has_room = view.has_room(self._spot) and view.has_room(there)
+        self._waits = self._is_full or is_blind or not has_room
         if not self._is_full:
             self._spot, self._is_full = spot, is_full
             self._full_at = now / NS
-        shift = (self._spot - before) / h if abs(self._spot - before) < 0.5 * h else 0.0
         return {"station": self._station(now, h, peer, shift, float(heap.lean))}
 
     def _begin_anew(self, emptied: float) -> None:
@@ -156,6 +189,7 @@ class StationKeeper(KeepsState, ABC):
             self._is_full = self._waits = False
             self._spot = self._aside = self._integral = 0.0
             self._box_seen.clear()
+            self._free.clear()
 
     def _fold(self, own: Odometry, h: float) -> None:
         """Angle of the trailer against the machine, by rolling without slip."""
@@ -184,7 +218,7 @@ class StationKeeper(KeepsState, ABC):
         track = self._track
         k = track.curvature
         y, drift = self._stream(h, peer.impact_y)
-        y += min(max(2.0 * lean, -MOST_LEAN), MOST_LEAN)
+        y += self._towards_lower_side(h, peer, lean)
         scale = max(1.0 - k * y, 0.2)
         bend = k / scale
         away = self._leave(now / NS, h, peer, y)
@@ -218,6 +252,16 @@ class StationKeeper(KeepsState, ABC):
         self._memory["smooth"] = smooth + (y - smooth) * h / SMOOTHED
         return smooth + drift * SMOOTHED, drift
 
+    def _towards_lower_side(self, h: float, peer: PeerState, lean: float) -> float:
+        """How far aside of the middle grain is to come down, so that both walls fill alike [m].
+
+        lean: grain at the left wall above that at the right one, which is about as far as it came down aside
+        """
+        if peer.is_pouring:
+            far = self._memory.get("lower", 0.0) + 2.0 * lean * h / LEARNS_LEAN
+            self._memory["lower"] = min(max(far, -MOST_LEAN), MOST_LEAN)
+        return min(max(2.0 * lean, -MOST_LEAN), MOST_LEAN) + self._memory.get("lower", 0.0)
+
     def _leave(self, now: float, h: float, peer: PeerState, y: float) -> float:
         """Time [s] since it began to leave, full and no longer poured on, or in silence; 0 while it stays."""
         since = 0.0
@@ -237,7 +281,7 @@ class StationKeeper(KeepsState, ABC):
     def _view(self, heap: HeapState) -> BoxView:
         box, count = self._box, len(heap.profile)
         places = tuple(((i + 0.5) / count - 0.5) * box.length for i in range(count))
-        free = tuple((heap.freeboard - self._keep.margin_m).tolist())
+        free = tuple((self._free.after(self._keep.lead_s) - self._keep.margin_m).tolist())
         return BoxView(0.5 * box.length, box.width, places, tuple(heap.profile.tolist()), free)
 
     def _idle(self, t: int) -> Wanted:

@@ -145,5 +145,15 @@ class Heap(KeepsState):
         columns = np.linspace(0, len(s.y) - 1, max(2, min(len(s.y), 13))).round().astype(int)
         x, y = np.array(s.x[rows]), np.array(s.y[columns])
         x[[0, -1]], y[[0, -1]] = [-0.5 * box.length, 0.5 * box.length], [-0.5 * box.width, 0.5 * box.width]
-        heights: F64 = self._visible[np.ix_(rows, columns)]
+        heights: F64 = to_walls(self._visible)[np.ix_(rows, columns)]
         return height_surface(x + box.x, y, box.floor + heights)
+
+
+def to_walls(cells: F64) -> F64:
+    """Heights of cells (nx, ny), of the outer ones at the walls: half a cell on, as the surface falls."""
+    found = cells.copy()
+    for table in (found, found.T):
+        if len(table) > 2:
+            table[0] += 0.5 * (table[0] - table[1])
+            table[-1] += 0.5 * (table[-1] - table[-2])
+    return found

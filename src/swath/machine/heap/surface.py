@@ -85,17 +85,26 @@ class Surface(KeepsState):
     @property
     def lean(self) -> float:
         """How much higher grain stands at the left wall than at the right one, the mean [m]."""
-        return float((self.heights[:, -1] - self.heights[:, 0]).mean())
+        return float((self._at_wall(-1, -2) - self._at_wall(0, 1)).mean())
 
     def freeboard(self, count: int) -> F64:
         """Rim above the grain at the nearest walls, the least in each of `count` parts of the length [m]."""
-        sides = np.maximum(self.heights[:, 0], self.heights[:, -1])
-        sides[0] = max(sides[0], float(self.heights[0].max()))
-        sides[-1] = max(sides[-1], float(self.heights[-1].max()))
+        sides = np.maximum(self._at_wall(0, 1), self._at_wall(-1, -2))
+        if self._nx > 1:
+            for end, inner in ((0, 1), (-1, -2)):
+                at_end = self.heights[end] + 0.5 * (self.heights[end] - self.heights[inner])
+                sides[end] = max(sides[end], float(at_end.max()))
         part = np.minimum((np.arange(self._nx) * count) // self._nx, count - 1)
         found = np.zeros(count)
         np.maximum.at(found, part, sides)
         return np.asarray(self.box.depth - found)
+
+    def _at_wall(self, last: int, inner: int) -> F64:
+        """Heights at a side wall, (nx,) [m]: half a cell beyond the last cells, as the surface falls."""
+        if self._ny < 2:
+            return np.asarray(self.heights[:, last])
+        beside = self.heights[:, last]
+        return np.asarray(beside + 0.5 * (beside - self.heights[:, inner]))
 
 
 def outside(box: OpenBox, x: float, y: float) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from swath.core.units import PERCENT
 from swath.field.site_setup import Landing, SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.unload.stream import Parcel, Stream, fall_time
+from swath.machine.unload.stream import DRAG, Parcel, Stream, fall_time
 from swath.signals import F64, MachineLoad, MachineState, UnloadCommand, UnloadState
 
 LEAST_SWING = 0.97  # of the whole swing: the auger does not turn before the pipe is out so far
@@ -119,14 +119,16 @@ class Auger(KeepsState):
     def _impact(self, state: MachineState | None) -> F64:
         """Where the stream comes down, machine frame [m]: on what lies there, found in two steps.
 
-        Of a pipe that is not out yet: where it will come down.
+        Of a pipe that is not out yet: where it will come down. In still air: wind is not known.
         """
         is_out = self._angle >= LEAST_SWING * self._pipe.swing
         mouth, speed = self._mouth(self._angle if is_out else self._pipe.swing)
         height, bodies = AIM_HEIGHT, self._setup.bodies
+        driven = np.array([0.0 if state is None else state.speed, 0.0, 0.0])
         place = mouth
         for _ in range(2 if state is not None and bodies.boxes else 1):
-            place = mouth + speed * fall_time(max(float(mouth[2]) - height, 0.0), float(-speed[2]))
+            age = fall_time(max(float(mouth[2]) - height, 0.0), float(-speed[2]))
+            place = mouth + speed * age - 0.5 * DRAG * (speed + driven) * age**2
             found = None if state is None else bodies.box_under(state.pose.apply(place))
             if found is not None:
                 height = bodies.boxes[found[0]].surface_at(found[1], found[2])
