@@ -64,14 +64,13 @@ def run_name(folder: Path) -> str | None:
     if not file.is_file() or not any((folder / f).is_file() for f in ("summary.json", "run.mcap", LOCK)):
         return None
     try:
-        data = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        data = None
-    try:
-        data = read_document(file).data if data is None else data
-    except InputError:
-        return None
-    name = data.get("name") if isinstance(data, dict) else None
+        name = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["name"]
+    except (OSError, ValueError, KeyError, TypeError):
+        try:
+            data = read_document(file).data
+        except InputError:
+            return None
+        name = data.get("name") if isinstance(data, dict) else None
     return name if isinstance(name, str) else None
 
 

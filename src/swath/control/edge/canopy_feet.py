@@ -22,6 +22,7 @@ DENSE, THIN = 0.85, 0.6  # shares of rays stopped within the crop: overhang is s
 STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may be, and is, beyond doubt
 ROLL = 0.35  # slope of a ramp that upright plants feign, per rise across the edge
 ACROSS, ALONG = 0.6, 0.03  # the same per rad at which rays go into the crop, from so many on: they soak in
+FINE, COARSE = 0.07, 5.0  # the same per m by which the rays of a scan lie farther apart than that
 EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usual overhang counts
 
 
@@ -65,6 +66,7 @@ class CanopyFeet(KeepsState):
         if abs(angle) < OBLIQUE:
             self._ramp.add(counts, edge)
         feigned = ROLL * abs(scans[-1].rise) + ACROSS * max(scans[-1].across - ALONG, 0.0)
+        feigned += COARSE * max(_apart(scans[-1].upper - edge) - FINE, 0.0)
         self.lean = self._ramp.foot(height, self._overhang(height), feigned)
 
     @property
@@ -94,3 +96,9 @@ class CanopyFeet(KeepsState):
         even = min(max((RAGGED - spread) / (RAGGED - EVEN), 0.0), 1.0)
         upright = even * upright + (1.0 - even) * dense * USUAL * height
         return (1.0 - share) * upright + share * seen * foot
+
+
+def _apart(places: F64) -> float:
+    """Distance of neighbouring rays where they reach the canopy, within 1 m of the edge [m]; places (n,)."""
+    near = np.sort(places[np.abs(places) < 1.0])
+    return float(np.median(np.diff(near))) if len(near) > 2 else np.inf
