@@ -42,7 +42,7 @@ class Stand:
     """inside(x, y) -> signed distance [m] to the edge, > 0 in the crop; gaps: no crop from x to x [m].
 
     lean: standard deviation of the stems' lean across the edge, aside per height: feet end at the edge, of
-    what stands at a height z only the part Phi(distance / (lean z)) is there; tilt: mean lean into the crop
+    what stands at a height z only the part Phi(distance / (lean z)) is there
     """
 
     inside: object
@@ -54,7 +54,6 @@ class Stand:
     soil: float = 0.012
     gaps: tuple = ()
     lean: float = 0.0
-    tilt: float = 0.0
 
 
 @dataclass
@@ -90,7 +89,7 @@ class Scanner:
         length = (level[None, :] - origin[2]) / down[:, None]
         x = origin[0] + length * directions[:, 0:1]
         y = origin[1] + length * directions[:, 1:2]
-        depth = s.inside(x, y) - s.tilt * level
+        depth = s.inside(x, y)
         for start, stop in s.gaps:
             depth = np.where((x > start) & (x < stop), -1.0, depth)
         share = np.clip(depth / s.spot + 0.5, 0.0, 1.0) if s.spot > 0 else (depth > 0).astype(float)
