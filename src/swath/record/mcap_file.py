@@ -26,7 +26,7 @@ LATCHED = (
 
 
 class Tap(Protocol):
-    """Called with every message that is written. t: log time [ns]; data: its CDR bytes; build: gives it"""
+    """Called with every message that is written. t: log time [ns]; data: CDR bytes; build: makes the message"""
 
     def __call__(
         self, topic: str, t: int, data: bytes, build: Callable[[], Any], is_latched: bool, /
@@ -119,7 +119,7 @@ class McapFile:
             self._is_torn = False
 
     def _from_draft(self, topic: str, draft: Draft) -> tuple[bytes, Callable[[], Any]]:
-        """The bytes of a message, and what gives itself."""
+        """CDR bytes of a message, and what makes the message."""
         template = self._templates.get((topic, draft.variant))
         if template is not None:
             return template.fill(draft.t, draft.values), draft.build
