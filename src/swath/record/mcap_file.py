@@ -26,7 +26,10 @@ LATCHED = (
 
 
 class Tap(Protocol):
-    """Called with every message that is written. t: log time [ns]; data: CDR bytes; build: makes the message"""
+    """Called with every message that is written.
+
+    t: log time [ns]; data: CDR bytes; build: makes the message.
+    """
 
     def __call__(
         self, topic: str, t: int, data: bytes, build: Callable[[], Any], is_latched: bool, /
