@@ -147,6 +147,7 @@ struct Crop : Tiles {
   // The traversal's axis, and each packet's path as linear bounds along it
   void find_paths() {
     float lead_q[3] = {0, 0, 0};
+    const int width = vectors * N;
     for (int j = active[0] * width; j < (active[0] + 1) * width; ++j) {
       const Block& b = r[j / N];
       if (b.limit[j % N] < 0.0f) continue;
