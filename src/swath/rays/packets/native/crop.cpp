@@ -9,6 +9,30 @@ struct Kept {  // pieces in slopes: middle, direction, half length, half width; 
   int prim[KEPT + N], image[KEPT + N];
 };
 
+typedef unsigned long long Set;  // of vectors
+struct Places : Vectors {  // of vectors on one axis, in steps
+  float from, per;
+  Set behind[STEPS], before[STEPS];  // those that reach as far as a step or farther; that begin there or before
+  void mark(const float* middle, const float* half, int count) {
+    float low = FAR, high = -FAR;
+    for (int i = 0; i < count; ++i) {
+      low = lower(low, middle[i] - half[i]);
+      high = upper(high, middle[i] + half[i]);
+    }
+    from = low;
+    per = (STEPS - 1) / (high - low);
+    for (int i = 0; i < STEPS; ++i) behind[i] = before[i] = 0;
+    for (int i = 0; i < count; ++i) {
+      behind[step_of(put(middle[i] + half[i]))[0]] |= 1ull << i;
+      before[step_of(put(middle[i] - half[i]))[0]] |= 1ull << i;
+    }
+    for (int i = 1; i < STEPS; ++i) before[i] |= before[i - 1];
+    for (int i = STEPS - 1; i > 0; --i) behind[i - 1] |= behind[i];
+  }
+  I step_of(F x) const { return __builtin_convertvector(least(most((x - from) * per, F{}), put(STEPS - 1.0f)), I); }
+  Set beside(int low, int high) const { return behind[low] & before[high]; }  // that may lie between two steps
+};
+
 struct Crop : Tiles {
   IndexRef index;
   int active[PACKETS], active_count, active_of[PACKETS];  // packets that go through crop in the tile at hand
@@ -21,11 +45,10 @@ struct Crop : Tiles {
   int runs;
   Kept kept;
   int waiting;
-  int around[KEPT + N];                        // of those, which may touch some vectors
   unsigned pair[PAIRS + N];                    // a piece and a vector it may touch, as piece * VECTORS + vector
   unsigned char touched[VECTORS];
   int fresh[VECTORS], news;            // vectors with new hits
-  struct Box { float u, ru, v, rv; } box[VECTORS / N];  // of N vectors looked at together: middle, half size
+  Places along, across;                        // of its vectors in slopes
   float c_low[SPAN], c_high[SPAN];
 
   Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {}
@@ -125,7 +148,6 @@ struct Crop : Tiles {
 
   void together_through() {
     find_paths();
-    box_vectors();
     waiting = news = runs = 0;
     for (int b = 0; b < packets * vectors; ++b) touched[b] = 0;
     for (int n = 0; n < active_count; ++n) active_of[active[n]] = n;
@@ -371,30 +393,29 @@ struct Crop : Tiles {
     return to + __builtin_popcount(found);
   }
 
-  // The pieces that wait: against all vectors at once, then against the lanes of those that they may touch;
-  // what is left is tested
+  // The pieces that wait: which vectors lie beside them, which lanes of these they may touch; what is left is tested
   void flush() {
 #pragma clang fp contract(fast)
+    float nearest = FAR;
+    for (int n = 0; n < waiting; n += N) {
+      const F near = load(kept.near + n);
+      nearest = lower(nearest, lowest_of(every() < waiting - n ? near : put(FAR)));
+    }
+    const Set looking = looking_to(nearest);
     int asked = 0;
-    for (int b = 0; b < packets * vectors; b += N) {
-      const F cu = load(c.cu + b), ru = load(c.ru + b), ou = load(c.ou + b), pu = load(c.pu + b);
-      const F cv = load(c.cv + b), rv = load(c.rv + b), ov = load(c.ov + b), pv = load(c.pv + b);
-      const F round = load(c.disc + b), pround = load(c.pdisc + b), far = load(c.depth_max + b);
-      const I vector = every() + b;
-      const int some = look_around(box[b / N]);
-      for (int q = 0; q < some; ++q) {
-        const int n = around[q];
-        __builtin_prefetch(row_of(kept.prim[n]));
-        const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
-        const float su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv);
-        F du = cu + ou * inv - kept.u[n], dv = cv + ov * inv - kept.v[n];
-        F bu = ru + pu * inv, bv = rv + pv * inv, disc = round + pround * inv;
-        I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
-                  (size_of(du * tu + dv * tv) <= wide + kept.h[n] + least(bu * su + bv * sv, disc)) & (far >= kept.near[n]);
-        const unsigned found = bits(meets);
-        keep_ints((int*)pair + asked, vector + n * VECTORS, found);
-        asked += __builtin_popcount(found);
-        if (asked <= PAIRS - N) continue;
+    for (int n = 0; n < waiting; n += N) {
+      const F u = load(kept.u + n), v = load(kept.v + n), h = load(kept.h + n);
+      const F room = load(kept.wide + n) + offset_max * load(kept.inv + n);
+      const F hu = size_of(load(kept.tu + n)) * h + room, hv = size_of(load(kept.tv + n)) * h + room;
+      alignas(64) int left[N], right[N], low[N], high[N];
+      storei(left, along.step_of(u - hu));
+      storei(right, along.step_of(u + hu));
+      storei(low, across.step_of(v - hv));
+      storei(high, across.step_of(v + hv));
+      for (int i = 0; i < N && n + i < waiting; ++i) {
+        __builtin_prefetch(row_of(kept.prim[n + i]));
+        asked = ask(asked, n + i, looking & along.beside(left[i], right[i]) & across.beside(low[i], high[i]));
+        if (asked <= PAIRS - VECTORS) continue;
         settle(narrow_down(asked));
         asked = 0;
       }
@@ -403,31 +424,17 @@ struct Crop : Tiles {
     waiting = 0;
     take_news();
   }
-  HOT int look_around(const Box& x) {  // which of the pieces that wait may touch the vectors in this box?
-#pragma clang fp contract(fast)
-    int some = 0;
-    for (int n = 0; n < waiting; n += N) {
-      F h = load(kept.h + n), room = load(kept.wide + n) + offset_max * load(kept.inv + n);
-      I over = (size_of(load(kept.u + n) - x.u) <= size_of(load(kept.tu + n)) * h + room + x.ru) &
-               (size_of(load(kept.v + n) - x.v) <= size_of(load(kept.tv + n)) * h + room + x.rv);
-      const unsigned found = bits(over & (every() < waiting - n));
-      keep_ints(around + some, every() + n, found);
-      some += __builtin_popcount(found);
+  HOT int ask(int asked, int n, Set some) {  // most are few: no branch for the first four
+    int left = __builtin_popcountll(some);
+    for (int at = asked;; at += 4) {
+      for (int i = 0; i < 4; ++i, some &= some - 1) pair[at + i] = n * VECTORS + __builtin_ctzll(some | 1ull << 63);
+      if (at + 4 >= asked + left) return asked + left;
     }
-    return some;
   }
-  void box_vectors() {
-    for (int b = 0; b * N < packets * vectors; ++b) {
-      float u0 = 4.0f * FAR, u1 = -u0, v0 = u0, v1 = -u0;  // beyond what any piece may touch
-      for (int i = b * N; i < (b + 1) * N && i < packets * vectors; ++i) {
-        if (c.depth_max[i] <= -FAR) continue;
-        u0 = lower(u0, c.cu[i] - c.ru[i]);
-        u1 = upper(u1, c.cu[i] + c.ru[i]);
-        v0 = lower(v0, c.cv[i] - c.rv[i]);
-        v1 = upper(v1, c.cv[i] + c.rv[i]);
-      }
-      box[b] = {0.5f * (u0 + u1), 0.5f * (u1 - u0) + 1e-7f, 0.5f * (v0 + v1), 0.5f * (v1 - v0) + 1e-7f};
-    }
+  Set looking_to(float nearest) const {  // vectors that look as far as that
+    Set some = 0;
+    for (int b = 0; b < packets * vectors; b += N) some |= (Set)bits(load(c.depth_max + b) >= nearest) << b;
+    return some;
   }
   HOT int narrow_down(int asked) {  // of the vectors that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)

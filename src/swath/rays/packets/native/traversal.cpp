@@ -22,6 +22,8 @@ struct Traversal : Crop {
     find_frame();
     pack();
     into_slopes();
+    along.mark(c.cu, c.ru, packets * vectors);
+    across.mark(c.cv, c.rv, packets * vectors);
     for (int p = 0; p < packets; ++p) look(p);
     march();
   }
