@@ -4,9 +4,10 @@ struct alignas(64) Paths {  // of the packets through the tile at hand, along th
   float a0[PACKETS], a1[PACKETS], from[PACKETS], depth_max[PACKETS], until[PACKETS];  // bounds from `from` on: across low and
   float bound[5][PACKETS], rise[5][PACKETS];                   // high, other axis low and high, least depth
 };
-struct Kept {  // pieces in slopes: middle, direction, half length, half width; least depth, 1 / depth; primitive, image
-  float u[KEPT + N], v[KEPT + N], tu[KEPT + N], tv[KEPT + N], h[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
-  int prim[KEPT + N], image[KEPT + N];
+struct alignas(64) Kept {  // pieces in slopes: middle, half of the way from end to end, half width; least depth, 1 / depth
+  float u[KEPT + N], v[KEPT + N], hu[KEPT + N], hv[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
+  float tu[KEPT + N], tv[KEPT + N], side[KEPT + N], ahead[KEPT + N], reach[KEPT + N];  // direction; middle across it, along
+  int prim[KEPT + N], image[KEPT + N];                                                // it; half length and width
 };
 
 typedef unsigned long long Set;  // of vectors
@@ -51,7 +52,9 @@ struct Crop : Tiles {
   Places along, across;                        // of its vectors in slopes
   float c_low[SPAN], c_high[SPAN];
 
-  Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {}
+  Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {
+    for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
+  }
 
   void through_crop() {
     find_box();
@@ -152,7 +155,6 @@ struct Crop : Tiles {
     for (int b = 0; b < packets * vectors; ++b) touched[b] = 0;
     for (int n = 0; n < active_count; ++n) active_of[active[n]] = n;
     const int first = slab_of(axis == 2 ? path0 - wide[2] : path0 - wide[axis]), last = slab_of(path1 + wide[axis]);
-    for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
     for (int n = 0; n <= last - first; ++n) {
       cross_slab(sense >= 0 ? first + n : last - n);
       gather_runs();
@@ -354,7 +356,7 @@ struct Crop : Tiles {
         auto along = [&](int row, const F* x) -> F { return n[row][0] * x[0] + n[row][1] * x[1] + n[row][2] * x[2] + off[row]; };
         F wa = along(0, f), wb = along(0, f + 3), ua = along(1, f), ub = along(1, f + 3), va = along(2, f), vb = along(2, f + 3);
         F near = least(wa, wb) - thick * depth_gain_step - ROUND;
-        F ia = 1.0f / wa, iz = 1.0f / wb, nearer = most(ia, iz), thin = (thick * depth_gain_step + ROUND) * nearer;
+        F both = 1.0f / (wa * wb), ia = both * wb, iz = both * wa, nearer = most(ia, iz), thin = (thick * depth_gain_step + ROUND) * nearer;
         I inside = every() < run.last - i, close = (near < 0.05f) | (thin > 0.25f);
         F inv = 0.5f * (ia + iz), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
         ua *= ia; va *= ia; ub *= iz; vb *= iz;
@@ -381,12 +383,10 @@ struct Crop : Tiles {
     waiting = to;
   }
   HOT int add_pieces(int to, unsigned found, F u, F v, F hu, F hv, F wide, F near, F inv) {
-    F h = root(hu * hu + hv * hv), per_h = 1.0f / most(h, put(1.0e-9f));
     keep_some(kept.u + to, u, found);
     keep_some(kept.v + to, v, found);
-    keep_some(kept.tu + to, hu * per_h, found);
-    keep_some(kept.tv + to, hv * per_h, found);
-    keep_some(kept.h + to, h, found);
+    keep_some(kept.hu + to, hu, found);
+    keep_some(kept.hv + to, hv, found);
     keep_some(kept.wide + to, wide, found);
     keep_some(kept.near + to, near, found);
     keep_some(kept.inv + to, inv, found);
@@ -404,9 +404,9 @@ struct Crop : Tiles {
     const Set looking = looking_to(nearest);
     int asked = 0;
     for (int n = 0; n < waiting; n += N) {
-      const F u = load(kept.u + n), v = load(kept.v + n), h = load(kept.h + n);
-      const F room = load(kept.wide + n) + offset_max * load(kept.inv + n);
-      const F hu = size_of(load(kept.tu + n)) * h + room, hv = size_of(load(kept.tv + n)) * h + room;
+      const F u = load(kept.u + n), v = load(kept.v + n), room = load(kept.wide + n) + offset_max * load(kept.inv + n);
+      const F hu = size_of(load(kept.hu + n)) + room, hv = size_of(load(kept.hv + n)) + room;
+      make_strips(n);
       alignas(64) int left[N], right[N], low[N], high[N];
       storei(left, along.step_of(u - hu));
       storei(right, along.step_of(u + hu));
@@ -423,6 +423,16 @@ struct Crop : Tiles {
     settle(narrow_down(asked));
     waiting = 0;
     take_news();
+  }
+  HOT void make_strips(int n) {
+#pragma clang fp contract(fast)
+    const F u = load(kept.u + n), v = load(kept.v + n), hu = load(kept.hu + n), hv = load(kept.hv + n);
+    const F h = root(hu * hu + hv * hv), per_h = 1.0f / most(h, put(1.0e-9f)), tu = hu * per_h, tv = hv * per_h;
+    store(kept.tu + n, tu);
+    store(kept.tv + n, tv);
+    store(kept.side + n, v * tu - u * tv);
+    store(kept.ahead + n, u * tu + v * tv);
+    store(kept.reach + n, h + load(kept.wide + n));
   }
   HOT int ask(int asked, int n, Set some) {  // most are few: no branch for the first four
     int left = __builtin_popcountll(some);
@@ -441,11 +451,11 @@ struct Crop : Tiles {
     int pairs = 0;
     for (int q = 0; q < asked; ++q) {
       const int n = pair[q] / VECTORS, i = pair[q] % VECTORS;
-      const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
+      const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n];
       const Spot& s = spot[i];
-      F lu = s.u + s.ou * inv - kept.u[n], lv = s.v + s.ov * inv - kept.v[n];
-      I may = (size_of(lv * tu - lu * tv) <= wide) & (size_of(lu * tu + lv * tv) <= wide + kept.h[n]) &
-              (s.depth_max >= kept.near[n]);
+      F u = s.u + s.ou * inv, v = s.v + s.ov * inv;
+      I may = (size_of(v * tu - u * tv - kept.side[n]) <= kept.wide[n]) &
+              (size_of(u * tu + v * tv - kept.ahead[n]) <= kept.reach[n]) & (s.depth_max >= kept.near[n]);
       pair[pairs] = pair[q];  // no branch: whether it stays is hard to foretell
       pairs += bits(may) != 0;
     }

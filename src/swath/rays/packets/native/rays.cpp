@@ -203,12 +203,14 @@ struct Rays : Vectors {
     }
     for (int b = 0; b < packets * vectors; ++b) fill(r[b], b * lanes, b / vectors * vectors * lanes);
   }
-  static void sort_by(const float* value, float from, float range, const int* some, int count, int* to) {  // into 256 steps
-    int at[257] = {};
+  static void sort_by(const float* value, float from, float range, const int* some, int count, int* to) {  // roughly
+    int at[257];
     unsigned char step[ROOM];
-    const float per = 255.9f / range;
+    const int steps = count < 256 ? count : 256;
+    const float per = ((float)steps - 0.1f) / range;
+    for (int i = 0; i <= steps; ++i) at[i] = 0;
     for (int n = 0; n < count; ++n) ++at[1 + (step[n] = (unsigned char)((value[some[n]] - from) * per))];
-    for (int i = 1; i < 256; ++i) at[i] += at[i - 1];
+    for (int i = 1; i < steps; ++i) at[i] += at[i - 1];
     for (int n = 0; n < count; ++n) to[at[step[n]]++] = some[n];
   }
   void fill(Block& b, int begin, int spare) {
