@@ -1,7 +1,7 @@
 """Which rays go through the crop together: groups of neighbours.
 
-A lane holds one ray; 16 lanes make a SIMD vector, which is computed at once. The traversal makes vectors of the
-rays of a group by where they point (native/rays.cpp). None of this depends on the number of threads, and
+A lane holds one ray; 16 lanes make a SIMD vector, which is computed at once. The traversal makes vectors of
+the rays of a group by where they point (native/rays.cpp). None of this depends on the number of threads, and
 none of it changes what a ray hits: only what it costs.
 """
 
@@ -24,8 +24,8 @@ SUB_RAYS_MAX = 512  # of a bundle that goes through the traversal
 
 @dataclass(frozen=True)
 class Packing:
-    """order: rays (n,), group after group, None = as they come; first: (groups + 1,) place of the first ray of
-    each group
+    """order: rays (n,), group after group, None = as they come; first: (groups + 1,) place of the first ray
+    of each group
     lanes: rays of a vector; row: of an image, rays in a row of a group, else 0
     """
 
