@@ -154,7 +154,7 @@ class LikelihoodRatio(KeepsState):
         As if it curved evenly from below the machine to there: z = level (x / x of the stubble)^2.
         """
         nearer = self._flat * self._blocks.height / max(self._stubble_x, 1.0)
-        rise = self._ground.level * (1.0 - max(1.0 - nearer, 0.0) ** 2)
+        rise: float = self._ground.level * (1.0 - max(1.0 - nearer, 0.0) ** 2)
         return min(max(rise, -ROLLS), ROLLS)
 
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
