@@ -38,11 +38,15 @@ class Contact:
 
 @dataclass(frozen=True)
 class Sighted:
-    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`"""
+    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`
+
+    velocity: of its origin, world (3,) [m/s]
+    """
 
     name: str
     kind: str
     solids: Solids
+    velocity: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -195,7 +199,9 @@ class Bodies:
         """
         standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
         rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
-        return standing + [Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n])) for n in rest]
+        return standing + [
+            Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n]), self._velocities[n]) for n in rest
+        ]
 
     def around(self, name: str = "") -> list[Body]:
         """Every obstacle, thing and machine but one, as they are now."""
