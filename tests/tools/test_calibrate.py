@@ -15,12 +15,9 @@ from swath.rays.spread import Spread, quantile_nodes
 from swath.sensing.tables import load_table, save_table
 from swath.tools.calibrate.fit import (
     SMALL,
-    Designs,
     fit_correlation,
     fit_plants,
-    make_grid,
     normal_scores,
-    with_depressions,
 )
 from swath.tools.calibrate.measured import COLUMNS, fit_samples, read_samples
 from swath.tools.calibrate.stand_scans import LINE, EchoSettings, Place, Returns, SampleStands
@@ -198,27 +195,3 @@ def test_command_writes_a_table_that_the_level_takes(tmp_path, capsys):
     (tmp_path / "few.csv").write_text("stems_per_m2,height_m\n1,2\n", encoding="utf-8")
     assert main(["calibrate", "lidar", "--from", str(tmp_path / "few.csv"), "--out", str(out)]) == 2
     assert "crop_height_m" in capsys.readouterr().err
-
-
-def test_depressions_between_leave_the_other_places_as_they_are():
-    finer = Designs(SMALL.standing, SMALL.stubble).with_finer_depressions()
-    assert finer.standing.beam_count > SMALL.standing.beam_count
-    usual, _ = small()
-    stands = SampleStands(load_crop("wheat"), Stream(1, "calibrate").child("fit"), tile_count=8)
-    places = [Place(150.0, 0.7, a * DEG, 0.03) for a in (12.0, 30.0)]
-    axes = tuple(np.array([v]) for v in (150.0, 0.7)), np.array([0.03])
-    grids = [
-        make_grid(
-            stands,
-            (*axes[0], np.array([p.depression]), axes[1]),
-            [p],
-            [stands.scan(p, 6, EchoSettings(sub_rays=19), Stream(k, "s"))],
-            usual.silhouette,
-        )
-        for k, p in enumerate(places)
-    ]
-    both = with_depressions(grids[1], grids[0])
-    assert both.depression.tolist() == [p.depression for p in places]
-    for k, grid in enumerate(grids):
-        np.testing.assert_array_equal(both.quantile[:, :, k], grid.quantile[:, :, 0])
-        np.testing.assert_array_equal(both.ground_share[:, :, k], grid.ground_share[:, :, 0])

@@ -40,9 +40,6 @@ def add(parsers: Any) -> None:
     lidar.add_argument(
         "--narrow", action="store_true", help="spots up to 90 mm and usual stands only: a smaller table"
     )
-    lidar.add_argument(
-        "--fine", action="store_true", help="three more depressions from 12 to 22 deg: for thin tall crop"
-    )
     lidar.add_argument("--quick", action="store_true", help="a coarse design, for a first try")
     lidar.add_argument("--seed", type=int, default=1, help="another seed")
     add_no_code(lidar)
@@ -93,7 +90,6 @@ def _designs(args: argparse.Namespace) -> Any:
     from swath.tools.calibrate.fit import NARROW, SMALL, Designs
 
     designs = SMALL if args.quick else NARROW if args.narrow else Designs()
-    designs = designs.with_finer_depressions() if args.fine else designs
     return designs if args.lines is None else designs.with_lines(max(args.lines, 1))
 
 

@@ -24,7 +24,6 @@ VIEW = np.array(VIEWS) * DEG
 CLOSEST = 0.15  # beams closer than this share of the spot see the pattern of sub-rays, not the crop
 FARTHEST = 0.2  # gaps beyond this say nothing on the correlation of neighbours [m]
 NORMAL = NormalDist()
-BETWEEN_DEG = (12.2, 16.3, 22.0)  # half way between depressions of a usual design
 Progress = Callable[[int, int], None]
 
 
@@ -35,9 +34,6 @@ class Design:
     density, height: relative to the sheet's, height of the crop or of its stubble; depression_deg; spot_mm:
     diameter. Nodes lie close enough that straight lines between them miss a distribution by 2 mm on average
     (Wasserstein-1, wheat), the closer the thinner the crop: there a few stems more hide the soil
-    between_deg: more depressions of standing crop; the other places show the same with and without them. In
-    rye of 95 /m2 the share of beams that end above half the crop falls from 0.88 at 14 deg to 0.63 at 19, on
-    a bent curve
     lines: scan lines of 24 beams per place; held_out: places drawn anywhere within the range
     tile_count: independent pieces of 1 m2 of every stand
     """
@@ -46,7 +42,6 @@ class Design:
     height: tuple[float, ...] = (0.6, 1.0, 1.4)
     depression_deg: tuple[float, ...] = (3, 5, 7.5, 10.5, 14, 19, 25, 33, 42, 51, 60, 68, 76, 82)
     spot_mm: tuple[float, ...] = (10.0, 20.0, 40.0, 70.0, 120.0, 200.0)
-    between_deg: tuple[float, ...] = ()
     lines: int = 80
     held_out: int = 32
     tile_count: int = 48
@@ -54,8 +49,7 @@ class Design:
     @property
     def beam_count(self) -> int:
         """Beams of the fit."""
-        depressions = len(self.depression_deg) + len(self.between_deg)
-        cells = len(self.density) * len(self.height) * depressions * len(self.spot_mm)
+        cells = len(self.density) * len(self.height) * len(self.depression_deg) * len(self.spot_mm)
         return cells * self.lines * LINE
 
 
@@ -72,10 +66,6 @@ class Designs:
         held_out=8,
         tile_count=16,
     )
-
-    def with_finer_depressions(self) -> "Designs":
-        """Three more depressions where scanners look down on standing crop, for thin stands of tall crop."""
-        return replace(self, standing=replace(self.standing, between_deg=BETWEEN_DEG))
 
     def with_lines(self, lines: int) -> "Designs":
         """Both with so many lines per place."""
@@ -124,13 +114,8 @@ def fit_plants(
     stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count)
     silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
     standing = _scan_grid(stands, design, echo, stream, silhouette, progress)
-    grid = standing.grid
-    if design.between_deg:
-        between = replace(design, depression_deg=design.between_deg)
-        more = _scan_grid(stands, between, echo, stream.child("between"), silhouette, progress)
-        grid = with_depressions(grid, more.grid)
     table = SpreadTable(
-        grid,
+        standing.grid,
         fit_stubble(crop, designs.stubble, echo, stream.child("stubble"), silhouette, progress=progress),
         side=side_spread(stands, echo, stream.child("side"), silhouette, fine=FINE, lines=design.lines),
         silhouette=silhouette,
@@ -196,17 +181,6 @@ def _scan_grid(
         if progress is not None:
             progress(k + 1, len(places))
     return _Scans(make_grid(stands, axes, places, seen, silhouette), places, seen)
-
-
-def with_depressions(grid: Spread, more: Spread) -> Spread:
-    """A grid with the depressions of another one that is like it otherwise."""
-    depression = np.concatenate([grid.depression, more.depression])
-    order = np.argsort(depression)
-    cells: dict[str, Any] = {
-        name: np.take(np.concatenate([getattr(grid, name), getattr(more, name)], axis=2), order, axis=2)
-        for name in ("quantile", "ground_share", "ground_lift")
-    }
-    return replace(grid, depression=depression[order], **cells)
 
 
 def make_grid(
