@@ -4,10 +4,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from math import fsum, hypot
 
-import numpy as np
-
 from swath.core.component import KeepsState
-from swath.core.frames import Array, Pose
+from swath.core.frames import Pose
 from swath.signals import MachineState
 
 Corner = list[float]  # x, y [m]
@@ -47,7 +45,7 @@ class LinePath(KeepsState):
             self._last = now
 
 
-def swept(before: Corners, after: Corners) -> list[Array]:
+def swept(before: Corners, after: Corners) -> list[Corners]:
     """Convex polygons, anticlockwise, between two positions of a line of two ends, joined straight.
 
     A quad where the line moves ahead; two triangles that meet in a point where it turns about a point of its
@@ -61,19 +59,15 @@ def swept(before: Corners, after: Corners) -> list[Array]:
     else:
         quad = [left0, right0, right1, left1]
         parts = [quad] if _is_convex(quad) else _halves(quad)
-    areas = [_area(p) for p in parts]
-    return [np.array(p if a > 0 else p[::-1]) for p, a in zip(parts, areas, strict=True) if abs(a) > 1e-9]
+    areas = [signed_area(p) for p in parts]
+    return [p if a > 0 else p[::-1] for p, a in zip(parts, areas, strict=True) if abs(a) > 1e-9]
 
 
-def signed_area(polygon: Array) -> float:
-    """Area [m2] of a polygon (n, 2), > 0 when anticlockwise."""
-    return _area(polygon.tolist())
-
-
-def _area(polygon: Corners) -> float:
+def signed_area(polygon: Sequence[Sequence[float]]) -> float:
+    """Area [m2] of a polygon, > 0 when anticlockwise."""
     (x0, y0), *rest = polygon
     around = [(x - x0, y - y0) for x, y in rest]
-    twice: float = fsum(a[0] * b[1] - a[1] * b[0] for a, b in pairwise(around))
+    twice: float = fsum([a * d - b * c for (a, b), (c, d) in pairwise(around)])
     return 0.5 * twice
 
 
@@ -86,7 +80,9 @@ def _is_convex(quad: Corners) -> bool:
 def _halves(quad: Corners) -> list[Corners]:
     """A dented quad as two triangles, split along the diagonal that lies inside it."""
     a, b, c, d = quad
-    return min([[[a, b, c], [a, c, d]], [[b, c, d], [b, d, a]]], key=lambda h: fsum(abs(_area(p)) for p in h))
+    return min(
+        [[[a, b, c], [a, c, d]], [[b, c, d], [b, d, a]]], key=lambda h: fsum(abs(signed_area(p)) for p in h)
+    )
 
 
 def _crossing(a0: Corner, a1: Corner, b0: Corner, b1: Corner) -> Corner | None:

@@ -88,14 +88,13 @@ class RayCaster:
             n, s = bundles.shape
             is_lone = solid_count(options.get("solids") or NOTHING) == 0
             if is_lone and n > 0 and s > 1 and self._has_packets(s):
-                slopes = np.column_stack([np.ones(s), bundles.offsets[0, :, 2:4]])
-                return self._traverse((n, s), bundles, pack_bundles(n, slopes), options)
+                return self._traverse((n, s), bundles, pack_bundles(n, s), options)
             bundles = bundles.rays()
         o, d = _of_shape(*bundles)
         n, s = o.shape[:2]
         if not self._has_packets(s):
             return self.cast(o, d, **options).reshaped((n, s))
-        return self._traverse((n, s), (o, d), pack_bundles(n, d[0]) if o.size else None, options)
+        return self._traverse((n, s), (o, d), pack_bundles(n, s) if o.size else None, options)
 
     def cast_image(self, origins: ArrayLike, directions: ArrayLike, **options: Unpack[CastOptions]) -> Hits:
         """As `cast`, for single rays of an image (rows, columns, 3): all of the result (rows, columns).
@@ -111,7 +110,7 @@ class RayCaster:
         shape = (int(o.shape[0]), int(o.shape[1]))
         if not self._has_packets(1):
             return self.cast(o, d, **options).reshaped(shape)
-        return self._traverse(shape, (o, d), pack_image(*shape, _pitch(d)) if o.size else None, options)
+        return self._traverse(shape, (o, d), pack_image(*shape, _pitch_ratio(d)) if o.size else None, options)
 
     def _has_packets(self, sub_rays: int) -> bool:
         """Can such bundles be cast as packets? Else the plain kernel serves, and a warning says so once."""
@@ -201,17 +200,15 @@ def _of_shape(origins: ArrayLike, directions: ArrayLike) -> tuple[F64, F64]:
     return np.ascontiguousarray(o), np.ascontiguousarray(d)
 
 
-def _pitch(d: F64) -> tuple[float, float]:
-    """Angles between neighbours along rows and columns of an image [rad], medians along its middle.
-
-    0, 0 of one row.
-    """
-    if len(d) == 1:
-        return 0.0, 0.0
+def _pitch_ratio(d: F64) -> float:
+    """Angle between neighbours along columns of an image over that along rows, medians along its middle, to a
+    power of two; 1 where there is none."""
+    if min(d.shape[:2]) < 2:
+        return 1.0
     row, column = d[len(d) // 2], d[:, d.shape[1] // 2]
     steps = [np.linalg.norm(np.diff(line, axis=0), axis=-1) for line in (column, row)]
-    high, wide = (float(np.median(s)) if len(s) else 0.0 for s in steps)
-    return high, wide
+    high, wide = (float(np.median(s)) for s in steps)
+    return float(2.0 ** np.clip(np.round(np.log2(high / wide)), -16, 16)) if min(high, wide) > 0.0 else 1.0
 
 
 @cache

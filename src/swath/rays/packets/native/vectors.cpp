@@ -22,7 +22,9 @@ typedef decltype(index)& IndexRef;
 constexpr int N = 16;            // lanes of a vector
 constexpr int ROOM = 1024;       // lanes of a group
 constexpr int VECTORS = ROOM / N, PACKETS = VECTORS;  // packets of a group at most
+constexpr int SUBS = 512;        // sub-rays of a bundle at most
 constexpr int PAIRS = 4096;      // pieces and vectors that wait
+constexpr int STEPS = 256;       // of places of vectors in slopes
 constexpr int KEPT = 2048;       // pieces that wait for their test
 constexpr int COMING = 16;       // runs of pieces that are fetched ahead
 constexpr int FLUSH = 8;         // so many are enough for a test
