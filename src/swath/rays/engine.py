@@ -2,13 +2,14 @@
 
 import warnings
 from functools import cache
-from math import isfinite
-from typing import Unpack
+from math import frexp, isfinite, ldexp
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.field.field import Field
+from swath.field.memory_layout import Solids
 from swath.field.solids import NOTHING, solid_count
 from swath.rays.device import ThreadPool, ray_device, start_warp, thread_count
 from swath.rays.field_arrays import LiveScene
@@ -59,6 +60,20 @@ class RayCaster:
         hits = Hits.uninitialised((len(o),))
         if len(o):
             self._launch(o, d, hits, options)
+        return hits
+
+    def cast_solids(
+        self, origins: ArrayLike, directions: ArrayLike, *, range_max: float, solids: Solids
+    ) -> Hits:
+        """As `cast`, against solids alone: crop and ground are not there, rays may start anywhere."""
+        o, d = (np.ascontiguousarray(v, dtype=np.float64).reshape(-1, 3) for v in (origins, directions))
+        hits = Hits.uninitialised((len(o),))
+        if len(o):
+            from swath.rays.kernel.solids_alone import cast_solids
+
+            wp = start_warp()
+            arrays = self.scene.solid_arrays(wp, solids)
+            self._run(wp, cast_solids, [arrays], o, d, range_max, hits)
         return hits
 
     def cast_bundles(self, bundles: Spots | Rays, **options: Unpack[CastOptions]) -> Hits:
@@ -158,13 +173,17 @@ class RayCaster:
         scene = self.scene.refresh(wp, cells=True)
         self.scene.set_wind(wp, options.get("t", 0))
         solids = self.scene.solid_arrays(wp, options.get("solids") or NOTHING)
+        self._run(wp, cast, [scene, solids], o, d, options["range_max"], hits)
+
+    def _run(self, wp: Any, kernel: Any, scene: list[Any], o: F64, d: F64, reach: float, hits: Hits) -> None:
+        """A kernel of single rays over all of them."""
         rays = [self.scene.share(wp, o, wp.vec3d), self.scene.share(wp, d, wp.vec3d)]
         kinds = (wp.float32, wp.uint8, wp.float32, wp.float32)
         out = [self.scene.share(wp, a, kind) for a, kind in zip(hits.arrays, kinds, strict=True)]
 
         def run(first: int, count: int) -> None:
-            inputs = [scene, solids, *rays, float(options["range_max"]), first, *out]
-            wp.launch(cast, dim=count, inputs=inputs, device=self.device)
+            inputs = [*scene, *rays, float(reach), first, *out]
+            wp.launch(kernel, dim=count, inputs=inputs, device=self.device)
 
         if self.device == "cpu":
             self._pool.split(len(o), CHUNK_MIN, run)
@@ -189,7 +208,10 @@ def _pitch_ratio(d: F64) -> float:
     row, column = d[len(d) // 2], d[:, d.shape[1] // 2]
     steps = [np.linalg.norm(np.diff(line, axis=0), axis=-1) for line in (column, row)]
     high, wide = (float(np.median(s)) for s in steps)
-    return float(2.0 ** np.clip(np.round(np.log2(high / wide)), -16, 16)) if min(high, wide) > 0.0 else 1.0
+    if min(high, wide) <= 0.0:
+        return 1.0
+    share, power = frexp(high / wide)  # share: 0.5 to 1
+    return ldexp(1.0, min(max(power if share * share > 0.5 else power - 1, -16), 16))
 
 
 @cache
