@@ -201,7 +201,8 @@ class Bodies:
         standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
         rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
         return standing + [
-            Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n]), self._velocities[n]) for n in rest
+            Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n]), np.array(self._velocities[n]))
+            for n in rest
         ]
 
     def around(self, name: str = "") -> list[Body]:
