@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.cut_result import TILE_CELLS, Corner, Cut, StemIndex
-from swath.field.pages import Key, PageStore
+from swath.field.pages import PageStore
 from swath.kernels import filled, member_array, repeatable, start_warp
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Cutter:
         self._polygon, self._edges = np.zeros((CORNERS_MAX, 2)), np.zeros((CORNERS_MAX, 4))
         self._spans = np.zeros((ROWS_KEPT, 2), np.int32)
         self._ask, self._report = np.zeros(4, np.int32), np.zeros(5, np.int32)
-        self._pages = np.zeros((PAGES_MAX, 3), np.int32)
+        self._pages = np.zeros((PAGES_MAX, 4), np.int32)
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
         self._masses = np.zeros((2, 3))  # grain, straw, grain left; of them by earlier cuts [kg]
         self._pools: dict[str, Any] = {}
@@ -69,53 +69,49 @@ class Cutter:
     def _cut_rows(self, first: int, last: int) -> Cut:
         """Cut these rows of cells of the polygon; in two halves when they lie on too many pages."""
         self._ask[1:3] = first, last
-        places = self._run(int(self._ask[3]))
-        if places is None:
+        pages = self._run(int(self._ask[3]))
+        if pages is None:
             if first == last:
                 raise InputError("polygon", None, f"expected one less than {8 * PAGES_MAX} tiles wide")
             middle = (first + last) // 2
             return self._cut_rows(first, middle) + self._cut_rows(middle + 1, last)
-        if self._report[CHANGED] == 0:
+        report: list[int] = self._report.tolist()
+        if report[CHANGED] == 0:
             return Cut()
-        self._note(places)
-        return self._sum()
+        self._note(pages)
+        grain, straw, left = (self._masses[0] - self._masses[1]).tolist()
+        area = report[NEWLY_CUT] * (self.stems.library.tile_size / TILE_CELLS) ** 2
+        return Cut(grain, straw, report[CROP_STEMS], area, left)
 
-    def _run(self, code: int) -> list[Key] | None:
-        """Launch until all pages are there. The pages of the polygon, None when there are too many."""
+    def _run(self, code: int) -> list[list[int]] | None:
+        """Launch until all pages are there. The polygon's pages as the kernel has them, None: too many."""
         report, store = self._report, self.store
         while True:
             report[CHANGED] = 0
             self._refresh()
             self._launch.launch()
-            status, count = int(report[STATUS]), int(report[PAGE_COUNT])
+            status, count, *_ = report.tolist()
             if status == 3:
                 return None
-            places: list[Key] = [(i, j) for i, j in self._pages[:count, :2].tolist()]
-            keys = sorted(places, key=lambda key: key[::-1])
+            pages: list[list[int]] = self._pages[:count].tolist()
+            keys = [(i, j) for j, i in sorted([(j, i) for i, j, _, _ in pages])]
             store.need(keys)
             if status == 0:
-                return places
+                return pages
             for key in keys:
                 slot = store.keys[key]
                 if -1 - int(store.pages.cut_slot[slot]) > code:
                     store.open_cut(slot)
 
-    def _note(self, places: list[Key]) -> None:
+    def _note(self, pages: list[list[int]]) -> None:
         """Book-keeping after codes changed."""
         store = self.store
         store.pages.revision += 1
-        touched = self._tiles[: len(places)].max(axis=1).tolist()
-        lower = self._pages[: len(places), 2].tolist()
-        store.recut.update(key for key, is_cut in zip(places, touched, strict=True) if is_cut)
-        for key, is_lower in zip(places, lower, strict=True):
+        for i, j, is_lower, is_cut in pages:
+            if is_cut:
+                store.recut.add((i, j))
             if is_lower:
-                store.try_collapse(store.keys[key])
-
-    def _sum(self) -> Cut:
-        """The masses of the last launch."""
-        grain, straw, left = (self._masses[0] - self._masses[1]).tolist()
-        area = int(self._report[NEWLY_CUT]) * (self.stems.library.tile_size / TILE_CELLS) ** 2
-        return Cut(grain, straw, int(self._report[CROP_STEMS]), area, left)
+                store.try_collapse(store.keys[i, j])
 
     def _refresh(self) -> None:
         """The launch with the pools as they are now."""

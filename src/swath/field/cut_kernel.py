@@ -211,6 +211,7 @@ def list_pages(
                 pages[last, 0] = i
                 pages[last, 1] = j
                 pages[last, 2] = 0
+                pages[last, 3] = 0
                 for t in range(64):
                     tiles[last, t] = wp.uint8(0)
             slot = slot_at(land, i, j)
@@ -242,8 +243,9 @@ def cut_cells(
 
     edges, spans: memory for as many corners and ROWS_KEPT rows
     ask: number of corners, first row, last row, code; masses: grain and straw taken of all stems on changed
-    cells and grain left [kg], and what of it earlier cuts took; pages: (PAGES_MAX, 3) i, j, 1 = some tile of
-    it got lower; tiles: (PAGES_MAX, 64) 1 = some cell of it changed, 2 = it got lower too; report: see above
+    cells and grain left [kg], and what of it earlier cuts took; pages: (PAGES_MAX, 4) i, j, 1 = some tile of
+    it got lower, 1 = some cell of it changed; tiles: (PAGES_MAX, 64) 1 = some cell of it changed, 2 = it got
+    lower too; report: see above
     """
     find_edges(polygon, ask[0], edges)
     if not list_pages(land, edges, spans, ask, pages, tiles, report):
@@ -317,6 +319,7 @@ def cut_cells(
                 changed += count
                 if count > 0:
                     tiles[last, number] = wp.uint8(1)
+                    pages[last, 3] = 1
             c = after
     for n in range(report[PAGE_COUNT]):
         slot = slot_at(land, pages[n, 0], pages[n, 1])

@@ -23,7 +23,7 @@ from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import Change, KeptPages, Key, PageStore
 from swath.field.recount import recount_pages
-from swath.field.straw import spread, write_depth
+from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
 from swath.field.weeds import weed_crop
@@ -71,6 +71,7 @@ class Field:
         finish = partial(_finish, library=library, sway=self._sway, depth_per_kg=self._depth_per_kg)
         self.store = PageStore(self.maker.make, finish, tile_size=library.tile_size, limit=page_limit)
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
+        self._straw = StrawLayer(self.store, self._depth_per_kg)
         self.grain = GrainPiles()
         self._begun: dict[str, Any] | None = None  # what the start is, where it is not the untouched field
         self._begun_grain = 0.0
@@ -206,11 +207,11 @@ class Field:
         """
         if not 0.0 <= mass_kg < np.inf:
             raise InputError("mass_kg", mass_kg, "expected >= 0")
-        points = check_polygon(polygon)
-        _check_near(points[:, 0], points[:, 1])
-        heading = None if heading is None else heading - self.stand_yaw
-        corners = np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.node
-        spread(self.store, corners, mass_kg, heading, self._depth_per_kg)
+        points, (c, s), node = corners_of(polygon), self._turn, self.maker.node
+        for x, y in points:
+            _check_place(x, y)
+        corners = [((c * x + s * y) / node, (c * y - s * x) / node) for x, y in points]
+        self._straw.lay(corners, mass_kg, None if heading is None else heading - self.stand_yaw)
 
     def deposit_grain(self, x: float, y: float, mass_kg: float) -> None:
         """Lay grain [kg] on the ground at a world point [m]. It is counted; rays do not meet it."""

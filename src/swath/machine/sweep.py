@@ -14,7 +14,9 @@ Corners = list[Corner]
 
 def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Corners:
     """World xy of a line across the machine: left end, right end [m]."""
-    return [[*pose.point(x, left_y, 0.0)[:2]], [*pose.point(x, right_y, 0.0)[:2]]]
+    (px, py, _), ((a, b, _), (d, e, _), _) = pose.numbers
+    ahead_x, ahead_y = a * x, d * x
+    return [[ahead_x + b * y + px, ahead_y + e * y + py] for y in (left_y, right_y)]
 
 
 class LinePath(KeepsState):

@@ -2,7 +2,7 @@
 
 import warnings
 from functools import cache
-from math import isfinite
+from math import frexp, isfinite, ldexp
 from typing import Any, Unpack
 
 import numpy as np
@@ -208,7 +208,10 @@ def _pitch_ratio(d: F64) -> float:
     row, column = d[len(d) // 2], d[:, d.shape[1] // 2]
     steps = [np.linalg.norm(np.diff(line, axis=0), axis=-1) for line in (column, row)]
     high, wide = (float(np.median(s)) for s in steps)
-    return float(2.0 ** np.clip(np.round(np.log2(high / wide)), -16, 16)) if min(high, wide) > 0.0 else 1.0
+    if min(high, wide) <= 0.0:
+        return 1.0
+    share, power = frexp(high / wide)  # share: 0.5 to 1
+    return ldexp(1.0, min(max(power if share * share > 0.5 else power - 1, -16), 16))
 
 
 @cache

@@ -370,9 +370,12 @@ struct Crop : Tiles {
           u = close ? F{} : u; v = close ? F{} : v; hu = close ? F{} : hu; hv = close ? F{} : hv;
           broad = close ? put(FAR) : broad; inv = close ? F{} : inv;
         }
-        keep_ints(kept.prim + to, loadi(index.primitive.data + i), bits(keep));
+        const F pieces[FIELDS] = {u, v, hu, hv, broad, near, inv, as_float(loadi(index.primitive.data + i))};
+        float* const places[FIELDS] = {kept.u + to, kept.v + to, kept.hu + to, kept.hv + to,
+                                  kept.wide + to, kept.near + to, kept.inv + to, (float*)kept.prim + to};
+        keep_some(pieces, places, bits(keep));
         storei(kept.image + to, puti(run.kx * 65536 + run.ky));
-        to = add_pieces(to, bits(keep), u, v, hu, hv, broad, near, inv);
+        to += count(keep);
         if (to <= KEPT - N) continue;
         waiting = to;
         flush();
@@ -382,17 +385,6 @@ struct Crop : Tiles {
     runs = 0;
     waiting = to;
   }
-  HOT int add_pieces(int to, unsigned found, F u, F v, F hu, F hv, F wide, F near, F inv) {
-    keep_some(kept.u + to, u, found);
-    keep_some(kept.v + to, v, found);
-    keep_some(kept.hu + to, hu, found);
-    keep_some(kept.hv + to, hv, found);
-    keep_some(kept.wide + to, wide, found);
-    keep_some(kept.near + to, near, found);
-    keep_some(kept.inv + to, inv, found);
-    return to + __builtin_popcount(found);
-  }
-
   // The pieces that wait: which vectors lie beside them, which lanes of these they may touch; what is left is tested
   void flush() {
 #pragma clang fp contract(fast)
