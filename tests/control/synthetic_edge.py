@@ -16,6 +16,7 @@ from swath.signals import Scan
 
 EAR, EAR_LENGTH, STEM = 0.012, 0.09, 0.0035
 MOUNT_HEIGHT, MOUNT_AHEAD = 2.4, 8.0
+RELIEF = 0.6  # m that rolling ground lies higher or lower than below the machine, where it is seen
 _Z = np.linspace(-5.0, 5.0, 501)
 NORMAL = _Z, np.array([0.5 * (1.0 + erf(z / np.sqrt(2.0))) for z in _Z])
 
@@ -42,7 +43,8 @@ class Stand:
     """inside(x, y) -> signed distance [m] to the edge, > 0 in the crop; gaps: no crop from x to x [m].
 
     lean: standard deviation of the stems' lean across the edge, aside per height: feet end at the edge, of
-    what stands at a height z only the part Phi(distance / (lean z)) is there
+    what stands at a height z only the part Phi(distance / (lean z)) is there; tilt: mean lean into the crop
+    ground(x) -> height of the ground [m], on which the machine stands with its slope
     """
 
     inside: object
@@ -54,6 +56,8 @@ class Stand:
     soil: float = 0.012
     gaps: tuple = ()
     lean: float = 0.0
+    tilt: float = 0.0
+    ground: object = None
 
 
 @dataclass
@@ -78,7 +82,10 @@ class Scanner:
     def scan(self, t, pose, rng, roll=0.0, pitch=0.0):
         """Scan stamped t [ns] from the machine pose (x, y, yaw) [m, m, rad]."""
         s = self.stand
-        machine = Pose.from_euler([pose[0], pose[1], 0.0], roll=roll, pitch=pitch, yaw=pose[2])
+        ground = s.ground or np.zeros_like
+        below, ahead = (float(ground(np.array(pose[0] + dx * np.cos(pose[2])))) for dx in (0.0, 0.1))
+        pitch -= np.arctan2(ahead - below, 0.1)
+        machine = Pose.from_euler([pose[0], pose[1], below], roll=roll, pitch=pitch, yaw=pose[2])
         origin = machine.apply(self.mounting.position)
         a = self.azimuth
         beams = np.stack([np.cos(a), np.sin(a), np.zeros_like(a)], axis=-1)
@@ -86,10 +93,13 @@ class Scanner:
         down = np.minimum(directions[:, 2], -1e-3)
         top = 1.3 if s.tip > 0.3 else 0.5
         level = np.linspace(top, 0.0, 120)
+        if s.ground is not None:
+            level = below + np.linspace(top + RELIEF, -RELIEF, 240)
         length = (level[None, :] - origin[2]) / down[:, None]
         x = origin[0] + length * directions[:, 0:1]
         y = origin[1] + length * directions[:, 1:2]
-        depth = s.inside(x, y)
+        level = level[None, :] - ground(x)  # from here on above the ground
+        depth = s.inside(x, y) - s.tilt * level
         for start, stop in s.gaps:
             depth = np.where((x > start) & (x < stop), -1.0, depth)
         share = np.clip(depth / s.spot + 0.5, 0.0, 1.0) if s.spot > 0 else (depth > 0).astype(float)
@@ -102,12 +112,14 @@ class Scanner:
         optical = np.concatenate([np.zeros((len(a), 1)), np.cumsum(hazard[:, 1:] * path, axis=1)], axis=1)
         drawn = rng.exponential(size=len(a))
         hit = (optical < drawn[:, None]).sum(axis=1)
-        stopped = hit < len(level)
-        hit = np.minimum(hit, len(level) - 1)
-        rows = np.arange(len(a))
+        rows, last = np.arange(len(a)), level.shape[1] - 1
+        lands = np.minimum((level > 0.0).sum(axis=1), last)
+        stopped = hit < (last + 1 if s.ground is None else lands)
+        hit = np.minimum(hit, last)
         within = rng.uniform(size=len(a))
         ranges = length[rows, hit] - within * (length[rows, hit] - length[rows, np.maximum(hit - 1, 0)])
-        ground = (s.soil * rng.standard_normal(len(a)) - origin[2]) / down
-        ranges = np.where(stopped, ranges, ground) + self.noise * rng.standard_normal(len(a))
+        away = -origin[2] / down if s.ground is None else length[rows, lands]
+        away = away + s.soil * rng.standard_normal(len(a)) / down
+        ranges = np.where(stopped, ranges, away) + self.noise * rng.standard_normal(len(a))
         ranges = np.where((ranges > 0.2) & (ranges < 60.0), ranges, np.nan).astype(np.float32)[:, None]
         return Scan(t, np.linspace(-self.sweep, 0, len(a)), a, np.zeros_like(a), ranges, np.ones_like(ranges))

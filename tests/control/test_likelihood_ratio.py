@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from swath.control.edge.arc_track import Arc, ArcTrack
 from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LOWEST
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
@@ -44,7 +45,8 @@ def drive(
         pose[0] += speed * 0.04 * np.cos(pose[2])
         pose[1] += speed * 0.04 * np.sin(pose[2])
         scan = scanner.scan((k + 1) * PERIOD, pose, rng)
-        inputs = {"scan": scan, "odometry": Odometry(0, speed, yaw_rate, 0.0)}
+        steering = float(np.arctan(3.9 * yaw_rate / speed))
+        inputs = {"scan": scan, "odometry": Odometry(0, speed, yaw_rate, steering)}
         edge = level.step(k * PERIOD, PERIOD, inputs)["edge"]
         edges.append(edge)
         errors.append(edge.offset - course.seen_from(pose, edge.reference_x)[0])
@@ -98,6 +100,15 @@ def test_a_gap_is_held_and_the_end_of_the_crop_is_told():
     assert 14.5 < last * SPEED * 0.04 + edges[last].reference_x < 23.0
 
 
+def test_the_far_wall_of_a_long_hole_is_not_the_edge():
+    """2.2 m further in, within reach of the search at the start."""
+    hole = lambda x, y: 6.0 - y - np.where(x > 16.0, 2.2, 0.0)  # noqa: E731
+    edges, error = drive(inside=hole, metres=26.0)
+    assert edges[75].is_found
+    assert not edges[-1].is_found
+    assert np.nanmax(np.abs(error[75:])) < 0.3
+
+
 @pytest.mark.parametrize(
     ("made", "most"),
     [({}, 1.0), ({"usual": 0.85}, 0.2), ({"usual": 0.5}, 1.0), ({"usual": 0.85, "upright_m": 0.5}, 1.0)],
@@ -105,6 +116,28 @@ def test_a_gap_is_held_and_the_end_of_the_crop_is_told():
 def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
     edges, _ = drive(stand={"tip": 0.6}, metres=10.0, **made)
     assert 0.5 * most < edges[-1].confidence <= most
+
+
+@pytest.mark.parametrize("tilt", [0.23, 0.3, 0.6])
+def test_the_feet_of_a_stand_that_leans_in_are_found(tilt):
+    """Its middle height is 10 to 25 cm further in than its feet."""
+    edges, error = drive(stand={"tilt": tilt, "lean": 0.1}, metres=20.0)
+    assert np.abs(error[150:]).max() < 0.10
+    assert all(abs(e) < 2.5 * edge.offset_sd for e, edge in zip(error[150:], edges[150:], strict=True))
+
+
+def test_what_may_lie_aside_turns_no_track():
+    """Lodged tops, 0.3 m off all along: not an edge that goes inward."""
+    track = ArcTrack()
+    track.begin(Arc(0.0, 0.0, 0.0, 0.0))
+    for _ in range(20):
+        track.advance(0.4)
+        track.accept(0.0, 0.02**2)
+    for lodged in range(1, 20):
+        track.advance(0.4)
+        track.accept(0.3 - track.arc.u, lodged * 0.8**2, turns=False)
+    assert abs(track.arc.angle) < 0.02
+    assert abs(track.arc.u) < 0.15
 
 
 @pytest.mark.parametrize(("then", "level"), [(1.7, 0.1), (-1.7, -1.7)])

@@ -32,6 +32,22 @@ def test_bend_of_40_m_radius():
     assert m["mass_balance_error"] < 1e-9
 
 
+@pytest.mark.parametrize(("side", "angle"), [("left", 40), ("right", -40)])
+def test_bend_past_a_gap_over_rolling_ground(side, angle):
+    """Where the ground ahead begins to rise the crop seems lower: it is not lodged, the line bends."""
+    crop, azimuth = ("right", 30) if side == "left" else ("left", 150)
+    m = judged(
+        "bend", "seed=3", "run.distance_m=64", f"combine.edge_side={side}",
+        "field.edge={shape: curve, run_in_m: 45, radius_m: 60,"
+        f" angle_deg: {angle}, crop_side: {crop},"
+        " gaps: [{start_m: 28, end_m: 30.5, depth_m: 0.8, stubble_height_m: 0.15}]}",
+        "field.terrain.slope_percent=2",
+        f"field.terrain.waves=[{{amplitude_m: 0.12, wavelength_m: 25, azimuth_deg: {azimuth}}}]",
+    )  # fmt: skip
+    assert m["lateral_p95_m"] <= 0.15
+    assert m["edge_lost_count"] == 0
+
+
 @pytest.mark.parametrize("level", ["kinematic", "single_track"])
 def test_right_header_end_and_every_motion_level(level):
     m = judged(

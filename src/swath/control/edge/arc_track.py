@@ -55,12 +55,14 @@ class Arc:
         unseen = self.unseen + max(way, 0.0)
         return Arc(float(x), float(u), float(angle), self.bend, covariance, self.way + way, unseen)
 
-    def corrected(self, beside: float, variance: float) -> "Arc":
-        """After an edge was found `beside` it [m], with a variance [m2]."""
+    def corrected(self, beside: float, variance: float, *, turns: bool = True) -> "Arc":
+        """After an edge was found `beside` it [m], with a variance [m2]. turns: of angle and bend, too."""
         p = self.covariance
         total = float(p[0, 0]) + variance
         limit = CLIP * float(np.sqrt(total))
         gain = p[:, 0] / total
+        if not turns:
+            gain[1:] = 0.0
         move = gain * min(max(beside, -limit), limit)
         left = _ONE.copy()
         left[:, 0] -= gain
@@ -95,10 +97,10 @@ class ArcTrack(KeepsState):
         self.clear()
         self.arc = arc
 
-    def accept(self, beside: float, variance: float) -> None:
-        """A block shows the edge `beside` the arc [m]."""
+    def accept(self, beside: float, variance: float, *, turns: bool = True) -> None:
+        """A block shows the edge `beside` the arc [m]. turns: and where it goes."""
         assert self.arc is not None
-        self.arc = self.arc.corrected(beside, variance)
+        self.arc = self.arc.corrected(beside, variance, turns=turns)
         self._past.append(self.arc)
 
     def advance(self, way: float) -> None:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, replace
+from math import tan
 
 import numpy as np
 
@@ -28,6 +29,7 @@ TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this s
 RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
 SUNKEN = 0.25  # of the crop's height
 MAT = 0.3  # m inside the track: there crop that lies flat is looked for
+RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered; m, rad from it: another edge
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
@@ -51,7 +53,8 @@ class BlockTrack(KeepsState):
 
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
-        "_block", "_scans", "_is_lodged", "_is_broken", "_usual", "_levels", "_scatters",
+        "_block", "_scans", "_is_lodged", "_lodged_blocks", "_is_broken", "_usual", "_levels", "_scatters",
+        "_lost", "_rise",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -66,11 +69,13 @@ class BlockTrack(KeepsState):
             part.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter, self._is_lodged = HEIGHT, 0.0, 0.0, False
-        self.blank, self.followed = 0.0, 0
+        self.blank, self.followed, self._lodged_blocks = 0.0, 0, 0
         self._is_broken = False  # the last blocks showed no standing edge near the track
         self._usual = float("nan")  # height of the first metre of crop
         self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
+        self._rise = 0.0  # of the ground from where the crop is seen to where the stubble is [m]
         self._scatters: deque[tuple[float, float]] = deque(maxlen=KEPT)  # (way, scatter before its block)
+        self._lost: tuple[Arc, float] | None = None  # the track before, and how far back it was lost [m]
 
     def add(
         self,
@@ -79,16 +84,21 @@ class BlockTrack(KeepsState):
         frame: EdgeFrame,
         at: tuple[float, float, float],
         level: float,
+        rise: float = 0.0,
     ) -> None:
         """The rays of a scan in the edge's frame, as the machine sees it from `at` x, u [m], heading [rad].
 
-        level: of the stubble's plane at the edge [m]
+        level: of the stubble's plane at the edge [m]; rise: of the ground from where the crop is seen to
+        where the stubble is, further ahead, over which heights are counted [m]
         """
         self._block.add(rays, travel)
         self._scans.append(rays)
+        if self._lost is not None:
+            self._lost = self._lost[0], self._lost[1] + travel
         if self._block.travel < BLOCK:
             return
         self._levels.append(level)
+        self._rise = rise
         if self.track.arc is None:
             is_done = self._begin(frame, at) or self._block.travel >= LONGEST
         else:
@@ -103,6 +113,9 @@ class BlockTrack(KeepsState):
         is_edge = gain > BEGIN_GAIN and overlap_of(crop, stubble) < MOST_ALIKE
         if not (is_edge and crop_excess(crop, stubble) > MORE_CROP):
             return False
+        if self._is_another(frame, place, at):
+            return False
+        self._lost = None
         self.populations.begin(*self._block.sides(place))
         self.height = self._crop_height()
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
@@ -111,6 +124,14 @@ class BlockTrack(KeepsState):
         self.followed = 0
         self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2], 0.0))
         return True
+
+    def _is_another(self, frame: EdgeFrame, place: float, at: tuple[float, float, float]) -> bool:
+        """An edge that lies beside the line just lost is not that edge, but the far wall of a hole."""
+        if self._lost is None or self._lost[1] > RELIC_M:
+            return False
+        old = self._lost[0].frame(*at)
+        beside = frame.u + place - old.u - (frame.x + self._block.along - old.x) * tan(old.angle)
+        return abs(old.angle) < TURNED and abs(beside) > ELSEWHERE
 
     def _go_on(self, arc: Arc, heading: float) -> bool:
         """A block is full: where is its edge? False when it needs more rays."""
@@ -167,7 +188,9 @@ class BlockTrack(KeepsState):
             self._take_back()
         self.track.advance(along)
         self.agreed *= 0.8
-        if self.track.arc is not None and self.track.arc.unseen > self._search.forget:
+        arc = self.track.arc
+        if arc is not None and arc.unseen > self._search.forget:
+            self._lost = arc, 0.0
             self.track.clear()
 
     def _take_back(self) -> None:
@@ -186,7 +209,8 @@ class BlockTrack(KeepsState):
         """
         usual, stopped = self._usual, self.populations.heights()[2]
         is_uneven = max(self._levels) - min(self._levels) > UNEVEN
-        if not usual > TALL or stopped < 0.8 or abs(angle) > 3.0 * OBLIQUE or is_uneven:
+        is_doubtful = is_uneven or (stopped < 0.8 and not self._is_lodged)
+        if not usual > TALL or is_doubtful or abs(angle) > 3.0 * OBLIQUE:
             return 0.0
         now = self._first_metre(found)
         if np.isnan(now) and self.populations.has_mat(self._block.just_inside(MAT)):
@@ -202,7 +226,7 @@ class BlockTrack(KeepsState):
         return is_dense and middle_of(inner) - middle_of(near) > SUNKEN * self.height
 
     def _first_metre(self, found: Found) -> float:
-        return self.populations.height_of(self._block.just_inside(found.beside))
+        return self.populations.height_of(self._block.just_inside(found.beside)) + self._rise
 
     def _remember_height(self, found: Found) -> None:
         now = self._first_metre(found)
@@ -213,12 +237,15 @@ class BlockTrack(KeepsState):
         """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
         if not self._is_lodged:
             self._take_back()
+            self._lodged_blocks = 0
         self._is_lodged = self._is_broken = True
         self.track.advance(along)
         assert self.track.arc is not None
         unseen, doubt = self.track.arc.unseen, (DOUBT * swing) ** 2
-        if found.gain >= LEAST_GAIN:
-            self.track.accept(found.beside, doubt + found.variance)
+        self._lodged_blocks += 1
+        is_flat = np.isnan(self._first_metre(found))  # what stands out there is the wall behind it
+        if found.gain >= LEAST_GAIN and not is_flat:  # the tops of all lie off alike: together worth one
+            self.track.accept(found.beside, self._lodged_blocks * doubt + found.variance, turns=False)
         arc = self.track.arc
         self.points.add(arc.x, arc.u, doubt, arc.way)
         crop, stubble = self._block.sides(0.0)

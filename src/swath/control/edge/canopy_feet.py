@@ -19,6 +19,10 @@ MEMORY, GUESS, PARTS = 30.0, 0.06, 3  # m; of the crop's height; parts of plants
 CLEAR, DUSTY, USUAL = 0.05, 0.12, 0.09  # shares of rays; in dust the overhang of cereals, of their height
 MOST = 0.19  # of the crop's height
 DENSE, THIN = 0.85, 0.6  # shares of rays stopped within the crop: overhang is seen, is not seen
+STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may be, and is, beyond doubt
+ROLL = 0.35  # slope of a ramp that upright plants feign, per rise across the edge
+ACROSS, ALONG = 0.6, 0.03  # the same per rad at which rays go into the crop, from so many on: they soak in
+FINE, COARSE = 0.07, 5.0  # the same per m by which the rays of a scan lie farther apart than that
 EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usual overhang counts
 
 
@@ -61,7 +65,19 @@ class CanopyFeet(KeepsState):
         self._ramp.move(travel)
         if abs(angle) < OBLIQUE:
             self._ramp.add(counts, edge)
-        self.lean = self._ramp.foot(height)
+        feigned = ROLL * abs(scans[-1].rise) + ACROSS * max(scans[-1].across - ALONG, 0.0)
+        feigned += COARSE * max(_apart(scans[-1].upper - edge) - FINE, 0.0)
+        self.lean = self._ramp.foot(height, self._overhang(height), feigned)
+
+    @property
+    def leans_in(self) -> float:
+        """How sure the crop is to lean away from the edge by more than ragged edges and wind feign, 0..1."""
+        return float(np.clip((self.lean[2] - STEEP) / (STEEPER - STEEP), 0.0, 1.0))
+
+    def _overhang(self, height: float) -> float:
+        """Learned overhang of an upright canopy [m]."""
+        most = MOST if self._ramp.is_known else USUAL
+        return min(self._offset.shift(height), most * height)
 
     def shift(self, height: float, stopped: float, spread: float, dust: float) -> float:
         """The feet behind the edge of the canopy [m].
@@ -74,10 +90,15 @@ class CanopyFeet(KeepsState):
         dense = min(max((stopped - THIN) / (DENSE - THIN), 0.0), 1.0)
         seen = min(max((DUSTY - dust) / (DUSTY - CLEAR), 0.0), 1.0)
         dense = max(dense, 1.0 - seen)  # in dust it is not seen how dense the crop is
-        most = MOST if self._ramp.is_known else USUAL
-        learned = min(self._offset.shift(height), most * height)
+        learned = self._overhang(height)
         upright = dense * (seen * learned + (1.0 - seen) * USUAL * height)
         share, foot, _ = self.lean
         even = min(max((RAGGED - spread) / (RAGGED - EVEN), 0.0), 1.0)
         upright = even * upright + (1.0 - even) * dense * USUAL * height
         return (1.0 - share) * upright + share * seen * foot
+
+
+def _apart(places: F64) -> float:
+    """Distance of neighbouring rays where they reach the canopy, within 1 m of the edge [m]; places (n,)."""
+    near = np.sort(places[np.abs(places) < 1.0])
+    return float(np.median(np.diff(near))) if len(near) > 2 else np.inf

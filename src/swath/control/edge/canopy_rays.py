@@ -7,7 +7,7 @@ compiled code (`canopy_kernel`).
 """
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import atan2, cos, sin
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ class RayAnswers:
     along the edge ahead of the frame's origin of `close` rays near it [m]
     height: of the echo above the stubble side [m], nan = none; upper, lower: beside the edge at the crop's
     top and at the lower limit [m]; of every ray that falls, (n,)
+    rise: of upright plants toward the crop, by which places were moved to the feet, per height [1]
+    across: angle at which the rays to the edge cross it, > 0 into the crop [rad]
     """
 
     cells: NDArray[np.int64]
@@ -50,6 +52,8 @@ class RayAnswers:
     height: F64
     upper: F64
     lower: F64
+    rise: float = 0.0
+    across: float = 0.0
 
 
 class Ground(KeepsState):
@@ -124,6 +128,7 @@ class CanopyRays(KeepsState):
         self._beams: tuple[Any, ...] = ()
         self._good: Any = None
         self._count, self._room = 0, -1
+        self._across = 0.0
 
     def clear(self) -> None:
         """All beams count."""
@@ -163,6 +168,8 @@ class CanopyRays(KeepsState):
         turning = self._sign, *self._mounting.position.tolist()
         self._way.write(self._count, speed, yaw_rate, *turning, *arc, low, high, *plane)
         self._trace()
+        x, y, _ = self._mounting.position.tolist()
+        self._across = atan2(frame.u - self._sign * y, frame.x - x) - frame.angle
         falling, beside, close = self._counts.tolist()
         self._falling = falling
         level, slope = self._plane.tolist()
@@ -179,7 +186,8 @@ class CanopyRays(KeepsState):
         self._answer()
         counted, close, _ = self._counts.tolist()
         height, upper, lower = (column[:n].copy() for column in self._columns)
-        return RayAnswers(self._cells[:counted].copy(), float(self._along[0]), close, height, upper, lower)
+        cells, along = self._cells[:counted].copy(), float(self._along[0])
+        return RayAnswers(cells, along, close, height, upper, lower, rise[1], self._across)
 
     def _point(self, scan: Scan) -> None:
         """Directions in the machine frame and times of the beams, where they are not those before."""

@@ -36,9 +36,11 @@ RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bit
 DUSTY, CLEAR, THICK = 0.12, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 RAMP = 0.25  # of the way from a ramp to its feet
+HALF_RAMP = 0.04  # m, where a lean may be one or not
 UNSURE = 0.45  # greatest confidence of an edge that is held, not seen
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
+ROLLS = 0.15  # m of rise: short waves, of which the beams see more, say little of what is nearer
 OLD, LATE = 0.15, 0.4  # s: age of the newest scan from which on an edge is less sure, and is none
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
 
@@ -85,7 +87,10 @@ class LikelihoodRatio(KeepsState):
         self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
         self._line = LineFit(self._reference)
         ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])
-        self._early = 0.5 * (1.0 - LIMIT) * min(abs(ahead) / max(abs(up), 0.1), FLATTEST)
+        flat = min(abs(ahead) / max(abs(up), 0.1), FLATTEST)
+        self._early = 0.5 * (1.0 - LIMIT) * flat
+        x, _, z = setup.mounting.position.tolist()
+        self._flat, self._stubble_x = flat, float(x + flat * z)
         self._inclination = Inclination(setup.mountings.get("inertial"))
         self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._forget()
@@ -141,7 +146,16 @@ class LikelihoodRatio(KeepsState):
             frame = arc.frame(*self._at)
         self._rays.take(scan, (speed, yaw_rate), frame, self._ground, low, high)
         rays = self._rays.answers(self._ground, self._blocks.height, self._rise())
-        self._blocks.add(rays, abs(speed) * seconds, frame, self._at, self._ground.level)
+        self._blocks.add(rays, abs(speed) * seconds, frame, self._at, self._ground.level, self._rolls())
+
+    def _rolls(self) -> float:
+        """Rise of the ground from where the middle beam meets the crop to where it meets the stubble [m].
+
+        As if it curved evenly from below the machine to there: z = level (x / x of the stubble)^2.
+        """
+        nearer = self._flat * self._blocks.height / max(self._stubble_x, 1.0)
+        rise: float = self._ground.level * (1.0 - max(1.0 - nearer, 0.0) ** 2)
+        return min(max(rise, -ROLLS), ROLLS)
 
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
         age = (now - self._time) / NS
@@ -169,9 +183,10 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         feet = self._blocks.feet
         shift = feet.shift(crop, stopped, line.spread, dust)
-        hang, hang_sd = self._overhang.of(crop, stopped, feet.lean[0])
+        hang, hang_sd = self._overhang.of(crop, stopped, feet.leans_in)
         ragged = sqrt(max(0.0, self._blocks.scatter - EVEN**2))
-        known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), BENT * edge.bend, FLOOR)
+        half = HALF_RAMP * 4.0 * feet.lean[0] * (1.0 - feet.lean[0])
+        known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), half, BENT * edge.bend, FLOOR)
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
         known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
