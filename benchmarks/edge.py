@@ -1,15 +1,20 @@
 """Closed loops over crops, densities, slopes and bends: how well the edge is found and followed.
 
-    python benchmarks/edge.py [--table runs|crops|dust|wind|terrain|rows] [--metres 60] [--workers 2]
+    python benchmarks/edge.py [--table runs|crops|dust|wind|terrain|dem|rows] [--metres 60] [--workers 2]
         [--set KEY=VALUE ...]
 
-Prints a Markdown table [cm]: `runs`, `dust` and `terrain` of docs/control.md, `crops` and `wind` of
-docs/crops.md, `rows` of docs/decisions/0002-tiles.md. Wind: the mean of three seeds, terrain and rows of
-two.
+Prints a Markdown table [cm]: `runs`, `dust`, `terrain` and `dem` of docs/control.md, `crops` and `wind` of
+docs/crops.md, `rows` of docs/decisions/0002-tiles.md. Wind: the mean of three seeds, terrain, dem and rows of
+two. `dem`: measured heights of SWATH_DATA where they are steepest, as they are and 1.6 times as high.
 """
 
 import argparse
+import cmath
+import math
+import os
+import tempfile
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
@@ -90,6 +95,10 @@ TERRAIN: dict[str, str] = {
     "10 % uphill": SLOPING.format(10, 0),
     "10 % downhill": SLOPING.format(-10, 0),
 }
+MEASURED = Path("wheat_combine_logs_msu", "si", "farmerI_henrys_terrain_4m_utm12n.tif")
+STEEPEST = (334.0, 830.0)  # in it, from its middle [m]: 5.3 % up to the south over 60 m, 6.9 % at most
+STEEPER = 1.6  # slopes of 8.5 % over 60 m, 11 % at most
+HEADINGS = {"crop above": 0, "crop below": 180, "uphill": -90, "downhill": 90}  # the crop is on the right
 ROWS = (0, 20, 90)  # of the rows, and so of the tiles, against the edge [deg]
 THIN = (60, 200, 500)  # [1/m2]
 WIND_KEYS = ("speed_m_s", "azimuth_deg", "steady_deg")
@@ -106,6 +115,31 @@ def judge(case: Case) -> dict[str, float]:
     evaluation = make_evaluation(world)
     drive(world, [evaluation])
     return {**evaluation.metrics("combine"), **evaluation.metrics("field")}
+
+
+def measured_slopes(folder: Path, metres: float) -> dict[str, list[Case]]:
+    """Straight edges through the steepest place of the measured heights.
+
+    folder: where the steeper map is written
+    """
+    import rasterio
+
+    source = Path(os.environ["SWATH_DATA"], MEASURED)
+    steeper = folder / "steeper.tif"
+    with rasterio.open(source) as map_:
+        values, profile = map_.read(1, masked=True).filled(float("nan")), map_.profile
+    with rasterio.open(steeper, "w", **{**profile, "nodata": float("nan")}) as map_:
+        map_.write(STEEPER * values, 1)
+    cases = {}
+    for name, file in (("measured", source), (f"{STEEPER:g} times as high", steeper)):
+        for way, heading in HEADINGS.items():
+            start = complex(*STEEPEST) - cmath.rect(0.5 * metres, math.radians(heading))
+            place = f"x_m: {start.real:.1f}, y_m: {start.imag:.1f}, heading_deg: {heading}"
+            sets = (f"field.terrain={{level: dem, file: {file}}}", f"field.edge={{shape: straight, {place}}}")
+            cases[f"{name}, {way}"] = [
+                ("straight", (f"run.distance_m={metres:g}", *sets, f"seed={seed}")) for seed in TWO_SEEDS
+            ]
+    return cases
 
 
 def cases_of(table: str, metres: float) -> dict[str, list[Case]]:
@@ -132,6 +166,8 @@ def cases_of(table: str, metres: float) -> dict[str, list[Case]]:
             for run, sets in short.items()
             for name, ground in TERRAIN.items()
         }
+    if table == "dem":
+        return measured_slopes(Path(tempfile.mkdtemp()), metres)
     if table == "rows":
         stand = "field.stand.stems_per_m2={}", "field.stand.row_azimuth_deg={}"
         return {
@@ -160,13 +196,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    tables = ("runs", "crops", "dust", "wind", "terrain", "rows")
+    tables = ("runs", "crops", "dust", "wind", "terrain", "dem", "rows")
     parser.add_argument("--table", choices=tables, default="runs")
     parser.add_argument("--metres", type=float, default=60.0, help="length of the straight runs")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE")
     args = parser.parse_args()
-    columns = {"runs": COLUMNS, "terrain": SHORT | COLUMNS}.get(args.table, SHORT)
+    columns = {"runs": COLUMNS, "terrain": SHORT | COLUMNS, "dem": SHORT | COLUMNS}.get(args.table, SHORT)
     rows = cases_of(args.table, args.metres)
     runs = [(run, (*sets, *args.sets)) for row in rows.values() for run, sets in row]
     print(f"| | {' | '.join(columns)} |\n|---{'|---' * len(columns)}|")

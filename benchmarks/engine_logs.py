@@ -9,6 +9,11 @@ compares as the page says for the forage harvester: every other stretch, the loa
 correlates what the sheet leaves over of a machine's load with what it leaves over of the others within 30 m,
 on the same field the same day: what the machines share is the crop's or the ground's, not theirs. CSV with
 columns `machine`, `e_m`, `n_m`.
+
+    python -m benchmarks.engine_logs lexion-700 CSV --regression
+
+predicts each machine's load by lines through what the log holds, fitted on the others: what no model of these
+quantities can be much better than. Moisture needs a column `moisture_pct`.
 """
 
 import sys
@@ -32,6 +37,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 LOAD_BINS = ((30, 50), (50, 65), (65, 75), (0, 75), (75, 85), (85, 92), (92, 97))  # percent
 FEWEST = 20  # records in a bin
+LAGS = range(-4, 11)  # of the flow, in records
 CHOPPED = Drive("constant", "hydrostat", whole_crop=True, load_over="largest", friction=0.12, flow_floor=15.0)
 
 
@@ -63,6 +69,41 @@ def neighbours(model: str, path: Path, reach: float) -> None:
         known = np.isfinite(mean)
         r = np.corrcoef(mean[known], left[mine][known])[0, 1]
         print(f"machine {name}: r {r:.2f} with the others within {reach:g} m, {known.mean():.0%} of records")
+
+
+def regression(path: Path) -> None:
+    """Print R2 of each machine's load, fitted on the others; in brackets fitted on itself."""
+    log, table = read_machine_log(path), read_table(path)
+    names = [str(v) for v in table.columns["machine"]]
+    moisture = np.asarray(list(table.columns["moisture_pct"]), float)[np.argsort(names, kind="stable")]
+    block, speed = np.cumsum(log.gap), log.speed
+
+    def later(values: Array, records: int) -> Array:
+        same = np.roll(block, records) == block
+        return np.where(same, np.roll(values, records), values)
+
+    flow = [later(np.nan_to_num(log.flow), k) for k in LAGS]
+    hill = [later(np.nan_to_num(log.grade) * speed, k) for k in (-2, 0, 2, 4)]
+    gain = [later(np.gradient(speed) * speed, k) for k in (-1, 0, 1, 2)]
+    wet = np.where(np.isfinite(moisture), moisture, np.nanmean(moisture))
+    sets = {
+        "flow": [np.nan_to_num(log.flow)],
+        "flow, 15 lags": flow,
+        "and slope, acceleration, speed": [*flow, *hill, *gain, speed],
+        "and moisture": [*flow, *hill, *gain, speed, wet],
+    }
+    used, load = usable(log), 100.0 * log.measured["engine_load"]
+    for name, columns in sets.items():
+        rows, cells = np.stack([np.ones(len(load)), *columns], axis=1), []
+        for k in range(len(log.machine_names)):
+            mine = used & (log.machine == k)
+            real, found = load[mine], []
+            for on in (used & ~mine, mine):
+                line = np.linalg.lstsq(rows[on], load[on], rcond=None)[0]
+                error = rows[mine] @ line - real
+                found.append(1.0 - float((error**2).sum() / ((real - real.mean()) ** 2).sum()))
+            cells.append("{:.2f} ({:.2f})".format(*found))
+        print(f"{name}: {', '.join(cells)}")
 
 
 def steady_speed(machine: MachineSheet, measured: Mapping[str, Array], drive: Drive) -> Array:
@@ -124,5 +165,7 @@ def by_flow(
 if __name__ == "__main__":
     if "--neighbours" in sys.argv:
         neighbours(sys.argv[1], Path(sys.argv[2]), float(sys.argv[4]))
+    elif "--regression" in sys.argv:
+        regression(Path(sys.argv[2]))
     else:
         main(sys.argv[1], Path(sys.argv[2]))

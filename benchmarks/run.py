@@ -18,6 +18,7 @@ import machine
 import rays
 import replay
 import ros2
+import watch
 
 BENCHMARKS = {
     "rays": rays.main,
@@ -30,6 +31,7 @@ BENCHMARKS = {
     "fmi": fmi.main,
     "branch": branch.main,
     "live": live.main,
+    "watch": watch.main,
     "ros2": ros2.main,
     "fmu_export": fmu_export.main,
 }

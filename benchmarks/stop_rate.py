@@ -29,8 +29,10 @@ RADAR = {"sensor": "radar-24ghz"}
 def sets_of(sensors: str, level: str) -> dict[str, Any]:
     if sensors == "lidar":
         return {}
-    objects = "radar" if sensors == "radar" else "joined"
-    return {"combine.radar": {"level": level, **RADAR}, "combine.objects.level": objects}
+    radar = {"combine.radar": {"level": level, **RADAR}}
+    if sensors == "radar":
+        return radar | {"combine.objects.level": "radar", "combine.lidar": "off"}
+    return radar | {"combine.objects.level": "joined"}
 
 
 def walk_of(seed: int) -> list[dict[str, Any]]:

@@ -100,7 +100,8 @@ class GridField:
 
     def standing_along(self, starts, step, count):
         middle = np.arange(count) + 0.5
-        return self.standing(starts[:, :1] + step[0] * middle, starts[:, 1:] + step[1] * middle)
+        x, y = np.array(starts).T[:, :, None]
+        return self.standing(x + step[0] * middle, y + step[1] * middle)
 
     boundary = None
 

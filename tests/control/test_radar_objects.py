@@ -27,7 +27,7 @@ def made(module, **params):
     return made
 
 
-def look(things, pose, speed, turn, t, more=()):
+def look(things, pose, speed, turn, t, more=(), rcs=-3.0):
     """Detections of things (x, y, vx, vy) over the ground, from a machine at x, y, yaw."""
     px, py, yaw = pose
     eye = Pose.from_euler([px, py, 0.0], yaw=yaw) @ AT
@@ -38,7 +38,7 @@ def look(things, pose, speed, turn, t, more=()):
         way = np.array([x, y]) - eye.position[:2]
         far = np.hypot(*way)
         rate = (np.array([vx, vy]) - velocity) @ way / far
-        rows.append([far, np.arctan2(way[1], way[0]) - yaw, NAN, rate, -3.0, 20.0, 0.1, 0.01, 0.05])
+        rows.append([far, np.arctan2(way[1], way[0]) - yaw, NAN, rate, rcs, 20.0, 0.1, 0.01, 0.05])
     return radar_targets_of(t, [*rows, *more])
 
 
@@ -104,6 +104,18 @@ def test_false_alarms_give_no_thing():
     assert counted == 0
     once = made(radar, confirm=1, fastest_m_s=50.0)
     assert len(drive(once, [], 400, alarms=alarms)[0].x) > 0
+
+
+def test_crop_that_throws_back_is_no_thing():
+    """What shows less than a person or a deer, look after look at one place; a radar that tells no cross
+    sections is taken at its word."""
+    for rcs, count in ((-21.0, 0), (-8.0, 1), (NAN, 1)):
+        part, found = made(radar), None
+        for k in range(1, 11):
+            targets = look([(12.0, 0.5, 0.0, 0.0)], (0.0, 0.0, 0.0), 0.0, 0.0, k * STEP, rcs=rcs)
+            inputs = {"targets": targets, "odometry": Odometry(k * STEP, 0.0, 0.0, 0.0)}
+            found = part.step((k - 1) * STEP, STEP, inputs)["objects"]
+        assert len(found.x) == count
 
 
 def test_scanner_and_radar_join():

@@ -6,31 +6,14 @@ import json
 import shutil
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
-
-@dataclass(frozen=True)
-class Kind:
-    """make: writes the files into a folder; read: reads them from there."""
-
-    make: Callable[[Path], Any]
-    read: Callable[[Path], Any]
-
-
-def _text(name: str, text: str) -> Callable[[Path], Any]:
-    return lambda folder: (folder / name).write_text(text)
-
-
-def _bundled(kind: str, name: str) -> Callable[[Path], Any]:
-    from swath.documents.data_sheets import find_sheet
-
-    return lambda folder: shutil.copy(find_sheet(kind, name), folder / "mine.yaml")
-
+from tests.fuzz.abroad_kinds import ABROAD
+from tests.fuzz.kind import Kind, bundled, written
 
 # ---- scenarios and data sheets
 
@@ -399,7 +382,7 @@ def _spread_table(folder: Path) -> None:
 def _read_spread_table(folder: Path) -> Any:
     from swath.sensing.tables import load_table
 
-    return load_table("t.npz", folder).cell(200.0, 1.0, 0.3, 0.1)
+    return load_table("t.npz", folder).standing.cell(200.0, 1.0, 0.3, 0.1)
 
 
 def _height_grid(folder: Path) -> None:
@@ -487,14 +470,14 @@ def _read_map(folder: Path) -> Any:
 
 SCENARIOS = ("straight", "two-combines", "look-ahead", "feed-rate")
 KINDS: dict[str, Kind] = {
-    **{f"scenario-{name}": Kind(_bundled("scenarios", name), _scenario) for name in SCENARIOS},
-    "sheet-machine": Kind(_bundled("machines", "lexion-700-class"), _machine),
-    "sheet-cart": Kind(_bundled("machines", "tractor-grain-cart"), _machine),
-    "sheet-lidar": Kind(_bundled("sensors", "sick-lms111"), _lidar),
-    "sheet-wheat": Kind(_bundled("crops", "wheat"), _crop),
-    "sheet-maize": Kind(_bundled("crops", "maize"), _crop),
+    **{f"scenario-{name}": Kind(bundled("scenarios", name), _scenario) for name in SCENARIOS},
+    "sheet-machine": Kind(bundled("machines", "lexion-700-class"), _machine),
+    "sheet-cart": Kind(bundled("machines", "tractor-grain-cart"), _machine),
+    "sheet-lidar": Kind(bundled("sensors", "sick-lms111"), _lidar),
+    "sheet-wheat": Kind(bundled("crops", "wheat"), _crop),
+    "sheet-maize": Kind(bundled("crops", "maize"), _crop),
     "migrate": Kind(_old_files, _migrated),
-    "columns": Kind(_text("map.yaml", COLUMN_MAP), _read_map),
+    "columns": Kind(written("map.yaml", COLUMN_MAP), _read_map),
     "log-csv": Kind(_log, _read_log),
     "log-import": Kind(_log, _import),
     "log-gz": Kind(_packed_log, _read_log),
@@ -502,9 +485,9 @@ KINDS: dict[str, Kind] = {
     "log-shapefile": Kind(_log_shapefile, _read_log),
     "isoxml": Kind(_task_data, _read_task_data),
     "isoxml-zip": Kind(_task_zip, _read_log),
-    "outline-geojson": Kind(_text("b.geojson", _features(POLYGON)), _outline),
+    "outline-geojson": Kind(written("b.geojson", _features(POLYGON)), _outline),
     "outline-shapefile": Kind(_outline_shapefile, _outline),
-    "lines-geojson": Kind(_text("lines.geojson", _features(LINE, POLYGON)), _lines),
+    "lines-geojson": Kind(written("lines.geojson", _features(LINE, POLYGON)), _lines),
     "geotiff": Kind(_geotiff, _read_geotiff),
     "field-folder": Kind(_field_folder, _read_field_folder),
     **{
@@ -520,11 +503,12 @@ KINDS: dict[str, Kind] = {
     "run-folder": Kind(_run, _read_run),
     "spread-table": Kind(_spread_table, _read_spread_table),
     "height-grid": Kind(_height_grid, _read_height_grid),
-    "heights-csv": Kind(_text("real.csv", HEIGHTS), _read_heights),
-    "beams-csv": Kind(_text("beams.csv", BEAMS), _read_beams),
-    "test-case": Kind(_bundled("tests", "gap"), _read_case),
+    "heights-csv": Kind(written("real.csv", HEIGHTS), _read_heights),
+    "beams-csv": Kind(written("beams.csv", BEAMS), _read_beams),
+    "test-case": Kind(bundled("tests", "gap"), _read_case),
     "fmu": Kind(_fmu, _read_fmu),
     "ssp": Kind(_system, _read_system),
+    **ABROAD,
 }
 
 

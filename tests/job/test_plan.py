@@ -113,7 +113,21 @@ def test_guidance_lines_of_task_data_are_taken(tmp_path):
     assert len(plan.passes) in (24, 25)
 
 
-@pytest.mark.parametrize("content", ["{}", '{"type": "Point", "coordinates": [1, 2]}'])
+BROKEN = '{"type": "LineString", "coordinates": [%s]}'
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{}",
+        '{"type": "Point", "coordinates": [1, 2]}',
+        '{"type": "LineString", "coordinates": 7}',
+        *(
+            BROKEN % points
+            for points in ("[9, 52], [9.01]", "[9, 52], [[9], 53]", "[9, 52], [9.1, 5200]", "1, 2")
+        ),
+    ],
+)
 def test_a_file_without_lines_is_refused(tmp_path, content):
     path = tmp_path / "plan.geojson"
     path.write_text(content, encoding="utf-8")

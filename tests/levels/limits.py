@@ -67,6 +67,8 @@ LIMITS = {
         "gnss_link": Limit("within 3 cm of truth with a link without error", 0.03),
         "rim": Limit("rim within 0.10 m and 1 deg, grain within 0.10 m", 0.10),
     },
+    # beyond the outlines of the other machine, up to which echoes go [m]
+    "scan_filter": {"peer_body": Limit("to its margin", 0.5)},
     # of the largest heap, poured along the places that a strategy wants; unloader: s after its limits
     "cooperate": {
         "one_spot": Limit("fills 71 to 78 %", (0.71, 0.78)),

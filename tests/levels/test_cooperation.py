@@ -17,6 +17,7 @@ from swath.signals import (
     MachineState,
     Odometry,
     PeerState,
+    Scan,
     UnloadCommand,
     UnloadState,
 )
@@ -104,6 +105,41 @@ def test_box_of_the_machine_beside(level, limit):
     if level != "gnss_link":
         np.testing.assert_allclose(seen.profile, truth.profile, atol=limit)
         np.testing.assert_allclose(seen.freeboard, truth.freeboard, atol=limit)
+
+
+@each_level("scan_filter")
+def test_echoes_on_the_machine_beside(level, limit):
+    """Straight down onto level ground from 30 m, the box askew: what its body, header and box cover goes."""
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(-12.0, 20.0, 0.2), np.arange(-4.0, 16.0, 0.2)))
+    level_range, height = np.hypot(x, y), 30.0
+    none = np.zeros(len(x))
+    scan = Scan(
+        NS, none, np.arctan2(y, x), -np.arctan2(height, level_range),
+        np.hypot(level_range, height)[:, None].astype(np.float32), np.ones((len(x), 1), np.float32),
+    )  # fmt: skip
+    outline = {
+        "body_front": 4.6, "body_rear": -1.3, "body_width": 2.6, "box_x": -5.5, "box_y": 0.2,
+        "box_heading": 0.1, "box_length": 6.0, "box_width": 3.0, "header_front": 6.0, "header_left": 0.5,
+        "header_width": 5.0,
+    }  # fmt: skip
+    peer = PeerState(NS, True, 0.0, 3.0, 8.0, 0.05, 0.0, 0.0, 0.0, **outline)
+    mounting = {"scan": Pose.from_euler((0.0, 0.0, height))}
+    part = make("scan_filter", level, ControlSetup(COMBINE, mounting, "left", 0.04))
+    part.reset(STREAM)
+    inputs = {"scan": scan, "peer": peer, "odometry": Odometry(NS, 0.0, 0.0, 0.0)}
+    seen = part.step(NS - 1, 1, inputs)["scan"]
+    gone = np.isnan(seen.azimuth)
+    assert np.isnan(seen.ranges[:, 0])[gone].all()
+    assert (seen.ranges[~gone] == scan.ranges[~gone]).all()
+    at = complex(3.0, 8.0), 0.05
+    away = np.full(len(x), np.inf)
+    box = (-5.5, 0.2, 0.1, 6.0, 3.0)
+    for px, py, turn, length, width in ((1.65, 0, 0, 5.9, 2.6), (5.3, 0.5, 0, 1.4, 5.0), box):
+        own = ((x + 1j * y - at[0]) * np.exp(-1j * at[1]) - complex(px, py)) * np.exp(-1j * turn)
+        away = np.minimum(away, np.maximum(abs(own.real) - 0.5 * length, abs(own.imag) - 0.5 * width))
+    sure = np.abs(away - limit) > 1e-4
+    assert (gone == (away <= limit))[sure].all()
+    assert part.step(NS, 1, inputs) == {}  # the same scan again
 
 
 @each_level("cooperate")

@@ -50,14 +50,14 @@ def xyz(vector):
     return np.array([vector.x, vector.y, vector.z])
 
 
-def world_points(data):
+def world_points(data, sensor=None):
     """By OSI's own definitions: sensor -> vehicle (origin at the rear axle) -> bounding box -> world."""
     machine = data.sensor_view[0].global_ground_truth.moving_object[0]
     axle = xyz(machine.base.position) + turn(machine.base.orientation) @ xyz(
         machine.vehicle_attributes.bbcenter_to_rear
     )
     found = []
-    for detection in data.feature_data.lidar_sensor[0].detection:
+    for detection in (sensor or data.feature_data.lidar_sensor[0]).detection:
         d, a, e = (getattr(detection.position, n) for n in ("distance", "azimuth", "elevation"))
         seen = d * np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
         mount = data.mounting_position
@@ -109,6 +109,29 @@ def test_the_view_holds_the_machine_and_the_rays(run, tmp_path):
     assert np.arctan2(rays.directions[7].y, rays.directions[7].x) == pytest.approx(scan.azimuth[7])
 
 
+def test_detections_of_a_radar(tmp_path):
+    """What OSI says of a standing post, by its definitions: its place in the world, its speed towards us."""
+    folder, post = tmp_path / "run", (-4.0, 25.0)
+    sets = ["run.max_duration_s=0.6", "run.record=full", "combine.lidar=off", "combine.edge=truth"]
+    sets += [f"field.obstacles=[{{kind: post, x_m: {post[0]}, y_m: {post[1]}}}]"]
+    sets += ["combine.radar={level: error, noise: none}", "combine.motion.start_speed_kmh=7"]
+    run_job(load_scenario("straight", sets=sets), folder)
+    assert main(["osi", str(folder), "--out", str(tmp_path / "r.osi")]) == 0
+    messages = read(tmp_path / "r.osi", "SensorData")
+    samples = exact(folder, "combine.radar", "targets")
+    assert len(messages) == len(samples)
+    data, sample = messages[-1], samples[-1]
+    radar = data.feature_data.radar_sensor[0]
+    assert radar.header.number_of_valid_detections == len(radar.detection) == len(sample.range) == 1
+    assert data.timestamp.seconds * 10**9 + data.timestamp.nanos == sample.t
+    found = radar.detection[0]
+    assert (found.snr, found.rcs) == (sample.snr[0], sample.rcs[0])
+    assert found.position_rmse.azimuth == sample.azimuth_sd[0]
+    at = world_points(data, radar)[0]
+    assert at[:2] == pytest.approx(post, abs=0.1)
+    assert found.radial_velocity == pytest.approx(7 / 3.6 * np.cos(found.position.azimuth), abs=0.02)
+
+
 def test_the_same_run_gives_the_same_bytes(run, tmp_path):
     for name in ("a.osi", "b.osi"):
         write_trace(run, tmp_path / name)
@@ -120,8 +143,8 @@ def test_what_cannot_be_written_is_named(run, tmp_path):
         (tmp_path, "x.osi", {}, "it has no scenario.yaml"),
         (run, "x.mcap", {}, "expected a file such as x.osi"),
         (run, "x.osi", {"kind": "gt"}, "expected one of sd, sv"),
-        (run, "x.osi", {"slot": "cart.lidar"}, "expected a scanner of the recording: combine.lidar"),
-        (run, "x.osi", {"slot": "combine.radar"}, "expected a scanner of the recording: combine.lidar"),
+        (run, "x.osi", {"slot": "cart.lidar"}, "expected a scanner or radar of the .*: combine.lidar"),
+        (run, "x.osi", {"slot": "combine.radar"}, "expected a scanner or radar of the .*: combine.lidar"),
     ):
         with pytest.raises(InputError, match=text):
             write_trace(folder, tmp_path / out, **more)

@@ -40,7 +40,7 @@ class Ground:
 
     def cut(self, polygon, height_m):
         area = signed_area(polygon)
-        self.cuts.append(polygon)
+        self.cuts.append(np.array(polygon))
         return Cut(0.8 * area, 0.6 * area, int(500 * area), area)
 
     def deposit_grain(self, x, y, mass_kg):
@@ -50,7 +50,7 @@ class Ground:
         self.deposit_grain(float(place[0]), float(place[1]), mass_kg)
 
     def deposit_straw(self, polygon, mass_kg, *, heading=None):
-        self.straw.append((polygon, mass_kg))
+        self.straw.append((np.array(polygon), mass_kg))
 
 
 def slope(along=0.0, left=0.0):

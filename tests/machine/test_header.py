@@ -109,6 +109,7 @@ def test_every_part_is_convex_and_anticlockwise(dx, dy, turn):
     c, s = math.cos(turn), math.sin(turn)
     after = before @ np.array([[c, s], [-s, c]]) + (dx, dy)
     for part in swept(before.tolist(), after.tolist()):
+        part = np.array(part)
         rolled, further = np.roll(part, -1, axis=0), np.roll(part, -2, axis=0)
         a, b = rolled - part, further - rolled
         assert np.all(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] >= -1e-9)

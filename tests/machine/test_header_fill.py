@@ -22,7 +22,7 @@ class Cells(Ground):
         self.edge = edge
 
     def cut(self, polygon, height_m):
-        x, y = polygon[:, 0], polygon[:, 1]
+        x, y = np.array(polygon).T
         rows = np.floor(x.max() / CELL - 0.5) - np.ceil(x.min() / CELL - 0.5) + 1
         width = max(min(y.max(), self.edge) - y.min(), 0.0)
         return Cut(area=max(rows, 0.0) * CELL * width) if signed_area(polygon) > 0.0 else Cut()

@@ -66,9 +66,24 @@ def test_messages_hold_the_numbers(recorded):
         assert np.isnan(back.elevation).all()
 
 
-@pytest.mark.parametrize("topics", ["", ", topics: {targets: /combine/radar/targets_points}"])
+def test_returns_hold_the_numbers(recorded):
+    """radar_msgs/RadarScan by its public definition, read by the mcap project's decoder, and back again."""
+    _, topics, samples = recorded
+    for message, sample in zip(topics["/combine/radar/targets_returns"], samples, strict=True):
+        assert message.header.frame_id == "combine/radar"
+        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == sample.t
+        assert [r.elevation for r in message.returns] == [0.0] * len(sample.range)
+        back = read._targets_of_returns(message, sample.t)
+        for name in ("range", "azimuth", "elevation", "radial_speed", "snr"):
+            np.testing.assert_allclose(getattr(back, name), getattr(sample, name), rtol=1e-6, atol=1e-6)
+        assert np.isnan(back.rcs).all()
+
+
+@pytest.mark.parametrize(
+    "topics", ["", *(f", topics: {{targets: /combine/radar/targets_{n}}}" for n in ("points", "returns"))]
+)
 def test_played_from_the_log(recorded, topics):
-    """The run's exact samples to the last bit; a cloud, as drivers give it, as float32."""
+    """The run's exact samples to the last bit; a cloud or returns, as drivers give them, as float32."""
     folder, _, samples = recorded
     log = "folder: " + str(folder) if not topics else f"file: {folder / 'run.mcap'}" + topics
     played = targets(made(f"combine.radar={{level: log, {log}}}"))

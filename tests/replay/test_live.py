@@ -21,9 +21,9 @@ from websockets.sync.client import connect
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.record.tracks import read_tracks
+from swath.replay.live.data import ECHO_UNIT
 from swath.replay.live.frames import LARGEST
 from swath.replay.live.view import LiveView
-from swath.replay.scans import UNIT
 from swath.runtime.changes import read_events
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
@@ -60,7 +60,7 @@ def decoded(frame):
         at += 4 * count
     for _, _, *middle, count in head.get("scans", []):
         points = np.frombuffer(frame, "<i2", 3 * count, at).reshape(-1, 3)
-        scans.append(points * UNIT + np.array(middle))
+        scans.append(points * ECHO_UNIT + np.array(middle))
         at += 6 * count
     return head, rows, scans
 

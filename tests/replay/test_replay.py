@@ -6,10 +6,12 @@ from io import BytesIO
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from rosbags.highlevel import AnyReader
 
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.schedule import NS
 from swath.record.tracks import read_tracks
 from swath.replay.area import area_about
 from swath.replay.charts import events_of, worst_moments
@@ -108,6 +110,20 @@ def test_the_page_knows_scans_straw_obstacles_and_charts(finished):
     assert [t["name"] for t in values["things"]] == ["pole"]
     assert {c["title"] for c in values["machines"][0]["charts"]} >= {"Edge", "Speed", "Crop"}
     assert values["limits"][1] == 0
+
+
+def test_echoes_are_those_of_the_recording_to_a_millimetre(finished):
+    out, _ = finished
+    values, arrays = data_of(out / "replay.html")
+    found = recorded_scans(out)
+    starts = arrays["scan_starts_0"]
+    for k, t in enumerate(arrays["scan_times_0"]):
+        own = arrays["scan_points_0"][starts[k] : starts[k + 1]] * values["scanners"][0]["unit_m"]
+        truth = found[min(found, key=lambda at: abs(at / NS - t))]
+        assert len(own) == len(truth)
+        gaps = own + arrays["scan_middle_0"][k] + values["origin"] - truth
+        assert np.abs(gaps).max(initial=0.0) < 1e-3
+    assert starts[-1] > 500
 
 
 def test_obstacles_that_came_and_went_have_their_times(finished):
@@ -242,13 +258,73 @@ def test_in_a_browser_stems_are_cut_behind_the_header_and_stand_ahead(finished, 
     assert told["ahead"]["standing"] > 150
     assert told["behind"]["standing"] == 0
     assert told["behind"]["cut"] > 150
+    for side, place in header_ends(out, world, 3.0).items():
+        assert told[side] == pytest.approx(place, abs=1e-3)
+
+
+def header_ends(out, world, t):
+    """Both ends of the header at a time [s], from the tracks, in the scene."""
     values, tracks = data_of(out / "replay.html")[0], read_tracks(out / "tracks.parquet")
     names = ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad")
-    x, y, z, *angles = (np.interp(3.0, tracks["t_s"], tracks[name]) for name in names)
+    x, y, z, *angles = (np.interp(t, tracks["t_s"], tracks[name]) for name in names)
     pose = Pose.from_euler([x, y, z], *angles)
-    for side in ("left", "right"):
-        place = pose.apply([*world.leader.sheet.header_end(side), 0.0]) - values["origin"]
-        assert told[side] == pytest.approx(place, abs=1e-3)
+    ends = {side: [*world.leader.sheet.header_end(side), 0.0] for side in ("left", "right")}
+    return {side: pose.apply(end) - values["origin"] for side, end in ends.items()}
+
+
+def recorded_scans(out):
+    """World places of the echoes (n, 3) of every recorded scan, by time [ns]."""
+    found = {}
+    with AnyReader([out]) as bag:
+        for connection, t, data in bag.messages(
+            [c for c in bag.connections if c.topic == "/combine/lidar/truth"]
+        ):
+            cloud = bag.deserialize(data, connection.msgtype)
+            offsets = [next(f.offset for f in cloud.fields if f.name == axis) for axis in "xyz"]
+            rows = np.frombuffer(cloud.data, np.uint8).reshape(-1, cloud.point_step)
+            axes = [rows[:, o : o + 4].copy().view("<f4")[:, 0] for o in offsets]
+            found[t] = np.stack(axes, axis=1).astype(float)
+    return found
+
+
+def projected(places, view, width, height):
+    """Pixels of places (n, 3) in a picture of 0.8 rad from bottom to top, x to the right, y down."""
+    eye, target = np.array(view["eye"]), np.array(view["target"])
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    away = places - eye
+    focal = 0.5 * height / np.tan(0.4)
+    u = away @ right / (away @ ahead)
+    v = away @ np.cross(right, ahead) / (away @ ahead)
+    return np.stack([0.5 * width + focal * u, 0.5 * height - focal * v], axis=1)
+
+
+def test_in_a_browser_header_and_scan_are_drawn_where_they_were_recorded(finished, browser):
+    out, world = finished
+    origin = np.array(data_of(out / "replay.html")[0]["origin"])
+    last = max(t for t in recorded_scans(out) if t <= 3 * NS)
+    echoes = recorded_scans(out)[last] - origin
+    browser.ask(f"(swath.seek({last / NS}), swath.camera(3), swath.camera(0))")
+    browser.ask("['edges', 'beams'].forEach((n) => { document.getElementById(n).checked = false; })")
+    pictures = []
+    for shown in ("true", "false"):
+        browser.ask(f"(document.getElementById('scans').checked = {shown})")
+        browser.ask(SOON)
+        pictures.append(imread(BytesIO(browser.picture()))[..., :3])
+    box = browser.ask("(({ left, top, width, height }) => [left, top, width, height])"
+                      "(document.getElementById('view').getBoundingClientRect())")  # fmt: skip
+    places = projected(echoes, browser.ask("swath.view"), box[2], box[3]) + box[:2]
+    changed = np.abs(pictures[0] - pictures[1]).max(axis=2) > 0.02
+    rows, columns = np.nonzero(changed)
+    assert len(rows) > 50
+    near = [np.hypot(columns - x, rows - y).min() for x, y in places]
+    assert np.median(near) < 1.0  # some are hidden behind the machine
+    for end in header_ends(out, world, last / NS).values():
+        drawn = browser.ask("swath.project({}, {}, {})".format(*end))
+        own = projected(end[None], browser.ask("swath.view"), box[2], box[3])[0] / box[2:]
+        assert np.abs(drawn - own).max() < 1e-3  # the canvas has whole pixels
+    browser.ask("['edges', 'beams', 'scans'].forEach((n) => { document.getElementById(n).checked = true; })")
 
 
 def test_in_a_browser_the_slider_and_the_keys_move_the_time(browser):

@@ -104,6 +104,43 @@ def test_rolling_rows_see_a_driving_camera_later():
     assert len({np.flatnonzero(np.diff(still[r].astype(int)))[0] for r in rows}) == 1
 
 
+@pytest.mark.parametrize(
+    ("sensor", "exposure"), [("camera_60deg_global.yaml", 20.0), ("camera_60deg.yaml", 0.05)]
+)
+def test_a_thing_that_goes_is_smeared_as_by_a_camera_that_drives(sensor, exposure):
+    """Blur and lean depend on the way between both alone: a wall that goes by a standing camera, and the same
+    one that stands beside a driving camera, are the same picture."""
+    z, keys = 0.9, {"samples_per_pixel": 16, "exposure_ms": exposure, "sensor": sensor}
+
+    def wide():
+        return wall(z, -9.0, 0.0, z1=9.0)
+
+    drives = camera(site(wall=wide()), **keys).picture(10**9, driving())["image"]
+    beside = site()
+    beside.bodies.add("wall", wide(), Pose.identity(), is_machine=False)
+    stays = camera(beside, **keys).picture(10**9, driving(speed=0.0))["image"]
+    beside.bodies.place("wall", Pose.identity(), np.array([-SPEED, 0.0, 0.0]))
+    goes = camera(beside, **keys).picture(10**9, driving(speed=0.0))["image"]
+    rows = slice(10, 60)  # above the ground, which stands still before one camera only
+    assert (goes.raw[rows] == drives.raw[rows]).mean() > 0.999
+    np.testing.assert_array_equal(goes.instance[rows], drives.instance[rows])
+    assert (goes.raw[rows] != stays.raw[rows]).sum() > 100  # 50 rows, some px each
+
+
+def test_what_stands_before_a_thing_that_goes_hides_it_and_stays_sharp():
+    setup = site(post=wall(0.5, -0.05, 0.05, z1=9.0))
+    setup.bodies.add("wall", wall(0.9, -9.0, 0.2, z1=9.0), Pose.identity(), is_machine=False)
+    keys = {"samples_per_pixel": 16, "exposure_ms": 20.0, "sensor": "camera_60deg_global.yaml"}
+    stays, goes = (
+        camera(setup, **keys).picture(10**9, driving(speed=0.0))["image"]
+        for velocity in (0.0, SPEED)
+        if setup.bodies.place("wall", Pose.identity(), np.array([velocity, 0.0, 0.0])) is None
+    )
+    assert set(goes.instance[30].tolist()) == {0, 1, 2}
+    np.testing.assert_array_equal(goes.instance == 1, stays.instance == 1)
+    assert (goes.raw[30] != stays.raw[30]).any()
+
+
 def test_numbers_are_those_of_the_radiometry():
     """A white wall across the sun: FULL cancels, E tau / (4 N^2) photons, eta, K, by hand."""
     setup = site(wall=wall(3.0, -9.0, 9.0, z1=9.0))

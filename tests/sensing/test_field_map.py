@@ -119,7 +119,7 @@ def test_an_earlier_pass_counts_by_its_distance(setup):
     for d in (12.0, 24.0, 48.0):
         found = part.look_up(500 * DT, far, np.full(2, d), 0.0)
         share = (found.grain - mean) / (np.array([0.6, 1.0]) - mean)
-        assert share == pytest.approx(0.82 * exp(-d / 60.0), abs=0.05)
+        assert share == pytest.approx(0.82 * exp(-d / 60.0), abs=0.03)
         assert found.sd == pytest.approx(
             values[:, 2].std() * (1 - (0.82 * exp(-d / 60)) ** 2) ** 0.5, rel=0.05
         )

@@ -17,7 +17,7 @@ from swath.sensing.mount import Mount
 from swath.sensing.radar import error, ideal
 from swath.sensing.radar.cross_section import rod, trihedral
 from swath.sensing.radar.error import Echo, detection_probability, merged
-from swath.sensing.radar.extent import extent_of, glint
+from swath.sensing.radar.extent import Scatterers, glint
 from swath.sensing.radar.radar_sheet import LIGHT, load_radar
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
 from tests.field.made_field import made_field
@@ -90,8 +90,8 @@ def test_swerling_one():
     snr = 10.0**2.11
     assert detection_probability(snr, 1e-6) == pytest.approx(0.9, abs=0.003)
     sensor = made(error, [], sheet={"false_alarm_lg": -6.0})
-    draw, echo = np.random.default_rng(1), Echo(20.0, 0.0, 0.0, 0.0, snr)
-    found = sum(sensor._detected(echo, draw) is not None for _ in range(100_000))
+    draw, echoes = np.random.default_rng(1), [Echo(20.0, 0.0, 0.0, k, snr) for k in np.arange(50.0)]
+    found = sum(len(sensor._rows(echoes, draw)) for _ in range(2000))
     assert found / 1e5 == pytest.approx(0.9, abs=0.003)
 
 
@@ -204,7 +204,7 @@ def test_spread_of_a_strong_echo():
     sensor, draw = made(error, []), np.random.default_rng(4)
     snr, s = 10.0**3.0, CORNER
     rows = [
-        sensor._row(Echo(30.0, 0.1, 0.0, -1.0, snr), 1.0 + snr, draw.standard_normal(6).tolist())
+        sensor._row(Echo(30.0, 0.1, 0.0, -1.0, snr), 1.0 + snr, 1.0, draw.standard_normal(6).tolist())
         for _ in range(4000)
     ]
     found = np.std([row[:4] for row in rows], axis=0)
@@ -219,7 +219,8 @@ def test_spread_of_a_strong_echo():
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 35.0, 90.0, 160.0])
-def test_extent_of_a_box_is_that_of_its_facing_sides(heading_deg):
+def test_scatterers_of_a_box_lie_on_its_facing_sides(heading_deg):
+    """Mean and spread along the view and across it, of sides that weigh as wide as they look."""
     thing = BoxObstacle(
         x_m=20.0, y_m=4.0, length_m=4.6, width_m=1.8, height_m=1.5, heading_deg=heading_deg, name="van"
     )
@@ -240,11 +241,10 @@ def test_extent_of_a_box_is_that_of_its_facing_sides(heading_deg):
     spread = [
         np.sqrt(np.average((v - m) ** 2, weights=share)) for v, m in zip((along, across), mean, strict=True)
     ]
-    enters = min(half[k] / abs(away[k]) for k in (0, 1) if abs(away[k]) > 1e-9)
-    found = extent_of(body, eye)
-    assert (found.depth, found.depth_sd, found.across_sd) == pytest.approx(
-        (mean[0] + enters, *spread), abs=0.02
-    )
+    points = (body.pose.inverse().apply(Scatterers().of(body, eye)) - body.middle)[:, :2]
+    along, across = points @ away, points @ np.array([-away[1], away[0]])
+    assert (along.mean(), across.mean()) == pytest.approx(mean, abs=0.06)
+    assert (along.std(), across.std()) == pytest.approx(spread, abs=0.06)
 
 
 @pytest.mark.parametrize("share", [1.0, 2.0, 5.0])

@@ -30,7 +30,7 @@ class Inclination(KeepsState):
     is_known: samples came in
     """
 
-    kept = ("up", "is_known", "_bias", "_t", "_speed")
+    kept = ("_up", "is_known", "_bias", "_t", "_speed")
 
     def __init__(self, mounting: Pose | None) -> None:
         self._turn = (np.eye(3) if mounting is None else mounting.rotation).tolist()
@@ -38,41 +38,51 @@ class Inclination(KeepsState):
 
     def clear(self) -> None:
         """Forget everything."""
-        self.up: F64 = np.array([0.0, 0.0, 1.0])
+        self._up = [0.0, 0.0, 1.0]
         self.is_known = False
         self._bias = [0.0, 0.0, 0.0]
         self._t, self._speed = 0, 0.0
 
     def take(self, samples: Sequence[Inertial] | None, speed: float) -> None:
         """Samples since the last call, oldest first, and the measured speed [m/s]. None: there is no unit."""
-        good = [(s.t, v) for s in samples or () if all(map(isfinite, v := _values(s)))]
+        good, t = [], 0
+        for s in samples or ():
+            numbers = s.rate_x, s.rate_y, s.rate_z, s.force_x, s.force_y, s.force_z
+            if all(map(isfinite, numbers)):
+                good.append(numbers)
+                t = s.t
         if not good:
             return
-        p, q, r, *force = (fsum(column) / len(good) for column in zip(*(v for _, v in good), strict=True))
+        p, q, r, *force = [fsum(column) / len(good) for column in zip(*good, strict=True)]
         rate, force = self._in_machine(p, q, r), self._in_machine(*force)
-        seconds = min(max((good[-1][0] - self._t) / NS, 0.0), 1.0)
+        seconds = min(max((t - self._t) / NS, 0.0), 1.0)
         forward = (speed - self._speed) / seconds if self.is_known and seconds > 0.0 else 0.0
         rate = [a - b for a, b in zip(rate, self._bias, strict=True)]
         x, y, z = force[0] - forward, force[1] - speed * rate[2], force[2] + speed * rate[1]
         size = hypot(x, y, z)
-        self._t, self._speed = good[-1][0], speed
+        self._t, self._speed = t, speed
         if size < LEAST_FORCE:
             return
         force = [x / size, y / size, z / size]
         if not self.is_known:
-            self.up, self.is_known = np.array(force), True
+            self._up, self.is_known = force, True
             return
-        pull, before = min(1.0, seconds / SETTLE_S), self.up.tolist()
+        pull, before = min(1.0, seconds / SETTLE_S), self._up
         up = [u - seconds * c for u, c in zip(before, _cross(rate, before), strict=True)]
         push = pull / BIAS_S
         self._bias = [b + push * c for b, c in zip(self._bias, _cross(up, force), strict=True)]
         up = [u + pull * (f - u) for u, f in zip(up, force, strict=True)]
         size = hypot(*up)
-        self.up = np.array([u / size for u in up])
+        self._up = [u / size for u in up]
 
     def _in_machine(self, x: float, y: float, z: float) -> list[float]:
         """A vector of the unit's frame in that of the machine."""
         return [a * x + b * y + c * z for a, b, c in self._turn]
+
+    @property
+    def up(self) -> F64:
+        """The vertical in the machine frame, a unit vector (3,)."""
+        return np.array(self._up)
 
     @property
     def rise(self) -> tuple[float, float]:
@@ -81,8 +91,9 @@ class Inclination(KeepsState):
         In the machine frame, for a plant that stands upright. On a slope that rises to the right the machine
         leans to the left, and plants seem to lean to the right.
         """
-        steep = max(float(self.up[2]), 0.5)
-        return float(self.up[0]) / steep, float(self.up[1]) / steep
+        ahead, left, up = self._up
+        steep = max(up, 0.5)
+        return ahead / steep, left / steep
 
     def crab(self, per_g: float, lateral: float) -> float:
         """By how much the fixed axle slips to the right of its heading [rad].
@@ -94,7 +105,3 @@ class Inclination(KeepsState):
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _values(s: Inertial) -> tuple[float, float, float, float, float, float]:
-    return s.rate_x, s.rate_y, s.rate_z, s.force_x, s.force_y, s.force_z

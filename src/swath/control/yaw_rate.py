@@ -60,7 +60,8 @@ class YawRate(KeepsState):
             wheels = speed * tan(odometry.steer_angle) / self._wheelbase
             sd = hypot(speed / self._wheelbase * ANGLE, UNDERSTEER * wheels)
             self._angle.take(seconds, rate - wheels, sd)
-        turns = [fsum(a * b for a, b in zip(self._up, _rates(s), strict=True)) for s in samples or ()]
+        x, y, z = self._up
+        turns = [fsum((x * s.rate_x, y * s.rate_y, z * s.rate_z)) for s in samples or ()]
         turns = [turn for turn in turns if isfinite(turn)]
         if turns:
             self._unit.take(seconds, rate - fsum(turns) / len(turns))
@@ -113,7 +114,3 @@ def _bias(differences: Sequence[tuple[float, float, float]]) -> float:
     most = max(logs)
     weights = [exp(value - most) for value in logs]
     return fsum(w * m for w, m in zip(weights, means, strict=True)) / fsum(weights)
-
-
-def _rates(s: Inertial) -> tuple[float, float, float]:
-    return s.rate_x, s.rate_y, s.rate_z

@@ -19,10 +19,25 @@ Array = NDArray[np.float64]
 
 @frozen
 class Pose:
-    """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes."""
+    """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes.
+
+    One that is made of numbers (`from_euler`) makes its arrays when somebody asks for them: most never do.
+    """
 
     position: Array
     rotation: Array
+
+    def __getattr__(self, name: str) -> Any:
+        numbers = self.__dict__.get("_numbers")
+        if numbers is None or name not in ("position", "rotation"):
+            raise AttributeError(f"{type(self).__name__} has no {name}")
+        made = self.__dict__[name] = np.array(numbers[name == "rotation"])
+        return made
+
+    @property
+    def is_of_numbers(self) -> bool:
+        """True of one made of numbers whose arrays nobody asked for yet."""
+        return "position" not in self.__dict__ and "rotation" not in self.__dict__
 
     @property
     def numbers(self) -> tuple[list[float], list[list[float]]]:
@@ -43,7 +58,10 @@ class Pose:
     @staticmethod
     def from_euler(position: Any, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> "Pose":
         """Pose from a position [m] and angles [rad]."""
-        return Pose(np.asarray(position, dtype=float), rotation_matrix(roll, pitch, yaw))
+        made = object.__new__(Pose)
+        place = position.tolist() if isinstance(position, np.ndarray) else position
+        made.__dict__["_numbers"] = [float(v) for v in place], rotation_rows(roll, pitch, yaw)
+        return made
 
     def __matmul__(self, other: "Pose") -> "Pose":
         return Pose(
@@ -88,11 +106,18 @@ class Pose:
 
 def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:
     """Rotation, shape (3, 3), from angles [rad]."""
+    return np.array(rotation_rows(roll, pitch, yaw))
+
+
+def rotation_rows(roll: float, pitch: float, yaw: float) -> list[list[float]]:
+    """Rows of the rotation (3, 3) from angles [rad]."""
     cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
     cy, sy = cos(yaw), sin(yaw)
-    along = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
-    across = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
-    return np.array((*along, *across, -sp, cp * sr, cp * cr)).reshape(3, 3)  # quicker than from rows
+    return [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
 
 
 def rotation_matrices(roll: Array, pitch: Array, yaw: Array) -> Array:

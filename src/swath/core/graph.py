@@ -247,8 +247,10 @@ class Graph:
         return ports[output]
 
     def _gather(self, node: Node) -> dict[str, Any]:
-        samples, links = self._before if node.slot.latch else self._latest, self._links[node.slot.name]
-        values: dict[str, Any] = {port: samples.get(wire) for port, wire in links.reads}
+        newest, links = (self._before if node.slot.latch else self._latest).get, self._links[node.slot.name]
+        values: dict[str, Any] = {}
+        for port, wire in links.reads:
+            values[port] = newest(wire)
         for port, queue in links.queues:
             values[port] = tuple(queue)
             queue.clear()

@@ -18,6 +18,7 @@ from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, Plan
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Corner = tuple[float, float]  # x, y
 
 TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
 CELLS = TILE_CELLS * TILE_CELLS
@@ -94,27 +95,32 @@ def cell_in_tile(x: Array, tile_size: float, is_mirrored: Any) -> Ints:
 
 
 def check_polygon(polygon: Any, key: str = "polygon") -> Array:
-    """Convex polygon (n, 2) as an array, counter-clockwise. Raises InputError on anything else."""
+    """As `corners_of`, as an array (n, 2)."""
+    return np.array(corners_of(polygon, key))
+
+
+def corners_of(polygon: Any, key: str = "polygon") -> list[Corner]:
+    """Corners of a convex polygon (n, 2), counter-clockwise. Raises InputError on anything else."""
     try:
-        p = np.asarray(polygon, dtype=float)
+        rows = polygon.tolist() if isinstance(polygon, np.ndarray) else polygon
+        corners: list[Corner] = [(float(x), float(y)) for x, y in rows]
     except (TypeError, ValueError) as error:
         raise InputError(key, polygon, "expected a list of [x, y]") from error
-    if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3:
+    if len(corners) < 3 or not all(isfinite(x) and isfinite(y) for x, y in corners):
         raise InputError(key, polygon, "expected at least three finite [x, y]")
-    edge, (ax, ay) = [], p[-1].tolist()
-    for x, y in p.tolist():
+    edge, (ax, ay) = [], corners[-1]
+    for x, y in corners:
         edge.append((x - ax, y - ay))
         ax, ay = x, y
-    if not all(isfinite(x) and isfinite(y) for x, y in edge):
-        raise InputError(key, polygon, "expected at least three finite [x, y]")
     cross, (ax, ay) = [], edge[-1]
     for x, y in edge:
         cross.append(ax * y - ay * x)
         ax, ay = x, y
-    tolerance = 1e-9 * max(1.0, *(max(x * x, y * y) for x, y in edge))
-    if min(cross) < -tolerance and max(cross) > tolerance:
-        raise InputError(key, polygon, "expected a convex polygon, the corners in order")
-    return p[::-1] if fsum(cross) < 0.0 else p
+    if min(cross) < 0.0 < max(cross):
+        tolerance = 1e-9 * max(1.0, *(max(x * x, y * y) for x, y in edge))
+        if min(cross) < -tolerance and max(cross) > tolerance:
+            raise InputError(key, polygon, "expected a convex polygon, the corners in order")
+    return corners[::-1] if fsum(cross) < 0.0 else corners
 
 
 def cells_inside(polygon: Array) -> tuple[Ints, Ints]:

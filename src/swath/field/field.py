@@ -1,7 +1,8 @@
 """The field: the one truth that every sensor looks at and every header cuts."""
 
+from collections.abc import Sequence
 from functools import partial
-from math import fsum
+from math import fsum, isfinite
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from swath.core.random import Stream
 from swath.field.boundary import Region
 from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
-from swath.field.cut_result import Cut, StemIndex, cells_inside, check_polygon
+from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, check_polygon, corners_of
 from swath.field.edge_defects import BrokenEdge
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
@@ -22,7 +23,7 @@ from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.pages import Change, KeptPages, Key, PageStore
 from swath.field.recount import recount_pages
-from swath.field.straw import spread, write_depth
+from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
 from swath.field.weeds import weed_crop
@@ -70,6 +71,7 @@ class Field:
         finish = partial(_finish, library=library, sway=self._sway, depth_per_kg=self._depth_per_kg)
         self.store = PageStore(self.maker.make, finish, tile_size=library.tile_size, limit=page_limit)
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
+        self._straw = StrawLayer(self.store, self._depth_per_kg)
         self.grain = GrainPiles()
         self._begun: dict[str, Any] | None = None  # what the start is, where it is not the untouched field
         self._begun_grain = 0.0
@@ -157,10 +159,9 @@ class Field:
         """
         if not 0.0 <= height_m <= 2.54:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
-        points = check_polygon(polygon).tolist()
-        if max(max(abs(x), abs(y)) for x, y in points) > FAR:
-            raise _too_far()
-        (c, s), cell = self._turn, self.maker.cell
+        points, (c, s), cell = corners_of(polygon), self._turn, self.maker.cell
+        for x, y in points:
+            _check_place(x, y)
         corners = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in points]
         return self._cutter.cut(corners, round(100.0 * height_m))
 
@@ -174,16 +175,17 @@ class Field:
         """True where crop stands, in the shape of x and y."""
         return self._stands(*(np.floor(a / self.maker.cell).astype(np.int64) for a in self._points(x, y)))
 
-    def standing_along(self, starts: Array, step: Array, count: int) -> NDArray[np.bool_]:
-        """As `standing`, compiled, at middles of `count` steps (2,) from starts (n, 2) on [m]: (n, count)."""
-        cell = self.maker.cell
-        u, v = self._points(starts[:, 0], starts[:, 1])
-        du, dv = (float(a) for a in self.to_stand(step[0], step[1]))
-        _check_near(u + count * du, v + count * dv)
-        crop = self._cutter.standing(u / cell, v / cell, du / cell, dv / cell, count)
+    def standing_along(self, starts: Sequence[Corner], step: Corner, count: int) -> NDArray[np.bool_]:
+        """As `standing`, compiled, at middles of `count` steps from starts on [m]: (n, count)."""
+        (c, s), cell, (dx, dy) = self._turn, self.maker.cell, step
+        for x, y in starts:
+            _check_place(x, y)
+            _check_place(x + count * dx, y + count * dy)
+        places = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in starts]
+        crop = self._cutter.standing(places, (c * dx + s * dy) / cell, (c * dy - s * dx) / cell, count)
         if crop is None:  # some of the pages are not in memory
-            middle = np.arange(count) + 0.5
-            return self.standing(starts[:, :1] + step[0] * middle, starts[:, 1:] + step[1] * middle)
+            middle, (x, y) = np.arange(count) + 0.5, np.array(starts).T[:, :, None]
+            return self.standing(x + dx * middle, y + dy * middle)
         return crop
 
     def _stands(self, u: NDArray[np.int64], v: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -205,11 +207,11 @@ class Field:
         """
         if not 0.0 <= mass_kg < np.inf:
             raise InputError("mass_kg", mass_kg, "expected >= 0")
-        points = check_polygon(polygon)
-        _check_near(points[:, 0], points[:, 1])
-        heading = None if heading is None else heading - self.stand_yaw
-        corners = np.stack(self.to_stand(points[:, 0], points[:, 1]), axis=-1) / self.maker.node
-        spread(self.store, corners, mass_kg, heading, self._depth_per_kg)
+        points, (c, s), node = corners_of(polygon), self._turn, self.maker.node
+        for x, y in points:
+            _check_place(x, y)
+        corners = [((c * x + s * y) / node, (c * y - s * x) / node) for x, y in points]
+        self._straw.lay(corners, mass_kg, None if heading is None else heading - self.stand_yaw)
 
     def deposit_grain(self, x: float, y: float, mass_kg: float) -> None:
         """Lay grain [kg] on the ground at a world point [m]. It is counted; rays do not meet it."""
@@ -373,6 +375,13 @@ def _check_near(x: Array, y: Array) -> None:
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise InputError("position", None, "expected finite x and y")
     if x.size and max(np.abs(x).max(), np.abs(y).max()) > FAR:
+        raise _too_far()
+
+
+def _check_place(x: float, y: float) -> None:
+    if not (isfinite(x) and isfinite(y)):
+        raise InputError("position", None, "expected finite x and y")
+    if max(abs(x), abs(y)) > FAR:
         raise _too_far()
 
 

@@ -5,6 +5,7 @@ standing crop and more than half of those on its other side are not; of several 
 one that splits best counts. So stems left standing, weeds and tramlines narrower than that are no edge.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Protocol
 
@@ -15,15 +16,16 @@ from swath.core.frames import Pose
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.bool_]
+Place = tuple[float, float]  # x, y in the world [m]
 STEP_M = 0.01
 SIDE_M = 1.5
 _HALF = round(SIDE_M / STEP_M)
 
 
 class Standing(Protocol):
-    """Whether crop stands at the middles of `count` steps (2,) from starts (n, 2) on: (n, count)."""
+    """Whether crop stands at the middles of `count` steps from places on: (n, count)."""
 
-    def standing_along(self, starts: Array, step: Array, count: int, /) -> Bits: ...
+    def standing_along(self, starts: Sequence[Place], step: Place, count: int, /) -> Bits: ...
 
 
 def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end: float) -> Bits:
@@ -32,12 +34,12 @@ def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end
     pose: pose_world_machine. Shape (n, k) for x of shape (n,), else (k,): the middles of k steps.
     """
     count = max(round(abs(end - begin) / STEP_M), 2)
-    across, ahead = pose.rotation[:2, 1], pose.rotation[:2, 0]
-    first = pose.position[:2] + across * begin
+    (px, py, _), ((ax, bx, _), (ay, by, _), _) = pose.numbers
+    first_x, first_y = px + bx * begin, py + by * begin
     at = np.asarray(x, dtype=float)
-    starts = first + ahead * at.reshape(-1, 1)
-    crop = field.standing_along(starts, across * ((end - begin) / count), count)
-    return crop.reshape(*at.shape, count)
+    starts = [(first_x + ax * ahead, first_y + ay * ahead) for ahead in at.ravel().tolist()]
+    width = (end - begin) / count
+    return field.standing_along(starts, (bx * width, by * width), count).reshape(*at.shape, count)
 
 
 def edges_of(crop: Bits) -> list[Array]:

@@ -24,6 +24,7 @@ from swath.field.track import EdgeShape
 from swath.signals.setup import MachineGeometry
 
 TRAILER = ".trailer"  # after a machine's name: the body that it tows
+STILL = (0.0, 0.0, 0.0)  # velocity of what stands
 Array = NDArray[np.float64]
 
 
@@ -38,11 +39,15 @@ class Contact:
 
 @dataclass(frozen=True)
 class Sighted:
-    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`"""
+    """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`
+
+    velocity: of its origin, world (3,) [m/s]
+    """
 
     name: str
     kind: str
     solids: Solids
+    velocity: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ class Bodies:
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
         self.boxes: dict[str, GrainBox] = {}  # by the body that carries them
-        self._velocities: dict[str, Array] = {}
+        self._velocities: dict[str, Sequence[float]] = {}
         self._bounds: dict[str, tuple[Array, Array]] = {}
         self._things: dict[str, Thing] = {}  # what is known of the field's obstacles by name
         self._added: dict[str, Thing] = {}  # and of those that came while the run went
@@ -124,7 +129,7 @@ class Bodies:
             raise InputError("field.obstacles", name, "expected obstacles with other names than bodies")
         self._solids[name] = solids
         self._poses[name] = self._starts[name] = pose
-        self._velocities[name] = np.zeros(3)
+        self._velocities[name] = STILL
         self._parts[name] = parts_of(solids)
         self._known.pop(name, None)
         if not is_machine:
@@ -147,15 +152,15 @@ class Bodies:
         """Whether a machine or a thing of this name is there."""
         return name in self._solids or name in self._obstacles
 
-    def place(self, name: str, pose: Pose, velocity: Array | None = None) -> None:
-        """Move a machine or a thing; velocity: world (3,) [m/s], none = it stands there.
+    def place(self, name: str, pose: Pose, velocity: Sequence[float] = STILL) -> None:
+        """Move a machine or a thing; velocity: world (3,) [m/s], it stands there by default.
 
         Raises InputError for a name that was not added.
         """
         if name not in self._solids:
             raise InputError("machine", name, f"expected one of {', '.join(sorted(self._solids)) or 'none'}")
         self._poses[name] = pose
-        self._velocities[name] = np.zeros(3) if velocity is None else velocity
+        self._velocities[name] = velocity
 
     def show(self, name: str, more: Solids, part: str = "") -> None:
         """What sensors see of a part of a body, in its frame; all such parts are seen instead of the solids
@@ -195,7 +200,10 @@ class Bodies:
         """
         standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
         rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
-        return standing + [Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n])) for n in rest]
+        return standing + [
+            Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n]), np.array(self._velocities[n]))
+            for n in rest
+        ]
 
     def around(self, name: str = "") -> list[Body]:
         """Every obstacle, thing and machine but one, as they are now."""
@@ -230,7 +238,7 @@ class Bodies:
     def reset(self) -> None:
         """All of them where they were added."""
         self._poses = {name: self._starts[name] for name in self._poses}
-        self._velocities = {name: np.zeros(3) for name in self._poses}
+        self._velocities = dict.fromkeys(self._poses, STILL)
 
     def save(self) -> dict[str, Any]:
         """Where all machines and things stand, and how fast they go."""
@@ -239,7 +247,7 @@ class Bodies:
     def load(self, state: dict[str, Any]) -> None:
         """Put all machines and things back."""
         for name, rows in state.items():
-            self.place(name, Pose(np.array(rows[0]), np.array(rows[1:4])), np.array(rows[4]))
+            self.place(name, Pose(np.array(rows[0]), np.array(rows[1:4])), rows[4].tolist())
 
     def _around(self, name: str) -> dict[str, Parts]:
         """What a machine may touch: the other machines that it is not hitched to, and all that stands."""
@@ -259,7 +267,7 @@ class Bodies:
         else:
             own, rcs = self._solids[name] if moves else self._standing_solids[name], None
         pose = self._poses[name] if moves else Pose.identity() if thing is None else thing.pose
-        velocity = self._velocities[name] if moves else np.zeros(3)
+        velocity = np.array(self._velocities[name] if moves else STILL)
         if name not in self._bounds:
             self._bounds[name] = bounds(parts_of(own))
         return Body(name, kind, moved(own, pose), pose, velocity, *self._bounds[name], rcs)

@@ -4,77 +4,74 @@ Masses are float64 and each node belongs to one page (its lower-left ones), so t
 that rays see is float32 and written to every page that shows the node.
 """
 
-from functools import lru_cache
-from itertools import pairwise
-from math import ceil, cos, hypot, sin
+from collections.abc import Sequence
+from math import cos, floor, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.errors import InputError
+from swath.field.cut_result import Corner
 from swath.field.height_bounds import update_bumps, update_bumps_within
 from swath.field.memory_layout import PAGE_NODES
 from swath.field.pages import Key, PageStore
+from swath.kernels import Row, repeatable, start_warp
 
 Array = NDArray[np.float64]
 SPACING = 0.5  # of the points that straw is laid from, in nodes
+CORNERS_MAX = 64
+ROOM = 4096  # nodes of a polygon that memory is kept for
 
 
-def spread(store: PageStore, polygon: Array, mass: float, heading: float | None, depth_per_kg: float) -> None:
-    """Lay a mass [kg] on the nodes in and around a convex polygon (n, 2) in node units of the stand frame.
+class StrawLayer:
+    """Lays straw on the nodes of a store. depth_per_kg: on a node [m/kg]"""
 
-    heading [rad] in that frame: straw lies as a ridge along it, a parabola across; None: even. Every point of
-    a lattice over the polygon, less than SPACING apart, lays its share on the four nodes around it.
-    """
-    if mass == 0.0:
-        return
-    points, weight = _points(polygon)
-    if heading is not None:
-        c, s = cos(heading), sin(heading)
-        across = [c * y - s * x for x, y in polygon.tolist()]
-        middle, half = 0.5 * (max(across) + min(across)), max(0.5 * (max(across) - min(across)), 1e-9)
-        off = (c * points[:, 1] - s * points[:, 0] - middle) / half
-        weight = weight * np.maximum(1.0 - off * off, 0.0)
-    whole = float(np.add.accumulate(weight)[-1])
-    if whole <= 0.0:
-        return
-    share = weight * (mass / whole)
-    node = np.floor(points)
-    u0, v0 = node.min(axis=0).astype(int).tolist()
-    u1, v1 = node.max(axis=0).astype(int).tolist()
-    (fx, fy), columns = (points - node).T, u1 - u0 + 2
-    first = (node[:, 1].astype(int) - v0) * columns + node[:, 0].astype(int) - u0
-    at = first[:, None] + np.array([0, 1, columns, columns + 1])
-    corner = ((1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy)
-    laid = np.zeros((v1 - v0 + 2) * columns)
-    np.add.at(laid, at.ravel(), (np.stack(corner, axis=1) * share[:, None]).ravel())
-    _add(store, laid.reshape(-1, columns), u0, v0, depth_per_kg)
+    def __init__(self, store: PageStore, depth_per_kg: float) -> None:
+        self._store, self._depth_per_kg = store, depth_per_kg
+        self._corners, self._whole = np.zeros((CORNERS_MAX, 2)), np.zeros(6, np.int32)
+        self._laid = np.zeros(ROOM)
+        self._launch: Any = None
 
+    def lay(self, polygon: Sequence[Corner], mass: float, heading: float | None) -> None:
+        """Lay a mass [kg] on the nodes in and around a convex polygon in node units of the stand frame.
 
-def _points(polygon: Array) -> tuple[Array, Array]:
-    """Middles (n, 2) of equal parts of the triangles of a convex polygon, and the area of each part (n,)."""
-    places, areas = [], []
-    a = polygon[0]
-    for b, d in pairwise(polygon[1:]):
-        e, f = b - a, d - a
-        longest = max(hypot(*side) for side in (e, f, f - e))
-        n = max(ceil(longest / SPACING), 1)
-        part = _parts(n)
-        places.append(a + e * part[:, :1] + f * part[:, 1:])
-        areas.append(np.full(len(part), 0.5 * abs(float(e[0] * f[1] - e[1] * f[0])) / (n * n)))
-    return np.concatenate(places), np.concatenate(areas)
+        heading [rad] in that frame: straw lies as a ridge along it, a parabola across; None: even. Every
+        point of a lattice over the polygon, less than SPACING apart, lays its share on the four nodes around.
+        """
+        if mass == 0.0:
+            return
+        if len(polygon) > CORNERS_MAX:
+            raise InputError("polygon", len(polygon), f"expected at most {CORNERS_MAX} corners")
+        c, s, middle, half = 1.0, 0.0, 0.0, 1.0
+        if heading is not None:
+            c, s = cos(heading), sin(heading)
+            across = [c * y - s * x for x, y in polygon]
+            middle, half = 0.5 * (max(across) + min(across)), max(0.5 * (max(across) - min(across)), 1e-9)
+        self._make_room(polygon)
+        self._numbers.write(mass, c, s, middle, half, SPACING)
+        self._corners[: len(polygon)] = polygon
+        self._whole[:2] = len(polygon), heading is not None
+        self._launch.launch()
+        _, _, u0, v0, u1, v1 = self._whole.tolist()
+        if u1 >= u0:
+            rows, columns = v1 - v0 + 1, u1 - u0 + 1
+            laid = self._laid[: rows * columns].reshape(rows, columns)
+            _add(self._store, laid, u0, v0, self._depth_per_kg)
 
+    def _make_room(self, polygon: Sequence[Corner]) -> None:
+        """The launch, with memory for the nodes around a polygon."""
+        columns, rows = (floor(max(side)) - floor(min(side)) + 3 for side in zip(*polygon, strict=True))
+        if self._launch is not None and rows * columns <= len(self._laid):
+            return
+        from swath.field import straw_kernel as kernel
 
-@lru_cache(maxsize=64)
-def _parts(n: int) -> Array:
-    """Middles of the n * n equal parts of a triangle, as shares of its two sides, (n * n, 2)."""
-    middles = [
-        ((i + (1 + up) / 3) / n, (j + (1 + up) / 3) / n)
-        for j in range(n)
-        for i in range(n - j)
-        for up in (0, 1)
-        if up == 0 or i + j < n - 1
-    ]
-    return np.array(middles)
+        wp = start_warp()
+        self._laid = np.zeros(max(rows * columns, ROOM))
+        self._numbers = Row(kernel.Ridge)
+        corners = wp.array(self._corners, dtype=wp.vec2d, device="cpu", copy=False)
+        whole, laid = (wp.array(a, device="cpu", copy=False) for a in (self._whole, self._laid))
+        self._launch = repeatable(kernel.lay, [corners, self._numbers.array, whole, laid])
 
 
 def write_depth(store: PageStore, keys: list[Key], depth_per_kg: float) -> None:

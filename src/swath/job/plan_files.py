@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.documents.json_file import read_json
+from swath.documents.packed import readable
 from swath.field.projection import Origin, origin_at, transform, utm_epsg
 from swath.field_io.isoxml import is_taskdata
 from swath.field_io.outline import read_outline, rings
@@ -67,14 +68,16 @@ def _of_geojson(path: Path) -> tuple[list[Array], Array | None]:
     if path.suffix.lower() in (".kml", ".kmz", ".shp", ".zip") or path.is_dir():
         return [], _outline(path)
     data = read_json(path, "field.file", "GeoJSON")
-    shapes = [_geometry(f) for f in data.get("features", [data])] if isinstance(data, dict) else []
-    lon_lat = [
-        np.asarray(part, dtype=float)[:, :2]
-        for kind, coordinates in shapes
-        for part in (coordinates if kind == "MultiLineString" else [coordinates])
-        if kind in ("LineString", "MultiLineString") and len(part) >= 2
-    ]
-    has_outline = any(kind in ("Polygon", "MultiPolygon") for kind, _ in shapes)
+    with readable("field.file", "GeoJSON with lines or a polygon", path):
+        shapes = [_geometry(f) for f in data.get("features", [data])] if isinstance(data, dict) else []
+        lon_lat = [
+            _points(part)
+            for kind, coordinates in shapes
+            if kind in ("LineString", "MultiLineString")
+            for part in (coordinates if kind == "MultiLineString" else [coordinates])
+            if len(part) >= 2
+        ]
+        has_outline = any(kind in ("Polygon", "MultiPolygon") for kind, _ in shapes)
     if not lon_lat and not has_outline:
         raise InputError("field.file", str(path), "expected lines or a polygon", file=path)
     if not lon_lat:
@@ -93,6 +96,14 @@ def _geometry(feature: Any) -> tuple[str, Any]:
     if not isinstance(geometry, dict):
         return "", None
     return str(geometry.get("type", "")), geometry.get("coordinates")
+
+
+def _points(part: Any) -> Array:
+    """Longitude and latitude of a line [deg], (n, 2). ValueError for what is none on Earth."""
+    points = np.array([point[:2] for point in part], dtype=float)
+    if points.shape != (len(part), 2) or not (np.abs(points) <= (180.0, 90.0)).all():
+        raise ValueError("a point of a line is no longitude and latitude")
+    return points
 
 
 def _outline(path: Path) -> Array:

@@ -4,10 +4,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from math import fsum, hypot
 
-import numpy as np
-
 from swath.core.component import KeepsState
-from swath.core.frames import Array, Pose
+from swath.core.frames import Pose
 from swath.signals import MachineState
 
 Corner = list[float]  # x, y [m]
@@ -16,7 +14,9 @@ Corners = list[Corner]
 
 def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Corners:
     """World xy of a line across the machine: left end, right end [m]."""
-    return [[*pose.point(x, left_y, 0.0)[:2]], [*pose.point(x, right_y, 0.0)[:2]]]
+    (px, py, _), ((a, b, _), (d, e, _), _) = pose.numbers
+    ahead_x, ahead_y = a * x, d * x
+    return [[ahead_x + b * y + px, ahead_y + e * y + py] for y in (left_y, right_y)]
 
 
 class LinePath(KeepsState):
@@ -47,7 +47,7 @@ class LinePath(KeepsState):
             self._last = now
 
 
-def swept(before: Corners, after: Corners) -> list[Array]:
+def swept(before: Corners, after: Corners) -> list[Corners]:
     """Convex polygons, anticlockwise, between two positions of a line of two ends, joined straight.
 
     A quad where the line moves ahead; two triangles that meet in a point where it turns about a point of its
@@ -61,19 +61,15 @@ def swept(before: Corners, after: Corners) -> list[Array]:
     else:
         quad = [left0, right0, right1, left1]
         parts = [quad] if _is_convex(quad) else _halves(quad)
-    areas = [_area(p) for p in parts]
-    return [np.array(p if a > 0 else p[::-1]) for p, a in zip(parts, areas, strict=True) if abs(a) > 1e-9]
+    areas = [signed_area(p) for p in parts]
+    return [p if a > 0 else p[::-1] for p, a in zip(parts, areas, strict=True) if abs(a) > 1e-9]
 
 
-def signed_area(polygon: Array) -> float:
-    """Area [m2] of a polygon (n, 2), > 0 when anticlockwise."""
-    return _area(polygon.tolist())
-
-
-def _area(polygon: Corners) -> float:
+def signed_area(polygon: Sequence[Sequence[float]]) -> float:
+    """Area [m2] of a polygon, > 0 when anticlockwise."""
     (x0, y0), *rest = polygon
     around = [(x - x0, y - y0) for x, y in rest]
-    twice: float = fsum(a[0] * b[1] - a[1] * b[0] for a, b in pairwise(around))
+    twice: float = fsum([a * d - b * c for (a, b), (c, d) in pairwise(around)])
     return 0.5 * twice
 
 
@@ -86,7 +82,9 @@ def _is_convex(quad: Corners) -> bool:
 def _halves(quad: Corners) -> list[Corners]:
     """A dented quad as two triangles, split along the diagonal that lies inside it."""
     a, b, c, d = quad
-    return min([[[a, b, c], [a, c, d]], [[b, c, d], [b, d, a]]], key=lambda h: fsum(abs(_area(p)) for p in h))
+    return min(
+        [[[a, b, c], [a, c, d]], [[b, c, d], [b, d, a]]], key=lambda h: fsum(abs(signed_area(p)) for p in h)
+    )
 
 
 def _crossing(a0: Corner, a1: Corner, b0: Corner, b1: Corner) -> Corner | None:

@@ -2,13 +2,14 @@
 
 import warnings
 from functools import cache
-from math import isfinite
-from typing import Unpack
+from math import frexp, isfinite, ldexp
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swath.field.field import Field
+from swath.field.memory_layout import Solids
 from swath.field.solids import NOTHING, solid_count
 from swath.rays.device import ThreadPool, ray_device, start_warp, thread_count
 from swath.rays.field_arrays import LiveScene
@@ -61,6 +62,20 @@ class RayCaster:
             self._launch(o, d, hits, options)
         return hits
 
+    def cast_solids(
+        self, origins: ArrayLike, directions: ArrayLike, *, range_max: float, solids: Solids
+    ) -> Hits:
+        """As `cast`, against solids alone: crop and ground are not there, rays may start anywhere."""
+        o, d = (np.ascontiguousarray(v, dtype=np.float64).reshape(-1, 3) for v in (origins, directions))
+        hits = Hits.uninitialised((len(o),))
+        if len(o):
+            from swath.rays.kernel.solids_alone import cast_solids
+
+            wp = start_warp()
+            arrays = self.scene.solid_arrays(wp, solids)
+            self._run(wp, cast_solids, [arrays], o, d, range_max, hits)
+        return hits
+
     def cast_bundles(self, bundles: Spots | Rays, **options: Unpack[CastOptions]) -> Hits:
         """As `cast`, for the sub-rays of beams: origins and directions (n, s, 3), or `Spots`, which are
         made into rays where they are cast; all of the result (n, s).
@@ -73,14 +88,13 @@ class RayCaster:
             n, s = bundles.shape
             is_lone = solid_count(options.get("solids") or NOTHING) == 0
             if is_lone and n > 0 and s > 1 and self._has_packets(s):
-                slopes = np.column_stack([np.ones(s), bundles.offsets[0, :, 2:4]])
-                return self._traverse((n, s), bundles, pack_bundles(n, slopes), options)
+                return self._traverse((n, s), bundles, pack_bundles(n, s), options)
             bundles = bundles.rays()
         o, d = _of_shape(*bundles)
         n, s = o.shape[:2]
         if not self._has_packets(s):
             return self.cast(o, d, **options).reshaped((n, s))
-        return self._traverse((n, s), (o, d), pack_bundles(n, d[0]) if o.size else None, options)
+        return self._traverse((n, s), (o, d), pack_bundles(n, s) if o.size else None, options)
 
     def cast_image(self, origins: ArrayLike, directions: ArrayLike, **options: Unpack[CastOptions]) -> Hits:
         """As `cast`, for single rays of an image (rows, columns, 3): all of the result (rows, columns).
@@ -96,7 +110,7 @@ class RayCaster:
         shape = (int(o.shape[0]), int(o.shape[1]))
         if not self._has_packets(1):
             return self.cast(o, d, **options).reshaped(shape)
-        return self._traverse(shape, (o, d), pack_image(*shape, _pitch(d)) if o.size else None, options)
+        return self._traverse(shape, (o, d), pack_image(*shape, _pitch_ratio(d)) if o.size else None, options)
 
     def _has_packets(self, sub_rays: int) -> bool:
         """Can such bundles be cast as packets? Else the plain kernel serves, and a warning says so once."""
@@ -159,13 +173,17 @@ class RayCaster:
         scene = self.scene.refresh(wp, cells=True)
         self.scene.set_wind(wp, options.get("t", 0))
         solids = self.scene.solid_arrays(wp, options.get("solids") or NOTHING)
+        self._run(wp, cast, [scene, solids], o, d, options["range_max"], hits)
+
+    def _run(self, wp: Any, kernel: Any, scene: list[Any], o: F64, d: F64, reach: float, hits: Hits) -> None:
+        """A kernel of single rays over all of them."""
         rays = [self.scene.share(wp, o, wp.vec3d), self.scene.share(wp, d, wp.vec3d)]
         kinds = (wp.float32, wp.uint8, wp.float32, wp.float32)
         out = [self.scene.share(wp, a, kind) for a, kind in zip(hits.arrays, kinds, strict=True)]
 
         def run(first: int, count: int) -> None:
-            inputs = [scene, solids, *rays, float(options["range_max"]), first, *out]
-            wp.launch(cast, dim=count, inputs=inputs, device=self.device)
+            inputs = [*scene, *rays, float(reach), first, *out]
+            wp.launch(kernel, dim=count, inputs=inputs, device=self.device)
 
         if self.device == "cpu":
             self._pool.split(len(o), CHUNK_MIN, run)
@@ -182,17 +200,18 @@ def _of_shape(origins: ArrayLike, directions: ArrayLike) -> tuple[F64, F64]:
     return np.ascontiguousarray(o), np.ascontiguousarray(d)
 
 
-def _pitch(d: F64) -> tuple[float, float]:
-    """Angles between neighbours along rows and columns of an image [rad], medians along its middle.
-
-    0, 0 of one row.
-    """
-    if len(d) == 1:
-        return 0.0, 0.0
+def _pitch_ratio(d: F64) -> float:
+    """Angle between neighbours along columns of an image over that along rows, medians along its middle, to a
+    power of two; 1 where there is none."""
+    if min(d.shape[:2]) < 2:
+        return 1.0
     row, column = d[len(d) // 2], d[:, d.shape[1] // 2]
     steps = [np.linalg.norm(np.diff(line, axis=0), axis=-1) for line in (column, row)]
-    high, wide = (float(np.median(s)) if len(s) else 0.0 for s in steps)
-    return high, wide
+    high, wide = (float(np.median(s)) for s in steps)
+    if min(high, wide) <= 0.0:
+        return 1.0
+    share, power = frexp(high / wide)  # share: 0.5 to 1
+    return ldexp(1.0, min(max(power if share * share > 0.5 else power - 1, -16), 16))
 
 
 @cache

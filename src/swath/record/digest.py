@@ -43,15 +43,23 @@ class Digest:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what `slot` published at t [ns]."""
+        block, known = self._block, _LAYOUTS
         for output, signal in outputs.items():
-            self.add(sample_bytes(slot, output, t, signal))
+            layout = known.get((slot, output, type(signal)))
+            packed = None if layout is None or layout.pack is None else layout.pack(t, signal)
+            block += packed or sample_bytes(slot, output, t, signal)
+            if len(block) >= BLOCK_BYTES:
+                self._fold()
 
     def add(self, sample: bytes) -> None:
         """Take in the bytes of one sample."""
         self._block += sample
         if len(self._block) >= BLOCK_BYTES:
-            self._value = hashlib.sha256(self._value + self._block).digest()
-            self._block.clear()
+            self._fold()
+
+    def _fold(self) -> None:
+        self._value = hashlib.sha256(self._value + self._block).digest()
+        self._block.clear()
 
     @property
     def hex(self) -> str:
@@ -78,24 +86,27 @@ def sample_bytes(slot: str, output: str, t: int, signal: Signal) -> bytes:
 
 
 class _Layout:
-    """The bytes of the samples of an output: numbers and poses go through one Struct while types stay."""
+    """The bytes of the samples of an output: numbers and poses go through one Struct while types stay.
+
+    pack: that does it, None where other fields are among them
+    """
 
     def __init__(self, slot: str, output: str, kind: Any) -> None:
         self._names = tuple(f.name for f in fields(kind))
         self._values = attrgetter(*self._names, self._names[0])  # a tuple also of a single field
         self._head = "/".join((slot, output, kind.__name__, *self._names)).encode() + b"\n"
         self._types: tuple[type, ...] = ()
-        self._pack: Packer | None = None
+        self.pack: Packer | None = None
         self._kept: dict[int, tuple[Any, bytes]] = {}  # arrays that do not change, by field, and their bytes
 
     def bytes_of(self, t: int, signal: Signal) -> bytes:
-        if self._pack is not None and (packed := self._pack(t, signal)) is not None:
+        if self.pack is not None and (packed := self.pack(t, signal)) is not None:
             return packed
         values = self._values(signal)[:-1]
         types = tuple(map(type, values))
         if types != self._types:
             self._types = types
-            self._pack = _packer(self._head, self._names, types)
+            self.pack = _packer(self._head, self._names, types)
         return b"".join([self._head, TIME.pack(t), *map(self._encode, range(len(values)), values)])
 
     def _encode(self, place: int, value: Any) -> bytes:
@@ -149,6 +160,8 @@ def _unpacked(v: str) -> list[str]:
 
 def _is_usual(pose: Pose) -> bool:
     """Whether the arrays of a pose are of its kind and shape."""
+    if pose.is_of_numbers:
+        return True
     p, r = pose.position, pose.rotation
     return p.dtype is REAL and r.dtype is REAL and p.shape == (3,) and r.shape == (3, 3)
 

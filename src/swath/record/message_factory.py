@@ -34,6 +34,9 @@ OWN_TYPES = {
     "float32 speed\nfloat32 acceleration\nfloat32 jerk\n",
     "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\n"
     "ackermann_msgs/AckermannDrive drive\n",
+    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
+    "float32 doppler_velocity\nfloat32 amplitude\n",
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
 }
 
 _PUBLIC: dict[str, Any] = {}  # what rosbags compiled for public types, for all files of a process

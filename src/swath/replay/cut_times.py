@@ -59,7 +59,7 @@ def cut_times(area: Area, codes: NDArray[np.uint8], ways: list[KnifeWay], durati
     )
     for (begin, end), before, after, height in order:
         for polygon in swept(before.tolist(), after.tolist()):
-            found = _inside(polygon, when.shape)
+            found = _inside(np.array(polygon), when.shape)
             if found is None:
                 continue
             rows, columns, inside = found

@@ -135,7 +135,8 @@ class Layers:
                 slot = f"{scanner.machine}.{scanner.slot}"
                 self.notes.append(f"{packed.shown} of {packed.recorded} scans of {slot} are shown")
             self.arrays |= {f"scan_{what}_{index}": array for what, array in packed.arrays().items()}
-            self.values["scanners"].append({"machine": names.index(scanner.machine), "slot": scanner.slot})
+            about = {"machine": names.index(scanner.machine), "slot": scanner.slot, "unit_m": packed.unit_m}
+            self.values["scanners"].append(about)
         known = {(s.machine, s.slot) for s in found.scanners}
         for name, machine in self.machines.items():
             for slot in machine.slots_of("lidar"):

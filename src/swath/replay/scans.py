@@ -14,7 +14,8 @@ from swath.record.read.scans import cloud_table
 from swath.signals import F64
 
 MOST_POINTS = 160_000  # of all scanners together
-UNIT = 1.0 / 200.0  # of echoes about the middle of their scan [m]
+LEAST_UNIT = 0.001  # of echoes about the middle of their scan [m]
+MOST_UNITS = 32767  # int16
 RECORDING = "run.mcap"
 
 
@@ -59,12 +60,16 @@ def recorded(folder: Path, scanners: Mapping[str, Collection[str]]) -> Recorded 
 
 @dataclass(frozen=True)
 class PackedEchoes:
-    """times: (n,) float32 [s]; starts: (n + 1,) uint32; middle: (n, 3) float32 [m]; points: (m, 3) int16"""
+    """times: (n,) float32 [s]; starts: (n + 1,) uint32; middle: (n, 3) float32 [m]; points: (m, 3) int16
+
+    unit_m: of points about the middle of their scan: 1 mm, or what lets the farthest fit
+    """
 
     times: NDArray[np.float32]
     starts: NDArray[np.uint32]
     middle: NDArray[np.float32]
     points: NDArray[np.int16]
+    unit_m: float
     shown: int
     recorded: int
 
@@ -81,13 +86,15 @@ def pack_echoes(scanner: ScannerEchoes, most: int, origin: F64) -> PackedEchoes:
     echoes = [scanner.echoes[i].astype(np.float64) - origin for i in rows]
     middle = np.array([e.mean(axis=0) if len(e) else np.zeros(3) for e in echoes]).reshape(-1, 3)
     middle = middle.astype(np.float32)
-    shifted = [(e - m.astype(np.float64)) / UNIT for e, m in zip(echoes, middle, strict=True)]
+    shifted = [e - m.astype(np.float64) for e, m in zip(echoes, middle, strict=True)]
     points = np.concatenate([*shifted, np.zeros((0, 3))])
+    unit = max(LEAST_UNIT, float(np.abs(points).max(initial=0.0)) / MOST_UNITS)
     return PackedEchoes(
         np.array([scanner.times[i] for i in rows], np.float32),
         np.concatenate([[0], np.cumsum([len(e) for e in echoes])]).astype(np.uint32),
         middle,
-        np.clip(np.rint(points), -32767, 32767).astype(np.int16),
+        np.rint(points / unit).astype(np.int16),
+        unit,
         len(rows),
         len(scanner.times),
     )

@@ -43,6 +43,8 @@ from swath.scenario.slots import SLOTS, TRUTH, kind_of
 from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup
 
+_MOUNTED = "lidar", "scan_filter"  # slots whose mounting control is told
+
 
 def assemble(
     scenario: Scenario, *, only: Collection[str] | None = None, fields: KeptFields | None = None
@@ -104,14 +106,17 @@ def _reduced(section: MachineSection, only: Collection[str] | None) -> MachineSe
     if only is None:
         return section
     named = {slot for slot in section.slots if f"{section.name}.{slot}" in only}
-    wired = {
-        source.rpartition(".")[2]
-        for slot in named
-        if section.slots[slot].kind.is_control
-        for source, _ in section.slots[slot].wires.values()
-        if source.startswith(f"{section.name}.")
-    }
-    kept = named | {s for s in wired if s in section.slots and section.slots[s].kind.name == "lidar"}
+    kept, seen = set(named), named
+    while seen:
+        wired = {
+            source.rpartition(".")[2]
+            for slot in seen
+            if section.slots[slot].kind.is_control
+            for source, _ in section.slots[slot].wires.values()
+            if source.startswith(f"{section.name}.")
+        }
+        seen = {s for s in wired & section.slots.keys() if section.slots[s].kind.name in _MOUNTED} - kept
+        kept |= seen
     slots = {slot: choice for slot, choice in section.slots.items() if slot in kept}
     return dataclasses.replace(section, slots=slots, present=section.present)
 

@@ -61,7 +61,7 @@ class Walkers(KeepsState):
             gone = (now - self.begun[name]) / NS if name in self.begun else -1.0
             x, y, heading, speed = way.after(gone)
             pose = Pose.from_euler([x, y, float(self._field.ground_height(x, y))], yaw=heading)
-            self._bodies.place(name, pose, np.array([speed * cos(heading), speed * sin(heading), 0.0]))
+            self._bodies.place(name, pose, (speed * cos(heading), speed * sin(heading), 0.0))
 
 
 class Scene(KeepsState):

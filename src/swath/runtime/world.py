@@ -258,8 +258,9 @@ class World:
         if (state := outputs.get("state")) is not None:
             name = slot.partition(".")[0]
             ahead, left = state.speed, state.lateral_speed
-            velocity = np.array([row[0] * ahead + row[1] * left for row in state.pose.numbers[1]])
-            self.bodies.place(name, state.pose, velocity)
+            self.bodies.place(
+                name, state.pose, [row[0] * ahead + row[1] * left for row in state.pose.numbers[1]]
+            )
             if (trailer := outputs.get("trailer")) is not None:
                 self.bodies.place(name + TRAILER, pose_of(trailer))
         elif (height := outputs.get("height")) is not None:

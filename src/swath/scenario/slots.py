@@ -164,22 +164,8 @@ SLOTS: tuple[SlotKind, ...] = (
         (Port("speed", GroundSpeed),),
         _STATE,
     ),
-    _sensor(
-        "radar",
-        ("swath.sensing.radar",),
-        "error",
-        20.0,
-        (Port("targets", RadarTargets),),
-        _STATE,
-    ),
-    _sensor(
-        "gnss",
-        ("swath.sensing.gnss",),
-        "error",
-        10.0,
-        (Port("fix", Fix),),
-        _STATE,
-    ),
+    _sensor("radar", ("swath.sensing.radar",), "error", 20.0, (Port("targets", RadarTargets),), _STATE),
+    _sensor("gnss", ("swath.sensing.gnss",), "error", 10.0, (Port("fix", Fix),), _STATE),
     _sensor(
         "imu",
         ("swath.sensing.imu",),
@@ -228,6 +214,18 @@ SLOTS: tuple[SlotKind, ...] = (
             "passed": ("gnss", "fix"),
             "odometry": ("odometry", "odometry"),
             "grain": ("crop_flow", "grain"),
+        },
+    ),
+    _of_control(
+        "scan_filter",
+        ("swath.control.scan_filter",),
+        "peer_body",
+        25.0,
+        (Port("scan", Scan, unit="m", shape=(None,)),),
+        {
+            "scan": ("lidar", "scan"),
+            "peer": ("peer_link", "peer"),
+            "odometry": ("odometry", "odometry"),
         },
     ),
     _of_control(

@@ -1,6 +1,7 @@
 """Where the beams of a sweep start: `poses_at` of `mount.py` and the mounting in one native function."""
 
 from collections.abc import Sequence
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from swath.kernels import repeatable, start_warp
 from swath.signals import F64, MachineState
 
 ROOM = 64  # states between two sweeps; more are thinned out
+ROW = Struct("13d")  # t, position, rotation of a state
 
 
 class Sweep:
@@ -19,6 +21,7 @@ class Sweep:
         n = len(beam_t)
         self._count = n
         self._states, self._sizes = np.zeros((ROOM, 13)), np.zeros(3)
+        self._rows: Any = self._states.view(np.uint8).reshape(-1)
         self._mounting = np.concatenate([mounting.position, mounting.rotation.ravel()])
         self._beam_t = np.ascontiguousarray(beam_t)
         self._origins, self._rotations = np.zeros((n, 3)), np.zeros((n, 3, 3))
@@ -29,8 +32,9 @@ class Sweep:
         time of the sweep that ends at `end` [ns]; between states as `mount.poses_at`."""
         if len(states) > ROOM:
             states = [states[round(k)] for k in np.linspace(0, len(states) - 1, ROOM)]
-        for row, state in zip(self._states, states, strict=False):
-            row[0], row[1:4], row[4:] = state.t, state.pose.position, state.pose.rotation.ravel()
+        for k, state in enumerate(states):
+            place, (first, second, third) = state.pose.numbers
+            ROW.pack_into(self._rows, k * ROW.size, state.t, *place, *first, *second, *third)
         self._sizes[:] = end, len(states), self._count
         if self._launch is None:
             self._launch = self._prepare()

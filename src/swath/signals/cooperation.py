@@ -119,6 +119,12 @@ class PeerState(Signal, about=About()):
     remaining: Annotated[float, Quantity("m", "to the end of its pass", nan="in no pass")] = _NAN
     may_unload: Annotated[bool, Quantity("", "a cart may drive beside it")] = False
     calls: Annotated[bool, Quantity("", "it wants a cart")] = False
+    body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not told")] = _NAN
+    body_rear: Annotated[float, Quantity("m", "likewise, < 0 behind it", nan="not told")] = _NAN
+    body_width: Annotated[float, Quantity("m", "of its chassis", nan="not told")] = _NAN
+    header_front: Annotated[float, Quantity("m", "of its header, ahead", nan="no header")] = _NAN
+    header_left: Annotated[float, Quantity("m", "middle of its header, leftward", nan="no header")] = _NAN
+    header_width: Annotated[float, Quantity("m", "of its header", nan="no header")] = _NAN
 
 
 @frozen

@@ -19,6 +19,11 @@ _MESSAGES = (
         "x, y, z, radial_speed, rcs, snr, azimuth_angle, elevation_angle, range",
         "/machine/slot/output_points",
     ),
+    Message(
+        "radar_msgs/RadarScan",
+        "range, azimuth, elevation (0 where it is not measured), doppler_velocity, amplitude = SNR in dB",
+        "/machine/slot/output_returns",
+    ),
 )
 
 

@@ -27,7 +27,7 @@ SIZE = 0.5  # of a detection, which has none [m]
 @dataclass(frozen=True)
 class Params:
     """reach_m: ahead of the knife; side_m: beside the ends of the header; fastest_m_s: over ground, along the
-    sight; least_snr_db: of a detection
+    sight; least_snr_db, least_rcs_dbsm: of a detection; crop and its edge beside the way lie below the second
     confirm: looks that show a thing before it counts; keep_s: it is kept so long without being seen
     view_deg: to both sides of the radar's axis; near_m: nearer than that low things lie under the beam; what
     gets there, before the knife, is kept where it was
@@ -37,6 +37,7 @@ class Params:
     side_m: Annotated[float, Ge(0), Le(50)] = 8.0
     fastest_m_s: Annotated[float, Gt(0), Le(50)] = 4.0
     least_snr_db: Annotated[float, Ge(-20), Le(60)] = 0.0
+    least_rcs_dbsm: Annotated[float, Ge(-60), Le(40)] = -18.0
     confirm: Annotated[int, Ge(1), Le(20)] = 4
     keep_s: Annotated[float, Ge(0), Le(10)] = 0.6
     view_deg: Annotated[float, Gt(0), Le(90)] = 42.0
@@ -84,7 +85,7 @@ class RadarObjects(Following):
         ahead = points[:, 0] - self._knife
         good = (ahead > FREE) & (ahead < self._p.reach_m) & (np.abs(over_ground) < self._p.fastest_m_s)
         good &= (points[:, 1] > self._strip[0]) & (points[:, 1] < self._strip[1])
-        good &= ~(targets.snr < self._p.least_snr_db)
+        good &= ~(targets.snr < self._p.least_snr_db) & ~(targets.rcs < self._p.least_rcs_dbsm)
         return np.asarray(points[good])
 
 

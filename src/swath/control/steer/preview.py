@@ -21,7 +21,7 @@ All this holds in the frame in which the machine will stand when the command has
 lag), and the slip of the machine on slopes is observed.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import atan, atan2, cos, isfinite, sin, tan
 from typing import Annotated
 
@@ -129,7 +129,8 @@ class Preview(KeepsState):
         seconds = dt / NS
         speed = odometry.speed if isfinite(odometry.speed) else 0.0
         inertial = inputs.get("inertial")
-        turning = replace(odometry, yaw_rate=self._yaw_rate.of(odometry, inertial, seconds))
+        rate = self._yaw_rate.of(odometry, inertial, seconds)
+        turning = Odometry(odometry.t, odometry.speed, rate, odometry.steer_angle)
         driven = driven_curvature(turning, self._wheelbase, self._limit)
         self._actuator.push(self._command, driven, max(speed, 0.0) * seconds)
         self._inclination.take(inertial, speed)

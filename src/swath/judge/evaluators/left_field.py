@@ -13,6 +13,7 @@ from swath.signals import F64, CropFlow, MachineState, Signal
 GROUP = "Harvest"
 BESIDE_M = 2.0  # the field without a boundary ends this far on the cut side of the edge
 STEP_M = 0.5  # driven between two looks
+CHUNK = 16  # of them are judged together
 
 
 class LeftField:
@@ -21,6 +22,7 @@ class LeftField:
 
     Outside is what lies beyond the boundary or the map of the terrain, in a field without a boundary also
     what lies more than BESIDE_M on the cut side of the edge. Nothing is said before the knife was inside.
+    Places are judged later, many together: what they are judged by stays as it is.
     """
 
     OF_FIELD = False
@@ -37,8 +39,9 @@ class LeftField:
         self.setup = setup
         self._end = HeaderPath(setup.machine).end
         (x, left), (_, right) = (setup.machine.geometry.header_end(side) for side in ("left", "right"))
-        self._knife = np.array([[x, left, 0.0], [x, 0.5 * (left + right), 0.0], [x, right, 0.0]])
+        self._knife = [(x, left, 0.0), (x, 0.5 * (left + right), 0.0), (x, right, 0.0)]
         self._looked_at, self._next = 0.0, 0.0
+        self._waiting: list[MachineState] = []
         self._side, self._end_row = (1.0, 0) if setup.machine.edge_side == "left" else (-1.0, 2)
         self._has_header = self._was_inside = self._is_beyond = False
         self._open: int | None = None  # index of the event that lasts
@@ -51,14 +54,16 @@ class LeftField:
             if isinstance(signal, CropFlow):
                 self._has_header = True
             elif isinstance(signal, MachineState) and signal.distance >= self._next and self._has_header:
-                self._look(signal)
-                self._looked_at, self._next = signal.distance, signal.distance + STEP_M
+                self._waiting.append(signal)
+                self._next = signal.distance + STEP_M
+                if len(self._waiting) == CHUNK:
+                    self._judge()
 
     def metrics(self) -> dict[str, float]:
         """Of the whole way; nothing of a machine without a header."""
         if not self._has_header:
             return {}
-        left = len([e for e in self._events if e.kind == "left_the_field"])
+        left = len([e for e in self.events() if e.kind == "left_the_field"])
         return {"left_the_field_count": float(left), "left_the_field_m": self._way}
 
     @property
@@ -68,13 +73,26 @@ class LeftField:
 
     def events(self) -> Sequence[Event]:
         """Every time that it left the field or its edge."""
+        self._judge()
         return self._events
 
-    def _look(self, state: MachineState) -> None:
+    def _judge(self) -> None:
+        """Take in the places that wait."""
+        states, self._waiting = self._waiting, []
+        if not states:
+            return
+        knife = np.array([[state.pose.point(*p)[:2] for p in self._knife] for state in states])
+        along, left = self.setup.edge.project(knife[..., 0].ravel(), knife[..., 1].ravel())
+        rows = zip(states, knife, along.reshape(-1, 3), left.reshape(-1, 3), strict=True)
+        for state, places, far, aside in rows:
+            self._look(state, places, far, aside)
+            self._looked_at = state.distance
+
+    def _look(self, state: MachineState, knife: F64, along: F64, left: F64) -> None:
+        """knife: places (3, 2); along, left: where they are on the edge [m], (3,)."""
         if self._open is not None:
             self._way += state.distance - self._looked_at
-        x, y, _ = state.pose.apply(self._knife).T
-        along, left = self.setup.edge.project(x, y)
+        x, y = knife.T
         inside = float((-self._side * left).max())
         why = self._why_outside(x, y, inside)
         if not why:

@@ -43,7 +43,7 @@ class Rollover:
         for signal in outputs.values():
             if isinstance(signal, MachineState) and signal.t >= self._next and not self._events:
                 self._next = signal.t + PERIOD
-                if signal.pose.rotation[2, 2] < cos(TIPPED) and (tilt := self._tilt(signal)) > TIPPED:
+                if signal.pose.numbers[1][2][2] < cos(TIPPED) and (tilt := self._tilt(signal)) > TIPPED:
                     self._note(signal, tilt)
 
     def metrics(self) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""`swath osi`: recorded scans as a trace of ASAM OSI."""
+"""`swath osi`: recorded scans or radar detections as a trace of ASAM OSI."""
 
 import argparse
 from pathlib import Path
@@ -9,13 +9,13 @@ from swath.terminal.options import add_no_code
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("osi", help="scans of a run as an ASAM OSI trace")
+    parser = parsers.add_parser("osi", help="scans or radar detections of a run as an ASAM OSI trace")
     parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
     parser.add_argument("--out", type=Path, required=True, metavar="X.osi", help="file to write")
     parser.add_argument(
         "--type", default="sd", metavar="T", help="sd = SensorData (default), sv = SensorView"
     )
-    parser.add_argument("--slot", metavar="SLOT", help="the scanner (default: the first recorded one)")
+    parser.add_argument("--slot", metavar="SLOT", help="a scanner or radar (default: the first recorded)")
     add_no_code(parser)
     parser.set_defaults(run=run)
 

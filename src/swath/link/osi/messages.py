@@ -1,4 +1,4 @@
-"""Scans and machines as messages of ASAM OSI 3.
+"""Scans, detections of radars and machines as messages of ASAM OSI 3.
 
 World: swath's ENU as it is. Vehicle frame of OSI: ISO 8855, origin in the middle of the rear axle, which in a
 combine is the steered one; swath's is below the middle of the front axle. Angles as in swath: z-y'-x''.
@@ -13,8 +13,9 @@ import numpy as np
 from swath.core.errors import MissingExtra
 from swath.core.frames import Pose
 from swath.core.schedule import NS
+from swath.link.osi.detections import Sample, add_detections, sensor_view
 from swath.machine.machine_sheet import MachineSheet, dynamics_of
-from swath.signals import MachineState, Scan
+from swath.signals import MachineState
 
 TYPES = {"sd": "SensorData", "sv": "SensorView"}
 SENSOR_ID = 1
@@ -30,7 +31,7 @@ def load_osi() -> dict[str, Any]:
 
 
 class Writer:
-    """Makes the messages of one scanner.
+    """Makes the messages of one scanner or radar.
 
     host: name of the machine that carries it; sheets: of all machines, in their order; mounting:
     pose_machine_sensor
@@ -51,59 +52,38 @@ class Writer:
         v = self._version
         return v.version_major, v.version_minor, v.version_patch
 
-    def sensor_view(self, scan: Scan, states: Mapping[str, MachineState]) -> Any:
-        """Truth at the end of a sweep: where the machines are, and the rays of the scanner.
+    def sensor_view(self, sample: Sample, states: Mapping[str, MachineState]) -> Any:
+        """Truth at the end of a sweep or look: where the machines are, and the rays of a scanner.
 
-        There are no reflections in it: the rays within a beam are not recorded.
+        There are no reflections in it: the rays within a beam, and a radar's, are not recorded.
         """
         view = self._osi["sensorview"].SensorView()
-        self._head(view, scan.t)
+        self._head(view, sample.t)
         view.host_vehicle_id.value = self._ids[self._host]
         _mount(view.mounting_position, self._mounting)
         truth = view.global_ground_truth
         truth.version.CopyFrom(self._version)
-        _time(truth.timestamp, scan.t)
+        _time(truth.timestamp, sample.t)
         truth.host_vehicle_id.value = self._ids[self._host]
         for name, state in states.items():
             self._machine(truth.moving_object.add(), name, state)
-        rays = view.lidar_sensor_view.add().view_configuration
-        rays.sensor_id.value = SENSOR_ID
-        _mount(rays.mounting_position, self._mounting)
-        rays.field_of_view_horizontal = float(np.ptp(scan.azimuth))
-        rays.field_of_view_vertical = float(np.ptp(scan.elevation))
-        rays.max_number_of_interactions = scan.ranges.shape[1]
-        cos = np.cos(scan.elevation)
-        ways = (cos * np.cos(scan.azimuth), cos * np.sin(scan.azimuth), np.sin(scan.elevation))
-        for x, y, z in zip(*(axis.tolist() for axis in ways), strict=True):
-            rays.directions.add(x=x, y=y, z=z)
+        looks = sensor_view(view, sample)
+        looks.sensor_id.value = SENSOR_ID
+        _mount(looks.mounting_position, self._mounting)
         return view
 
-    def sensor_data(self, scan: Scan, states: Mapping[str, MachineState]) -> Any:
-        """The detections of a sweep in the sensor's frame, one for each echo, and the view they came from."""
+    def sensor_data(self, sample: Sample, states: Mapping[str, MachineState]) -> Any:
+        """The detections in the sensor's frame, and the view they came from."""
         data = self._osi["sensordata"].SensorData()
-        self._head(data, scan.t)
-        _time(data.last_measurement_time, scan.t)
+        self._head(data, sample.t)
+        _time(data.last_measurement_time, sample.t)
         _mount(data.mounting_position, self._mounting)
-        data.sensor_view.add().CopyFrom(self.sensor_view(scan, states))
-        lidar = data.feature_data.lidar_sensor.add()
-        head = lidar.header
-        _time(head.measurement_time, scan.t)
+        data.sensor_view.add().CopyFrom(self.sensor_view(sample, states))
+        head = add_detections(data.feature_data, sample)
+        _time(head.measurement_time, sample.t)
         _mount(head.mounting_position, self._mounting)
         head.sensor_id.value = SENSOR_ID
         head.data_qualifier = head.DATA_QUALIFIER_AVAILABLE
-        beams, echoes = np.nonzero(np.isfinite(scan.ranges))
-        head.number_of_valid_detections = len(beams)
-        per_echo = (scan.ranges[beams, echoes], scan.intensity[beams, echoes])
-        columns = (beams, scan.azimuth[beams], scan.elevation[beams], *per_echo)
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        for beam, azimuth, elevation, distance, intensity in rows:
-            found = lidar.detection.add(existence_probability=1.0)
-            found.position.distance, found.position.azimuth = distance, azimuth
-            found.position.elevation = elevation
-            if intensity == intensity:
-                found.intensity = 100.0 * intensity
-            if hasattr(found, "beam_id"):
-                found.beam_id.value = beam
         return data
 
     def _head(self, message: Any, t: int) -> None:

@@ -1,4 +1,4 @@
-"""A recorded run as an OSI trace: a single-channel file, each message after its length in four bytes."""
+"""A sensor of a recorded run as an OSI trace: one channel, each message after its length in four bytes."""
 
 import struct
 from bisect import bisect_right
@@ -20,10 +20,10 @@ LENGTH = struct.Struct("<I")
 
 
 def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = None) -> int:
-    """Write the scans of a run folder to `out`; returns how many.
+    """Write the scans, or the detections of a radar, of a run folder to `out`; returns how many.
 
-    kind: `sd` SensorData, `sv` SensorView; slot: the scanner, such as `combine.lidar`, None = the first that
-    was recorded. InputError where the run has no such scans, or not bit for bit; MissingExtra.
+    kind: `sd` SensorData, `sv` SensorView; slot: such as `combine.lidar`, None = the first scanner that was
+    recorded, else the first radar. InputError where the run has none, or not bit for bit; MissingExtra.
     """
     if kind not in TYPES:
         raise InputError("--type", kind, f"expected one of {', '.join(TYPES)}")
@@ -32,16 +32,17 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     if not (run / "scenario.yaml").is_file():
         raise InputError("run", str(run), "expected a run folder, it has no scenario.yaml")
     scenario, log = load_scenario(run), open_log(run)
-    scanners = _scanners(log)
-    if slot not in (None, *scanners):
-        raise InputError("--slot", slot, f"expected a scanner of the recording: {', '.join(scanners)}")
-    if not scanners:
+    sensors = _sensors(log)
+    if slot not in (None, *sensors):
+        listed = ", ".join(sensors)
+        raise InputError("--slot", slot, f"expected a scanner or radar of the recording: {listed}")
+    if not sensors:
         text = "expected scans bit for bit, as a run with `record: exact` or `full` has them"
         raise InputError("recording", None, text, file=log.path)
-    slot = slot or scanners[0]
+    slot = slot or next(iter(sensors))
     host, mounting = slot.partition(".")[0], own_mounting(log, slot)
     if mounting is None:
-        raise InputError("--slot", slot, "expected a scanner with a mounting", file=log.path)
+        raise InputError("--slot", slot, "expected a sensor with a mounting", file=log.path)
     sheets = {
         name: load_machine(m.sheet.as_posix(), header_width_m=m.common.header_width_m)
         for name, m in scenario.machines.items()
@@ -52,8 +53,8 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     out.parent.mkdir(parents=True, exist_ok=True)
     unfinished, count = out.with_name(out.name + ".part"), 0
     with unfinished.open("wb") as file:
-        for scan in _samples(log, slot, "scan"):
-            message = make(scan, {name: _newest(found, scan.t) for name, found in states.items()})
+        for sample in _samples(log, slot, sensors[slot]):
+            message = make(sample, {name: _newest(found, sample.t) for name, found in states.items()})
             data = message.SerializeToString(deterministic=True)
             file.write(LENGTH.pack(len(data)) + data)
             count += 1
@@ -61,10 +62,15 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     return count
 
 
-def _scanners(log: Log) -> list[str]:
-    """Slots (`combine.lidar`) whose scans are recorded bit for bit."""
-    ends = f"/scan{SUFFIX}"
-    return [topic.removesuffix(ends)[1:].replace("/", ".") for topic in log.topics() if topic.endswith(ends)]
+def _sensors(log: Log) -> dict[str, str]:
+    """Slots (`combine.lidar`) whose scans or targets are recorded bit for bit, and that output."""
+    ends = {output: f"/{output}{SUFFIX}" for output in ("scan", "targets")}
+    return {
+        topic.removesuffix(end)[1:].replace("/", "."): output
+        for output, end in ends.items()
+        for topic in log.topics()
+        if topic.endswith(end)
+    }
 
 
 def _newest(states: Sequence[MachineState], t: int) -> MachineState:

@@ -18,10 +18,10 @@ from swath.rays.spots import Spots
 F64 = NDArray[np.float64]
 RAYS_PER_TASK = 2048  # fewer are not worth another thread
 JOB = np.dtype(  # as in native/rays.cpp
-    [(name, np.int64) for name in ("origins", "directions", "spots", "packets", "first_packet")]
+    [(name, np.int64) for name in ("origins", "directions", "spots", "order", "first")]
     + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance")]
     + [(name, np.int64) for name in ("solid", "solid_organ", "solid_cosine", "solid_reflectance")]
-    + [(name, np.int64) for name in ("width", "groups", "sub_rays", "spot_step", "next", "flags")]
+    + [(name, np.int64) for name in ("lanes", "groups", "sub_rays", "row", "spot_step", "next", "flags")]
     + [("range_max", np.float64)]
 )
 
@@ -84,7 +84,7 @@ class PacketTraversal:
         kept = np.ascontiguousarray(starts, np.float64), np.ascontiguousarray(ways, np.float64)
         o, d, *held = [a.ctypes.data for a in (*kept, *hits.arrays, *before)]
         places = (o, d, spots, *packing.addresses, *held, *[0] * (8 - len(held)))
-        self._job[0] = (*places, packing.table.shape[1], packing.group_count, subs, step, 0, 0, range_max)
+        self._job[0] = (*places, packing.lanes, packing.group_count, subs, packing.row, step, 0, 0, range_max)
         self._prepare(wp, scene, version)
         parts = min(self._pool.threads, packing.group_count, len(hits.organ) // RAYS_PER_TASK)
         self._pool.repeat(self._launch.launch, parts)

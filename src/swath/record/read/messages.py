@@ -15,7 +15,10 @@ from swath.signals import Signal
 from swath.signals.flat import ARRAYS
 
 MAKERS: Makers = {**scans.MAKERS, **motion.MAKERS, **positioning.MAKERS, **radar.MAKERS}
-PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "ackermann_msgs", "std_msgs", "example_interfaces")
+PACKAGES = (
+    *("sensor_msgs", "nav_msgs", "geometry_msgs", "ackermann_msgs", "radar_msgs", "std_msgs"),
+    "example_interfaces",
+)
 
 
 def maker_for(signal: type[Signal], msgtype: str, context: Context) -> Maker | None:

@@ -1,4 +1,4 @@
-"""Detections of a radar from sensor_msgs/PointCloud2 of the usual drivers."""
+"""Detections of a radar from sensor_msgs/PointCloud2 or radar_msgs/RadarScan of the usual drivers."""
 
 from typing import Any
 
@@ -41,4 +41,22 @@ def _first(table: NDArray[np.void], names: tuple[str, ...]) -> F64:
     return np.full(len(table), np.nan) if name is None else table[name].astype(np.float64)
 
 
-MAKERS: Makers = {(RadarTargets, "PointCloud2"): lambda context: _targets_of_cloud}
+def _targets_of_returns(message: Any, t: int) -> RadarTargets:
+    """A detection per radar_msgs/RadarReturn with a finite distance; no cross sections.
+
+    Amplitudes are taken for signal to noise. Where all elevations are 0 the radar measures none.
+    """
+    rows = [[r.range, r.azimuth, r.elevation, r.doppler_velocity, r.amplitude] for r in message.returns]
+    table = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    far, azimuth, elevation, speed, snr = table[np.isfinite(table[:, 0]) & (table[:, 0] > 0.0)].T
+    unknown = np.full(len(far), np.nan)
+    columns = np.vstack(
+        [far, azimuth, elevation if elevation.any() else unknown, speed, unknown, snr, *[unknown] * 3]
+    )
+    return radar_targets_of(stamp_of(message, t), columns.T.tolist())
+
+
+MAKERS: Makers = {
+    (RadarTargets, "PointCloud2"): lambda context: _targets_of_cloud,
+    (RadarTargets, "RadarScan"): lambda context: _targets_of_returns,
+}

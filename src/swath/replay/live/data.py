@@ -15,6 +15,7 @@ from swath.replay.things import things_of
 from swath.runtime.world import World
 from swath.signals import F64, MachineState
 
+ECHO_UNIT = 1.0 / 200.0  # of echoes about the middle of their scan [m]
 STEP, BEYOND = 0.5, 10.0  # between points of the way ahead, and how far it goes on after the distance [m]
 COLUMNS = tuple(dict.fromkeys([*STATE, *(curve.column for chart in CHARTS for curve in chart.curves)]))
 
@@ -88,7 +89,9 @@ def live_data(world: World, columns: Mapping[str, list[str]], origin: F64) -> tu
             f"the field is drawn {area_note(world)}; beyond, machines drive over the country around",
             "scans of the past are in replay.html of the finished run",
         ],
-        "scanners": [{"machine": list(start).index(n), "slot": slot} for n, slot in scanners],
+        "scanners": [
+            {"machine": list(start).index(n), "slot": slot, "unit_m": ECHO_UNIT} for n, slot in scanners
+        ],
         "straw": [],
         "live": {
             "columns": list(columns.values()),

@@ -1,7 +1,7 @@
 """Frames of a run that goes on: the newest row of every machine, and scans, in at most `LARGEST` bytes.
 
 Bytes of a frame: length of a JSON head (uint32, little endian), the head, padded with blanks to a multiple of
-4, the values of its rows (float32), then the echoes of its scans (int16, in `scans.UNIT` about their middle).
+4, the values of its rows (float32), then the echoes of its scans (int16, in `ECHO_UNIT` about their middle).
 """
 
 import json
@@ -16,9 +16,8 @@ from swath.judge.evaluation import Evaluation
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.tracks import Tracks
 from swath.replay.charts import CHARTS
-from swath.replay.live.data import COLUMNS
+from swath.replay.live.data import COLUMNS, ECHO_UNIT
 from swath.replay.machines import derived, thinned
-from swath.replay.scans import UNIT
 from swath.runtime.world import World
 from swath.signals import F64, MachineLoad, ScanTruth
 
@@ -131,7 +130,7 @@ class Frames:
             return np.zeros(3), np.zeros((0, 3), np.int16)
         places = points - self.origin
         middle = np.round(places.mean(axis=0), 3)
-        return middle, np.clip(np.rint((places - middle) / UNIT), -32767, 32767).astype("<i2")
+        return middle, np.clip(np.rint((places - middle) / ECHO_UNIT), -32767, 32767).astype("<i2")
 
     def _ways(self, t: int) -> dict[str, list[float]]:
         """t, x, y, z, yaw of what goes."""

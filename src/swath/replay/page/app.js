@@ -208,6 +208,8 @@ readData(element("data").textContent).then((data) => {
       const [u, v] = applied(m, [x, y, z]), w = m[3] * x + m[7] * y + m[11] * z + m[15];
       return [0.5 + u / w / 2, 0.5 - v / w / 2];
     },
+    // Where the camera is and what it looks at, in the scene.
+    get view() { return app.cameras.place(app.machine, app.time); },
     stems: (x, y, reach, t) => app.stand.countStems(x, y, reach, t),
   };
   if (data.live) globalThis.swath.live = new Live(app, data);

@@ -104,7 +104,7 @@ class Live {
 
   addScan(scanner, t, middle, points) {
     const places = new Float32Array(points.length);
-    for (let i = 0; i < points.length; i++) places[i] = middle[i % 3] + points[i] / 200;
+    for (let i = 0; i < points.length; i++) places[i] = middle[i % 3] + points[i] * scanner.unit;
     scanner.kept.push({ t, places });
     if (scanner.kept.length > TRAIL_SCANS) scanner.kept.shift();
     const rows = [], starts = [0];

@@ -13,13 +13,13 @@ class Scans {
       const rows = new Float32Array(points.length / 3 * 8), all = new Float32Array(points.length);
       for (let i = 0, n = 0; i < scanTimes.length; i++) {
         for (; n < starts[i + 1]; n++) {
-          for (let a = 0; a < 3; a++) all[3 * n + a] = middle[3 * i + a] + points[3 * n + a] / 200;
+          for (let a = 0; a < 3; a++) all[3 * n + a] = middle[3 * i + a] + points[3 * n + a] * scanner.unit_m;
           rows.set([all[3 * n], all[3 * n + 1], all[3 * n + 2], 0, 0, 0, -1, 0], 8 * n);
         }
       }
       const mount = machine.sensors.find((s) => s.slot === scanner.slot);
       const buffer = makeBuffer(gl, rows), object = makeArrayObject(gl, buffer, [3, 4, 1]);
-      return { machine, slot: scanner.slot, starts, scanTimes, all, mount, buffer, object, paint: SCAN_PAINT[k % 4] };
+      return { machine, slot: scanner.slot, unit: scanner.unit_m, starts, scanTimes, all, mount, buffer, object, paint: SCAN_PAINT[k % 4] };
     });
   }
 

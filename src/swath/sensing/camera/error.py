@@ -116,13 +116,14 @@ class ErrorCamera(SceneCamera):
         """Standing still."""
         return self._exposed(t, self.sight(t, pose))
 
-    def _aimed(self, t: int, exposure: float, known: tuple[MachineState, ...]) -> tuple[F64, F64]:
-        """Origins and directions of all samples (rows, columns, 3) of a machine in these states."""
+    def _aimed(self, t: int, exposure: float, known: tuple[MachineState, ...]) -> tuple[F64, F64, F64]:
+        """Origins and directions of all samples (rows, columns, 3) of a machine in these states, and their
+        times after t [s], (rows, columns)."""
         per, (height, width) = self.per_side, self.size
         rolls = self.sheet.shutter == "rolling"
         late = self._row_time * (np.arange(height) - (height - 1)) if rolls else np.zeros(1)
         directions = np.empty_like(self._rays)
-        origins = np.empty_like(self._rays)
+        origins, after = np.empty_like(self._rays), np.empty(self._rays.shape[:2])
         for k in range(per * per):
             i, j = divmod(k, per)
             rank = per * i + (j if i % 2 == 0 else per - 1 - j)  # to and fro: no column is late on average
@@ -136,7 +137,8 @@ class ErrorCamera(SceneCamera):
                 "hlk,hwk->hwl", np.broadcast_to(rotation, (height, 3, 3)), rays
             )
             origins[i::per, j::per] = np.broadcast_to(position[:, None], (height, width, 3))
-        return origins, directions
+            after[i::per, j::per] = np.broadcast_to((late + within)[:, None], (height, width))
+        return origins, directions, after
 
     @property
     def _fixed(self) -> float:

@@ -55,6 +55,7 @@ PAINTS: dict[str, list[dict[str, tuple[Colour, ...]]]] = {
 class Instances:
     """Things in sight. solids: of all, each with the number of its part for a reflectance
 
+    each, velocities: the same solids thing by thing, and how each goes (3,) [m/s]
     names, kinds: of instance 1, 2 ...; owner: instance of each part, (parts + 1,), 0 = none; colours: linear
     light of each part, (parts + 1, 3)
     """
@@ -64,6 +65,20 @@ class Instances:
     kinds: tuple[str, ...]
     owner: NDArray[np.uint16]
     colours: F64
+    each: tuple[Solids, ...] = ()
+    velocities: tuple[F64, ...] = ()
+
+    @property
+    def moving(self) -> list[tuple[Solids, F64]]:
+        """Those that go."""
+        both = zip(self.each, self.velocities, strict=True)
+        return [(solids, velocity) for solids, velocity in both if velocity.any()]
+
+    @property
+    def standing(self) -> Solids:
+        """Those that stand."""
+        both = zip(self.each, self.velocities, strict=True)
+        return merge(*(solids for solids, velocity in both if not velocity.any()))
 
     def part(self, hits: Hits) -> NDArray[np.int64]:
         """Part that each ray met, 0 = no thing."""
@@ -89,6 +104,8 @@ def instances_of(seen: Sequence[Sighted]) -> Instances:
         tuple(thing.kind for thing in seen),
         np.array(owner, np.uint16),
         linear(np.array(colours)),
+        tuple(parts),
+        tuple(thing.velocity for thing in seen),
     )
 
 

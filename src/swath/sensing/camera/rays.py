@@ -28,6 +28,7 @@ from swath.sensing.camera.boxes import boxes_of, no_boxes
 from swath.sensing.camera.instances import Instances, instances_of
 from swath.sensing.camera.lens import Lens
 from swath.sensing.camera.lighting import SHADOW_REACH, Lighting, LightSetup
+from swath.sensing.camera.moving import over_moving
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
 from swath.sensing.camera.shading import encode, sun_direction
@@ -186,13 +187,21 @@ class SceneCamera(KeepsState):
         """What the samples see at t [ns] from one pose_world_optical."""
         return self.look(t, pose.position, pose.turn(self._rays))
 
-    def look(self, t: int, origins: F64, directions: F64) -> Sight:
-        """Cast rays (rows, columns, 3) of all samples from origins (3,) or of the same shape."""
+    def look(self, t: int, origins: F64, directions: F64, late: F64 | None = None) -> Sight:
+        """Cast rays (rows, columns, 3) of all samples from origins (3,) or of the same shape.
+
+        late: times of the samples after t [s], (rows, columns), so that things are seen where they are then;
+        None = all at t
+        """
         eye = origins if origins.ndim == 1 else origins[len(origins) // 2, origins.shape[1] // 2]
         reach = self.params.reach_m
         self.setup.field.ensure(eye[0], eye[1], reach + SHADOW_REACH)
         things = instances_of(self.setup.bodies.in_sight(self.setup.name))
-        hits = self.caster.cast_image(origins, directions, range_max=reach, solids=things.solids, t=t)
+        moving = [] if late is None else things.moving
+        solids = things.standing if moving else things.solids
+        hits = self.caster.cast_image(origins, directions, range_max=reach, solids=solids, t=t)
+        if late is not None and moving:
+            hits, origins = over_moving(self.caster, hits, origins, directions, late, moving, reach)
         self._casts += hits.organ.size
         depth = (hits.distance * self._rays[..., 2]).astype(np.float32)
         return Sight(hits, origins, directions, depth, things)

@@ -68,6 +68,7 @@ class ErrorImu(KeepsState):
         self._bias_sd = _six(p.gyro_bias_deg_s * DEG, p.accel_bias_mg * MILLI_G)
         self._scale_sd = _six(PERCENT * p.gyro_scale_percent, PERCENT * p.accel_scale_percent)
         self._white_sd = self._density[0] / sqrt(setup.period), self._density[3] / sqrt(setup.period)
+        self._spread(round(setup.period * NS))
 
     def errors(self, sample: Inertial) -> dict[str, tuple[float, float]]:
         """White noise, and the bias at the start of a run."""
@@ -88,14 +89,15 @@ class ErrorImu(KeepsState):
         """One sample at t + dt."""
         draw = self._normals.at(t + dt, 12).tolist()
         seconds = dt / NS
-        root = sqrt(seconds)
-        walked = zip(self._bias, self._walk, draw[6:], strict=True)
-        self._bias = [bias + walk * root * d for bias, walk, d in walked]
+        if dt != self._dt:
+            self._spread(dt)
+        self._bias = [
+            bias + step * d for bias, step, d in zip(self._bias, self._steps, draw[6:], strict=True)
+        ]
         truth = self._motion.take(inputs["state"])
         if self._shaking is not None:
             truth = self._shaken(self._shaking, truth, seconds, inputs.get("engine"))
-        noise = [density / root * d for density, d in zip(self._density, draw[:6], strict=True)]
-        return self._read(t + dt, truth, noise)
+        return self._read(t + dt, truth, draw[:6])
 
     def _shaken(self, by: Shaking, truth: Reading, seconds: float, engine: EngineState | None) -> Reading:
         """The reading and what shakes the machine, in the axes of the unit."""
@@ -105,9 +107,17 @@ class ErrorImu(KeepsState):
             for own, extra in zip(truth, more, strict=True)
         )  # type: ignore[return-value]
 
-    def _read(self, t: int, truth: Reading, noise: Sequence[float]) -> Outputs:
-        wrong = zip((*truth[0], *truth[1]), self._scale, self._bias, noise, strict=True)
-        p, q, r, x, y, z = (v * scale + bias + n for v, scale, bias, n in wrong)
+    def _spread(self, dt: int) -> None:
+        """Standard deviations of what is drawn for a step of dt [ns]."""
+        root = sqrt(dt / NS)
+        self._dt = dt
+        self._steps = [walk * root for walk in self._walk]  # of the bias
+        self._white = [density / root for density in self._density]
+
+    def _read(self, t: int, truth: Reading, draw: Sequence[float]) -> Outputs:
+        """draw: normal numbers of the white noise."""
+        wrong = zip((*truth[0], *truth[1]), self._scale, self._bias, self._white, draw, strict=True)
+        p, q, r, x, y, z = [v * scale + bias + sd * d for v, scale, bias, sd, d in wrong]
         return {"inertial": Inertial(t, p, q, r, x, y, z, *self._white_sd)}
 
 

@@ -64,7 +64,7 @@ class ErrorOdometry(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """Draw the constant errors."""
         p = self._p
-        draw = stream.at(0).standard_normal(3)
+        draw = stream.at(0).standard_normal(3).tolist()
         self._normals = Normals(stream)
         self._error = 1 + p.speed_scale_percent * PERCENT * draw[0]
         self._scale = self._error * (1 + p.slip_percent * PERCENT)
@@ -79,7 +79,7 @@ class ErrorOdometry(KeepsState):
         steering: SteerState = inputs["steering"]
         wheels: WheelState | None = inputs.get("wheels")
         speed = state.speed * self._scale if wheels is None else wheels.speed * self._error
-        noise = self._normals.at(t + dt, 3)
+        noise = self._normals.at(t + dt, 3).tolist()
         return {
             "odometry": Odometry(
                 t + dt,

@@ -20,7 +20,7 @@ from swath.signals import (
     TrailerState,
     UnloadState,
 )
-from swath.signals.setup import OpenBox
+from swath.signals.setup import MachineGeometry, OpenBox
 
 POURS = 0.01  # a flow below this is none [kg/s]
 
@@ -74,7 +74,7 @@ class IdealLink(KeepsState):
             t, True, (t - own.t) / NS, x, y, atan2(sin(heading), cos(heading)), peer.speed, peer.yaw_rate,
             self._acceleration(peer),
         )  # fmt: skip
-        parts: dict[str, Any] = self._box(inputs) | _grain(inputs) | _work(inputs)
+        parts: dict[str, Any] = _body(self._peer) | self._box(inputs) | _grain(inputs) | _work(inputs)
         return replace(said, **parts)
 
     def _acceleration(self, peer: MachineState) -> float:
@@ -101,6 +101,15 @@ class IdealLink(KeepsState):
 def silence(t: int) -> PeerState:
     """Nothing was ever heard."""
     return PeerState(t, False, nan, nan, nan, nan, nan, nan)
+
+
+def _body(of: MachineGeometry) -> dict[str, float]:
+    """Its outline, as on its data sheet."""
+    rear, front, half, _, _ = of.body
+    said = {"body_front": front, "body_rear": rear, "body_width": 2.0 * half}
+    if of.has_header:
+        said |= {"header_front": of.knife_x, "header_left": of.header_y, "header_width": of.header_width}
+    return said
 
 
 def _measures(box: OpenBox) -> dict[str, float]:

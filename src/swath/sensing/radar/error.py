@@ -4,7 +4,8 @@
 
 A target's echo fluctuates from look to look (Swerling 1): power over noise has an exponential distribution
 of mean 1 + SNR, a detection is above -ln Pfa, so Pd = Pfa^(1 / (1 + SNR)) (Richards 2014, Fundamentals of
-Radar Signal Processing, chapter 6). What shares a resolution cell is one detection.
+Radar Signal Processing, chapter 6). What shares a resolution cell is one detection; a thing that fills
+several may give several, and raises its own threshold (masking.py).
 """
 
 from collections import deque
@@ -16,13 +17,16 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs
+from swath.core.portable import arctan2, product
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.sensing.radar.extent import extent_of, glint
+from swath.sensing.radar.detector import Grid, processing_loss
+from swath.sensing.radar.extent import Scatterers, glint
 from swath.sensing.radar.ideal import IdealRadar, Target, entry
 from swath.sensing.radar.ideal import Params as IdealParams
+from swath.sensing.radar.masking import TRAINING, in_training
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
 from swath.signals import F64
 from swath.signals.radar import RadarTargets, radar_targets_of
@@ -79,6 +83,10 @@ class ErrorRadar(IdealRadar):
         self._rain = k * float(params.rain_mm_h) ** a / 1000.0  # dB/m
         self._threshold = -self.sheet.false_alarm_lg * log(10.0)
         self._stand = StandLoss(setup.field) if self._wave > 0.0 else None
+        self._scatterers = Scatterers()
+        per_look = 10.0**self.sheet.false_alarm_lg
+        per_bin = per_look * self.sheet.cells / Grid.of(self.sheet).count
+        self.gain = processing_loss(TRAINING, per_bin, per_look)  # of a threshold from training bins
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing seen."""
@@ -90,8 +98,8 @@ class ErrorRadar(IdealRadar):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The detections of a look some time ago; the sample carries the time of the look."""
         seen, draw = self.look(t + dt, inputs), self._stream.at(t + dt)
-        echoes = merged([self._echo(s, seen) for s in seen], self._cell)
-        rows = [row for echo in echoes if (row := self._detected(echo, draw)) is not None]
+        echoes = merged([echo for s in seen for echo in self._echoes(s, seen)], self._cell)
+        rows = self._rows(echoes, draw)
         if self._is_noisy:
             rows += self._false_alarms(draw)
         strongest = sorted(rows, key=lambda row: -row[5])[: self.sheet.target_max]
@@ -124,28 +132,53 @@ class ErrorRadar(IdealRadar):
         total *= PARTS / len(ends)
         lost = 2.0 * self._rain * seen.distance + self._e.loss_db
         snr = 10.0 ** ((self.sheet.snr(seen.rcs, seen.distance) - lost) / 10.0) * total
-        wide = extent_of(seen.body, eye)
-        return Echo(
-            seen.distance + (wide.depth if self._is_noisy else 0.0),
-            seen.azimuth,
-            seen.elevation,
-            seen.radial_speed,
-            snr,
-            wide.depth_sd,
-            wide.across_sd / seen.distance,
-        )
+        return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, snr)
 
-    def _detected(self, echo: Echo, draw: np.random.Generator) -> list[float] | None:
-        """A row of the sample, None for an echo that stays below the threshold."""
-        noise = draw.standard_normal(6).tolist()
-        power = (1.0 + echo.snr) * float(draw.standard_exponential()) if self._is_noisy else echo.snr
-        if power <= self._threshold:
-            return None
-        return self._row(echo, power, noise if self._is_noisy else [0.0] * 6)
+    def _echoes(self, seen: Target, all_seen: list[Target]) -> list[Echo]:
+        """Of a thing: one for each half of a resolution cell that its sides fill. All of them lose in the
+        crop what it loses where the line to its middle enters it. Without noise it is one point.
+        """
+        whole = self._echo(seen, all_seen)
+        if not self._is_noisy or whole.snr == 0.0:
+            return [whole]
+        way = self._scatterers.of(seen.body, self._eye) - self._eye
+        level = np.hypot(way[:, 0], way[:, 1])
+        x, y, _ = (seen.place - self._eye).tolist()
+        distance = np.hypot(level, float(seen.place[2] - self._eye[2]))
+        azimuth = seen.azimuth + arctan2(x * way[:, 1] - y * way[:, 0], x * way[:, 0] + y * way[:, 1])
+        radial = product(way, seen.body.velocity - self._velocity) / np.hypot(level, way[:, 2])
+        s = self.sheet
+        bins = np.floor(np.stack([2.0 * distance / s.range_resolution, 2.0 * azimuth / s.azimuth_resolution]))
+        inside = (np.abs(azimuth) <= 0.5 * s.azimuth_fov) & (distance <= s.range_max)
+        found = []
+        for place in np.unique(bins[:, inside], axis=1).T:
+            here = inside & (bins == place[:, None]).all(axis=0)
+            share = float(np.count_nonzero(here)) / len(way)
+            far, aside, rate = (float(v[here].mean()) for v in (distance, azimuth, radial))
+            deep, wide = (float(v[here].std()) for v in (distance, azimuth))
+            found.append(Echo(far, aside, whole.elevation, rate, share * whole.snr, deep, wide))
+        return found
 
-    def _row(self, echo: Echo, power: float, noise: list[float]) -> list[float]:
-        """Errors as from an echo of this power over noise, and the cross section that it looks like."""
-        s, snr = self.sheet, max(power - 1.0, 1e-3) if self._is_noisy else power
+    def _rows(self, echoes: list[Echo], draw: np.random.Generator) -> list[list[float]]:
+        """Of the sample, those of echoes above the threshold."""
+        if not self._is_noisy:
+            return [self._row(e, e.snr, 1.0, [0.0] * 6) for e in echoes if e.snr > self._threshold]
+        snr = np.array([e.snr for e in echoes])
+        swing = draw.standard_exponential(len(echoes))
+        places = np.array([[e.distance, e.azimuth, e.radial_speed] for e in echoes]).reshape(-1, 3)
+        around = 1.0 + self.gain * (in_training(places, self._cell) * (snr * swing)).sum(axis=1)
+        powers = ((1.0 + snr) * swing).tolist()
+        rows = zip(echoes, powers, around.tolist(), draw.standard_normal((len(snr), 6)), strict=True)
+        return [
+            self._row(echo, power, background, noise.tolist())
+            for echo, power, background, noise in rows
+            if power > self._threshold * background
+        ]
+
+    def _row(self, echo: Echo, power: float, around: float, noise: list[float]) -> list[float]:
+        """Errors as from an echo of this power over thermal noise, with a background `around`, and the cross
+        section that it looks like."""
+        s, snr = self.sheet, max(power / around - 1.0, 1e-3) if self._is_noisy else power
         sds = [
             deviation(snr, cell, floor)
             for cell, floor in (
@@ -163,7 +196,7 @@ class ErrorRadar(IdealRadar):
         speed = echo.radial_speed + sds[3] * noise[3]
         level = 10.0 * log10(snr)
         beam = 2.0 * s.gain(azimuth, 0.0)
-        rcs = level - beam - s.snr(0.0, distance)
+        rcs = level + 10.0 * log10(around) - beam - s.snr(0.0, distance)
         return [distance, azimuth, elevation, speed, rcs, level, sds[0], sds[1], sds[3]]
 
     def _false_alarms(self, draw: np.random.Generator, share: float = 1.0) -> list[list[float]]:
@@ -175,7 +208,7 @@ class ErrorRadar(IdealRadar):
             distance = s.range_min + (s.range_max - s.range_min) * 0.5 * (1.0 + a)
             place = 0.5 * b * s.azimuth_fov, 0.5 * d * s.elevation_fov
             power = self._threshold + float(draw.standard_exponential())
-            rows.append(self._row(Echo(distance, *place, c * s.speed_max, 0.0), power, [0.0] * 6))
+            rows.append(self._row(Echo(distance, *place, c * s.speed_max, 0.0), power, 1.0, [0.0] * 6))
         return rows
 
 
@@ -232,6 +265,6 @@ LEVEL = Level(
     ErrorRadar,
     Params,
     summary="radar equation, fluctuation, loss in the crop, resolution cells, noise and false alarms",
-    cost="7 ms per look at ten things behind crop",
+    cost="10 ms per look at ten things behind crop",
     tolerance="equal to ideal without noise and latency; Pd = Pfa^(1 / (1 + SNR))",
 )

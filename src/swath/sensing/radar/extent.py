@@ -1,6 +1,7 @@
-"""How far the echoes of an extended thing lie apart, and how its apparent place wanders from look to look.
+"""From where an extended thing throws back, and how its apparent place wanders from look to look.
 
-Seen from above, the two sides of its box that face the radar throw back evenly. Echoes of one resolution cell
+The sides that a thing turns to a radar throw back evenly, as seen from there. Which sides these are is looked
+up in steps of 5 deg around it, seen from afar, level; where they lie is exact. Echoes of one resolution cell
 have random phases; they shift its apparent place (glint) by a normal error with the standard deviation
 
     sd_of_the_echoes * sqrt(mean / (2 power))
@@ -9,63 +10,45 @@ for a look of this power: the quotient of two Gaussian sums (Delano 1953, A theo
 scintillation in radar tracking, Proc. IRE 41). It is never larger than the thing.
 """
 
-from dataclasses import dataclass
-from math import fsum, hypot, sqrt
+from dataclasses import replace
+from math import atan2, pi, sqrt
 
+import numpy as np
+
+from swath.core.frames import Pose
 from swath.field.site_setup import Body
+from swath.field.solids import moved
+from swath.sensing.radar.solid_rays import aimed, distances
 from swath.signals import F64
 
-
-@dataclass(frozen=True)
-class Extent:
-    """depth: of the mean echo behind the point where the line to the middle enters [m]
-
-    depth_sd, across_sd: of the echoes [m]
-    """
-
-    depth: float = 0.0
-    depth_sd: float = 0.0
-    across_sd: float = 0.0
+ASPECTS = 72  # around a thing
+AFAR = 1000.0  # from where its sides are looked at [m]
 
 
-@dataclass(frozen=True)
-class _Side:
-    """Along the view and across it, from the middle of the box [m]: middle and half length."""
+class Scatterers:
+    """Of things, each kept by its name, size and aspect once it is known."""
 
-    along: float
-    half_along: float
-    across: float
-    half_across: float
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, bytes, int], F64] = {}
+
+    def of(self, body: Body, eye: F64) -> F64:
+        """Points of the sides that a body turns to an eye (3,), each for the same share: world (n, 3)."""
+        x, y, _ = (body.pose.inverse().apply(eye) - body.middle).tolist()
+        aspect = round(atan2(y, x) * ASPECTS / (2.0 * pi)) % ASPECTS
+        key = body.name, body.half.tobytes(), aspect
+        if key not in self._known:
+            self._known[key] = _facing(body, 2.0 * pi * aspect / ASPECTS)
+        return body.pose.apply(self._known[key])
 
 
-def extent_of(body: Body, eye: F64) -> Extent:
-    """Of a body from a place (3,) in the world."""
-    x, y, _ = (body.pose.inverse().apply(eye) - body.middle).tolist()
-    far = hypot(x, y)
-    if far == 0.0:
-        return Extent()
-    c, s = abs(x) / far, abs(y) / far
-    long, wide = (float(half) for half in body.half[:2])
-    sides = (
-        _Side(-c * long, s * wide, s * long, c * wide),
-        _Side(-s * wide, c * long, -c * wide, s * long),
-    )
-    seen = fsum(side.half_across for side in sides)
-    shares = [side.half_across / seen for side in sides]
-    along = fsum(share * side.along for share, side in zip(shares, sides, strict=True))
-    across = fsum(share * side.across for share, side in zip(shares, sides, strict=True))
-    squares = [
-        (
-            (side.along - along) ** 2 + side.half_along**2 / 3.0,
-            (side.across - across) ** 2 + side.half_across**2 / 3.0,
-        )
-        for side in sides
-    ]
-    spread = [
-        sqrt(fsum(share * square[k] for share, square in zip(shares, squares, strict=True))) for k in (0, 1)
-    ]
-    enters = min(half / cosine for half, cosine in ((long, c), (wide, s)) if cosine > 0.0)
-    return Extent(along + enters, *spread)
+def _facing(body: Body, aspect: float) -> F64:
+    """Points in the body's frame (n, 3) that rays from an aspect [rad] meet; its middle where none does."""
+    own = replace(body, solids=moved(body.solids, body.pose.inverse()), pose=Pose.identity())
+    eye = body.middle + AFAR * np.array([np.cos(aspect), np.sin(aspect), 0.0])
+    directions = aimed(own, eye)
+    far = distances(own.solids, eye, directions)
+    meets = np.isfinite(far)
+    return np.asarray(eye + far[meets, None] * directions[meets]) if meets.any() else body.middle[None]
 
 
 def glint(mean: float, power: float) -> float:

@@ -75,10 +75,11 @@ class IdealRadar(KeepsState):
         return {"targets": radar_targets_of(t + dt, rows)}
 
     def look(self, now: int, inputs: Inputs) -> list[Target]:
-        """What is in the field of view from `_eye` (3,), the nearest first; nothing hides it."""
-        self._eye, rotation, velocity = self.locate(now, inputs)
+        """What is in the field of view from `_eye` (3,) that goes with `_velocity` (3,), the nearest first;
+        nothing hides it."""
+        self._eye, rotation, self._velocity = self.locate(now, inputs)
         bodies = self._setup.bodies.around(self._setup.name)
-        seen = [self._seen(body, self._eye, rotation, velocity) for body in bodies]
+        seen = [self._seen(body, self._eye, rotation, self._velocity) for body in bodies]
         return sorted((s for s in seen if s is not None), key=lambda s: s.distance)
 
     def locate(self, now: int, inputs: Inputs) -> tuple[F64, F64, F64]:

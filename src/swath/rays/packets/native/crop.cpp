@@ -4,9 +4,34 @@ struct alignas(64) Paths {  // of the packets through the tile at hand, along th
   float a0[PACKETS], a1[PACKETS], from[PACKETS], depth_max[PACKETS], until[PACKETS];  // bounds from `from` on: across low and
   float bound[5][PACKETS], rise[5][PACKETS];                   // high, other axis low and high, least depth
 };
-struct Kept {  // pieces in slopes: middle, direction, half length, half width; least depth, 1 / depth; primitive, image
-  float u[KEPT + N], v[KEPT + N], tu[KEPT + N], tv[KEPT + N], h[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
-  int prim[KEPT + N], image[KEPT + N];
+struct alignas(64) Kept {  // pieces in slopes: middle, half of the way from end to end, half width; least depth, 1 / depth
+  float u[KEPT + N], v[KEPT + N], hu[KEPT + N], hv[KEPT + N], wide[KEPT + N], near[KEPT + N], inv[KEPT + N];
+  float tu[KEPT + N], tv[KEPT + N], side[KEPT + N], ahead[KEPT + N], reach[KEPT + N];  // direction; middle across it, along
+  int prim[KEPT + N], image[KEPT + N];                                                // it; half length and width
+};
+
+typedef unsigned long long Set;  // of vectors
+struct Places : Vectors {  // of vectors on one axis, in steps
+  float from, per;
+  Set behind[STEPS], before[STEPS];  // those that reach as far as a step or farther; that begin there or before
+  void mark(const float* middle, const float* half, int count) {
+    float low = FAR, high = -FAR;
+    for (int i = 0; i < count; ++i) {
+      low = lower(low, middle[i] - half[i]);
+      high = upper(high, middle[i] + half[i]);
+    }
+    from = low;
+    per = (STEPS - 1) / (high - low);
+    for (int i = 0; i < STEPS; ++i) behind[i] = before[i] = 0;
+    for (int i = 0; i < count; ++i) {
+      behind[step_of(put(middle[i] + half[i]))[0]] |= 1ull << i;
+      before[step_of(put(middle[i] - half[i]))[0]] |= 1ull << i;
+    }
+    for (int i = 1; i < STEPS; ++i) before[i] |= before[i - 1];
+    for (int i = STEPS - 1; i > 0; --i) behind[i - 1] |= behind[i];
+  }
+  I step_of(F x) const { return __builtin_convertvector(least(most((x - from) * per, F{}), put(STEPS - 1.0f)), I); }
+  Set beside(int low, int high) const { return behind[low] & before[high]; }  // that may lie between two steps
 };
 
 struct Crop : Tiles {
@@ -21,14 +46,15 @@ struct Crop : Tiles {
   int runs;
   Kept kept;
   int waiting;
-  int around[KEPT + N];                        // of those, which may touch some vectors
   unsigned pair[PAIRS + N];                    // a piece and a vector it may touch, as piece * VECTORS + vector
   unsigned char touched[VECTORS];
   int fresh[VECTORS], news;            // vectors with new hits
-  struct Box { float u, ru, v, rv; } box[VECTORS / N];  // of N vectors looked at together: middle, half size
+  Places along, across;                        // of its vectors in slopes
   float c_low[SPAN], c_high[SPAN];
 
-  Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {}
+  Crop(Job& j, SceneRef s, IndexRef i) : Tiles(j, s), index(i) {
+    for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
+  }
 
   void through_crop() {
     find_box();
@@ -125,12 +151,10 @@ struct Crop : Tiles {
 
   void together_through() {
     find_paths();
-    box_vectors();
     waiting = news = runs = 0;
     for (int b = 0; b < packets * vectors; ++b) touched[b] = 0;
     for (int n = 0; n < active_count; ++n) active_of[active[n]] = n;
     const int first = slab_of(axis == 2 ? path0 - wide[2] : path0 - wide[axis]), last = slab_of(path1 + wide[axis]);
-    for (int i = 0; i < SPAN; ++i) { c_low[i] = FAR; c_high[i] = -FAR; }
     for (int n = 0; n <= last - first; ++n) {
       cross_slab(sense >= 0 ? first + n : last - n);
       gather_runs();
@@ -147,6 +171,7 @@ struct Crop : Tiles {
   // The traversal's axis, and each packet's path as linear bounds along it
   void find_paths() {
     float lead_q[3] = {0, 0, 0};
+    const int width = vectors * N;
     for (int j = active[0] * width; j < (active[0] + 1) * width; ++j) {
       const Block& b = r[j / N];
       if (b.limit[j % N] < 0.0f) continue;
@@ -331,7 +356,7 @@ struct Crop : Tiles {
         auto along = [&](int row, const F* x) -> F { return n[row][0] * x[0] + n[row][1] * x[1] + n[row][2] * x[2] + off[row]; };
         F wa = along(0, f), wb = along(0, f + 3), ua = along(1, f), ub = along(1, f + 3), va = along(2, f), vb = along(2, f + 3);
         F near = least(wa, wb) - thick * depth_gain_step - ROUND;
-        F ia = 1.0f / wa, iz = 1.0f / wb, nearer = most(ia, iz), thin = (thick * depth_gain_step + ROUND) * nearer;
+        F both = 1.0f / (wa * wb), ia = both * wb, iz = both * wa, nearer = most(ia, iz), thin = (thick * depth_gain_step + ROUND) * nearer;
         I inside = every() < run.last - i, close = (near < 0.05f) | (thin > 0.25f);
         F inv = 0.5f * (ia + iz), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
         ua *= ia; va *= ia; ub *= iz; vb *= iz;
@@ -345,9 +370,12 @@ struct Crop : Tiles {
           u = close ? F{} : u; v = close ? F{} : v; hu = close ? F{} : hu; hv = close ? F{} : hv;
           broad = close ? put(FAR) : broad; inv = close ? F{} : inv;
         }
-        keep_ints(kept.prim + to, loadi(index.primitive.data + i), bits(keep));
+        const F pieces[FIELDS] = {u, v, hu, hv, broad, near, inv, as_float(loadi(index.primitive.data + i))};
+        float* const places[FIELDS] = {kept.u + to, kept.v + to, kept.hu + to, kept.hv + to,
+                                  kept.wide + to, kept.near + to, kept.inv + to, (float*)kept.prim + to};
+        keep_some(pieces, places, bits(keep));
         storei(kept.image + to, puti(run.kx * 65536 + run.ky));
-        to = add_pieces(to, bits(keep), u, v, hu, hv, broad, near, inv);
+        to += count(keep);
         if (to <= KEPT - N) continue;
         waiting = to;
         flush();
@@ -357,43 +385,29 @@ struct Crop : Tiles {
     runs = 0;
     waiting = to;
   }
-  HOT int add_pieces(int to, unsigned found, F u, F v, F hu, F hv, F wide, F near, F inv) {
-    F h = root(hu * hu + hv * hv), per_h = 1.0f / most(h, put(1.0e-9f));
-    keep_some(kept.u + to, u, found);
-    keep_some(kept.v + to, v, found);
-    keep_some(kept.tu + to, hu * per_h, found);
-    keep_some(kept.tv + to, hv * per_h, found);
-    keep_some(kept.h + to, h, found);
-    keep_some(kept.wide + to, wide, found);
-    keep_some(kept.near + to, near, found);
-    keep_some(kept.inv + to, inv, found);
-    return to + __builtin_popcount(found);
-  }
-
-  // The pieces that wait: against all vectors at once, then against the lanes of those that they may touch;
-  // what is left is tested
+  // The pieces that wait: which vectors lie beside them, which lanes of these they may touch; what is left is tested
   void flush() {
 #pragma clang fp contract(fast)
+    float nearest = FAR;
+    for (int n = 0; n < waiting; n += N) {
+      const F near = load(kept.near + n);
+      nearest = lower(nearest, lowest_of(every() < waiting - n ? near : put(FAR)));
+    }
+    const Set looking = looking_to(nearest);
     int asked = 0;
-    for (int b = 0; b < packets * vectors; b += N) {
-      const F cu = load(c.cu + b), ru = load(c.ru + b), ou = load(c.ou + b), pu = load(c.pu + b);
-      const F cv = load(c.cv + b), rv = load(c.rv + b), ov = load(c.ov + b), pv = load(c.pv + b);
-      const F round = load(c.disc + b), pround = load(c.pdisc + b), far = load(c.depth_max + b);
-      const I vector = every() + b;
-      const int some = look_around(box[b / N]);
-      for (int q = 0; q < some; ++q) {
-        const int n = around[q];
-        __builtin_prefetch(row_of(kept.prim[n]));
-        const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
-        const float su = __builtin_fabsf(tu), sv = __builtin_fabsf(tv);
-        F du = cu + ou * inv - kept.u[n], dv = cv + ov * inv - kept.v[n];
-        F bu = ru + pu * inv, bv = rv + pv * inv, disc = round + pround * inv;
-        I meets = (size_of(dv * tu - du * tv) <= wide + least(bu * sv + bv * su, disc)) &
-                  (size_of(du * tu + dv * tv) <= wide + kept.h[n] + least(bu * su + bv * sv, disc)) & (far >= kept.near[n]);
-        const unsigned found = bits(meets);
-        keep_ints((int*)pair + asked, vector + n * VECTORS, found);
-        asked += __builtin_popcount(found);
-        if (asked <= PAIRS - N) continue;
+    for (int n = 0; n < waiting; n += N) {
+      const F u = load(kept.u + n), v = load(kept.v + n), room = load(kept.wide + n) + offset_max * load(kept.inv + n);
+      const F hu = size_of(load(kept.hu + n)) + room, hv = size_of(load(kept.hv + n)) + room;
+      make_strips(n);
+      alignas(64) int left[N], right[N], low[N], high[N];
+      storei(left, along.step_of(u - hu));
+      storei(right, along.step_of(u + hu));
+      storei(low, across.step_of(v - hv));
+      storei(high, across.step_of(v + hv));
+      for (int i = 0; i < N && n + i < waiting; ++i) {
+        __builtin_prefetch(row_of(kept.prim[n + i]));
+        asked = ask(asked, n + i, looking & along.beside(left[i], right[i]) & across.beside(low[i], high[i]));
+        if (asked <= PAIRS - VECTORS) continue;
         settle(narrow_down(asked));
         asked = 0;
       }
@@ -402,42 +416,38 @@ struct Crop : Tiles {
     waiting = 0;
     take_news();
   }
-  HOT int look_around(const Box& x) {  // which of the pieces that wait may touch the vectors in this box?
+  HOT void make_strips(int n) {
 #pragma clang fp contract(fast)
-    int some = 0;
-    for (int n = 0; n < waiting; n += N) {
-      F h = load(kept.h + n), room = load(kept.wide + n) + offset_max * load(kept.inv + n);
-      I over = (size_of(load(kept.u + n) - x.u) <= size_of(load(kept.tu + n)) * h + room + x.ru) &
-               (size_of(load(kept.v + n) - x.v) <= size_of(load(kept.tv + n)) * h + room + x.rv);
-      const unsigned found = bits(over & (every() < waiting - n));
-      keep_ints(around + some, every() + n, found);
-      some += __builtin_popcount(found);
-    }
-    return some;
+    const F u = load(kept.u + n), v = load(kept.v + n), hu = load(kept.hu + n), hv = load(kept.hv + n);
+    const F h = root(hu * hu + hv * hv), per_h = 1.0f / most(h, put(1.0e-9f)), tu = hu * per_h, tv = hv * per_h;
+    store(kept.tu + n, tu);
+    store(kept.tv + n, tv);
+    store(kept.side + n, v * tu - u * tv);
+    store(kept.ahead + n, u * tu + v * tv);
+    store(kept.reach + n, h + load(kept.wide + n));
   }
-  void box_vectors() {
-    for (int b = 0; b * N < packets * vectors; ++b) {
-      float u0 = 4.0f * FAR, u1 = -u0, v0 = u0, v1 = -u0;  // beyond what any piece may touch
-      for (int i = b * N; i < (b + 1) * N && i < packets * vectors; ++i) {
-        if (c.depth_max[i] <= -FAR) continue;
-        u0 = lower(u0, c.cu[i] - c.ru[i]);
-        u1 = upper(u1, c.cu[i] + c.ru[i]);
-        v0 = lower(v0, c.cv[i] - c.rv[i]);
-        v1 = upper(v1, c.cv[i] + c.rv[i]);
-      }
-      box[b] = {0.5f * (u0 + u1), 0.5f * (u1 - u0) + 1e-7f, 0.5f * (v0 + v1), 0.5f * (v1 - v0) + 1e-7f};
+  HOT int ask(int asked, int n, Set some) {  // most are few: no branch for the first four
+    int left = __builtin_popcountll(some);
+    for (int at = asked;; at += 4) {
+      for (int i = 0; i < 4; ++i, some &= some - 1) pair[at + i] = n * VECTORS + __builtin_ctzll(some | 1ull << 63);
+      if (at + 4 >= asked + left) return asked + left;
     }
+  }
+  Set looking_to(float nearest) const {  // vectors that look as far as that
+    Set some = 0;
+    for (int b = 0; b < packets * vectors; b += N) some |= (Set)bits(load(c.depth_max + b) >= nearest) << b;
+    return some;
   }
   HOT int narrow_down(int asked) {  // of the vectors that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)
     int pairs = 0;
     for (int q = 0; q < asked; ++q) {
       const int n = pair[q] / VECTORS, i = pair[q] % VECTORS;
-      const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n], wide = kept.wide[n];
+      const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n];
       const Spot& s = spot[i];
-      F lu = s.u + s.ou * inv - kept.u[n], lv = s.v + s.ov * inv - kept.v[n];
-      I may = (size_of(lv * tu - lu * tv) <= wide) & (size_of(lu * tu + lv * tv) <= wide + kept.h[n]) &
-              (s.depth_max >= kept.near[n]);
+      F u = s.u + s.ou * inv, v = s.v + s.ov * inv;
+      I may = (size_of(v * tu - u * tv - kept.side[n]) <= kept.wide[n]) &
+              (size_of(u * tu + v * tv - kept.ahead[n]) <= kept.reach[n]) & (s.depth_max >= kept.near[n]);
       pair[pairs] = pair[q];  // no branch: whether it stays is hard to foretell
       pairs += bits(may) != 0;
     }

@@ -1,12 +1,13 @@
 // Rays of a group: where they start and go, how far they look, what they hit.
 
-struct Job {  // as JOB in cast.py
+struct Job {  // as JOB in traversal.py
   const double *origins, *directions;                        // of all rays, (rays, 3), or, with spots,
   const double* spots;                                       // of all beams (beams, 3), (beams, 3, 3): as Spots.offsets
-  const int *packets, *first_packet;                             // (packets, width) ray of each lane, -1 = none; per group
+  const int *order, *first;                                  // the rays, group after group, null = as they come; first of each group
   float* distance; unsigned char* organ; float *cosine, *reflectance;  // out, per ray
   const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null
-  long long width, groups, sub_rays;
+  long long lanes, groups, sub_rays;              // rays in a vector, at most N
+  long long row;                                  // rays in a row of a group of an image, else 0
   long long spot_step;                            // from one beam's spots to the next one's, 0 where all have the same
   long long next, flags;                         // shared by all threads: the next group; what is to be looked at again
   double range_max;
@@ -26,6 +27,10 @@ struct Block {  // N lanes side by side: all that is known of them lies together
   F p[3], q[3], low, limit, start, shrink, end, tin, tout;
   I is_open, prim, image;
 };
+struct alignas(64) Taken {  // rays of a group as they come, before they are packed: as in a block
+  float ox[ROOM + N], oy[ROOM + N], oz[ROOM + N], dx[ROOM + N], dy[ROOM + N], dz[ROOM + N], tx[ROOM + N], ty[ROOM + N], z0[ROOM + N];
+  float u[ROOM + N], v[ROOM + N];  // slopes
+};
 struct Spot { F u, v, ou, ov, depth_max; };  // for the cull: slope, offset of the origin, depth beyond which nothing counts
 struct alignas(64) VectorBounds {  // N lanes each. Slopes: middle, half size, disc; the same of the offsets; depth
   float cu[VECTORS], cv[VECTORS], ru[VECTORS], rv[VECTORS], disc[VECTORS];
@@ -43,44 +48,55 @@ struct alignas(64) PacketBounds {  // boxes of the rays of a packet: place o and
 struct Rays : Vectors {
   Job& job;
   SceneRef scene;
-  const int width = job.width, vectors = width / N;
   const float size = (float)scene.tile_size;
-  int packets, gx, gy, A;        // its packets; the tile it is seen from; tiles go by in rows along this axis of the stand
+  int taken, packets, vectors;   // its rays; its packets, the vectors of each
+  int gx, gy, A;               // the tile it is seen from; tiles go by in rows along this axis of the stand
   double gz, corner[2];        // the height it is seen from; the tile again
   double lowest[3], highest[3];  // origins
   float apex[3], lead_direction[3], e[3][3], offset_max;  // offset_max: how far a ray is from its place in slopes where depth is 1, at most
+  int begun;                     // place of its first ray
   bool is_invalid;
-  D spot_of[VECTORS][10];         // spots of the lanes of the first packet
+  D pattern[SUBS / 8][5];        // spots of a beam, where all beams have the same
+  Taken come;
+  int sorted[ROOM];              // of those, in the order of vectors
   Block r[VECTORS];
   Spot spot[VECTORS];
   VectorBounds c;
   PacketBounds k;
 
-  Rays(Job& j, SceneRef s) : job(j), scene(s) {}
-
-  // The rays of the next packets, in the stand frame, each from its own tile: as `to_stand` in kernel/scene.py.
-  // Of the last packet only lanes [from, after) count. Returns how many packets go together with the first
-  int take(int at, int wanted, int from, int after) {
-    is_invalid = false;
-    begin_at(job.packets[at * width + from]);
-    const bool is_same = job.spots && job.spot_step == 0;  // all beams have the spots of the first
-    for (int p = 0; p < wanted; ++p) {
-      const int* mine = job.packets + (at + p) * width;
-      bool fits = true, is_known = is_same && p > 0;
-      for (int v = 0; v < vectors; ++v) {
-        I lane = every() + v * N, known = loadi(mine + v * N);
-        I live = (known >= 0) & (lane >= from) & (lane < after);
-        alignas(64) int ray[N];
-        storei(ray, live ? known : puti(mine[from]));
-        fits &= fetch(r[p * vectors + v], ray, is_known ? spot_of[v] : nullptr);
-        if (is_same && p == 0) for (int h = 0; h < 2; ++h) gather_spots(ray + 8 * h, spot_of[v] + 5 * h);
-        start(r[p * vectors + v], ray, live);
-      }
-      if (is_invalid) __atomic_fetch_or(&job.flags, INVALID, __ATOMIC_RELAXED);
-      if (is_invalid || !fits) return p;
-    }
-    return wanted;
+  Rays(Job& j, SceneRef s) : job(j), scene(s) {
+    const bool is_same = job.spots && job.spot_step == 0;
+    for (int sub = 0; is_same && sub < job.sub_rays; sub += 8) gather_spots(0, sub, pattern[sub / 8]);
   }
+
+  // The next rays in the stand frame, each from its own tile: as `to_stand` in kernel/scene.py.
+  // `taken`: how many go together with the first
+  void take(int at, int wanted) {
+    is_invalid = false;
+    begun = at;
+    begin_at(at);
+    D low[3], high[3];
+    for (int i = 0; i < 3; ++i) low[i] = high[i] = D{} + lowest[i];
+    for (int n = 0, some; n < wanted && !is_invalid; n += some) {
+      some = wanted - n < 8 ? wanted - n : 8;
+      D o[3], d[3];
+      gather(at + n, &some, o, d);
+      into_tiles(n, o, d);
+      for (int i = 0; i < 3; ++i) {
+        low[i] = o[i] < low[i] ? o[i] : low[i];
+        high[i] = o[i] > high[i] ? o[i] : high[i];
+      }
+      const unsigned apart = ~bits(together(n)) & ((1u << some) - 1);
+      taken = n + (apart ? __builtin_ctz(apart) : some);
+      if (apart) break;
+    }
+    if (is_invalid) __atomic_fetch_or(&job.flags, INVALID, __ATOMIC_RELAXED);
+    for (int i = 0; i < 3; ++i) {
+      lowest[i] = __builtin_reduce_min(low[i]);
+      highest[i] = __builtin_reduce_max(high[i]);
+    }
+  }
+  int ray_at(int place) const { return job.order ? job.order[place] : place; }
 
   static D whole(D v) { return __builtin_elementwise_floor(v); }
   void turn(D* v) const {
@@ -88,36 +104,42 @@ struct Rays : Vectors {
     v[0] = scene.turn[0] * x + scene.turn[1] * y;
     v[1] = scene.turn[0] * y - scene.turn[1] * x;
   }
-  HOT void gather(const int* ray, D* o, D* d, const D* spot) const {  // 8 rays in the stand frame
+  HOT void gather(int at, int* some, D* o, D* d) const {  // 8 rays in the stand frame, of which so many count
     if (job.spots) {  // of one beam: as Spots.rays
-      const size_t beam = ray[0] / job.sub_rays;
-      const double *at = job.origins + 3 * beam, *axes = job.directions + 9 * beam;
+      const int beam = at / (int)job.sub_rays, sub = at - beam * (int)job.sub_rays;
+      const int left = (int)job.sub_rays - sub < 8 - sub % 8 ? (int)job.sub_rays - sub : 8 - sub % 8;
+      const double *place = job.origins + 3 * (size_t)beam, *axes = job.directions + 9 * (size_t)beam;
+      if (left < *some) *some = left;
       D f[5];
-      if (!spot) gather_spots(ray, f);
-      for (int i = 0; spot && i < 5; ++i) f[i] = spot[i];
+      if (job.spot_step == 0 && sub % 8 == 0) for (int i = 0; i < 5; ++i) f[i] = pattern[sub / 8][i];
+      else gather_spots(beam, sub, f);
       for (int i = 0; i < 3; ++i) {
-        o[i] = at[i] + f[0] * axes[3 * i + 1] + f[1] * axes[3 * i + 2];
+        o[i] = place[i] + f[0] * axes[3 * i + 1] + f[1] * axes[3 * i + 2];
         d[i] = (axes[3 * i] + f[2] * axes[3 * i + 1] + f[3] * axes[3 * i + 2]) * f[4];
       }
     } else {
-      for (int l = 0; l < 8; ++l)
+      for (int l = 0; l < 8; ++l) {
+        const size_t ray = ray_at(at + (l < *some ? l : 0));
         for (int i = 0; i < 3; ++i) {
-          o[i][l] = job.origins[3 * (size_t)ray[l] + i];
-          d[i][l] = job.directions[3 * (size_t)ray[l] + i];
+          o[i][l] = job.origins[3 * ray + i];
+          d[i][l] = job.directions[3 * ray + i];
         }
+      }
     }
     turn(o);
     turn(d);
   }
-  void gather_spots(const int* ray, D* f) const {
-    const long long beam = ray[0] / job.sub_rays;
-    for (int l = 0; l < 8; ++l)
-      for (int i = 0; i < 5; ++i) f[i][l] = job.spots[beam * job.spot_step + 5 * (ray[l] - beam * job.sub_rays) + i];
+  void gather_spots(int beam, int sub, D* f) const {  // the last one again where there are no more
+    const double* all = job.spots + beam * job.spot_step;
+    for (int l = 0; l < 8; ++l) {
+      const int n = sub + l < job.sub_rays ? sub + l : (int)job.sub_rays - 1;
+      for (int i = 0; i < 5; ++i) f[i][l] = all[5 * n + i];
+    }
   }
-  void begin_at(int ray) {  // all is seen from the tile and the height of this ray
-    const int same[8] = {ray, ray, ray, ray, ray, ray, ray, ray};
+  void begin_at(int place) {  // all is seen from the tile and the height of this ray
     D o[3], d[3];
-    gather(same, o, d, nullptr);
+    int one = 1;
+    gather(place, &one, o, d);
     const double per_size = 1.0 / scene.tile_size, unit[3] = {scene.tile_size, scene.tile_size, 1.0};
     const double from[3] = {whole(o[0] * per_size)[0], whole(o[1] * per_size)[0], whole(o[2])[0]};
     corner[0] = from[0];
@@ -129,37 +151,81 @@ struct Rays : Vectors {
       lowest[i] = highest[i] = o[i][0];
     }
   }
-  HOT bool fetch(Block& b, const int* ray, const D* spot) {  // false: some too far from the first ray for one group
+  HOT void into_tiles(int n, const D* o, const D* d) {
     const double per_size = 1.0 / scene.tile_size, unit = scene.tile_size;
-    for (int h = 0; h < N; h += 8) {
-      D o[3], d[3];
-      gather(ray + h, o, d, spot ? spot + h / 8 * 5 : nullptr);
-      const D off = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - 1.0;
-      auto fine = (off < 0.99e-3) & (off > -0.99e-3);
-      for (int i = 0; i < 3; ++i) fine &= (o[i] < 1e8) & (o[i] > -1e8);
-      is_invalid |= __builtin_reduce_and(fine) == 0;
-      for (int i = 0; i < 3; ++i) {
-        const double a = __builtin_reduce_min(o[i]), z = __builtin_reduce_max(o[i]);
-        lowest[i] = a < lowest[i] ? a : lowest[i];
-        highest[i] = z > highest[i] ? z : highest[i];
-      }
-      const D tx = whole(o[0] * per_size), ty = whole(o[1] * per_size), z0 = whole(o[2]);
-      const D found[9] = {tx - corner[0], ty - corner[1], z0 - gz, o[0] - tx * unit, o[1] - ty * unit, o[2] - z0, d[0], d[1], d[2]};
-      F* const to[9] = {&b.tx, &b.ty, &b.z0, &b.ox, &b.oy, &b.oz, &b.dx, &b.dy, &b.dz};
-      for (int i = 0; i < 9; ++i) {
-        const F8 f = __builtin_convertvector(found[i], F8);
-        __builtin_memcpy((float*)to[i] + h, &f, 32);
-      }
+    const D off = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - 1.0;
+    auto fine = (off < 0.99e-3) & (off > -0.99e-3);
+    for (int i = 0; i < 3; ++i) fine &= (o[i] < 1e8) & (o[i] > -1e8);
+    is_invalid |= __builtin_reduce_and(fine) == 0;
+    const D tx = whole(o[0] * per_size), ty = whole(o[1] * per_size), z0 = whole(o[2]);
+    const D found[9] = {o[0] - tx * unit, o[1] - ty * unit, o[2] - z0, d[0], d[1], d[2], tx - corner[0], ty - corner[1], z0 - gz};
+    float* const to[9] = {come.ox, come.oy, come.oz, come.dx, come.dy, come.dz, come.tx, come.ty, come.z0};
+    for (int i = 0; i < 9; ++i) {
+      const F8 f = __builtin_convertvector(found[i], F8);
+      __builtin_memcpy(to[i] + n, &f, 32);
     }
-    return bits(together(b)) == 0xffff;
   }
-  I together(const Block& b) const {  // lanes that look about the same direction as the first ray, from about there
-    F x = b.ox + b.tx * size - apex[0], y = b.oy + b.ty * size - apex[1];
-    F z = b.oz + b.z0 - apex[2];
-    F turned = b.dx * lead_direction[0] + b.dy * lead_direction[1] + b.dz * lead_direction[2];
+  I together(int n) const {  // rays from there on that look about the same direction as the first one, from about there
+    F x = load(come.ox + n) + load(come.tx + n) * size - apex[0], y = load(come.oy + n) + load(come.ty + n) * size - apex[1];
+    F z = load(come.oz + n) + load(come.z0 + n) - apex[2];
+    F turned = load(come.dx + n) * lead_direction[0] + load(come.dy + n) * lead_direction[1] + load(come.dz + n) * lead_direction[2];
     return (x * x + y * y + z * z <= SPREAD * SPREAD) & (turned >= 1.0f - NARROW);
   }
-  bool goes_along(int j) const { return bits(together(r[j / N])) >> (j % N) & 1; }
+
+  // Which rays are a vector: columns along the fan, in each from one side to the other, about as high as wide; a packet
+  // is a column. What a ray hits does not depend on it
+  void pack() {
+    const int lanes = (int)job.lanes;
+    F u0 = put(FAR), u1 = put(-FAR), v0 = put(FAR), v1 = put(-FAR);
+    for (int n = 0; n < taken; n += N) {
+      const F dx = load(come.dx + n), dy = load(come.dy + n), dz = load(come.dz + n);
+      const F depth = dx * e[0][0] + dy * e[0][1] + dz * e[0][2];
+      const F u = (dx * e[1][0] + dy * e[1][1] + dz * e[1][2]) / depth, v = (dx * e[2][0] + dy * e[2][1] + dz * e[2][2]) / depth;
+      store(come.u + n, u);
+      store(come.v + n, v);
+      const I known = every() < taken - n;
+      u0 = known ? least(u0, u) : u0; u1 = known ? most(u1, u) : u1;
+      v0 = known ? least(v0, v) : v0; v1 = known ? most(v1, v) : v1;
+    }
+    const float left = lowest_of(u0), low = lowest_of(v0), wide = highest_of(u1) - left + 1e-6f, high = highest_of(v1) - low + 1e-6f;
+    const int all = (taken + lanes - 1) / lanes;
+    vectors = (int)(__builtin_sqrtf(all * high / wide) + 0.5f);
+    vectors = vectors < 1 ? 1 : vectors > all ? all : vectors;
+    packets = (all + vectors - 1) / vectors;
+    if (packets * vectors > VECTORS) vectors = 1, packets = all;
+    int as_come[ROOM];
+    for (int n = 0; n < taken; ++n) as_come[n] = n;
+    sort_by(come.u, left, wide, as_come, taken, sorted);
+    for (int p = 0; vectors > 1 && p < packets; ++p) {
+      const int begin = p * vectors * lanes, count = taken - begin < vectors * lanes ? taken - begin : vectors * lanes;
+      sort_by(come.v, low, high, sorted + begin, count, as_come);
+      __builtin_memcpy(sorted + begin, as_come, count * sizeof(int));
+    }
+    for (int b = 0; b < packets * vectors; ++b) fill(r[b], b * lanes, b / vectors * vectors * lanes);
+  }
+  static void sort_by(const float* value, float from, float range, const int* some, int count, int* to) {  // roughly
+    int at[257];
+    unsigned char step[ROOM];
+    const int steps = count < 256 ? count : 256;
+    const float per = ((float)steps - 0.1f) / range;
+    for (int i = 0; i <= steps; ++i) at[i] = 0;
+    for (int n = 0; n < count; ++n) ++at[1 + (step[n] = (unsigned char)((value[some[n]] - from) * per))];
+    for (int i = 1; i < steps; ++i) at[i] += at[i - 1];
+    for (int n = 0; n < count; ++n) to[at[step[n]]++] = some[n];
+  }
+  void fill(Block& b, int begin, int spare) {
+    I live = (every() < (int)job.lanes) & (every() < taken - begin);
+    alignas(64) int ray[N], from[N];
+    for (int l = 0; l < N; ++l) {
+      from[l] = sorted[live[l] ? begin + l : begin < taken ? begin : spare];
+      ray[l] = ray_at(begun + from[l]);
+    }
+    const float* const all[9] = {come.ox, come.oy, come.oz, come.dx, come.dy, come.dz, come.tx, come.ty, come.z0};
+    F* const to[9] = {&b.ox, &b.oy, &b.oz, &b.dx, &b.dy, &b.dz, &b.tx, &b.ty, &b.z0};
+    for (int i = 0; i < 9; ++i)
+      for (int l = 0; l < N; ++l) (*to[i])[l] = all[i][from[l]];
+    start(b, ray, live);
+  }
   void start(Block& b, const int* ray, I live) const {
     b.ray = live ? loadi(ray) : puti(-1);
     b.t = live ? put((float)job.range_max) : put(-1.0f);
@@ -191,20 +257,14 @@ struct Rays : Vectors {
   void find_frame() {
     gx = (int)corner[0];
     gy = (int)corner[1];
-    for (int i = 0; i < 3; ++i) e[0][i] = 0.0f;
-    for (int p = 0; p < packets; ++p) {
-      const Block& b = r[p * vectors];
-      e[0][0] += b.dx[0];
-      e[0][1] += b.dy[0];
-      e[0][2] += b.dz[0];
+    const float *way[3] = {come.dx, come.dy, come.dz};
+    const int z = taken - 1, end = job.row > 1 && job.row < taken ? (int)job.row - 1 : z;  // of the fan
+    for (int i = 0; i < 3; ++i) {
+      e[0][i] = way[i][0] + way[i][taken / 2] + way[i][z];
+      e[1][i] = way[i][end] - way[i][0];
     }
     unit(e[0]);
     A = e[0][0] * e[0][0] >= e[0][1] * e[0][1] ? 0 : 1;
-    const int j = (packets - 1) * width;
-    const Block &a = r[0], &z = r[j / N];
-    e[1][0] = z.dx[j % N] - a.dx[0];
-    e[1][1] = z.dy[j % N] - a.dy[0];
-    e[1][2] = z.dz[j % N] - a.dz[0];
     const float along = dot3(e[0], e[1]);
     for (int i = 0; i < 3; ++i) e[1][i] -= along * e[0][i];
     if (unit(e[1]) < 1e-3f) {
@@ -285,8 +345,7 @@ struct Rays : Vectors {
   }
 
   // Out
-  void finish(int block) {  // lanes without a hit: the solid that is there, or nothing
-    Block& b = r[block];
+  void finish(Block& b) const {  // lanes without a hit: the solid that is there, or nothing
     for (unsigned none = bits((b.ray >= 0) & (b.what <= 0)); none; none &= none - 1) {
       const int l = __builtin_ctz(none), i = b.ray[l];
       const bool is_solid = job.solid && job.solid_organ[i] > 0;
@@ -302,9 +361,7 @@ struct Rays : Vectors {
     job.cosine[to] = b.cosine[l];
     job.reflectance[to] = b.albedo[l];
   }
-  void hand_out(int p) const {  // all rays of a packet
-    const Block* mine = r + p * vectors;
-    for (int v = 0; v < vectors; ++v)
-      for (unsigned l = bits(mine[v].ray >= 0); l; l &= l - 1) write(mine[v].ray[__builtin_ctz(l)], mine[v], __builtin_ctz(l));
+  void hand_out(const Block& b) const {
+    for (unsigned l = bits(b.ray >= 0); l; l &= l - 1) write(b.ray[__builtin_ctz(l)], b, __builtin_ctz(l));
   }
 };

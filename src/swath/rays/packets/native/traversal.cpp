@@ -1,65 +1,31 @@
 // The traversal of a group: tiles in rows, front to back.
 
 struct Traversal : Crop {
-  struct Found { F t, cosine, albedo; I what; } early[VECTORS];  // of a packet that goes part by part
   using Crop::Crop;
 
   void run() {
-    for (long long g; (g = __atomic_fetch_add(&job.next, 1, __ATOMIC_RELAXED)) < job.groups;) {
-      int at = job.first_packet[g];
-      while (at < job.first_packet[g + 1]) {
-        const int left = job.first_packet[g + 1] - at, cap = ROOM / width;
-        packets = take(at, left < cap ? left : cap, 0, width);
-        if (packets > 0 && !is_invalid) {
-          cast();
-          for (int b = 0; b < packets * vectors; ++b) finish(b);
-          for (int p = 0; p < packets; ++p) hand_out(p);
-        } else if (!is_invalid) {
-          part_by_part(at);
-          packets = 1;
-        }
+    for (long long g; (g = __atomic_fetch_add(&job.next, 1, __ATOMIC_RELAXED)) < job.groups;)
+      for (int at = job.first[g]; at < job.first[g + 1]; at += taken) {
+        const int left = job.first[g + 1] - at, room = VECTORS * (int)job.lanes;
+        take(at, left < room ? left : room);
         if (is_invalid) break;
-        at += packets;
+        cast();
+        for (int b = 0; b < packets * vectors; ++b) {
+          finish(r[b]);
+          hand_out(r[b]);
+        }
       }
-    }
   }
 
   void cast() {
     check_height();
     find_frame();
+    pack();
     into_slopes();
+    along.mark(c.cu, c.ru, packets * vectors);
+    across.mark(c.cv, c.rv, packets * vectors);
     for (int p = 0; p < packets; ++p) look(p);
     march();
-  }
-
-  // A packet that is too wide for one group: lanes [from, after), then those behind them
-  void part_by_part(int at) {
-    const int* mine = job.packets + at * width;
-    for (int from = 0, after; from < width; from = after) {
-      after = width;
-      if (mine[from] < 0) { after = from + 1; continue; }
-      while ((packets = take(at, 1, from, after)) == 0 && !is_invalid) {  // as many as go together with the first
-        int l = from;
-        while (l < after && goes_along(l)) ++l;
-        after = l;
-      }
-      if (is_invalid) return;
-      cast();
-      for (int b = 0; b < vectors; ++b) finish(b);
-      for (int b = 0; b < vectors; ++b) {
-        const I lane = every() + b * N, mine_now = (lane >= from) & (lane < after);
-        Found& f = early[b];
-        f.t = mine_now ? r[b].t : f.t;
-        f.what = mine_now ? r[b].what : f.what;
-        f.cosine = mine_now ? r[b].cosine : f.cosine;
-        f.albedo = mine_now ? r[b].albedo : f.albedo;
-      }
-    }
-    for (int b = 0; b < vectors; ++b) {
-      r[b].ray = loadi(mine + b * N);
-      r[b].t = early[b].t; r[b].what = early[b].what; r[b].cosine = early[b].cosine; r[b].albedo = early[b].albedo;
-    }
-    hand_out(0);
   }
 
   // Tiles in rows, front to back, until no packet looks further

@@ -22,7 +22,10 @@ typedef decltype(index)& IndexRef;
 constexpr int N = 16;            // lanes of a vector
 constexpr int ROOM = 1024;       // lanes of a group
 constexpr int VECTORS = ROOM / N, PACKETS = VECTORS;  // packets of a group at most
+constexpr int SUBS = 512;        // sub-rays of a bundle at most
 constexpr int PAIRS = 4096;      // pieces and vectors that wait
+constexpr int STEPS = 256;       // of places of vectors in slopes
+constexpr int FIELDS = 8;        // of a kept piece
 constexpr int KEPT = 2048;       // pieces that wait for their test
 constexpr int COMING = 16;       // runs of pieces that are fetched ahead
 constexpr int FLUSH = 8;         // so many are enough for a test
@@ -63,19 +66,20 @@ struct Vectors {  // vectors and small sums
     return u;
   }
   static int count(I m) { return __builtin_popcount(bits(m)); }
-  static void keep_some(float* to, F v, unsigned found) {  // the kept lanes, one after the other
+  HOT static void keep_some(const F (&field)[FIELDS], float* const (&to)[FIELDS], unsigned found) {  // the found lanes, one after the other
 #ifdef __AVX512F__
-    F packed = __builtin_ia32_compresssf512_mask(v, F{}, (unsigned short)found);
-    __builtin_memcpy(to, &packed, 64);
+    for (int i = 0; i < FIELDS; ++i) {
+      F packed = __builtin_ia32_compresssf512_mask(field[i], F{}, (unsigned short)found);
+      __builtin_memcpy(to[i], &packed, 64);
+    }
 #else
-    for (; found; found &= found - 1) *to++ = v[__builtin_ctz(found)];
+    alignas(64) float lane[FIELDS][N];
+    __builtin_memcpy(lane, field, sizeof lane);
+    for (int n = 0; found; ++n, found &= found - 1)
+      for (int i = 0; i < FIELDS; ++i) to[i][n] = lane[i][__builtin_ctz(found)];
 #endif
   }
-  static void keep_ints(int* to, I v, unsigned found) {
-    F f;
-    __builtin_memcpy(&f, &v, 64);
-    keep_some((float*)to, f, found);
-  }
+  static F as_float(I v) { F f; __builtin_memcpy(&f, &v, 64); return f; }  // the same bits
   static float lower(float a, float b) { return a < b ? a : b; }
   static float upper(float a, float b) { return a > b ? a : b; }
   static int down(float x) { return (int)__builtin_floorf(x); }
