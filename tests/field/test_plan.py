@@ -81,6 +81,13 @@ KML = """<?xml version="1.0" encoding="UTF-8"?><kml xmlns="http://www.opengis.ne
 </LinearRing></innerBoundaryIs></Polygon></Placemark></Document></kml>"""
 
 
+def test_a_boundary_that_lies_in_no_one_place_is_refused(tmp_path):
+    file = taskdata(tmp_path / "TASKDATA") / "TASKDATA.XML"
+    file.write_text(file.read_text().replace('C="52.004" D="9.003"', 'C="5e300" D="9.003"'))
+    with pytest.raises(InputError, match="of one field"):
+        import_log(file.parent, tmp_path / "f", progress=False)
+
+
 def test_a_boundary_may_be_kml_or_kmz(tmp_path):
     (tmp_path / "b.kml").write_text(KML)
     with zipfile.ZipFile(tmp_path / "b.kmz", "w") as archive:

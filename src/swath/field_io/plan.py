@@ -152,9 +152,17 @@ def _polygon(part: Part) -> tuple[Any, int]:
     epsg = utm_epsg(*np.median(first, axis=0))
     made = {EXTERIOR: shapely.Polygon(), INTERIOR: shapely.Polygon()}
     for kind, ring in part.rings:
-        shape = shapely.make_valid(shapely.Polygon(transform(ring, "EPSG:4326", f"EPSG:{epsg}")))
+        shape = shapely.make_valid(shapely.Polygon(in_metres(ring, epsg)))
         made[kind] = made[kind].union(shape)
     return outline.largest(made[EXTERIOR].difference(made[INTERIOR])), epsg
+
+
+def in_metres(ring: Array, epsg: int) -> Array:
+    """A boundary in lon/lat [deg] as UTM [m], (n, 2). InputError for one that does not lie in one place."""
+    found = transform(ring, "EPSG:4326", f"EPSG:{epsg}")
+    if not np.isfinite(found).all():
+        raise InputError("boundary", None, f"expected longitudes and latitudes of one field, in EPSG:{epsg}")
+    return found
 
 
 def _guidance(index: int, line: Array, polygon: Any, origin: Origin, width: float) -> list[Track]:
@@ -163,6 +171,8 @@ def _guidance(index: int, line: Array, polygon: Any, origin: Origin, width: floa
 
     points = origin.to_local(line)
     corner = np.array([origin.easting, origin.northing])
+    if not np.isfinite(points).all() or not np.ptp(points, axis=0).any():
+        return []
     if len(points) == 2:
         along = (points[1] - points[0]) / np.hypot(*(points[1] - points[0]))
         points = np.array([points[0] - 5000.0 * along, points[1] + 5000.0 * along])

@@ -16,7 +16,7 @@ from swath.documents.packed import readable
 from swath.field.projection import Origin, origin_at, transform, utm_epsg
 from swath.field_io.isoxml import is_taskdata
 from swath.field_io.outline import read_outline, rings
-from swath.field_io.plan import EXTERIOR, read_plan
+from swath.field_io.plan import EXTERIOR, in_metres, read_plan
 from swath.job.lands import PlanSettings, plan_field
 from swath.job.plan import FieldPlan, PlannedPass, checked_ring, shapely_here, with_ground
 
@@ -123,7 +123,7 @@ def _of_taskdata(path: Path) -> tuple[list[Array], Array]:
     for part in parts:
         exterior = next((ring for kind, ring in part.rings if kind == EXTERIOR), part.rings[0][1])
         epsg = utm_epsg(*np.median(exterior, axis=0))
-        ring = transform(exterior, "EPSG:4326", f"EPSG:{epsg}")
+        ring = in_metres(exterior, epsg)
         made.append((shapely_here().Polygon(ring).area, part, ring, epsg))
     _, part, ring, epsg = max(made, key=lambda m: m[0])
     corner = np.floor(ring.min(axis=0))
