@@ -37,7 +37,7 @@ DUSTY, CLEAR, THICK = 0.12, 0.2, 0.8  # m, in dust; shares of the rays that are 
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 RAMP = 0.25  # of the way from a ramp to its feet
 HALF_RAMP = 0.04  # m, where a lean may be one or not
-UNSURE = 0.45  # greatest confidence of an edge that is held, not seen
+UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not seen; m, its least deviation
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
 ROLLS = 0.15  # m of rise: short waves, of which the beams see more, say little of what is nearer
@@ -192,7 +192,7 @@ class LikelihoodRatio(KeepsState):
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
         if line.seen_to < 0.0 or not isfinite(crop) or not self._shows(line, crop):
-            sure = min(sure, UNSURE)
+            sure, sd = min(sure, UNSURE), max(sd, HELD)
         return CropEdge(
             t=now,
             offset=sign * (canopy + (shift + hang) / steep),
