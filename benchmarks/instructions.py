@@ -24,6 +24,7 @@ TOOL = ("valgrind", "--tool=callgrind", "--instr-atstart=no")
 def inside(options: argparse.Namespace) -> None:
     """The run; counts between two calls of callgrind_control."""
     from swath.api import load_scenario
+    from swath.core.collector import collect_rarely
     from swath.judge.evaluator import SETTLING_M
     from swath.record.digest import Digest
     from swath.record.recorder import Recorder
@@ -31,6 +32,7 @@ def inside(options: argparse.Namespace) -> None:
     from swath.runtime.evaluation import make_evaluation
     from swath.runtime.loop import drive
 
+    collect_rarely()  # as every process that swath has for itself
     length = f"run.distance_m={SETTLING_M + 10.0 * options.seconds:g}"
     world = assemble(load_scenario(options.scenario, sets=[length, LEVEL, *options.set]))
     evaluation = make_evaluation(world)

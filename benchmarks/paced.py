@@ -32,6 +32,8 @@ RUNS = {
 class TickCosts(RunHook):
     """CPU time of this thread in every tick, by slot; `recording` is all that looks on. Give it as last hook.
 
+    Of rays it holds what this thread casts itself, not what others cast meanwhile.
+
     ticks: time [s] -> part -> CPU time [ms]
     """
 

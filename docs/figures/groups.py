@@ -13,7 +13,6 @@ from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import PlantLibrary
 from swath.field.prototypes import make_library
 from swath.rays.packets.index import PacketIndex, make_index
-from swath.rays.packets.packing import pack_bundles
 
 INK, GRID, PIECE, RAY = "#33373d", "#d9dbde", "#b9b4a6", "#c0223b"
 VECTORS = ("#c0223b", "#2f6f9f", "#7d9352")
@@ -33,6 +32,16 @@ def spot(beam: float, count: int = 37) -> np.ndarray:
     ring = np.arange(count)
     radius, angle = 0.5 * SPOT * np.sqrt((ring + 0.5) / count), ring * 2.399963
     return np.c_[np.tan(beam) + radius * np.cos(angle), radius * np.sin(angle)]
+
+
+def vectors(places: np.ndarray, lanes: int = 16) -> list[np.ndarray]:
+    """Slopes (n, 2) of rays vector by vector, as `pack` in rays/packets/native/rays.cpp makes them."""
+    count, (wide, high) = len(places) / lanes, np.ptp(places, axis=0)
+    side = max(1, round(np.sqrt(count * high / wide)))  # vectors of a column
+    by_u = places[np.argsort(places[:, 0])]
+    columns = [by_u[i : i + side * lanes] for i in range(0, len(by_u), side * lanes)]
+    by_v = [column[np.argsort(column[:, 1])] for column in columns]
+    return [column[i : i + lanes] for column in by_v for i in range(0, len(column), lanes)]
 
 
 def pieces(library: PlantLibrary, index: PacketIndex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -86,11 +95,9 @@ def in_slopes(ax: Any, ends: np.ndarray, width: np.ndarray, column: np.ndarray) 
             strips.append(Polygon([s[0] - n - w * t, s[0] + n - w * t, s[1] + n + w * t, s[1] - n + w * t]))
         ax.add_collection(PatchCollection(strips, facecolor=colour, alpha=0.45, lw=0))
     for beam in BEAMS:
-        places = spot(beam)
         ax.add_patch(Circle((np.tan(beam), 0), 0.5 * SPOT, fill=False, ec=RAY, lw=0.8))
-        lanes = pack_bundles(1, np.c_[np.ones(37), places]).table.reshape(-1, 16)
-        for lane, colour in zip(lanes, VECTORS, strict=True):
-            ax.plot(*places[lane[lane >= 0]].T, ".", ms=2.2, color=colour)
+    for n, places in enumerate(vectors(np.concatenate([spot(beam) for beam in BEAMS]))):
+        ax.plot(*places.T, ".", ms=2.2, color=VECTORS[n % len(VECTORS)])
     ax.set(
         xlim=(-0.0105, 0.0105),
         ylim=(-0.0085, 0.0085),

@@ -64,6 +64,7 @@ class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 
     struct: a struct or vector type of Warp; array: what the kernel takes; names: of the struct's numbers
+    write: sets all numbers; read: gives all of them
     """
 
     def __init__(self, struct: Any) -> None:
@@ -71,15 +72,9 @@ class Row:
         row = self.array.numpy()
         self.names: tuple[str, ...] = row.dtype.names or ()
         self._bytes = memoryview(row.view(np.uint8).reshape(-1))
-        self._layout = Struct(f"{self._bytes.nbytes // 8}d")
-
-    def write(self, *numbers: float) -> None:
-        """Set all numbers."""
-        self._layout.pack_into(self._bytes, 0, *numbers)
-
-    def read(self) -> tuple[float, ...]:
-        """All numbers."""
-        return self._layout.unpack_from(self._bytes)
+        layout = Struct(f"{self._bytes.nbytes // 8}d")
+        self.write: Callable[..., None] = partial(layout.pack_into, self._bytes, 0)
+        self.read: Callable[[], tuple[float, ...]] = partial(layout.unpack_from, self._bytes)
 
 
 def repeatable(kernel: Any, inputs: list[Any], *, threads: int = 1) -> "Repeated":

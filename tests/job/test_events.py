@@ -22,13 +22,14 @@ def spans(machine, state):
 
 
 def gain_of(flow):
-    """Time standing over time on the go, less 1, at a flow of grain [kg/s]; without turns."""
+    """Time standing over time on the go, less 1, at a flow of grain [kg/s]; without turns, a cart at hand."""
     plan = {"headland_rounds": 0, "order": "adjacent"}
     truck = {"x_m": 300.0, "y_m": 150.0, "dock_s": 5.0}
     combine = {"grain_kg_s": flow, "call_percent": 20.0, "speed_kmh": 15}
     times = []
     for mode in ("standing", "on_the_go"):
-        file = job_file(carts=2, combine=combine, plan=plan, truck=truck, unload={"mode": mode})
+        unload, cart = {"mode": mode}, {"speed_kmh": 25.0}
+        file = job_file(carts=3, combine=combine, cart=cart, plan=plan, truck=truck, unload=unload)
         line = finished(file, beside=True).combines[0].timeline
         times.append(sum(line.time(s) for s in ("cut", "unload", "wait")))
     return times[0] / times[1] - 1.0

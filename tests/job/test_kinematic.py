@@ -53,7 +53,7 @@ def test_one_combine_takes_as_long_as_by_events():
 
 
 def test_numbers_of_carts_rank_the_same():
-    assert same_ranking(*zip(*(hours(4, n) for n in CARTS), strict=True))
+    assert same_ranking(*zip(*(hours(5, n) for n in CARTS), strict=True))
 
 
 def test_the_same_job_gives_the_same_bytes(echelon):

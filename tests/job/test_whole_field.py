@@ -49,7 +49,8 @@ JOB = job_file(
     truck={"x_m": -25.0, "y_m": 20.0, "dock_s": 4.0},
 )
 CHEAP = (
-    "combine_0.lidar=off", "combine_0.edge=truth", "combine_0.motion=kinematic", "combine_0.imu=off",
+    "combine_0.lidar=off", "combine_0.scan_filter=off", "combine_0.edge={level: truth, wires: {}}",
+    "combine_0.motion=kinematic", "combine_0.imu=off",
     "cart_0.motion=kinematic",
     *(f"{m}.{s}.rate_hz=50" for m in ("combine_0", "cart_0") for s in ("motion", "steering")),
     *(f"{m}.{s}.rate_hz=20" for m in ("combine_0", "cart_0") for s in ("pose", "odometry", "steer")),

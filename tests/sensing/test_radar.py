@@ -85,6 +85,20 @@ def test_a_post_far_and_near():
     assert 10.0 * np.log10(rod(0.075, 2.0, 1e5, wave)) == pytest.approx(26.8, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    "thing",
+    [
+        BoxObstacle(x_m=20.0, y_m=0.0, rcs_dbsm=3.5),
+        PostObstacle(x_m=20.0, y_m=0.0, rcs_dbsm=3.5),
+        SheetObstacle(kind="person", x_m=20.0, y_m=0.0, rcs_dbsm=3.5),
+    ],
+)
+def test_a_cross_section_of_ones_own(thing):
+    """Of any kind of obstacle, in place of the sheet's or of what its shape gives."""
+    (target,) = seen(made(ideal, [thing]))
+    assert target.rcs == 3.5
+
+
 def test_swerling_one():
     """Pfa 1e-6 and 21.1 dB: 0.9, by formula and by the level's own draws."""
     snr = 10.0**2.11

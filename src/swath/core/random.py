@@ -8,6 +8,7 @@ Philox 4x64: Salmon et al. 2011, doi:10.1145/2063384.2063405 (numpy's implementa
 import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -59,12 +60,15 @@ class Normals:
     def __init__(self, stream: Stream) -> None:
         self._philox = np.random.Philox(counter=0, key=stream.key)
         self._generator = np.random.Generator(self._philox)
-        self._state = self._philox.state  # a copy, of nothing drawn yet
-        self._counter = self._state["state"]["counter"]
+        state: Any = self._philox.state  # of nothing drawn yet
+        self._counter = [0, 0, 0, 0]
+        key = tuple(state["state"]["key"].tolist())
+        plain = {"state": {"counter": self._counter, "key": key}, "buffer": tuple(state["buffer"].tolist())}
+        self._state: Any = {**state, **plain}  # plain numbers are taken over in a third of the time
 
     def at(self, counter: int, shape: int | tuple[int, ...]) -> np.ndarray:
         """Draw number `counter` (a step index or a time in ns; >= 0)."""
-        self._counter[:3], self._counter[3] = 0, counter
+        self._counter[3] = counter
         self._philox.state = self._state
         return self._generator.standard_normal(shape)
 

@@ -53,12 +53,15 @@ class Path:
 class Placed:
     """x_m, y_m: where it stands, inside the field's boundary or beside it
     name: in reports, none = its kind and number; path: where it goes from there
+    rcs_dbsm: radar cross section, at any frequency and from all sides; none = the sheet's, or that of its
+    shape
     """
 
     x_m: Metres
     y_m: Metres
     name: ObstacleName | None = None
     path: Path | None = None
+    rcs_dbsm: Annotated[float, Ge(-60.0), Le(60.0)] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,8 +127,7 @@ class SheetObstacle(Placed):
 
     length_m, width_m, height_m: none = the sheet's; what one gives stretches the body
     heading_deg: where it looks as long as it stands, from east to the left
-    reflectance: at 905 nm, none = the sheet's; rcs_dbsm: radar cross section at any frequency, none = the
-    sheet's
+    reflectance: at 905 nm, none = the sheet's
     """
 
     kind: SheetKind
@@ -134,7 +136,6 @@ class SheetObstacle(Placed):
     height_m: Size | None = None
     heading_deg: Heading = 0.0
     reflectance: Share | None = None
-    rcs_dbsm: Annotated[float, Ge(-60.0), Le(60.0)] | None = None
 
 
 Obstacle = Annotated[
@@ -182,6 +183,8 @@ def things_of(obstacles: Any, field: Any) -> tuple[Thing, ...]:
             raise InputError(f"{key}.name", name, "expected a name that no other obstacle has")
         foot = np.array([o.x_m, o.y_m, float(field.ground_height(o.x_m, o.y_m))])
         thing = _thing(name, o, foot, key)
+        if o.rcs_dbsm is not None:
+            thing = replace(thing, rcs_dbsm=(o.rcs_dbsm, o.rcs_dbsm))
         made[name] = thing if o.path is None else _moving(thing, o.path, key)
     return tuple(made.values())
 
@@ -220,8 +223,7 @@ def _thing(name: str, o: Any, foot: Array, key: str) -> Thing:
 def _of_sheet(name: str, o: SheetObstacle, sheet: ObstacleSheet, pose: Pose) -> Thing:
     size = (o.length_m or sheet.length, o.width_m or sheet.width, o.height_m or sheet.height)
     reflectance = sheet.reflectance if o.reflectance is None else o.reflectance
-    rcs = (sheet.rcs_24, sheet.rcs_77) if o.rcs_dbsm is None else (o.rcs_dbsm, o.rcs_dbsm)
-    return Thing(name, o.kind, sheet.solids(size, reflectance), pose, rcs_dbsm=rcs)
+    return Thing(name, o.kind, sheet.solids(size, reflectance), pose, rcs_dbsm=(sheet.rcs_24, sheet.rcs_77))
 
 
 def _mesh_solids(o: MeshObstacle, key: str) -> Solids:

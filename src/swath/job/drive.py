@@ -105,6 +105,11 @@ class Follower:
         self._s: list[float] = p.distance.tolist()
 
     @property
+    def index(self) -> int:
+        """Of the piece of the path that it is on."""
+        return self._index
+
+    @property
     def is_done(self) -> bool:
         """True at the end of the path."""
         return self.at >= self._s[-1] - 1e-6

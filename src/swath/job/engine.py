@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
+from swath.job.cart_ways import beside
 from swath.job.fleet import FleetFile
 from swath.job.fuel import combine_fuel, tractor_fuel
 from swath.job.machines import Fleet
@@ -267,7 +268,7 @@ class Job:
         if cart is None or cart.phase != "beside":
             return False
         if c.is_pouring:
-            if c.tank > DONE and cart.grain < cart.spec.load - DONE:
+            if cart.grain < cart.spec.load - DONE and (c.tank > DONE or self._stays(c, cart)):
                 return False
             c.is_pouring = False
             self._note_load(c)
@@ -283,6 +284,14 @@ class Job:
             c.loads.append((self.time, -c.poured, "standing" if c.phase == "stand" else "on the go"))
         return may
 
+    def _stays(self, c: CombineState, cart: CartState) -> bool:
+        """True for a cart that can take all that is left of the last pass, while nobody else wants it: so it
+        need not come back.
+        """
+        is_last = c.phase == "cut" and self.passes.left() == 0
+        wanted = any(o.cart is None and o.tank >= o.spec.call for o in self.combines if o is not c)
+        return is_last and not wanted and cart.grain + c.left * c.per_metre <= cart.spec.load
+
     def _may_pour_driving(self, c: CombineState) -> bool:
         """True in a pass on whose left a cart may drive."""
         return self.file.unload.mode == "on_the_go" and c.task is not None and c.task.cart_beside
@@ -294,7 +303,7 @@ class Job:
     def _parts(self, c: CombineState, cart: CartState) -> None:
         """The cart is done with a combine."""
         c.cart, c.called, cart.combine = None, False, None
-        cart.phase, cart.place = "idle", at(c)
+        cart.phase, cart.place = "idle", beside(at(c), c.spec)
 
     def _cart(self, k: CartState) -> bool:
         if k.phase == "to_combine" and k.left <= DONE:
@@ -307,7 +316,7 @@ class Job:
             self.motion.cart_to_truck(self, k)
             return True
         if k.phase == "to_truck" and k.left <= DONE:
-            k.phase, k.place = "queue", self.truck
+            k.phase, k.place = "queue", self.truck._replace(heading=k.place.heading)
             return True
         if k.phase == "queue" and self.away <= DONE and not any(o.phase == "emptying" for o in self.carts):
             k.phase, k.timer = "emptying", self.file.truck.dock_s

@@ -5,9 +5,11 @@ passes, the sum of both directions. A cart closes in on a moving combine with th
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from swath.job.cart_ways import NEAR, approach_loss, beside, seconds, way_beside, way_to
 from swath.job.engine import Job
 from swath.job.path import Path, Pose, path_of
 from swath.job.states import DONE, CartState, CombineState, at, way_between
@@ -16,11 +18,46 @@ from swath.job.turns import clothoid
 FAR = 80.0  # m, beyond which a way is no turn but transport
 SLOWEST_APPROACH = 0.3  # of a cart's speed, at which it closes in at least
 SHORTEST = 1e-6  # s between two events
-BEHIND = 10.0  # m, from a combine's header to the cart beside it
+
+
+@dataclass
+class _CartWay:
+    """A path, the distance [m] on it up to which time was reckoned, and that time at the cart's speed [m].
+
+    gone: of that time, at its speed [m]; then it drives on along the path
+    """
+
+    path: Path
+    end: float
+    reckoned: float
+    before: float
+    gone: float = 0.0
+
+    @property
+    def distance(self) -> float:
+        """How far it has come [m]."""
+        if self.gone < self.reckoned:
+            return self.end * self.gone / self.reckoned
+        return self.end + self.gone - self.reckoned
+
+    def drive(self, cart: CartState, dt: float) -> None:
+        """On for dt [s]."""
+        self.gone += cart.spec.speed * dt
+        cart.way = self.before + self.distance
+
+    def place(self) -> Pose:
+        """Where it is."""
+        return self.path.at(self.distance)
 
 
 class Events:
-    """The motion of the cheap level."""
+    """The motion of the cheap level.
+
+    What is left of a cart's way is the time for it at its highest speed, so that bends and braking count.
+    """
+
+    def __init__(self) -> None:
+        self._ways: dict[str, _CartWay] = {}
 
     def combine_way(self, job: Job, combine: CombineState) -> None:
         """A corner, a turn or a way along the headland."""
@@ -30,6 +67,7 @@ class Events:
         if job.time <= 0.0:
             combine.left = 0.0
             return
+        self._bring_cart(job, combine)
         spec = combine.spec
         turned = abs(math.remainder(task.start.heading - combine.place.heading, 2.0 * math.pi))
         if task.is_corner and away < FAR and turned < math.radians(150.0):
@@ -52,19 +90,40 @@ class Events:
         combine.left = way_between(here, goal)
         combine.pace = combine.spec.transport
 
+    def _bring_cart(self, job: Job, combine: CombineState) -> None:
+        """The cart of a combine that turns drives to its next pass."""
+        cart = combine.cart
+        if cart is None or cart.phase not in ("beside", "to_combine"):
+            return
+        if cart.phase == "beside":
+            cart.place = beside(combine.place, combine.spec)
+        else:
+            cart.place = self._ways[cart.spec.name].place()
+        cart.phase = "to_combine"
+        self.cart_to_combine(job, cart)
+
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """To the start of the combine's pass, and after it."""
         combine = cart.combine
         assert combine is not None
-        if combine.task is None or combine.phase in ("way", "hold"):
-            cart.left = way_between(cart.place, at(combine)) + BEHIND
-            return
-        done = combine.task.length - combine.left
-        cart.left = max(way_to(cart.place, combine.task.start) + done - BEHIND, 0.0)
+        path, begin, length = way_beside(cart.place, combine)
+        done = 0.0
+        if combine.task is None:
+            done = length
+        elif combine.phase not in ("way", "hold"):
+            done = combine.task.length - combine.left
+        closing = max(cart.spec.speed - combine.pace, SLOWEST_APPROACH * cart.spec.speed)
+        speed = cart.spec.speed
+        way = seconds(path, cart.spec, begin, first=cart.speed, last=speed) * speed
+        cart.left = max(way + min(begin, 0.0) + done + approach_loss(closing) * closing, SHORTEST)
+        self._ways[cart.spec.name] = _CartWay(path, max(begin, 0.0), way, cart.way)
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
-        """Along headland and passes."""
-        cart.left = way_between(cart.place, job.truck)
+        """Over passes and headland."""
+        path = way_to(cart.place, job.truck)
+        cart.place = path.end
+        cart.left = seconds(path, cart.spec, path.length - NEAR, first=cart.speed) * cart.spec.speed
+        self._ways[cart.spec.name] = _CartWay(path, path.length, cart.left, cart.way)
 
     def move(self, job: Job) -> float:
         """On to the next event."""
@@ -88,7 +147,7 @@ class Events:
             if k.phase in ("to_combine", "to_truck"):
                 k.left = max(0.0, k.left - self._closing(k) * dt)
                 k.left = 0.0 if k.left < DONE else k.left
-                k.way += k.speed * dt
+                self._ways[k.spec.name].drive(k, dt)
         return dt
 
     def _keep_behind(self, job: Job, c: CombineState) -> None:
@@ -104,7 +163,8 @@ class Events:
 
     def _closing(self, k: CartState) -> float:
         """How fast what is left of a cart's way gets less [m/s]."""
-        ahead = k.combine.speed if k.phase == "to_combine" and k.combine is not None else 0.0
+        follows = k.phase == "to_combine" and k.combine is not None and k.combine.phase == "cut"
+        ahead = k.combine.speed if follows and k.combine is not None else 0.0
         return max(k.spec.speed - ahead, SLOWEST_APPROACH * k.spec.speed)
 
     def _times(self, job: Job) -> list[float]:
@@ -155,13 +215,6 @@ def turn_path(combine: CombineState, start: Pose) -> Path:
     knife = combine.spec.sheet.knife_x
     here = axle_pose(combine.place, knife)
     return path_of(clothoid.plan(here, axle_pose(start, knife), combine.spec.limits), here)
-
-
-def way_to(here: Pose, start: Pose) -> float:
-    """Way from a place to the start of a pass [m], along its course and across."""
-    c, s = math.cos(start.heading), math.sin(start.heading)
-    dx, dy = start.x - here.x, start.y - here.y
-    return abs(c * dx + s * dy) + abs(c * dy - s * dx)
 
 
 def axle_pose(knife: Pose, ahead: float) -> Pose:

@@ -11,22 +11,29 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.job.cart_ways import (
+    BRAKE,
+    CATCH_UP,
+    CLOSE,
+    IN_PLACE,
+    NEAR,
+    RADIUS,
+    corner_way,
+    rounded,
+    speed_profile,
+    way_beside,
+    way_to,
+)
 from swath.job.drive import MARGIN, DrivenMachine, Follower
 from swath.job.engine import Job
 from swath.job.events import FAR, axle_pose, turn_path
-from swath.job.path import Path, Pose, joined, path_of, polyline
+from swath.job.path import Path, Pose, polyline
 from swath.job.states import DONE, CartState, CombineState, way_between
-from swath.job.turns import TurnLimits, dubins
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
-NEAR = 0.5  # m before the end of a way, where the next begins
-IN_PLACE = 1.0  # m along the pass, within which a cart is beside its combine
-CATCH_UP = 0.3  # 1/s, speed per distance to the place beside a combine
 SHARP = 0.35  # rad between a path and a machine, beyond which it drives slowly
 SLOW = 2.0  # m/s
-CART_RADIUS = 8.0  # m, of a tractor with a trailer
-BOX_BEHIND = 6.0  # m from a tractor's axle to the middle of its trailer's box
 RECORD = 5  # steps between two points of a combine's track
 
 
@@ -40,6 +47,7 @@ class Kinematic:
         self._base: dict[str, float] = {}
         self._for: dict[str, int] = {}
         self._length: dict[str, float] = {}
+        self._profiles: dict[str, list[float]] = {}
         self._count = 0
         self.tracks: list[list[tuple[float, float, float]]] = []
         self._track: dict[str, list[tuple[float, float, float]]] = {}
@@ -50,6 +58,7 @@ class Kinematic:
         task, name = combine.task, combine.spec.name
         assert task is not None
         knife = combine.spec.sheet.knife_x
+        self._bring_cart(job, combine)
         self._wait.pop(name, None)
         if name not in self._machines:
             self._machines[name] = DrivenMachine(combine.spec.sheet, axle_pose(combine.place, knife), STEP)
@@ -85,6 +94,12 @@ class Kinematic:
         self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
         self._track[name] = []
         self.tracks.append(self._track[name])
+        cart = combine.cart
+        if cart is not None and self._for.get(cart.spec.name) != combine.index:
+            self._bring_cart(job, combine)
+
+    def _bring_cart(self, job: Job, combine: CombineState) -> None:
+        """The cart of a combine that turns drives to its next pass."""
         if combine.cart is not None and combine.cart.phase in ("beside", "to_combine"):
             combine.cart.phase = "to_combine"
             self.cart_to_combine(job, combine.cart)
@@ -92,7 +107,7 @@ class Kinematic:
     def combine_to(self, job: Job, combine: CombineState, goal: Pose) -> None:
         """Without carts: to the truck or back, along straight lines over headland and passes."""
         machine = self._machines[combine.spec.name]
-        path = _rounded(_corner_way(machine.pose, Pose(goal.x, goal.y, machine.heading)), machine.pose, 8.0)
+        path = rounded(corner_way(machine.pose, Pose(goal.x, goal.y, machine.heading)), machine.pose, 8.0)
         self._paths[combine.spec.name] = Follower(path, MARGIN / combine.spec.limits.radius)
         combine.left, combine.pace = path.length, combine.spec.transport
 
@@ -101,29 +116,21 @@ class Kinematic:
         combine = cart.combine
         assert combine is not None
         machine = self._cart(cart)
-        task = combine.task
-        line = np.array([combine.place[:2], combine.place[:2]]) if task is None else task.line
-        course = combine.place.heading if task is None else task.start.heading
-        aside = combine.spec.pipe
-        side = np.array([-math.sin(course), math.cos(course)]) * aside
-        along = np.array([math.cos(course), math.sin(course)])
-        first = line[0] + side - 12.0 * along
-        last = line[-1] + side + 30.0 * along
-        way = _corner_way(machine.pose, Pose(float(first[0]), float(first[1]), course))
-        path = _rounded([*way, (float(last[0]), float(last[1]))], machine.pose, CART_RADIUS)
-        self._paths[cart.spec.name] = Follower(path, MARGIN / CART_RADIUS)
-        length = float(np.hypot(*(line[-1] - line[0])))
-        self._base[cart.spec.name] = path.length - 30.0 - length
-        self._for[cart.spec.name], self._length[cart.spec.name] = combine.index, length
+        path, begin, length = way_beside(machine.pose, combine)
+        name = cart.spec.name
+        self._set_out(cart, path)
+        self._base[name], self._for[name], self._length[name] = begin, combine.index, length
         cart.left = self._gap(cart, combine)
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Back over pass and headland."""
-        machine = self._cart(cart)
-        course = machine.heading
-        path = _rounded(_corner_way(machine.pose, Pose(*job.truck[:2], course)), machine.pose, CART_RADIUS)
-        self._paths[cart.spec.name] = Follower(path, MARGIN / CART_RADIUS)
-        cart.left = path.length
+        path = way_to(self._cart(cart).pose, job.truck)
+        self._set_out(cart, path)
+        cart.left, cart.place = path.length, path.end
+
+    def _set_out(self, cart: CartState, path: Path) -> None:
+        self._paths[cart.spec.name] = Follower(path, MARGIN / RADIUS)
+        self._profiles[cart.spec.name] = speed_profile(path, cart.spec).tolist()
 
     def move(self, job: Job) -> float:
         """One step of all machines."""
@@ -180,7 +187,7 @@ class Kinematic:
         machine, follower = self._cart(k), self._paths.get(name)
         wanted = 0.0
         if follower is not None and k.phase == "to_truck":
-            wanted = min(k.spec.speed, max(0.35 * k.left, 0.3))
+            wanted = min(k.spec.speed, max(math.sqrt(2.0 * BRAKE * k.left), CLOSE))
         elif follower is not None and k.phase in ("to_combine", "beside") and k.combine is not None:
             gap = self._gap(k, k.combine)
             ahead = 0.5 * (k.combine.speed + (k.combine.pace if k.combine.phase == "cut" else 0.0))
@@ -191,6 +198,7 @@ class Kinematic:
             k.speed = machine.speed = 0.0
             return
         curvature = follower.curvature(machine)
+        wanted = min(wanted, self._profiles[name][follower.index])
         off = math.remainder(follower.heading - machine.heading, 2.0 * math.pi)
         machine.step(curvature, min(wanted, SLOW) if abs(off) > SHARP else wanted)
         k.speed = machine.speed
@@ -205,15 +213,13 @@ class Kinematic:
     def _gap(self, cart: CartState, combine: CombineState) -> float:
         """How far a cart's box is behind the pipe, along its path [m]."""
         follower = self._paths[cart.spec.name]
-        pipe = combine.spec.sheet.pipe
-        back = combine.spec.sheet.knife_x - (pipe.x if pipe is not None else 0.0)
         if combine.task is None:  # at the end of its last pass
             done = self._length[cart.spec.name]
         else:
             done = combine.task.length - combine.left
         if combine.phase in ("way", "hold"):
             done = 0.0
-        return self._base[cart.spec.name] + done - back + BOX_BEHIND - follower.at
+        return self._base[cart.spec.name] + done - follower.at
 
     def _cart(self, k: CartState) -> DrivenMachine:
         name = k.spec.name
@@ -231,35 +237,3 @@ class Kinematic:
 def _knife(machine: DrivenMachine, ahead: float) -> Pose:
     c, s = math.cos(machine.heading), math.sin(machine.heading)
     return Pose(machine.x + ahead * c, machine.y + ahead * s, machine.heading)
-
-
-def _corner_way(here: Pose, goal: Pose) -> list[tuple[float, float]]:
-    """From a place along the goal's course to abreast of it, then across: points [m]."""
-    c, s = math.cos(goal.heading), math.sin(goal.heading)
-    along = (goal.x - here.x) * c + (goal.y - here.y) * s
-    return [(here.x + along * c, here.y + along * s), (goal.x, goal.y)]
-
-
-def _rounded(points: list[tuple[float, float]], start: Pose, radius: float) -> Path:
-    """A path through points, by shortest turns from each to the course of the next piece."""
-    limits = TurnLimits(radius, 1.0)
-    parts: list[Path] = []
-    here = start
-    for i, (x, y) in enumerate(points):
-        if i + 1 < len(points) and math.hypot(x - here.x, y - here.y) < 2.0 * radius:
-            continue  # too near for a turn of its own
-        u, v = points[i + 1] if i + 1 < len(points) else (x, y)
-        if math.hypot(u - x, v - y) > 1.0:
-            course = math.atan2(v - y, u - x)
-        else:
-            course = (
-                math.atan2(y - here.y, x - here.x)
-                if math.hypot(x - here.x, y - here.y) > 1.0
-                else here.heading
-            )
-        goal = Pose(x, y, course)
-        if math.hypot(x - here.x, y - here.y) < 1.0 and abs(math.sin(course - here.heading)) < 0.1:
-            continue
-        parts.append(path_of(dubins.plan(here, goal, limits), here, 0.5))
-        here = parts[-1].end
-    return joined(parts) if parts else polyline(np.array([start[:2], (start.x + 1.0, start.y)]))

@@ -8,6 +8,7 @@ from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.signals import MachineState
 
+STILL = 1e-6  # a line that moves less stands [m]
 Corner = list[float]  # x, y [m]
 Corners = list[Corner]
 
@@ -35,13 +36,14 @@ class LinePath(KeepsState):
 
         line_at: the line's points in the world at a pose; the first state ever seen only says where it is
         """
+        last = len(states) - 1
         for index, state in enumerate(states):
             now = line_at(state.pose)
             if self._last is None:
                 self._last = now
                 continue
-            travel = max([hypot(x - u, y - v) for (x, y), (u, v) in zip(now, self._last, strict=True)])
-            if travel < 1e-6 or (travel < self._step and index < len(states) - 1):
+            least = max(self._step, STILL) if index < last else STILL
+            if max([hypot(x - u, y - v) for (x, y), (u, v) in zip(now, self._last, strict=True)]) < least:
                 continue
             yield self._last, now
             self._last = now

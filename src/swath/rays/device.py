@@ -15,14 +15,21 @@ class ThreadPool:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._executor = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._executor = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     def repeat(self, work: Callable[[], None], times: int) -> None:
-        """Call `work` so many times, at once where there are threads; less than twice: here and now."""
-        if self._executor is None or times < 2:
+        """Call `work` at most so many times at once, of which this thread does one.
+
+        Each call takes what is left until there is nothing left: a thread that the system has not woken by
+        the time that this one is done is not waited for.
+        """
+        others = [self._executor.submit(work) for _ in range(times - 1)] if self._executor is not None else []
+        try:
             work()
-        else:
-            list(self._executor.map(lambda _: work(), range(times)))
+        finally:
+            for other in others:
+                if not other.cancel():
+                    other.result()
 
     def split(self, count: int, least: int, work: Callable[[int, int], None]) -> None:
         """Call `work(first, size)` for parts of `count` items, none smaller than `least` but the last."""
@@ -30,7 +37,13 @@ class ThreadPool:
             work(0, count)
             return
         size = max(least, -(-count // (8 * self.threads)))
-        list(self._executor.map(lambda at: work(at, min(size, count - at)), range(0, count, size)))
+        starts = iter(range(0, count, size))
+
+        def take() -> None:
+            for first in starts:
+                work(first, min(size, count - first))
+
+        self.repeat(take, self.threads)
 
 
 def thread_count() -> int:

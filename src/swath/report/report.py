@@ -14,6 +14,8 @@ from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M
 from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
+from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
+from swath.judge.windows import FIELD
 from swath.record.messages import RecordedMachine
 from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure
@@ -21,6 +23,7 @@ from swath.report.pictures import KeptPicture, PictureSampler, pictures_figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
 from swath.report.silhouette import silhouette
 from swath.report.stand3d import Stand, stand_figure
+from swath.report.unloading_plot import unloading_figure
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
@@ -54,6 +57,7 @@ class ReportData:
     map: from `make_map`; stand: the field, when stems can be drawn from its pages
     obstacles: (x, y, radius) [m]; driven: a track driven in reality, (n, 2) world [m]
     default_lines: numbers, from 1, of the lines of `scenario` that nobody wrote; known: the evaluators
+    unloading: grain handed over from machine to machine
     """
 
     summary: Mapping[str, Any]
@@ -65,6 +69,7 @@ class ReportData:
     driven: F64 | None = None
     default_lines: Collection[int] = ()
     known: EvaluatorCatalogue | None = None
+    unloading: UnloadingSeries | None = None
 
 
 def collect(
@@ -86,6 +91,7 @@ def collect(
         if pictures is not None:
             own.pictures = pictures[own.machine.name].pick()
     moved = [m for m in machines if len(m.tracks["t_s"])]
+    unloading = evaluation.find(FIELD, Unloading)
     picture = None
     if moved:
         ends = [_way(m.tracks, *m.machine.geometry.header_end(s)) for m in moved for s in _sides(m.machine)]
@@ -100,6 +106,7 @@ def collect(
         driven=world.driven,
         default_lines=default_lines(scenario),
         known=evaluation.catalogue,
+        unloading=None if unloading is None else unloading.series(),
     )
 
 
@@ -197,6 +204,8 @@ def write_report(run_dir: Path, data: ReportData) -> Path:
 def _figures(data: ReportData) -> Iterator[page.Figure]:
     if data.map is not None:
         yield _map(data, data.map)
+    if data.unloading is not None and len(data.unloading.t):
+        yield from _unloading(data.unloading)
     for own in data.machines:
         for made in _of_machine(data, own):
             title = made.title if len(data.machines) == 1 else f"{made.title}: {own.machine.name}"
@@ -246,6 +255,16 @@ def _map(data: ReportData, picture: FieldMap) -> page.Figure:
     )
     caption = "The field after the run, turned so that the run goes from left to right."
     return page.Figure("Field map", plots.as_image(fig, kind="png", dpi=150), caption)
+
+
+def _unloading(series: UnloadingSeries) -> Iterator[page.Figure]:
+    caption = (
+        "Above: the grain along the middle of the box. In the middle: where the stream comes down, from "
+        "where it was wanted. Below: how full the box is."
+    )
+    for name in series.heaps:
+        image = plots.as_image(unloading_figure(series, name), kind="png", dpi=130)
+        yield page.Figure(f"Unloading into {name}", image, caption)
 
 
 def _outline(own: MachineReport) -> F64:

@@ -258,9 +258,9 @@ class World:
         if (state := outputs.get("state")) is not None:
             name = slot.partition(".")[0]
             ahead, left = state.speed, state.lateral_speed
-            self.bodies.place(
-                name, state.pose, [row[0] * ahead + row[1] * left for row in state.pose.numbers[1]]
-            )
+            (a, b, _), (d, e, _), (g, h, _) = state.pose.numbers[1]
+            velocity = a * ahead + b * left, d * ahead + e * left, g * ahead + h * left
+            self.bodies.place(name, state.pose, velocity)
             if (trailer := outputs.get("trailer")) is not None:
                 self.bodies.place(name + TRAILER, pose_of(trailer))
         elif (height := outputs.get("height")) is not None:

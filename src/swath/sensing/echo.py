@@ -12,6 +12,7 @@ by the rules for one echo neither.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -111,11 +112,11 @@ def least_energy(range_10: float) -> float:
 def receive(bundle: Bundle, receiver: Receiver) -> Echoes:
     """Echoes of every beam; never raises on beams without a hit or on no beams at all."""
     order = np.argsort(bundle.distance, axis=1, kind="stable")  # nan sorts last
-    distance = np.take_along_axis(bundle.distance, order, axis=1)
+    place = order + order.shape[1] * np.arange(len(order))[:, None]  # in arrays taken as one row
+    distance = bundle.distance.take(place)
     is_hit = np.isfinite(distance)
-    weight = np.broadcast_to(bundle.weight, bundle.distance.shape)
-    weight = np.where(is_hit, np.take_along_axis(weight, order, axis=1), 0.0)
-    albedo = np.where(is_hit, np.take_along_axis(bundle.albedo, order, axis=1), 0.0)
+    weight = np.where(is_hit, bundle.weight.take(order), 0.0)
+    albedo = np.where(is_hit, bundle.albedo.take(place), 0.0)
     distance = np.where(is_hit, distance, 0.0)
     hits = _Sorted(distance, is_hit, weight, weight * albedo)
     group = _groups(distance, is_hit, receiver.gap)
@@ -140,7 +141,7 @@ class _Sorted:
     weight: F64
     albedo: F64  # times weight
 
-    @property
+    @cached_property
     def energy(self) -> F64:
         """Received, albedo / r2 [1/m2]."""
         return np.asarray(self.albedo / np.maximum(self.distance, 1e-3) ** 2)

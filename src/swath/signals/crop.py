@@ -1,8 +1,7 @@
 """The crop as the machine perceives it: its edge, and what stands ahead."""
 
+from math import isfinite
 from typing import Annotated
-
-import numpy as np
 
 from swath.core.frozen import frozen
 from swath.core.signal import About, Message, Quantity, Signal
@@ -58,7 +57,7 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
     @property
     def is_found(self) -> bool:
         """True when there is an edge to steer by."""
-        return self.confidence > 0.0 and np.isfinite(self.offset)
+        return self.confidence > 0.0 and isfinite(self.offset)
 
 
 @frozen

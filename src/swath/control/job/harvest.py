@@ -42,7 +42,7 @@ class Params:
     edge_from_m, edge_to_m: way in the pass from which, and before its end up to which, the crop edge may lead
     call_percent: of the tank, from which a cart is called; full_percent: at which the machine stands
     unload_to_m: before the end of a pass, where a load is broken off that would take longer than finish_s
-    standing there
+    standing there; in the last pass it is not
     """
 
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
@@ -179,9 +179,8 @@ class Harvest(KeepsState):
         in_pass = left > AT_END
         edge = in_pass and way >= p.edge_from_m and left >= p.edge_to_m
         stands = self._phase == Phase.STANDS
-        may = work.cart_beside and (
-            stands or (in_pass and way > 2.0 and (left > p.unload_to_m or self._finishes))
-        )
+        goes_on = left > p.unload_to_m or self._finishes or is_last
+        may = work.cart_beside and (stands or (in_pass and way > 2.0 and goes_on))
         job = JobState(
             t, int(self._phase), self._index, speed, left if in_pass or stands else nan,
             by_edge=edge, may_unload=may, calls=self._calls,

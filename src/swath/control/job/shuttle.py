@@ -36,7 +36,7 @@ STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behin
 CATCH_UP = 0.3  # 1/s
 IN_LINE, TURNED, NEAR = 1.0, 12.0 * DEG, 15.0  # m, rad, m: from there on it keeps the station
 GIVE_WAY = 18.0  # m, a combine so near ahead has the right of way
-FULL_FOR = 4.0  # s, that the station says full before it leaves
+FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
 PULL_AHEAD = 10.0  # m straight on before it turns away from a combine beside it
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
 AHEAD = STRAIGHT - BEGIN + 20.0  # m along that line, where it waits for the combine to come up
@@ -52,7 +52,8 @@ class Params:
     """passes, boundary_m: of the field; header_m: width of the combine's; beside_m: its pipe to the left
     truck_m: place beside the truck; dock_s: to stand right there and to be gone again
     speed_kmh: on the field; radius_m: of its tightest turn; leave_percent: of the largest heap, from which it
-    drives to the truck; break_off_m: before the end of a pass, where it stops keeping the station
+    drives to the truck; break_off_m: before the end of a pass, where it stops keeping the station; but in the
+    last one
     """
 
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
@@ -71,9 +72,8 @@ class Shuttle(KeepsState):
     """Waits, drives, keeps beside, empties. Its phases are those of `JobState`."""
 
     kept = (
-        "_phase", "_goal", "_task", "_points", "_number", "_way", "_lane", "_since", "_retry_at", "_is_free",
-        "_peer_at",
-        "_ended",
+        "_phase", "_goal", "_task", "_points", "_number", "_way", "_lane", "_since", "_until", "_retry_at",
+        "_is_free", "_peer_at", "_ended", "_poured_at",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -96,7 +96,8 @@ class Shuttle(KeepsState):
         self._points = np.zeros((0, 2))
         self._way = self._lane = 0.0
         self._peer_at = 0.0, 0.0
-        self._since, self._retry_at, self._is_free, self._ended = inf, -inf, True, ""
+        self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
+        self._is_free, self._ended = True, ""
 
     def reset(self, stream: Stream) -> Outputs:
         """Waits where it stands."""
@@ -143,9 +144,8 @@ class Shuttle(KeepsState):
         drive beside; -1 = none.
         """
         p = self._p
-        if p.passes[peer.task].cart_beside and (
-            peer.phase == Phase.STANDS or peer.remaining > p.break_off_m + LEAST
-        ):
+        least = self._break_off(peer.task) + LEAST
+        if p.passes[peer.task].cart_beside and (peer.phase == Phase.STANDS or peer.remaining > least):
             return peer.task
         if hypot(peer.x, peer.y) < APART:
             return -1
@@ -199,8 +199,13 @@ class Shuttle(KeepsState):
         """The combine has left the pass that the cart drives to, or soon will."""
         if peer.task < self._task:
             return False
-        has_left = peer.task > self._task or (not peer.may_unload and peer.remaining < self._p.break_off_m)
-        return has_left or (peer.phase != Phase.STANDS and peer.remaining < self._p.break_off_m)
+        break_off = self._break_off(peer.task)
+        has_left = peer.task > self._task or (not peer.may_unload and peer.remaining < break_off)
+        return has_left or (peer.phase != Phase.STANDS and peer.remaining < break_off)
+
+    def _break_off(self, task: int) -> float:
+        """Before the end of a pass [m]; behind the last one the combine stands and does not turn."""
+        return -inf if task + 1 == len(self._p.passes) else self._p.break_off_m
 
     def _is_in_line(self, peer: PeerState, station: Wanted) -> bool:
         is_there = peer.task == self._task and peer.may_unload and station.is_active
@@ -228,7 +233,9 @@ class Shuttle(KeepsState):
 
     def _keeps(self, now: float, pose: PoseEstimate, peer: PeerState, station: Wanted) -> float:
         is_over = peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls)
-        ends = self._is_lost(peer) or (is_over and not peer.is_pouring)
+        if peer.is_pouring:
+            self._poured_at = now
+        ends = self._is_lost(peer) or (is_over and now - self._poured_at > FULL_FOR)
         if station.is_full and not peer.is_pouring:
             self._since = min(self._since, now)
         else:
@@ -254,7 +261,10 @@ class Shuttle(KeepsState):
 
     def _empties(self, now: float, heap: HeapState) -> None:
         """Beside the truck, until it is empty and gone again."""
-        if self._phase == Phase.EMPTIES and now - self._since >= self._p.dock_s and heap.grain <= 0.0:
+        half = 0.5 * self._p.dock_s
+        if heap.grain > 0.0 or now - self._since <= half:
+            self._until = now + half
+        if self._phase == Phase.EMPTIES and now >= self._until:
             self._phase = Phase.WAITS
 
     # ways

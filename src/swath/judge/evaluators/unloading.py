@@ -1,15 +1,49 @@
 """Grain handed over on the go: how well the station is kept, how much is caught, and what is spilled."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import cos, fsum, hypot, sin
+
+import numpy as np
 
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.signals import HeapState, MachineState, Signal, Station, TrailerState, UnloadState
+from swath.signals import F64, HeapState, MachineState, Signal, Station, TrailerState, UnloadState
 from swath.signals.setup import MachineGeometry
 
 GROUP = "Unloading"
+EVERY = 1.0  # s between two profiles of the grain that are kept; twice that once there are
+MOST = 1500  # of them
+
+
+@dataclass(frozen=True)
+class UnloadingSeries:
+    """The course of a run, for a report. t [s], along, across [m]: deviations while grain flows, arrays of
+    shape (n,)
+
+    heaps: machine -> rows of its box; missed: of what all pipes gave, came down elsewhere [kg]
+    """
+
+    t: F64
+    along: F64
+    across: F64
+    heaps: Mapping[str, "HeapRows"]
+    missed: float
+
+
+@dataclass(frozen=True)
+class HeapRows:
+    """A box over a run, m times. t [s]; profile: above the floor along the middle line, rear to front, shape
+    (m, stations) [m]; level: over the largest heap; flow: of all pipes [kg/s]; length, depth: of the box [m]
+    """
+
+    t: F64
+    profile: F64
+    level: F64
+    flow: F64
+    length: float
+    depth: float
 
 
 class Unloading:
@@ -40,6 +74,9 @@ class Unloading:
         self.setup = setup
         self._latest: dict[tuple[str, type[Signal]], Signal] = {}
         self._times: dict[str, int] = {}  # machine -> time of its pipe's last sample
+        self._judged: list[float] = []  # times [s]
+        self._rows: dict[str, list[tuple[float, F64, float, float]]] = {}
+        self._every: dict[str, float] = {}
         self._along: list[float] = []
         self._across: list[float] = []
         self._flowing = 0.0
@@ -49,6 +86,8 @@ class Unloading:
         name = slot.partition(".")[0]
         for signal in outputs.values():
             self._latest[name, type(signal)] = signal
+            if isinstance(signal, HeapState):
+                self._keep(name, signal)
             if isinstance(signal, UnloadState):
                 since = (signal.t - self._times.get(name, signal.t)) / NS
                 self._times[name] = signal.t
@@ -76,6 +115,30 @@ class Unloading:
         found["station_mean_m"] = fsum(away) / len(away) if away else float("nan")
         return found
 
+    def series(self) -> UnloadingSeries:
+        """For a report."""
+        heaps = {}
+        missed = fsum(s.missed for s in self._latest.values() if isinstance(s, UnloadState))
+        for name, rows in self._rows.items():
+            box = self.setup.machines[name].geometry.box
+            if box is not None and len(rows) > 1:
+                t, profile, level, flow = (np.array(column) for column in zip(*rows, strict=True))
+                heaps[name] = HeapRows(t, profile, level, flow, box.length, box.depth)
+        return UnloadingSeries(
+            np.array(self._judged), np.array(self._along), np.array(self._across), heaps, missed
+        )
+
+    def _keep(self, name: str, heap: HeapState) -> None:
+        """The grain of a box, now and then: every other row goes where there are too many."""
+        rows, every = self._rows.setdefault(name, []), self._every.setdefault(name, EVERY)
+        now = heap.t / NS
+        if rows and now - rows[-1][0] < every - 1e-6:
+            return
+        pipes = [s for s in self._latest.values() if isinstance(s, UnloadState)]
+        rows.append((now, heap.profile, heap.level, fsum(s.flow for s in pipes)))
+        if len(rows) > MOST:
+            self._rows[name], self._every[name] = rows[::2], 2.0 * every
+
     def _judge(self, name: str, unload: UnloadState) -> None:
         state = self._latest.get((name, MachineState))
         for (other, kind), station in self._latest.items():
@@ -85,6 +148,7 @@ class Unloading:
                     x, y, yaw = middle
                     px, py, _ = state.pose.apply([unload.impact_x, unload.impact_y, 0.0]).tolist()
                     dx, dy = px - x, py - y
+                    self._judged.append(unload.t / NS)
                     self._along.append(abs(cos(yaw) * dx + sin(yaw) * dy - station.spot))
                     self._across.append(abs(cos(yaw) * dy - sin(yaw) * dx))
 

@@ -12,7 +12,6 @@ from math import log2
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 N = 16  # lanes of a vector
 GROUP_RAYS = 1024  # the traversal's room

@@ -45,12 +45,16 @@ def _map(fig: Any, ax: Any, r: JobResult) -> None:
         colour = shades(0.92 * r.pass_times[i][0] / last)
         dashes = "-" if p.cart_beside else (0, (4, 2))
         ax.plot(p.line[:, 0], p.line[:, 1], color=colour, lw=1.6, ls=dashes)
-    for way in r.ways:
+    driven = zip(r.machines, r.ways, strict=True) if r.level == "sensors" else ()
+    for m, way in driven:
+        shade = INK if m.kind == "combine" else ORANGE
+        ax.plot(way[:, 0], way[:, 1], color=shade, lw=0.8, label=f"way of {m.name}")
+    for way in r.ways if r.level != "sensors" else ():
         ax.plot(way[:, 0], way[:, 1], color=GREY, lw=0.6)
     truck = r.file.truck
     ax.plot([truck.x_m], [truck.y_m], marker="s", ms=8, color=BLUE, ls="none", label="truck")
     ax.plot([], [], color=GREY, ls=(0, (4, 2)), label="standing crop or boundary on the left: no cart there")
-    ax.legend(loc="upper left", bbox_to_anchor=(0.0, 1.08), ncol=2)
+    ax.legend(loc="upper left", bbox_to_anchor=(0.0, 1.08), ncol=4)
     ax.set_aspect("equal")
     ax.grid(visible=False)
     ax.set(xlabel="east [m]", ylabel="north [m]")

@@ -176,6 +176,8 @@ def _combine(
             "unload": "auger",
             "peer_link": {"level": "radio", "rate_hz": 10, "delay_ms": 100},
             "cooperate": {"level": "unloader", "start_percent": 1.0},
+            "scan_filter": "peer_body",
+            "edge": {"wires": {"scan": "scan_filter.scan"}},
         }
     return made
 

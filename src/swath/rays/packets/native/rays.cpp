@@ -32,9 +32,8 @@ struct alignas(64) Taken {  // rays of a group as they come, before they are pac
   float u[ROOM + N], v[ROOM + N];  // slopes
 };
 struct Spot { F u, v, ou, ov, depth_max; };  // for the cull: slope, offset of the origin, depth beyond which nothing counts
-struct alignas(64) VectorBounds {  // N lanes each. Slopes: middle, half size, disc; the same of the offsets; depth
-  float cu[VECTORS], cv[VECTORS], ru[VECTORS], rv[VECTORS], disc[VECTORS];
-  float ou[VECTORS], ov[VECTORS], pu[VECTORS], pv[VECTORS], pdisc[VECTORS];
+struct alignas(64) VectorBounds {  // N lanes each. Slopes: middle, half size
+  float cu[VECTORS], cv[VECTORS], ru[VECTORS], rv[VECTORS];
   float depth_max[VECTORS];  // depth beyond which nothing counts in the tile at hand
 };
 struct alignas(64) PacketBounds {  // boxes of the rays of a packet: place o and direction d along A, across it, up
@@ -296,8 +295,6 @@ struct Rays : Vectors {
       ends(4, k.oz0, k.oz1, ROUND);
       ends(5, k.dz0, k.dz1, 1e-7f);
     }
-    for (int b = packets * vectors; b % N; ++b)
-      c.cu[b] = c.cv[b] = c.ru[b] = c.rv[b] = c.disc[b] = c.ou[b] = c.ov[b] = c.pu[b] = c.pv[b] = c.pdisc[b] = 0.0f;
   }
   void slope_of(int b, F* low, F* high) {
 #pragma clang fp contract(on)
@@ -329,12 +326,7 @@ struct Rays : Vectors {
     };
     span(su, c.cu, c.ru);
     span(sv, c.cv, c.rv);
-    span(ou, c.ou, c.pu);
-    span(ov, c.ov, c.pv);
-    F au = su - c.cu[b], av = sv - c.cv[b];
-    c.disc[b] = __builtin_sqrtf(highest_of(au * au + av * av)) + 1e-6f;
-    c.pdisc[b] = __builtin_sqrtf(c.pu[b] * c.pu[b] + c.pv[b] * c.pv[b]);
-    offset_max = upper(offset_max, upper(__builtin_fabsf(c.ou[b]) + c.pu[b], __builtin_fabsf(c.ov[b]) + c.pv[b]));
+    offset_max = upper(offset_max, highest_of(most(size_of(ou), size_of(ov))) + 1e-6f);
   }
 
   // How far a packet still looks: to the farthest of its rays' nearest hits

@@ -1,0 +1,149 @@
+"""Ways of a cart over headland and passes, and how fast they are driven: the same for all levels.
+
+A way leads along the goal's course to abreast of it and then across, corners rounded by shortest turns. It is
+driven as fast as the sideways acceleration in its bends allows, with the drive's acceleration and
+deceleration: the speed profile of a point mass, forwards and backwards over the path (Bobrow 1985,
+doi:10.1177/027836498500400301).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.job.machines import Cart, Combine
+from swath.job.path import Path, Pose, joined, path_of, polyline
+from swath.job.states import CombineState
+from swath.job.turns import TurnLimits, dubins
+from swath.machine.machine_sheet import dynamics_of
+
+Array = NDArray[np.float64]
+RADIUS = 8.0  # m, of a tractor with a trailer
+SIDEWAYS = 0.8  # m/s2, most in a bend, as the level with sensors drives
+BRAKE = 0.5  # m/s2, with a load
+BOX_BEHIND = 6.0  # m from a tractor's axle to the middle of its trailer's box
+RUN_UP = 12.0  # m before a pass, from where a cart drives straight along it
+ASIDE = 15.0  # m beside its line, from where a cart can follow a combine
+BEYOND = 30.0  # m that its way goes on behind the pass
+CLOSE = 0.3  # m/s, slowest towards the end of a way
+CATCH_UP = 0.3  # 1/s, speed per distance to the place beside a combine
+NEAR = 0.5  # m before the end of a way, where it is done
+IN_PLACE = 1.0  # m along the pass, within which a cart is beside its combine
+
+
+def beside(place: Pose, combine: Combine) -> Pose:
+    """Where a cart's tractor is whose box is under the pipe of a combine with its knife at a place."""
+    back, left = box_offset(combine) - BOX_BEHIND, combine.pipe
+    c, s = math.cos(place.heading), math.sin(place.heading)
+    return Pose(place.x - back * c - left * s, place.y - back * s + left * c, place.heading)
+
+
+def box_offset(combine: Combine) -> float:
+    """How far the pipe is behind the knife [m]."""
+    pipe = combine.sheet.pipe
+    return combine.sheet.knife_x - (pipe.x if pipe is not None else 0.0)
+
+
+def way_beside(here: Pose, at: CombineState) -> tuple[Path, float, float]:
+    """To the start of a combine's pass, along it on its left and beyond; the distance at which the box is
+    under the pipe of the combine that begins the pass, < 0 behind it, and the length of the pass [m].
+
+    A cart that is beside the pass already follows the combine; where that has no pass any more: to where it
+    stands.
+    """
+    combine, task = at.spec, at.task
+    line = np.array([at.place[:2], at.place[:2]]) if task is None else task.line
+    course = at.place.heading if task is None else task.start.heading
+    c, s = math.cos(course), math.sin(course)
+    left, ahead = np.array([-s, c]), np.array([c, s])
+    first = line[0] + combine.pipe * left - RUN_UP * ahead
+    last = line[-1] + combine.pipe * left + BEYOND * ahead
+    goal, end = Pose(float(first[0]), float(first[1]), course), (float(last[0]), float(last[1]))
+    points = [end] if _follows(here, goal, at) else [*corner_way(here, goal), end]
+    path = rounded(points, here)
+    length = float(np.hypot(*(line[-1] - line[0])))
+    return path, path.length - BEYOND - length - box_offset(combine) + BOX_BEHIND, length
+
+
+def _follows(here: Pose, first: Pose, at: CombineState) -> bool:
+    """Whether a cart is beside a combine's pass, behind it and in its direction. first: of the way there"""
+    if at.task is None or at.phase not in ("cut", "stand"):
+        return False
+    c, s = math.cos(first.heading), math.sin(first.heading)
+    dx, dy = here.x - first.x, here.y - first.y
+    along, across = c * dx + s * dy - RUN_UP, c * dy - s * dx
+    turned = math.cos(here.heading - first.heading)
+    return 0.0 < along < at.task.length - at.left and abs(across) < ASIDE and turned > 0.7
+
+
+def way_to(here: Pose, goal: Pose) -> Path:
+    """Over passes and headland, to a place that is reached in the direction that the cart has now."""
+    return rounded(corner_way(here, Pose(goal.x, goal.y, here.heading)), here)
+
+
+def speed_profile(path: Path, cart: Cart) -> Array:
+    """Highest speed at every point of a path [m/s], so that bends ahead are reached slowly enough."""
+    allowed = np.minimum(np.sqrt(SIDEWAYS / np.maximum(np.abs(path.curvature), 1e-9)), cart.speed).tolist()
+    steps = np.diff(path.distance).tolist()
+    for i in range(len(steps) - 1, -1, -1):
+        allowed[i] = min(allowed[i], math.sqrt(allowed[i + 1] ** 2 + 2.0 * BRAKE * steps[i]))
+    return np.array(allowed)
+
+
+def seconds(path: Path, cart: Cart, end: float, *, first: float = 0.0, last: float = 0.0) -> float:
+    """Time [s] to a distance along a path [m]. first, last: speed at its start and there [m/s]"""
+    accel = dynamics_of(cart.sheet).accel
+    limits, spent, speed = speed_profile(path, cart).tolist(), 0.0, min(first, cart.speed)
+    distance = path.distance.tolist()
+    for i, step in enumerate(np.diff(path.distance).tolist()):
+        if distance[i] >= end:
+            break
+        step = min(step, end - distance[i])
+        ahead = math.sqrt(last**2 + 2.0 * BRAKE * max(end - distance[i] - step, 0.0))
+        then = min(limits[i + 1], math.sqrt(speed**2 + 2.0 * accel * step), max(ahead, CLOSE))
+        spent += 2.0 * step / max(speed + then, 1e-3)
+        speed = then
+    return spent
+
+
+def corner_way(here: Pose, goal: Pose) -> list[tuple[float, float]]:
+    """From a place along the goal's course to abreast of it, then across: points [m]."""
+    c, s = math.cos(goal.heading), math.sin(goal.heading)
+    along = (goal.x - here.x) * c + (goal.y - here.y) * s
+    return [(here.x + along * c, here.y + along * s), (goal.x, goal.y)]
+
+
+def rounded(points: list[tuple[float, float]], start: Pose, radius: float = RADIUS) -> Path:
+    """A path through points, by shortest turns from each to the course of the next piece."""
+    limits = TurnLimits(radius, 1.0)
+    parts: list[Path] = []
+    here = start
+    for i, (x, y) in enumerate(points):
+        if i + 1 < len(points) and math.hypot(x - here.x, y - here.y) < 2.0 * radius:
+            continue  # too near for a turn of its own
+        u, v = points[i + 1] if i + 1 < len(points) else (x, y)
+        if math.hypot(u - x, v - y) > 1.0:
+            course = math.atan2(v - y, u - x)
+        else:
+            course = (
+                math.atan2(y - here.y, x - here.x)
+                if math.hypot(x - here.x, y - here.y) > 1.0
+                else here.heading
+            )
+        goal = Pose(x, y, course)
+        if math.hypot(x - here.x, y - here.y) < 1.0 and abs(math.sin(course - here.heading)) < 0.1:
+            continue
+        parts.append(path_of(dubins.plan(here, goal, limits), here, 0.5))
+        here = parts[-1].end
+    return joined(parts) if parts else polyline(np.array([start[:2], (start.x + 1.0, start.y)]))
+
+
+def approach_loss(closing: float) -> float:
+    """Time [s] that closing in on a place by CATCH_UP per metre costs over doing so at full speed.
+
+    closing: the cart's speed over that of the combine [m/s]
+    """
+    reach = closing / CATCH_UP
+    if reach <= IN_PLACE:
+        return 0.0
+    return math.log(reach / IN_PLACE) / CATCH_UP - reach / closing
