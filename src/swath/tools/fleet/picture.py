@@ -54,7 +54,7 @@ def _map(fig: Any, ax: Any, r: JobResult) -> None:
     truck = r.file.truck
     ax.plot([truck.x_m], [truck.y_m], marker="s", ms=8, color=BLUE, ls="none", label="truck")
     ax.plot([], [], color=GREY, ls=(0, (4, 2)), label="standing crop or boundary on the left: no cart there")
-    ax.legend(loc="upper left", bbox_to_anchor=(0.0, 1.08), ncol=4)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=4)
     ax.set_aspect("equal")
     ax.grid(visible=False)
     ax.set(xlabel="east [m]", ylabel="north [m]")
