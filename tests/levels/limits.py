@@ -74,7 +74,7 @@ LIMITS = {
         "one_spot": Limit("fills 71 to 78 %", (0.71, 0.78)),
         "front_to_back": Limit("fills 95 % and more", (0.95, 0.99)),
         "oscillate": Limit("fills 95 % and more", (0.95, 0.99)),
-        "by_profile": Limit("fills 93.5 % and more", (0.935, 0.99)),
+        "by_profile": Limit("fills 95 % and more", (0.95, 0.99)),
         "unloader": Limit("stops within a step", 0.05),
     },
     # harvest: of the way [m]; shuttle: least distance of its middle to crop [m]

@@ -53,5 +53,5 @@ LEVEL = Level(
     Params,
     summary="goes to where the measured profile is lowest, near the rim from front to rear",
     cost="0.1 ms per step",
-    tolerance="fills 93.5 % and more of the largest heap on the middle line (closed form)",
+    tolerance="fills 95 % and more of the largest heap on the middle line (closed form)",
 )
