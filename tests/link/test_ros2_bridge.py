@@ -111,6 +111,31 @@ def act(bridge, tmp_path, *calls):
     return summary, json.loads(report.read_text())
 
 
+def test_radar_pose_objects_and_commands_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
+    report, out = tmp_path / "report.json", tmp_path / "run"
+    listened = {
+        "/combine/radar/targets_points": ("sensor_msgs/PointCloud2", 13),
+        "/combine/objects/objects_markers": ("visualization_msgs/MarkerArray", 6),
+        "/combine/pose/pose": ("nav_msgs/Odometry", 32),
+        "/combine/speed/command": ("geometry_msgs/TwistStamped", 6),
+    }
+    sets = [
+        "run.max_duration_s=0.65",
+        "combine.radar={level: rays, sensor: radar-24ghz}",
+        "combine.objects.level=radar",
+        "combine.pose.level=ekf",
+    ]
+    pairs = [f"{topic}={kind}" for topic, (kind, _) in listened.items()]
+    with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
+        run_job(parse_scenario(TEXT, sets=sets), out, hooks=[bridge])
+        listener.communicate("", timeout=60)
+    got = json.loads(report.read_text())["got"]
+    for topic, (_, count) in listened.items():
+        sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
+        assert got[topic] == sent, topic
+        assert len(sent) >= count, topic
+
+
 def test_images_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
     report, out = tmp_path / "report.json", tmp_path / "run"
     kinds = {"image": "Image", "image_depth": "Image", "image_label": "Image", "camera_info": "CameraInfo"}
