@@ -35,7 +35,7 @@ class Populations(KeepsState):
 
     def __init__(self, usual: float = 0.0) -> None:
         tallest = TALLEST * usual if usual > 0.0 else np.inf
-        self._layers = int(np.count_nonzero(_HEIGHT < tallest))  # that may be crop
+        self._layers = int(np.count_nonzero(tallest > _HEIGHT))  # that may be crop
         self.clear()
 
     def clear(self) -> None:
