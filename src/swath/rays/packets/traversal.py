@@ -69,9 +69,9 @@ class PacketTraversal:
 
         scene, version: as the kernels read it, a new version where it has changed; rays: origins and
         directions (..., 3), contiguous, one origin (3,) for all, or spots; solids: as the kernels read them,
-        None = none, and none with spots or one origin. Returns error flags, of which any asks for a closer look at the rays: 1 = some are not
-        finite or not of unit length, of which nothing is known; 2 = some start where no page is known, or
-        below the highest thing there, which are cast all the same.
+        None = none, and none with spots or one origin. Returns error flags, of which any asks for a closer
+        look at the rays: 1 = some are not finite or not of unit length, of which nothing is known; 2 = some
+        start where no page is known, or below the highest thing there, which are cast all the same.
         """
         wp = start_warp()
         before = () if solids is None else self._hit_solids(wp, solids, rays, range_max, hits)
