@@ -246,6 +246,7 @@ def make_pacer(world: World, *, clock: Clock | None = None) -> Pacer | None:
     if section is None or not world.scenario.is_paced:
         return None
     nodes = world.graph.nodes
+    world.field.compile()
 
     def costs() -> dict[str, float]:
         return {n.slot.name: n.cost_s for n in nodes}
