@@ -109,6 +109,7 @@ class LikelihoodRatio(KeepsState):
         """No edge at t = 0: nothing was seen yet."""
         self._forget()
         self._line.compile()
+        self._blocks.feet.compile()
         return {"edge": self._no_edge(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
