@@ -25,11 +25,6 @@ KEPT = 12  # earlier states
 _ONE = np.eye(3)
 
 
-def _vague() -> F64:
-    """Covariance of what was just found."""
-    return np.diag([0.1**2, 0.15**2, 0.02**2])
-
-
 @dataclass(frozen=True)
 class Arc:
     """A point [m] of the edge, its angle [rad] and bend [1/m], their covariance (beside, angle, bend)
@@ -41,7 +36,7 @@ class Arc:
     u: float
     angle: float
     bend: float
-    covariance: F64 = field(default_factory=_vague)
+    covariance: F64 = field(default_factory=lambda: np.diag([0.1**2, 0.15**2, 0.02**2]))
     way: float = 0.0
     unseen: float = 0.0
 
@@ -107,11 +102,6 @@ class ArcTrack(KeepsState):
         assert self.arc is not None
         self.arc = self.arc.corrected(beside, variance, turns=turns)
         self._past.append(self.arc)
-
-    def step(self, x: float, u: float, angle: float) -> None:
-        """The edge goes on from elsewhere, x, u [m], straight in a direction [rad]."""
-        assert self.arc is not None
-        self.begin(replace(self.arc, x=x, u=u, angle=angle, bend=0.0, covariance=_vague(), unseen=0.0))
 
     def advance(self, way: float) -> None:
         """The next block lies a way [m] further on."""

@@ -2,7 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, replace
-from math import cos, sin, tan
+from math import tan
 
 import numpy as np
 
@@ -23,7 +23,6 @@ GATE, WIDENING, WIDEST = 0.28, 0.025, 0.8  # m, 1/m, m: + WIDENING times the squ
 MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of rays that only crop stops
 HEIGHT = 0.85  # m, of a crop that was not seen yet
 LEARNED = 0.15  # m beside the track: blocks further off teach nothing
-OUTWARD = 0.9  # m: greatest step of a ragged edge
 STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
 UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
 TALL, LOW_SHARE, LOW_STEP = 0.5, 0.94, 0.03  # m, [1], m: crop lower than this share less this step is lodged
@@ -152,37 +151,10 @@ class BlockTrack(KeepsState):
             self._pass_lodged(found, along, swing)
         elif found.gain >= LEAST_GAIN and is_near:
             self._accept(found, along, heading)
-        elif is_near or not self._step_out(along, arc.angle - heading):
+        else:
             self._miss(along, broke=not is_near)
         self.height = self._crop_height()
         return True
-
-    def _step_out(self, along: float, angle: float) -> bool:
-        """Standing crop outside the line: a ragged edge came back out, and goes on the way it went before.
-
-        False where there is none. A step inward is another thing: what is seen there may be behind a hole.
-        angle: of the track to the machine [rad]
-        """
-        found = find_edge(self._block, self.populations.ratios(), OUTWARD)
-        if found.gain < LEAST_GAIN or found.lead >= LEAD or found.beside > -GATE:
-            return False
-        if self._lodged_swing(found, angle) > 0.0:
-            return False
-        self._scatter_by(found.beside**2)
-        self.track.advance(along)
-        arc = self.track.arc
-        assert arc is not None
-        x, u = arc.x - found.beside * sin(arc.angle), arc.u + found.beside * cos(arc.angle)
-        self.track.step(x, u, self.points.direction(x, u, arc.angle))
-        self.points.add(x, u, found.variance, arc.way)
-        self.agreed *= 0.8
-        return True
-
-    def _scatter_by(self, square: float) -> None:
-        """A block lies aside of the track by more than its own error, squared [m2]."""
-        assert self.track.arc is not None
-        self._scatters.append((self.track.arc.way, self.scatter))
-        self.scatter += min(1.0, self._block.travel / RAGGED_M) * (square - self.scatter)
 
     def _accept(self, found: Found, along: float, heading: float) -> None:
         self._is_lodged = False
@@ -201,7 +173,9 @@ class BlockTrack(KeepsState):
             own = float(edge.covariance[0, 0])
         self._is_broken = self._is_sunken(found)
         self.blank += min(1.0, self._block.travel / RAGGED_M) * (found.blank - self.blank)
-        self._scatter_by(max(0.0, found.beside**2 - found.variance - own))
+        self._scatters.append((edge.way, self.scatter))
+        more = max(0.0, found.beside**2 - found.variance - own)
+        self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance)
         self.agreed += 0.2 * (1.0 - self.agreed)
         angle = edge.angle - heading

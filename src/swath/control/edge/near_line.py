@@ -11,14 +11,12 @@ import numpy as np
 
 from swath.control.edge.canopy_rays import EdgeFrame
 from swath.core.component import KeepsState
-from swath.core.portable import arctan2
 from swath.kernels import Row, repeatable, start_warp
 from swath.signals import F64
 
 VARIANCE, WAY, COLUMNS = 2, 3, 4  # of the rows: x, u, variance, way
 VAGUE = 0.15  # m, standard deviation from which on a point does not show the edge: lodged crop
 BEHIND = 14.0  # m of the edge that are kept
-LEAST_CHORD = 4.0  # m, over which a direction is taken
 ROOM = 256  # points that a fit takes, the newest
 
 
@@ -53,13 +51,6 @@ class EdgePoints(KeepsState):
         rows = self.rows[self.rows[:, WAY] > way - BEHIND - 10.0]
         self.rows = np.vstack([rows, [x, u, variance, way]])
         self.returns = tuple(old for old in self.returns if old > way - BEHIND)
-
-    def direction(self, x: float, u: float, otherwise: float) -> float:
-        """From the oldest point of the last metres to a place x, u [m]; `otherwise` without one [rad]."""
-        late = self.rows[self.rows[:, WAY] > self.rows[-1, WAY] - BEHIND] if len(self.rows) else self.rows
-        if not len(late) or x - late[0, 0] < LEAST_CHORD:
-            return otherwise
-        return float(arctan2(u - late[0, 1], x - late[0, 0]))
 
     def found_again(self, way: float) -> None:
         """Behind a hole, at a way along the edge [m]."""

@@ -404,13 +404,13 @@ struct Crop : Tiles {
       storei(high, across.step_of(v + hv));
       for (int i = 0; i < N && n + i < waiting; ++i) {
         const Set some = looking & along.beside(left[i], right[i]) & across.beside(low[i], high[i]);
-        __builtin_prefetch(row_of(kept.prim[n + i]));
         beside[busy].some = some;
         beside[busy].piece = n + i;
         busy += some != 0;
       }
     }
     for (int i = 0; i < busy; ++i) {
+      __builtin_prefetch(row_of(kept.prim[beside[i].piece]));
       asked = ask(asked, beside[i].piece, beside[i].some);
       if (asked <= PAIRS - VECTORS) continue;
       settle(narrow_down(asked));
