@@ -7,7 +7,8 @@
 
 A run is a line of JSON; `--table` prints what the lines hold, and `--rows` picks rows by how their names
 begin. Draws depend on the pool, the row and the number alone: pool `judged` is what docs/edge-detection.md
-shows, `second` to `fourth` as well, each drawn after changes to the detector; `training` is for setting constants.
+shows, `second` to `fourth` as well, each drawn after changes to the detector; `training` is for setting
+constants.
 """
 
 import argparse
