@@ -6,6 +6,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.rays import sight as sight_module
 from swath.rays.sight import Sight
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
@@ -81,6 +82,47 @@ def test_a_beam_ends_where_it_is_below_the_ground():
     before = len(field.store.keys)
     field.ground_height(ways[:, 0], ways[:, 1])
     assert len(field.store.keys) == before
+
+
+def test_beams_that_moved_a_little_find_their_pages_in_memory(monkeypatch):
+    """Whatever beams near those of the last look need was brought in with them: no second look."""
+    field = assemble(parse_scenario(TEXT)).field
+    draw, shift, bend = np.random.default_rng(4), sight_module.MOVED, sight_module.TURNED
+    for _ in range(12):
+        eyes = np.repeat([[*draw.uniform(-20.0, 20.0, 2), 6.0]], 9, 0)
+        towards = draw.normal(size=(9, 3)) * [1.0, 1.0, 0.2]
+        towards /= np.linalg.norm(towards, axis=1)[:, None]
+        moved = eyes + shift * draw.uniform(-0.55, 0.55, (1, 3))
+        turned = towards + bend * draw.uniform(-0.55, 0.55, (9, 3))
+        field.store.restore({})
+        sight = Sight(field, reach=40.0, exit_diameter=0.01, divergence=0.01)
+        sight.ensure(eyes, towards)
+        found = set(field.store.keys)
+        monkeypatch.setattr(sight, "_find", lambda *_: pytest.fail("looked again"))
+        sight.ensure(moved, turned)
+        monkeypatch.setattr(sight_module, "MOVED", 0.0)
+        monkeypatch.setattr(sight_module, "TURNED", 0.0)
+        field.store.restore({})
+        Sight(field, reach=40.0, exit_diameter=0.01, divergence=0.01).ensure(moved, turned)
+        assert set(field.store.keys) <= found
+        monkeypatch.undo()
+
+
+def test_beams_are_walked_along_again_when_pages_were_dropped_or_forgotten():
+    field = assemble(parse_scenario(TEXT)).field
+    sight = Sight(field, reach=40.0, exit_diameter=0.01, divergence=0.01)
+    beam = np.array([[4.1, 3.9, 30.0]]), np.array([[0.6, 0.0, -0.8]])
+    field.store.restore({})
+    sight.ensure(*beam)
+    needed = set(field.store.keys)
+    field.store.restore({})
+    sight.ensure(*beam)
+    assert needed <= set(field.store.keys)
+    field.store.limit = 1
+    field.ensure(500.0, 500.0, 10.0)
+    assert not needed <= set(field.store.keys)
+    sight.ensure(*beam)
+    assert needed <= set(field.store.keys)
 
 
 def test_a_sensor_far_from_the_field_is_refused():

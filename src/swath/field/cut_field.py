@@ -15,8 +15,7 @@ from swath.kernels import filled, member_array, repeatable, start_warp
 
 Array = NDArray[np.float64]
 CORNERS_MAX = 64
-PAGES_MAX = 256  # of one launch, as in the kernel
-ROWS_KEPT = 2048  # as in the kernel
+PAGES_MAX = 256  # of one launch, as in cut_rows.cpp
 STATUS, PAGE_COUNT, NEWLY_CUT, CROP_STEMS, CHANGED = range(5)
 POOLS = ("table", "cut_slot", "cut", "tile_stand", "tile_prototype", "tile_top")
 POOLS_OF = attrgetter(*POOLS)
@@ -32,7 +31,6 @@ class Cutter:
     def __init__(self, store: PageStore, stems: StemIndex, *, sway: float = 0.0) -> None:
         self.store, self.stems, self.sway = store, stems, sway
         self._polygon, self._edges = np.zeros((CORNERS_MAX, 2)), np.zeros((CORNERS_MAX, 4))
-        self._spans = np.zeros((ROWS_KEPT, 2), np.int32)
         self._ask, self._report = np.zeros(4, np.int32), np.zeros(5, np.int32)
         self._pages = np.zeros((PAGES_MAX, 4), np.int32)
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
@@ -172,7 +170,6 @@ class Cutter:
             self._roots,
             self._share(self._polygon),
             self._share(self._edges, start_warp().vec4d),
-            self._share(self._spans, start_warp().vec2i),
             self._share(self._ask),
             self._share(self._masses, start_warp().vec3d),
             self._share(self._pages),

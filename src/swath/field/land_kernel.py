@@ -6,7 +6,6 @@ Units are those of `field/height_bounds.py`; numbers are float64 without fused m
 import warp as wp
 
 CELLS = wp.constant(64)  # along a tile
-PAGE = wp.constant(512)  # cells along a page
 STANDING = wp.constant(255)
 REACH_MAX = wp.constant(4)  # tiles, as in tops.py
 SLACK = wp.constant(wp.float64(0.001))  # as in tops.py
@@ -33,6 +32,7 @@ class Land:
 
 @wp.func
 def floor_div(a: int, b: int) -> int:
+    """Floor of a / b for b > 0."""
     q = a / b
     if a - q * b < 0:
         q = q - 1
@@ -47,20 +47,6 @@ def slot_at(land: Land, i: int, j: int) -> int:
     if x < 0 or y < 0 or x >= land.table.shape[1] or y >= land.table.shape[0]:
         return -1
     return land.table[y, x]
-
-
-@wp.func
-def is_ready(land: Land, slot: int, code: int) -> bool:
-    """In memory, and with a row of codes of its own unless it is this low already."""
-    return slot >= 0 and (land.cut_slot[slot] >= 0 or -1 - land.cut_slot[slot] <= code)
-
-
-@wp.func
-def variant_of(land: Land, slot: int, ty: int, tx: int) -> int:
-    """First cell of a tile's prototype, mirrored as it is, in the numbering of `Roots`."""
-    p = land.tile_prototype[slot, ty, tx]
-    mirror = (p >> 16) & 3
-    return ((p & 65535) * 4 + mirror) * (CELLS * CELLS)
 
 
 @wp.func

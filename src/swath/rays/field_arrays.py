@@ -6,7 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.field import Field
-from swath.field.memory_layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
+from swath.field.memory_layout import (
+    PAGE_TILES,
+    Pages,
+    PlantLibrary,
+    Shape,
+    Solids,
+    primitive_rows,
+    shared_rows,
+)
 from swath.field.wind import GUST_SHARE
 from swath.kernels import member_array
 from swath.rays.geometry import make_solid_arrays
@@ -35,6 +43,7 @@ class LiveScene:
         self._revision = -1
         self._place = (float("nan"), 0, 0)  # yaw of the stand, first page of the table
         self._library: PlantLibrary | None = None
+        self._corners: tuple[F32 | None, int, F32] = None, 0, np.zeros(0, np.float32)
 
     def share(self, wp: Any, array: NDArray[Any], dtype: Any) -> Any:
         """The array for Warp: the same memory on the CPU, a copy elsewhere."""
@@ -90,8 +99,16 @@ class LiveScene:
             pool = getattr(pages, name)
             if self._held.get(name) is not pool or self.device != "cpu":
                 self._hold(name, pool)
-        self._hold_tops(page_tops(pages, self._library.tile_size, self.top_room))
+        self._hold_tops(page_tops(pages, self._highest_ground(pages), self.top_room))
         return scene
+
+    def _highest_ground(self, pages: Pages) -> F32:
+        """Of each tile's plane, worked out again when pages came into memory."""
+        plane, (known, made, corners) = pages.tile_plane, self._corners
+        if known is not plane or made != self.field.store.made:
+            corners = plane_tops(plane, self.field.library.tile_size)
+            self._corners = plane, self.field.store.made, corners
+        return corners
 
     def _hold_tops(self, tops: F32) -> None:
         held = self._held.get("page_top")
@@ -134,10 +151,17 @@ def pack_primitives(library: PlantLibrary) -> F32:
     return result
 
 
-def page_tops(pages: Pages, tile_size: float, room: float = 0.0) -> F32:
-    """Highest thing in each page [m], (n,): ground, straw or live crop with room for this share above it."""
-    plane = pages.tile_plane
-    corner = plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2]))
+def plane_tops(plane: F32, tile_size: float) -> F32:
+    """Highest place of each tile's plane [m], (n, 8, 8)."""
+    return np.asarray(plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2])))
+
+
+def page_tops(pages: Pages, planes: F32, room: float = 0.0) -> F32:
+    """Highest thing in each page [m], (n,): ground, straw or live crop with room for this share above it.
+
+    planes: highest place of each tile's plane [m], (n, 8, 8)
+    """
     crop = pages.tile_top if room == 0.0 else (1.0 + room) * pages.tile_top
-    top: F32 = (corner + np.maximum(crop, pages.tile_bump)).max(axis=(1, 2)).astype(np.float32)
+    tops = planes + np.maximum(crop, pages.tile_bump)
+    top: F32 = tops.reshape(len(tops), PAGE_TILES**2).max(axis=1).astype(np.float32)
     return top

@@ -1,5 +1,6 @@
 """Pages that beams can get to: nothing else of a field has to be in memory for a scan."""
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from swath.kernels import repeatable, start_warp
 F64 = NDArray[np.float64]
 MANY = 4096  # beams that look to all sides, near enough: the pages around are cheaper to tell
 ROOM = 256  # pages found missing in one walk; what does not fit is found by the next
+SQRT_3 = sqrt(3.0)  # length of a vector over the largest of its three parts, at most
+MOVED, TURNED = 0.4, 0.01  # beams may move [m] and turn so far before they are walked along again
 
 
 class Sight:
@@ -20,6 +23,9 @@ class Sight:
     range around it. A beam ends where all of it is below the lowest ground of the pages around. Tiles from
     which stems can lean into it belong to it, so that what a scan sees does not depend on other pages. Of
     very many beams all pages within the reach are taken.
+
+    Pages are brought in for all beams that start within MOVED and point within TURNED of the given ones: the
+    next scans of a machine need no look.
     """
 
     def __init__(self, field: Field, *, reach: float, exit_diameter: float, divergence: float) -> None:
@@ -28,6 +34,7 @@ class Sight:
         self._missing = np.zeros((ROOM, 2), np.int64)
         self._seen = np.zeros(0, np.uint8)
         self._launch: Any = None
+        self._covered: tuple[F64, F64, object, int] | None = None  # beams, and the pages that were there
 
     def ensure(self, origins: F64, directions: F64) -> None:
         """Bring the pages of beams into memory. origins, directions (unit): (n, 3), contiguous, world [m]."""
@@ -38,10 +45,23 @@ class Sight:
         if count > MANY or not (abs(x) < FAR and abs(y) < FAR):
             self._ensure_around(x, y)
             return
+        if self._covers(origins, directions):
+            return
         while missing := self._find(origins, directions):
             slots = {slot: key for key, slot in store.keys.items()}
             seen = [slots[slot] for slot in np.flatnonzero(self._seen).tolist()]
             store.need([*seen, *missing])
+        self._covered = origins.copy(), directions.copy(), store.keys, store.dropped
+
+    def _covers(self, origins: F64, directions: F64) -> bool:
+        """Whether beams are near those of the last walk, and all its pages still in memory."""
+        if self._covered is None:
+            return False
+        store, (start, towards, keys, dropped) = self.field.store, self._covered
+        if keys is not store.keys or dropped != store.dropped or len(start) != len(origins):
+            return False
+        moved, turned = np.abs(origins - start).max(), np.abs(directions - towards).max()
+        return bool(moved <= MOVED / SQRT_3 and turned <= TURNED / SQRT_3)
 
     def _ensure_around(self, x: float, y: float) -> None:
         """Every page within the reach and what can lean into it."""
@@ -73,9 +93,7 @@ class Sight:
         wp = start_warp()
         from swath.rays.sight_kernel import find_missing
 
-        yaw = self.field.stand_yaw
-        self._real = np.array(
-            [self.field.library.tile_size, np.cos(yaw), np.sin(yaw), self.reach, *self._spot]
-        )
+        yaw, wide = self.field.stand_yaw, (self._spot[0] + MOVED, self._spot[1] + TURNED)
+        self._real = np.array([self.field.library.tile_size, np.cos(yaw), np.sin(yaw), self.reach, *wide])
         numbers = ((self._whole, wp.int64), (self._real, wp.float64))
         return repeatable(find_missing, [wp.array(a, dtype=k, device="cpu", copy=False) for a, k in numbers])
