@@ -1,6 +1,7 @@
 """A cart beside a combine: every row of docs/cart.md, with the number that comes out now.
 
-python benchmarks/cart.py
+python benchmarks/cart.py            all of them
+python benchmarks/cart.py --seen     the box by LiDAR and by cameras, day, dust, dusk; empty, half, full
 """
 
 import math
@@ -10,7 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from tests.control.box_rig import DUST, EYE, MOUNT, THICK, errors, look
+from tests.control.box_rig import DUST, EYE, MOUNT, THICK, cameras, errors, lidar, look
 from tests.levels.test_cooperation import stream_of
 from tests.machine.test_heap import BOXES, SLOPE, until_it_runs_over
 from tests.machine.test_trailer import make, run
@@ -25,6 +26,7 @@ from swath.machine.unload import ideal
 from swath.signals import HeapState, UnloadState
 
 CART = load_machine("tractor-grain-cart")
+DRAWS = 2  # stations of each row of `seen`
 
 
 def say(case: str, found: str, expected: str) -> None:
@@ -141,6 +143,36 @@ def reachable() -> None:
         say(f"reachable, spread {spread:g} m, station sd 0 2 5 10 20 cm", " ".join(found) + " %", "95 %")
 
 
+def seen() -> None:
+    """The box by LiDAR and by two cameras, at stations drawn by chance."""
+    haze = ", weather: {extinction_per_m: 0.1}"
+    lights = (
+        ("day", "", ""),
+        ("dust 0.1 1/m", DUST, haze),
+        ("dusk, sun at -3 deg, 79 lx", "", ", sun_elevation_deg: -3"),
+        ("dusk, sun at -5 deg, 10 lx", "", ", sun_elevation_deg: -5"),
+    )
+    for name, air, light in lights:
+        for fill, word in ((0.0, "empty"), (0.5, "half"), (1.0, "full")):
+            for sensor, sees in (("LiDAR", lidar(air)), ("cameras", cameras(light))):
+                rng = np.random.default_rng(77)
+                rows = []
+                for k in range(DRAWS):
+                    ahead, left, heading = rng.uniform((-1.5, 8.3, -5.0), (1.5, 9.0, 5.0)).tolist()
+                    found, truth = look(
+                        sees=sees, fill=fill, ahead=ahead, left=left, heading=heading, seed=300 + k
+                    )
+                    if found.is_seen:
+                        rows.append(np.abs(errors(found, truth)))
+                text = f"{len(rows)} of {DRAWS} seen"
+                if rows:
+                    most = np.array(rows)
+                    grain = np.nanmax(most[:, 4], initial=0.0)
+                    text += f", largest: rim {most[:, :3].max():.3f} m {most[:, 3].max():.2f} deg, "
+                    text += f"grain {grain:.3f} m, known {most[:, 5].mean():.2f}"
+                say(f"{sensor}, {name}, {word}", text, "0.10 m, 1 deg, 0.10 m, or not seen")
+
+
 def box() -> None:
     """Rim and grain as a LiDAR above the pipe sees them, at twelve stations drawn by chance."""
     rng = np.random.default_rng(2024)
@@ -183,5 +215,6 @@ def seen_box() -> None:
 
 
 if __name__ == "__main__":
-    for part in (heap, trailer, unloading, station, link, fill, reachable, box, seen_box):
+    parts = (heap, trailer, unloading, station, link, fill, reachable, box, seen_box, seen)
+    for part in (seen,) if "--seen" in sys.argv else parts:
         part()

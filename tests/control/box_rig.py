@@ -13,8 +13,30 @@ DUST = ", weather: {extinction_per_m: 0.1, near_returns: 0.1}"
 THICK = ", weather: {extinction_per_m: 1.0, near_returns: 0.9}"
 
 
-def look(*sets, ahead=0.0, left=8.4, heading=0.0, fill=0.5, air="", seconds=0.35, seed=1, level="rim"):
-    """(seen, truth) of the last look. ahead, left: middle of the box from the pipe's pivot and from the
+CAMERA = (
+    "{level: error, rate_hz: 4, binning: 4, channels: [colour], target_percent: 15, samples_per_sun_ray: 4, "
+    "mount: {at: axle, x_m: %s, y_m: 5.2, z_m: 6.8, pitch_deg: 48, yaw_deg: 90}%s}"
+)
+
+
+def lidar(air="", level="rim"):
+    """A scanner above the pipe, and the level that finds the box."""
+    return "combine.lidar=" + EYE % (MOUNT, air), f"combine.box={{level: {level}, rate_hz: 10}}"
+
+
+def cameras(air=""):
+    """Two cameras above the pipe, 0.8 m apart along the machine, and the level that finds the box."""
+    wires = "{image: camera_left.image, other: camera_right.image}"
+    return (
+        "combine.camera_left=" + CAMERA % (-1.0, air),
+        "combine.camera_right=" + CAMERA % (-0.2, air),
+        f"combine.box={{level: stereo, rate_hz: 4, wires: {wires}}}",
+    )
+
+
+def look(*sets, ahead=0.0, left=8.4, heading=0.0, fill=0.5, seconds=0.35, seed=1, sees=None, air=""):
+    """(seen, truth) of the last look. sees: sensors and level, none = a LiDAR in this air.
+    ahead, left: middle of the box from the pipe's pivot and from the
     middle of the combine [m]
 
     heading: of the cart against the combine [deg]; fill: of the struck box, above 0.8 poured in cones
@@ -25,8 +47,7 @@ def look(*sets, ahead=0.0, left=8.4, heading=0.0, fill=0.5, air="", seconds=0.35
     start = x - back * np.cos(turn), y - back * np.sin(turn)
     world = assemble(parse_scenario(SCENARIO, sets=[
         f"seed={seed}",
-        "combine.lidar=" + EYE % (MOUNT, air),
-        f"combine.box={{level: {level}, rate_hz: 10}}",
+        *(lidar(air) if sees is None else sees),
         "combine.box_truth={level: truth, rate_hz: 50}",
         "cart.motion={level: kinematic, start_speed_kmh: 4.32}",
         f"cart.start={{x_m: {start[0]}, y_m: {start[1]}, heading_deg: {90.0 + heading}}}",

@@ -66,6 +66,7 @@ LIMITS = {
         "truth": Limit("exact", 1e-9),
         "gnss_link": Limit("within 3 cm of truth with a link without error", 0.03),
         "rim": Limit("rim within 0.10 m and 1 deg, grain within 0.10 m", 0.10),
+        "stereo": Limit("rim within 0.10 m and 1 deg, grain within 0.10 m", 0.10),
     },
     # beyond the outlines of the other machine, up to which echoes go [m]
     "scan_filter": {"peer_body": Limit("to its margin", 0.5)},

@@ -22,7 +22,7 @@ from swath.signals import (
     UnloadState,
 )
 from swath.signals.setup import ControlSetup
-from tests.control.box_rig import look
+from tests.control.box_rig import cameras, lidar, look
 from tests.levels.limits import each_level, make
 from tests.machine.machine_fakes import STREAM, Ground, site
 
@@ -95,7 +95,8 @@ def test_relative_place_of_the_other_machine(level, limit):
 @each_level("box")
 def test_box_of_the_machine_beside(level, limit):
     """3 deg askew, 0.4 m ahead of the pipe, filled to 0.7 m below the rim."""
-    seen, truth = look("cart.heap.start_percent=55", ahead=0.4, left=8.5, heading=3.0, level=level)
+    sees = cameras() if level == "stereo" else lidar(level=level)
+    seen, truth = look("cart.heap.start_percent=55", ahead=0.4, left=8.5, heading=3.0, sees=sees)
     assert seen.is_seen
     np.testing.assert_allclose(
         (seen.x, seen.y, seen.rim_height), (truth.x, truth.y, truth.rim_height), atol=limit
@@ -103,8 +104,10 @@ def test_box_of_the_machine_beside(level, limit):
     assert seen.heading == pytest.approx(truth.heading, abs=max(limit * math.radians(1.0) / 0.1, 1e-9))
     assert truth.profile == pytest.approx(0.55 * BOX.depth - BOX.depth)
     if level != "gnss_link":
-        np.testing.assert_allclose(seen.profile, truth.profile, atol=limit)
-        np.testing.assert_allclose(seen.freeboard, truth.freeboard, atol=limit)
+        for found, wanted in ((seen.profile, truth.profile), (seen.freeboard, truth.freeboard)):
+            known = np.isfinite(found)
+            assert known.mean() >= (0.5 if level == "stereo" else 1.0)
+            np.testing.assert_allclose(found[known], wanted[known], atol=limit)
 
 
 @each_level("scan_filter")

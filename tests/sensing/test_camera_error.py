@@ -17,6 +17,7 @@ from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solids import mesh
 from swath.field.stand import maps
 from swath.sensing.camera import depth, error, rays
+from swath.sensing.camera.daylight import sunlight
 from swath.sensing.camera.shading import air_light, linear
 from swath.sensing.mount import Mount
 from swath.sensing.weather import Weather
@@ -149,13 +150,13 @@ def test_numbers_are_those_of_the_radiometry():
     middle = float(image.raw[59:61, 79:81, 0].mean())
     share = linear((140, 146, 154))  # paint of a thing of no kind
     lit = 0.25 + np.cos(np.radians(30.0))
-    irradiance = error.sunlight(np.radians(30.0)) * 0.9 / (4 * 4.0**2) * share * lit
+    irradiance = sunlight(np.radians(30.0)) * 0.9 / (4 * 4.0**2) * share * lit
     photons = sum(irradiance * np.array([620e-9, 540e-9, 460e-9])) * 1e-10 * 0.05e-3 / 1.98644586e-25
     assert middle == pytest.approx(30 + 0.2 * (0.5 * photons + 40 * 0.05e-3), rel=2e-3, abs=1.0)
     corner = float(image.raw[0, 0, 0]) - 30.0
     cosine = made.pinhole.rays()[0, 0, 2]
     assert corner / (middle - 30.0) == pytest.approx(cosine**4, rel=0.02)
-    assert error.sunlight(np.radians(90.0)) > error.sunlight(np.radians(20.0))
+    assert sunlight(np.radians(90.0)) > sunlight(np.radians(20.0))
 
 
 def test_exposure_follows_the_light():

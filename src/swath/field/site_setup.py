@@ -41,13 +41,14 @@ class Contact:
 class Sighted:
     """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`
 
-    velocity: of its origin, world (3,) [m/s]
+    velocity: of its origin, world (3,) [m/s]; pose: pose_world_body
     """
 
     name: str
     kind: str
     solids: Solids
     velocity: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    pose: Pose = dataclasses.field(default_factory=Pose.identity)
 
 
 @dataclass(frozen=True)
@@ -201,8 +202,9 @@ class Bodies:
         standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
         rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
         return standing + [
-            Sighted(n, self._kind(n), moved(self._seen(n), self._poses[n]), np.array(self._velocities[n]))
+            Sighted(n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocities[n]), pose)
             for n in rest
+            for pose in (self._poses[n],)
         ]
 
     def around(self, name: str = "") -> list[Body]:

@@ -33,8 +33,17 @@ class Fill:
     lean: float
 
 
-def fill_of(points: F64, length: float, width: float, rim: float, rim_sd: float, count: int) -> Fill:
-    """Grain among points (n, 3) of the box's frame [m]; rim: its height; count: of the places.
+def fill_of(
+    points: F64,
+    length: float,
+    width: float,
+    rim: float,
+    rim_sd: float,
+    count: int,
+    steepest: float = STEEPEST,
+) -> Fill:
+    """Grain among points (n, 3) of the box's frame [m]; rim: its height; count: of the places; steepest:
+    tangent of the slope at which grain may fall towards a wall.
 
     A strip beside a wall that is not seen is hidden by that wall: grain lies low there.
     """
@@ -53,18 +62,18 @@ def fill_of(points: F64, length: float, width: float, rim: float, rim_sd: float,
         along = points[own, 0] - ((k + 0.5) / count - 0.5) * length
         for side, sign in enumerate((1.0, -1.0)):
             away = 0.5 * width - sign * points[own, 1]
-            sides[side, k] = at_wall(away, along, points[own, 2], length / count) - rim
+            sides[side, k] = at_wall(away, along, points[own, 2], length / count, steepest) - rim
     there = np.isfinite(sides)
     highest = np.where(there.any(axis=0), np.where(there, sides, -np.inf).max(axis=0), np.nan)
     for k, sign in ((0, -1.0), (count - 1, 1.0)):
         away = 0.5 * length - sign * points[:, 0]
-        highest[k] = float(np.fmax(highest[k], _at_end(away, points, width, length / count) - rim))
+        highest[k] = float(np.fmax(highest[k], _at_end(away, points, width, length / count, steepest) - rim))
     both = there.all(axis=0)
     lean = float((sides[0, both] - sides[1, both]).mean()) if bool(both.any()) else 0.0
     return Fill(height, sd, -highest, lean)
 
 
-def _at_end(away: F64, points: F64, width: float, part: float) -> float:
+def _at_end(away: F64, points: F64, width: float, part: float, steepest: float) -> float:
     """Height of the grain at the wall of an end where it stands highest [m]; nan where it is not seen.
 
     Taken in parts of the width [m]: a heap before the end touches that wall in its middle, not all along it.
@@ -75,17 +84,17 @@ def _at_end(away: F64, points: F64, width: float, part: float) -> float:
     for k in range(count):
         own = place == k
         along = points[own, 1] - ((k + 0.5) / count - 0.5) * width
-        highest = float(np.fmax(highest, at_wall(away[own], along, points[own, 2], width / count)))
+        highest = float(np.fmax(highest, at_wall(away[own], along, points[own, 2], width / count, steepest)))
     return highest
 
 
-def at_wall(away: F64, along: F64, heights: F64, part: float) -> float:
+def at_wall(away: F64, along: F64, heights: F64, part: float, steepest: float = STEEPEST) -> float:
     """Height of the grain at a part of a wall where it stands highest [m]; nan where it is not seen.
 
     A plane, by least squares, through the points beside the wall: so far away from it, and along it from the
     middle of the part [m]; where the wall hides what is beside it through the nearest that is seen. Towards
     the wall it rises nowhere, and falls no steeper than grain lies. Two standard deviations come on top.
-    part: length of the part [m]
+    part: length of the part [m]; steepest: tangent
     """
     near = away < HIDDEN
     if np.count_nonzero(near) < FEWEST:
@@ -98,7 +107,7 @@ def at_wall(away: F64, along: F64, heights: F64, part: float) -> float:
         if len(z) < FEWEST:
             return float("nan")
         slope, tilt = _plane(x - x.mean(), y - y.mean(), z - z.mean())
-        slope, tilt = min(max(slope, 0.0), STEEPEST), min(max(tilt, -STEEPEST), STEEPEST)
+        slope, tilt = min(max(slope, 0.0), steepest), min(max(tilt, -STEEPEST), STEEPEST)
         heights_at_wall = heights - slope * away - tilt * along
         rest = _height(heights_at_wall[keeps])
         if rest is None:

@@ -4,88 +4,43 @@ Size and height of the box are those of its data sheet: from the message of the 
 and box drive side by side, so that a sweep needs no correction for the way.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi
-from typing import Annotated, ClassVar
+from typing import Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
-from swath.control.box.grain_profile import fill_of
-from swath.control.box.rim_fit import Rim, edges_of, fit_rim, grid_of, in_box
-from swath.core.component import Inputs, KeepsState, Outputs, Port
-from swath.core.random import Stream
+from swath.control.box.finder import BoxFinder, FinderParams, Size, sample
+from swath.control.box.rim_fit import edges_of, fit_rim, grid_of, in_box
+from swath.core.component import Inputs, Port
 from swath.core.registry import Level
-from swath.core.schedule import NS
-from swath.signals import F64, BoxSeen, PeerState, Scan, box_unseen
+from swath.signals import BoxSeen, PeerState, Scan, box_unseen
 from swath.signals.setup import ControlSetup
-
-STATION = 0.5  # between the places of the profile [m]
 
 
 @dataclass(frozen=True)
-class Params:
-    """length_m, width_m: of the box, inside; rim_m: of its rim above the ground; none = as the other machine
-    says
-    band_m: the rim is looked for so far above and below that height; reach_m: and so near to the scanner
-    most_sd_m, most_sd_deg: a fit less certain than that is not seen; least_confidence: nor one below that
-    keep_s: a find is given so long, then it is not seen any more
-    """
-
-    length_m: Annotated[float, Gt(0.5), Le(30)] | None = None
-    width_m: Annotated[float, Gt(0.5), Le(10)] | None = None
-    rim_m: Annotated[float, Gt(0.2), Le(6)] | None = None
-    band_m: Annotated[float, Gt(0.05), Le(1)] = 0.25
-    reach_m: Annotated[float, Gt(1), Le(50)] = 15.0
-    most_sd_m: Annotated[float, Gt(0), Le(1)] = 0.05
-    most_sd_deg: Annotated[float, Gt(0), Le(10)] = 0.5
-    least_confidence: Annotated[float, Ge(0), Le(1)] = 0.5
-    keep_s: Annotated[float, Ge(0), Le(10)] = 0.5
+class Params(FinderParams):
+    """Those that every level has that looks for a rim."""
 
 
-class RimFit(KeepsState):
-    """Takes every scan; a sample tells of the scan that it comes from."""
+class RimFit(BoxFinder):
+    """Of one scanner."""
 
-    kept: ClassVar[tuple[str, ...]] = ("_seen", "_latest")
     inputs = (Port("scan", Scan, unit="m", shape=(None,)), Port("peer", PeerState, optional=True))
     outputs = (Port("box", BoxSeen),)
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
-        self._p = params
+        super().__init__(params)
         self._mounting = setup.mounting
 
-    def reset(self, stream: Stream) -> Outputs:
-        """Nothing seen."""
-        self._seen = -1
-        self._latest = box_unseen(0)
-        return {"box": self._latest}
-
-    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """What the newest scan shows."""
+    def taken(self, inputs: Inputs) -> int | None:
+        """Of the newest scan."""
         scan: Scan | None = inputs["scan"]
-        if scan is not None and scan.t != self._seen:
-            self._seen = scan.t
-            found = self._look(scan, self._size(inputs.get("peer")))
-            if found.is_seen or not self._latest.is_seen:
-                self._latest = found
-        if self._latest.is_seen and t + dt - self._latest.t > self._p.keep_s * NS:
-            self._latest = box_unseen(t + dt)
-        return {"box": self._latest}
+        return None if scan is None else scan.t
 
-    def _size(self, peer: PeerState | None) -> tuple[float, float, float] | None:
-        """Length, width and height of the rim [m]; None where nobody said so yet."""
-        p = self._p
-        told = (
-            (None,) * 3
-            if peer is None or not peer.is_heard or peer.box_length != peer.box_length
-            else (peer.box_length, peer.box_width, peer.rim_height)
-        )
-        size = [mine or theirs for mine, theirs in zip((p.length_m, p.width_m, p.rim_m), told, strict=True)]
-        return None if None in size else (size[0] or 0.0, size[1] or 0.0, size[2] or 0.0)
-
-    def _look(self, scan: Scan, size: tuple[float, float, float] | None) -> BoxSeen:
-        if size is None:
-            return box_unseen(scan.t)
+    def look(self, t: int, inputs: Mapping[str, Any], size: Size) -> BoxSeen:
+        """Rectangle through the edges near the height of the rim, and what lies in it."""
+        scan: Scan = inputs["scan"]
         length, width, height = size
         own = self._mounting.apply(scan.points().reshape(-1, 3)).reshape(*scan.ranges.shape, 3)
         points, away = grid_of(scan, np.asarray(own))
@@ -93,29 +48,10 @@ class RimFit(KeepsState):
         edges = edges_of(points, away)
         edges = edges[np.abs(edges[:, 2] - height) < self._p.band_m]
         rim = fit_rim(edges, length, width)
-        if rim is None or not self._is_sure(rim):
-            return box_unseen(scan.t)
+        if rim is None or not self.is_sure(rim):
+            return box_unseen(t)
         near = points[np.isfinite(away)]
-        return self._sample(scan.t, rim, near, length, width)
-
-    def _is_sure(self, rim: Rim) -> bool:
-        p = self._p
-        is_known = max(rim.sd[:2]) <= p.most_sd_m and rim.sd[2] <= p.most_sd_deg * pi / 180.0
-        return is_known and _confidence(rim) >= p.least_confidence
-
-    def _sample(self, t: int, rim: Rim, points: F64, length: float, width: float) -> BoxSeen:
-        count = max(1, round(length / STATION))
-        inside = in_box(points, rim.x, rim.y, rim.heading)
-        fill = fill_of(inside, length, width, rim.height, rim.height_sd, count)
-        return BoxSeen(
-            t, True, rim.x, rim.y, rim.heading, rim.height, *rim.sd, rim.height_sd, _confidence(rim),
-            fill.height, fill.sd, fill.freeboard, fill.lean,
-        )  # fmt: skip
-
-
-def _confidence(rim: Rim) -> float:
-    """Share of the walls that were seen, times that of the edges about the rim that lie on it."""
-    return 0.25 * rim.wall_count * rim.share
+        return sample(t, rim, in_box(near, rim.x, rim.y, rim.heading), length, width)
 
 
 LEVEL = Level(

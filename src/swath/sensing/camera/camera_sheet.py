@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+from swath.core.lens import Lens, LensModel
 from swath.documents.data_sheets import read_sheet
 from swath.documents.sheet_fields import Quantity
-from swath.sensing.camera.lens import Lens, LensModel
 
 
 @dataclass(frozen=True, kw_only=True)

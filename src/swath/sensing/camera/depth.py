@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from swath.core.component import Outputs
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
-from swath.sensing.camera.lens import Lens
 from swath.sensing.camera.rays import Channel, SceneCamera, Sight, pinhole_of
 from swath.sensing.camera.rays import Params as RaysParams
 from swath.signals import F64

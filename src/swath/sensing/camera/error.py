@@ -2,15 +2,16 @@
 
 Light becomes photons: a surface across the sun that sends the share c of its light has the radiance
 c E / pi, its image the irradiance c E tau cos(a)^falloff / (4 N^2) (lens of f-number N, transmission tau;
-Hecht, Optics, 5.7), a from the axis. E is the direct sunlight in a band of 100 nm of each colour. The picture
-is linear up to saturation, white-balanced for the sun, then sRGB.
+Hecht, Optics, 5.7), a from the axis. E is the direct sunlight in a band of 100 nm of each colour, in twilight
+what the sky alone gives (`daylight.py`). The picture is linear up to saturation, white-balanced for the sun,
+then sRGB.
 
 Each row is exposed for the exposure time that ends at its readout, the last row at the time of the sample;
 the samples of a pixel are spread over the exposure, so that what moves is blurred in as many steps.
 """
 
 from dataclasses import dataclass
-from math import log2, sin
+from math import log2
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from swath.core.component import Outputs
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.lens import Lens
 from swath.core.portable import power, product
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -27,8 +29,8 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.sensing.camera.camera_sheet import CameraSheet, load_camera
+from swath.sensing.camera.daylight import sunlight
 from swath.sensing.camera.image_sensor import ImageSensor, photon_rate
-from swath.sensing.camera.lens import Lens
 from swath.sensing.camera.mosaic import filtered, filters, interpolated
 from swath.sensing.camera.pinhole import Pinhole
 from swath.sensing.camera.rays import Channel, SceneCamera, SceneParams, Sight
@@ -36,7 +38,6 @@ from swath.sensing.camera.shading import FULL, encode
 from swath.sensing.mount import poses_at
 from swath.signals import F64, MachineState
 
-SUN_BAND = 130.0  # W/m2 of direct sun in 100 nm of the visible at air mass 1.5, usual, about 1.3 W/m2/nm
 WAVELENGTHS = (620e-9, 540e-9, 460e-9)  # middle of the bands of red, green and blue [m]
 STEP_MAX = 4.0  # most that the exposure changes from picture to picture
 
@@ -86,14 +87,16 @@ class ErrorCamera(SceneCamera):
             ImageSensor(self.sheet.mean_of(count), self.size, is_noisy=params.noise == "data_sheet")
             for count in _pixel_counts(self.sheet.mosaic, params.binning)
         ]
-        self._rate = self._photon_rates(params.sun_elevation_deg * DEG)
+        self._rate = self._photon_rates(
+            sunlight(params.sun_elevation_deg * DEG, params.cloud_percent * PERCENT)
+        )
         self._exposure = 0.0  # of the next picture times its gain, 0 = as the control would settle
 
-    def _photon_rates(self, sun_elevation: float) -> F64:
+    def _photon_rates(self, sun: float) -> F64:
         """Photons per second, pixel of the sensor and unit of light in each colour (height, width, 3)."""
         s = self.sheet
         axis = self.pinhole.rays()[..., 2]
-        image = FULL * sunlight(sun_elevation) * s.transmission / (4.0 * s.f_number**2)
+        image = FULL * sun * s.transmission / (4.0 * s.f_number**2)
         rates = np.array([float(photon_rate(image, s.pixel, w)) for w in WAVELENGTHS])
         return np.asarray(power(np.maximum(axis, 0.0), s.falloff)[..., None] * rates)
 
@@ -206,15 +209,6 @@ class ErrorCamera(SceneCamera):
         seen = np.array([self.sheet.efficiency(k) * WAVELENGTHS[k] for k in range(3)])
         picture = share if len(self.planes) == 3 else interpolated(share[..., 0])
         return np.asarray(picture * (seen[1] / seen))
-
-
-def sunlight(elevation: float) -> float:
-    """Direct sunlight across the sun in a band of 100 nm [W/m2]; elevation [rad].
-
-    Falls with the air mass 1 / sin as 0.7^(m^0.678) (Meinel and Meinel 1976, Applied Solar Energy).
-    """
-    mass = 1.0 / max(sin(elevation), 0.03)
-    return float(SUN_BAND * 0.7 ** (mass**0.678 - 1.5**0.678))
 
 
 def _pixel_counts(mosaic: str, binning: int) -> tuple[int, ...]:

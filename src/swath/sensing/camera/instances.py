@@ -5,16 +5,17 @@ number there instead: 1, 2 ... in the order of `Bodies.in_sight`, so no other se
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.frames import Pose
 from swath.field.memory_layout import Organ, Solids
 from swath.field.site_setup import Sighted
-from swath.field.solids import merge
+from swath.field.solids import GRAIN, merge
 from swath.rays.hits import Hits
 from swath.sensing.camera.shading import linear
 from swath.signals import F64
@@ -22,6 +23,7 @@ from swath.signals import F64
 SHAPES = ("box", "capsule", "ellipsoid", "mesh")  # in the order in which rays meet them
 Colour = tuple[int, int, int]
 PLAIN: Colour = (140, 146, 154)
+WHEAT: Colour = (206, 166, 104)  # grain in an open box
 SKIN, TYRE, BARK, STEEL = (204, 158, 132), (40, 40, 42), (96, 78, 60), (150, 150, 152)
 # Of the parts of each shape, the last for all further ones; several rows: one is drawn by the thing's name.
 # sRGB, own choice by eye: nothing was measured.
@@ -56,6 +58,7 @@ class Instances:
     """Things in sight. solids: of all, each with the number of its part for a reflectance
 
     each, velocities: the same solids thing by thing, and how each goes (3,) [m/s]
+    poses: pose_world_body of each; is_grain: whether a part is the surface of grain, (parts + 1,)
     names, kinds: of instance 1, 2 ...; owner: instance of each part, (parts + 1,), 0 = none; colours: linear
     light of each part, (parts + 1, 3)
     """
@@ -67,6 +70,8 @@ class Instances:
     colours: F64
     each: tuple[Solids, ...] = ()
     velocities: tuple[F64, ...] = ()
+    poses: tuple[Pose, ...] = ()
+    is_grain: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
     @property
     def moving(self) -> list[tuple[Solids, F64]]:
@@ -87,7 +92,7 @@ class Instances:
 
 def instances_of(seen: Sequence[Sighted]) -> Instances:
     """The things in sight, numbered."""
-    owner, colours, parts = [0], [(0, 0, 0)], []
+    owner, colours, parts, is_grain = [0], [(0, 0, 0)], [], [False]
     for number, thing in enumerate(seen, start=1):
         paint = _paint(thing)
         arrays: dict[str, Any] = {}
@@ -96,7 +101,9 @@ def instances_of(seen: Sequence[Sighted]) -> Instances:
             arrays[f"{shape}_reflectance"] = np.arange(len(owner), len(owner) + count, dtype=float)
             owner += [number] * count
             row = paint.get(shape, (PLAIN,))
-            colours += [row[min(k, len(row) - 1)] for k in range(count)]
+            grain = _grain(thing, shape)
+            colours += [WHEAT if grain[k] else row[min(k, len(row) - 1)] for k in range(count)]
+            is_grain += grain
         parts.append(replace(thing.solids, **arrays))
     return Instances(
         merge(*parts),
@@ -106,7 +113,15 @@ def instances_of(seen: Sequence[Sighted]) -> Instances:
         linear(np.array(colours)),
         tuple(parts),
         tuple(thing.velocity for thing in seen),
+        tuple(thing.pose for thing in seen),
+        np.array(is_grain, dtype=bool),
     )
+
+
+def _grain(thing: Sighted, shape: str) -> list[bool]:
+    """Which of its parts are grain in an open box: surfaces that reflect as grain."""
+    values: list[float] = getattr(thing.solids, f"{shape}_reflectance").tolist()
+    return [thing.kind == "machine" and shape == "mesh" and value == GRAIN for value in values]
 
 
 def _paint(thing: Sighted) -> dict[str, tuple[Colour, ...]]:

@@ -19,7 +19,7 @@ from swath.rays.hits import Hits
 from swath.sensing.camera.instances import Instances
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.shading import air_light, linear, lit, organ_colours, sky_light
-from swath.sensing.camera.texture import brightness
+from swath.sensing.camera.texture import GRAIN, brightness
 from swath.signals import F64
 
 SHADOW_REACH = 8.0  # nothing further from a surface than this throws a shadow on it [m]
@@ -99,8 +99,24 @@ class Lighting:
             colours[ground[known]] = photo[known]
         if self.setup.texture:
             pixel = (distance * self.setup.pixel_angle).astype(np.float32)
-            colours *= brightness(points, organ, pixel, self.setup.seed, self._pool)[:, None]
+            material, places = organ, points
+            if things.is_grain.any():
+                material, places = self._grain(hits, seen, points, things)
+            colours *= brightness(places, material, pixel, self.setup.seed, self._pool)[:, None]
         return colours
+
+    def _grain(
+        self, hits: Hits, seen: NDArray[np.bool_], points: F64, things: Instances
+    ) -> tuple[NDArray[np.uint8], F64]:
+        """What was hit, with GRAIN for grain, and where (n, 3): on grain in the frame of what carries it."""
+        part = things.part(hits)[seen]
+        found = things.is_grain[part]
+        material = np.where(found, np.uint8(GRAIN), hits.organ[seen])
+        places = points.copy()
+        for number in np.unique(things.owner[part[found]]).tolist():
+            own = np.flatnonzero(found & (things.owner[part] == number))
+            places[own] = things.poses[number - 1].inverse().apply(points[own])
+        return material, places
 
     def _backdrop(self, starts: F64, directions: F64) -> F64:
         """Light of the ground beyond the reach of rays (n, 3): crop, or the photo, in clear air."""
@@ -115,7 +131,7 @@ class Lighting:
             at = starts + distance[:, None] * directions
             photo = s.photo.colours(at[:, 0], at[:, 1])
             colours = np.where(np.isnan(photo), colours, photo)
-        light = colours * lit(np.array([CANOPY_COSINE * float(s.sun[2]) ** 0.5]), s.cloud)[:, None]
+        light = colours * lit(np.array([CANOPY_COSINE * max(float(s.sun[2]), 0.0) ** 0.5]), s.cloud)[:, None]
         clear = portable.exp(-CLEAR_AIR * distance)[:, None]
         return np.asarray(clear * light + (1.0 - clear) * air_light(s.cloud))
 
@@ -149,7 +165,7 @@ class Lighting:
     def _sun_cosine(self, points: F64, solids: Solids, caster: RayCaster, t: int) -> F64:
         """Cosine of the angle between the surfaces at points (n, 3) and the sun, 0 in shadow."""
         cosine = np.zeros(len(points))
-        if self.setup.cloud >= 1.0:
+        if self.setup.cloud >= 1.0 or self.setup.sun[2] <= 0.0:
             return cosine
         length = SHADOW_REACH if self.setup.shadows else SKIN
         starts = points + length * self.setup.sun

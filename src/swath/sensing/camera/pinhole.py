@@ -2,7 +2,7 @@
 
 Optical frame (REP 103): x right, y down, z forward along the axis. Without a lens a point (x, y, z) appears
 at u = f x / z + centre_x, v = f y / z + centre_y [px] (Hartley and Zisserman, Multiple View Geometry, eq.
-6.2); a lens moves (x / z, y / z) first (`lens.py`). The middle of the upper left pixel is u = v = 0, as
+6.2); a lens moves (x / z, y / z) first (`core/lens.py`). The middle of the upper left pixel is u = v = 0, as
 OpenCV and ROS count.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.sensing.camera.lens import Lens
+from swath.core.lens import Lens
 from swath.signals import F64
 
 # pose_sensor_optical: the optical frame in the sensor's, which has x forward, y left, z up (ISO 8855).

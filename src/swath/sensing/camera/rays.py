@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
@@ -26,7 +27,6 @@ from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
 from swath.sensing.camera.boxes import boxes_of, no_boxes
 from swath.sensing.camera.instances import Instances, instances_of
-from swath.sensing.camera.lens import Lens
 from swath.sensing.camera.lighting import SHADOW_REACH, Lighting, LightSetup
 from swath.sensing.camera.moving import over_moving
 from swath.sensing.camera.orthophoto import Orthophoto
@@ -50,7 +50,8 @@ class SceneParams:
     the nearest
     channels: what an image holds
     reach_m: rays are not followed further than this; what lies beyond is sky or far crop
-    sun_azimuth_deg: clockwise from north; sun_elevation_deg: above the horizon
+    sun_azimuth_deg: clockwise from north; sun_elevation_deg: above the horizon; below it, down to
+    the end of nautical twilight, the sky alone gives light, as much of it as there is at level `error`
     cloud_percent: 0 clear, 100 overcast: no direct light
     shadows: things up to 8 m away shade each other
     samples_per_sun_ray: samples of a pixel that share the ray towards the sun: fewer rays, coarser light
@@ -66,7 +67,7 @@ class SceneParams:
     channels: Annotated[tuple[Channel, ...], MinLen(1)] = ("colour", "depth", "label")
     reach_m: Annotated[float, Gt(0), Le(200)] = 60.0
     sun_azimuth_deg: Annotated[float, Ge(-360), Le(360)] = 200.0
-    sun_elevation_deg: Annotated[float, Gt(0), Le(90)] = 45.0
+    sun_elevation_deg: Annotated[float, Ge(-12), Le(90)] = 45.0
     cloud_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     shadows: bool = True
     samples_per_sun_ray: Literal[1, 2, 4] = 1

@@ -57,8 +57,12 @@ def organ_colours(green: float) -> F64:
 
 def lit(sun_cosine: F64, cloud: float) -> F64:
     """Light on surfaces; sun_cosine: of the angle to the sun, 0 in shadow; cloud: 0 clear to 1 overcast."""
-    sky = (1.0 - cloud) * SKY_LIGHT + cloud * CLOUD_LIGHT
-    return np.asarray((sky + (1.0 - cloud) * SUN_LIGHT * sun_cosine) / FULL)
+    return np.asarray((sky_share(cloud) + (1.0 - cloud) * SUN_LIGHT * sun_cosine) / FULL)
+
+
+def sky_share(cloud: float) -> float:
+    """Light of the sky on level ground over the direct one of a clear day."""
+    return (1.0 - cloud) * SKY_LIGHT + cloud * CLOUD_LIGHT
 
 
 def sky_light(up: F64, cloud: float = 0.0) -> F64:

@@ -2,8 +2,9 @@
 
 The colour of what is seen is multiplied by noise that hangs on the place in the world alone, so that it stays
 there while the camera moves: clods of 2.5 cm to 3 m on soil, stalks of 15 x 0.7 cm across each other on
-straw, plants a little different from each other and from patch to patch. What is finer than a pixel is left
-out, as the mean of many would. Sizes and strengths are our own choice, by eye: nothing was measured.
+straw, kernels, chaff and ripples of 8 mm to 0.3 m on grain in a box (there the place is that in the box),
+plants a little different from each other and from patch to patch. What is finer than a pixel is left out, as
+the mean of many would. Sizes and strengths are our own choice, by eye: nothing was measured.
 """
 
 from typing import Any
@@ -14,13 +15,17 @@ from numpy.typing import NDArray
 from swath.rays.device import ThreadPool, start_warp
 from swath.signals import F64
 
+GRAIN = 64  # what a point is made of, beside the organs: grain in an open box
 CHUNK_MIN = 4096  # fewer points than this are not worth another thread
 
 
 def brightness(
     points: F64, organ: NDArray[np.uint8], pixel: NDArray[np.float32], seed: int, pool: ThreadPool
 ) -> NDArray[np.float32]:
-    """Factor on the colour at points (n, 3) of the world with organs (n,); pixel: its size there [m]."""
+    """Factor on the colour at points (n, 3) of the world with organs (n,), or GRAIN.
+
+    pixel: its size there [m]
+    """
     wp = start_warp()
     from swath.sensing.camera.texture_kernel import brightness as kernel
 

@@ -5,6 +5,7 @@ import warp as wp
 GROUND = wp.constant(1)
 STRAW = wp.constant(2)
 SOLID = wp.constant(7)
+GRAIN = wp.constant(64)
 
 
 @wp.func
@@ -90,6 +91,11 @@ def brightness(
         f += 0.10 * octave(x, y, 0.6, size, salt + wp.uint32(21)) + 0.35 * stalks(
             x, y, size, salt + wp.uint32(22)
         )
+    elif kind == GRAIN:
+        f += 0.05 * octave(x, y, 0.3, size, salt + wp.uint32(41))
+        f += 0.07 * octave(x, y, 0.09, size, salt + wp.uint32(42))
+        f += 0.08 * octave(x, y, 0.03, size, salt + wp.uint32(43))
+        f += 0.25 * octave(x, y, 0.008, size, salt + wp.uint32(44))
     elif kind != SOLID:
         f += 0.07 * octave(x, y, 5.0, size, salt + wp.uint32(31))
         f += 0.06 * octave(x, y, 0.8, size, salt + wp.uint32(32))

@@ -14,10 +14,12 @@ from math import atan2, pi
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.errors import InputError
-from swath.signals import F64
+
+Array = NDArray[np.float64]
 
 LensModel = Literal["brown_conrady", "fisheye"]
 ITERATIONS = 30
@@ -38,7 +40,7 @@ class Lens:
             count = " or ".join(map(str, wanted))
             raise InputError("distortion", list(self.coefficients), f"expected {count} numbers: {self.model}")
 
-    def distorted(self, points: Any) -> F64:
+    def distorted(self, points: Any) -> Array:
         """Where directions (..., 3) of the optical frame appear at focal length 1, (..., 2).
 
         nan where a direction has no image: behind a `brown_conrady` lens.
@@ -49,7 +51,7 @@ class Lens:
         z = np.where(p[..., 2] > 0.0, p[..., 2], np.nan)
         return self._brown(np.stack([p[..., 0] / z, p[..., 1] / z], axis=-1))
 
-    def directions(self, image: F64) -> F64:
+    def directions(self, image: Array) -> Array:
         """Unit directions (..., 3) that appear at places (..., 2) of the image at focal length 1.
 
         InputError where the coefficients give some of these places no direction or two: the formulas fold.
@@ -62,7 +64,7 @@ class Lens:
             raise InputError("distortion", list(self.coefficients), text)
         return found
 
-    def _is_upright(self, image: F64) -> bool:
+    def _is_upright(self, image: Array) -> bool:
         """Whether what lies farther out in the world lies farther out in the picture, up to its corners."""
         far = float(np.hypot(image[..., 0], image[..., 1]).max(initial=0.0))
         rim = np.array([[far, 0.0]])
@@ -75,7 +77,7 @@ class Lens:
             out = self._brown(np.stack([line, np.zeros_like(line)], axis=-1))[:, 0]
         return bool((np.diff(out) > 0.0).all())
 
-    def _brown(self, xy: F64) -> F64:
+    def _brown(self, xy: Array) -> Array:
         if not self.coefficients:
             return xy
         k1, k2, p1, p2, k3, k4, k5, k6 = (*self.coefficients, 0.0, 0.0, 0.0)[:8]
@@ -90,7 +92,7 @@ class Lens:
             axis=-1,
         )
 
-    def _brown_rays(self, image: F64) -> F64:
+    def _brown_rays(self, image: Array) -> Array:
         """By Newton's method with differences, from the middle out: the branch that a real lens has."""
         xy = np.array(image)
         step = 1e-6
@@ -108,18 +110,18 @@ class Lens:
         ray = np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
         return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
 
-    def _angle(self, theta: F64) -> F64:
+    def _angle(self, theta: Array) -> Array:
         k1, k2, k3, k4 = self.coefficients
         t2 = theta * theta
         return np.asarray(theta * (1.0 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4)))))
 
-    def _fisheye(self, p: F64) -> F64:
+    def _fisheye(self, p: Array) -> Array:
         off = np.hypot(p[..., 0], p[..., 1])
         out = self._angle(portable.arctan2(off, p[..., 2]))
         scale = np.divide(out, off, out=np.zeros_like(off), where=off > 0.0)
         return np.asarray(p[..., :2] * scale[..., None])
 
-    def _fisheye_rays(self, image: F64) -> F64:
+    def _fisheye_rays(self, image: Array) -> Array:
         """The angle by Newton's method, from what an even fisheye lens would have."""
         k1, k2, k3, k4 = self.coefficients
         out = np.hypot(image[..., 0], image[..., 1])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.sensing.camera.lens import Lens
+from swath.core.lens import Lens
 from swath.sensing.camera.pinhole import Pinhole
 
 BROWN = (-0.28, 0.09, 0.0007, -0.0004, -0.012)
