@@ -17,6 +17,7 @@ from typing import Any
 
 from _harness import machine
 
+from swath.core.graph import Observer
 from swath.runtime.hooks import ActiveRun, RunHook
 
 LATE_MS = 1.0
@@ -30,9 +31,10 @@ RUNS = {
 
 
 class TickCosts(RunHook):
-    """CPU time of this thread in every tick, by slot; `recording` is all that looks on. Give it as last hook.
+    """CPU time of this thread in every tick, by slot and by who looks on. Give it as last hook.
 
-    Of rays it holds what this thread casts itself, not what others cast meanwhile.
+    What is written or made in advance between two ticks is no part of them. Of rays it holds what this thread
+    casts itself, not what others cast meanwhile.
 
     ticks: time [s] -> part -> CPU time [ms]
     """
@@ -55,15 +57,19 @@ class TickCosts(RunHook):
             costs[part] += 1e3 * (now - since)
             since = now
 
+        def probe(part: str) -> Observer:
+            return lambda slot, t, outputs: add(part or slot)
+
         run.world.graph.before_tick.append(tick)
-        run.observers.insert(0, lambda slot, t, outputs: add(slot))
-        run.observers.append(lambda slot, t, outputs: add("recording"))
+        seen = [(type(observer).__name__.lower(), observer) for observer in run.observers]
+        run.observers[:] = [probe(""), *(o for part, each in seen for o in (each, probe(part)))]
 
     def report(self) -> dict[str, Any]:
         """Sums of ticks after the grace [ms], and how many used more than a period, by who used most."""
         late = {t: costs for t, costs in self.ticks.items() if t > GRACE_S}
         sums = sorted(costs.total() for costs in late.values())
         long = {t: costs for t, costs in late.items() if costs.total() > TICK_MS}
+        late_count = sum(costs.total() > TICK_MS + LATE_MS for costs in late.values())
         parts: Counter[str] = sum(late.values(), Counter())
         seconds = 1e-3 * TICK_MS * len(sums)
         return {
@@ -71,6 +77,7 @@ class TickCosts(RunHook):
             "p50": sums[len(sums) // 2],
             "p99": sums[int(0.99 * len(sums))],
             "max": sums[-1],
+            "late_count": late_count,
             "long": {f"{t:.3f}": dict(costs.most_common(4)) for t, costs in long.items()},
             "long_by": dict(Counter(max(c, key=lambda part: c[part]) for c in long.values()).most_common()),
         }
@@ -130,7 +137,8 @@ def show(name: str, row: dict[str, Any], *, ticks: bool) -> None:
     by = ", ".join(f"{part} {count}" for part, count in cpu["long_by"].items())
     print(
         f"{'':<26} CPU of a tick: half up to {cpu['p50']:.2f} ms, 99 % up to {cpu['p99']:.2f}, most "
-        f"{cpu['max']:.1f}; over {TICK_MS:g} ms: {len(cpu['long'])}" + (f" ({by})" if by else "")
+        f"{cpu['max']:.1f}; over {TICK_MS + LATE_MS:g} ms: {cpu['late_count']}, "
+        f"over {TICK_MS:g}: {len(cpu['long'])}" + (f" ({by})" if by else "")
     )
     for t, costs in cpu["long"].items() if ticks else ():
         print(f"{'':<26} {t} s: " + ", ".join(f"{part} {ms:.1f} ms" for part, ms in costs.items()))
@@ -142,6 +150,7 @@ def main() -> None:
     parser.add_argument("out", type=Path, nargs="?", default=Path("out/bench"))
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--priority", type=int, default=0, help="of SCHED_FIFO, where the system grants it")
+    parser.add_argument("--case", default="", help="only those with this in their name, as `plants`")
     parser.add_argument("--ticks", action="store_true", help="list the ticks that used more than a period")
     args = parser.parse_args()
     found: dict[str, Any] = {"machine": machine(), "load": os.getloadavg()}
@@ -156,7 +165,7 @@ def main() -> None:
     print(f"load {found['load'][0]:.1f}; late: by more than {LATE_MS:g} ms")
     found["no work"] = control(args.seconds, args.priority)
     show("no work", found["no work"], ticks=False)
-    for name, sets, with_ros2 in cases:
+    for name, sets, with_ros2 in (case for case in cases if args.case in case[0]):
         found[name] = lateness(sets, args.seconds, args.priority, with_ros2=with_ros2)
         show(name, found[name], ticks=args.ticks)
     args.out.mkdir(parents=True, exist_ok=True)

@@ -152,6 +152,18 @@ def test_puffs_are_no_ground_but_a_hollow_is(then, level):
     assert ground.level == pytest.approx(level, abs=0.03)
 
 
+@pytest.mark.parametrize(("usual", "height"), [(0.85, 0.83), (0.0, 2.0)])
+def test_dust_is_no_tall_crop(usual, height):
+    """More puffs at 1.9 m than tops of the crop."""
+    populations, crop = Populations(usual), np.zeros(CLASSES)
+    crop[round((0.8 - LOWEST) / LAYER)] = 300.0
+    crop[round((1.9 - LOWEST) / LAYER)] = 900.0
+    stubble = np.zeros(CLASSES)
+    stubble[round((0.1 - LOWEST) / LAYER)] = 300.0
+    populations.begin(crop, stubble)
+    assert populations.heights()[0] == pytest.approx(height, abs=0.15)
+
+
 def test_a_puff_above_the_crop_is_worth_nothing():
     populations, rng = Populations(), np.random.default_rng(1)
     crop, stubble = np.zeros(CLASSES), np.zeros(CLASSES)

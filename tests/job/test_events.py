@@ -56,12 +56,14 @@ def test_without_carts_the_combine_drives_to_the_truck():
 
 
 def test_a_cut_takes_length_over_speed():
-    """One pass of 500 m at 2 m/s."""
+    """One pass of 500 m at 2 m/s, from standing: 0.5 m/s2 up to 1.5 m/s in 3 s, then a lag of 1 s."""
     file = job_file(
         boundary_m=[(0, 0), (500, 0), (500, 11.7), (0, 11.7)], plan={"headland_rounds": 0},
         combine={"speed_kmh": 7.2}, yield_t_ha=1.0,
     )  # fmt: skip
-    assert finished(file).combines[0].timeline.time("cut") == pytest.approx(250.0)
+    assert finished(file).combines[0].timeline.time("cut") == pytest.approx(
+        250.0 + (0.5 * (2.0 + 0.5) * 3.0 + 0.5) / 2.0, abs=0.02
+    )
 
 
 def test_unloading_while_standing_takes_what_the_auger_needs():

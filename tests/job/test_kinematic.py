@@ -53,7 +53,7 @@ def test_one_combine_takes_as_long_as_by_events():
 
 
 def test_numbers_of_carts_rank_the_same():
-    """Of layout 5; layout 4 is the one of twenty where two and three carts change places."""
+    """Of layout 5, the one of twenty where hours are farthest apart."""
     assert same_ranking(*zip(*(hours(5, n) for n in CARTS), strict=True))
 
 

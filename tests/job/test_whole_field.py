@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from swath.control.job import harvest
+from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground
-from swath.control.job.passes import Pass, axle_line, bends_of
+from swath.control.job.passes import Pass, axle_line
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
 from swath.control.steer.path import Segment

@@ -12,10 +12,11 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.record import packed_columns
 from swath.record.mcap_file import McapFile
+from swath.record.message_factory import MessageFactory
 from swath.record.read.feed import exact_samples, exact_topic, own_outputs
 from swath.record.read.mcap_log import McapLog
 from swath.record.recorder import Recorder
-from swath.record.samples import is_recordable, signal_type, unpack
+from swath.record.samples import Blocks, is_recordable, signal_type, unpack
 from swath.record.templates import Draft
 from swath.signals import F64, Scan, ScanTruth, Signal
 from tests.fake_run import ArcEdge, GridField, drive, machine
@@ -31,6 +32,20 @@ class Odd(Signal):
     flag: bool
     array: F64
     scalar: float  # a number of numpy, in fact
+
+
+@dataclass(frozen=True)
+class Turned(Signal):
+    azimuth: F64
+
+
+def rotation(yaw, pitch, roll):
+    """Of a machine: about z, then y, then x."""
+    (cz, cy, cx), (sz, sy, sx) = np.cos([yaw, pitch, roll]), np.sin([yaw, pitch, roll])
+    about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+    about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+    return about_z @ about_y @ about_x
 
 
 def same_bits(a, b):
@@ -219,6 +234,55 @@ def test_a_smooth_course_takes_fewer_bytes():
     assert len(zlib.compress(data)) < 0.8 * len(zlib.compress(place.tobytes()))
 
 
+def test_of_rotations_the_third_column_takes_its_last_bits_alone():
+    angle = np.array([0.3, -0.02, 0.01]) + 1e-3 * np.arange(100)[:, None]
+    turns = np.stack([rotation(*row) for row in angle])
+    how, data = packed_columns.pack(turns)
+    assert how == packed_columns.ROTATION
+    assert packed_columns.unpack(data, how, turns.dtype, turns.shape).tobytes() == turns.tobytes()
+    two = packed_columns.pack(np.ascontiguousarray(turns[:, :, :2]))[1]
+    assert len(zlib.compress(data)) < 1.2 * len(zlib.compress(two))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e300, 0.5, -0.0])
+def test_matrices_that_are_no_rotations_keep_their_bits_too(wrong):
+    turns = np.tile(np.eye(3), (50, 1, 1))
+    turns[7, 2, 1] = wrong
+    how, data = packed_columns.pack(turns)
+    assert (how == packed_columns.ROTATION) == (wrong == 0.0)
+    assert packed_columns.unpack(data, how, turns.dtype, turns.shape).tobytes() == turns.tobytes()
+
+
+def test_times_and_what_stays_the_same_take_next_to_nothing():
+    class File:
+        make = MessageFactory()
+
+        def write(self, topic, t, message):
+            self.data = message.data.tobytes()
+
+    file, azimuth = File(), np.linspace(-1.0, 1.0, 241)
+    blocks = Blocks(file, "/combine/odd")
+    for k in range(90):
+        blocks.add(k * 5_000_000, Turned(k * 5_000_000 - 1000, azimuth))
+    blocks.flush()
+    assert len(file.data) == 8 * (2 * 90 + 241)
+    assert len(zlib.compress(file.data)) < 450
+
+
+def test_a_block_of_format_2_is_read():
+    """With times as fields of the message, and a held array as it is."""
+
+    class Block:
+        signal, published, t = "Turned", np.array([5, 9]), np.array([4, 8])
+        names, kinds, held = ["azimuth"], ["<f8 2"], [True]
+        data = np.array([0.25, -1.0]).tobytes()
+
+    found = list(unpack(Block()))
+    assert [t for t, _ in found] == [5, 9]
+    assert [sample.t for _, sample in found] == [4, 8]
+    assert all(sample.azimuth.tolist() == [0.25, -1.0] for _, sample in found)
+
+
 def test_a_recording_without_packed_columns_is_read(tmp_path, monkeypatch):
     """As format 1 has them."""
     monkeypatch.setattr(packed_columns, "pack", lambda column: ("", column.tobytes()))
@@ -248,8 +312,8 @@ def test_an_unknown_type_is_named():
     assert signal_type("ScanTruth") is ScanTruth
 
     class Block:
-        signal, t = "Nothing", ()
-        data = published = names = kinds = held = ()
+        signal, count = "Nothing", 0
+        data = names = kinds = held = ()
 
     with pytest.raises(InputError, match="block of samples"):
         list(unpack(Block()))
@@ -260,5 +324,5 @@ def test_a_file_within_the_file(tmp_path):
         pass
     log = McapLog(tmp_path / "run.mcap")
     assert log.attachment("scenario.yaml") == b"name: x\n"
-    assert b"swath recording 2" in log.attachment("recording.json")
+    assert b"swath recording 3" in log.attachment("recording.json")
     assert log.attachment("nothing") is None

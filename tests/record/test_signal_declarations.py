@@ -105,9 +105,9 @@ def test_tracks_have_an_order_that_no_two_signals_share():
 
 def test_a_newer_recording_is_refused(tmp_path):
     file = McapFile(tmp_path / "run.mcap")
-    file.attach("recording.json", "application/json", b'{"format": "swath recording 3"}')
+    file.attach("recording.json", "application/json", b'{"format": "swath recording 4"}')
     file.close()
-    with pytest.raises(InputError, match="format = swath recording 3: expected swath recording 2 or older"):
+    with pytest.raises(InputError, match="format = swath recording 4: expected swath recording 3 or older"):
         open_log(tmp_path)
 
 
@@ -121,7 +121,7 @@ def test_newer_tracks_are_refused(tmp_path):
         read_tracks(path)
 
 
-@pytest.mark.parametrize("found", ["", RECORDING, "swath recording 1"])
+@pytest.mark.parametrize("found", ["", RECORDING, "swath recording 1", "swath recording 2"])
 def test_formats_that_are_read(found):
     check_format(found, RECORDING, Path("x"))
     with pytest.raises(InputError):

@@ -1,3 +1,6 @@
+import itertools
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -158,3 +161,55 @@ def test_any_bundle_gives_echoes_between_its_hits(distance, rule, within, percen
             assert hits.min() - 1e-9 <= seen.min()
             assert seen.max() <= hits.max() + 1e-9
             assert np.all(np.diff(seen) >= 0)
+
+
+@pytest.mark.parametrize("s", [16, 17, 61, 128, 129, 217])
+def test_every_rule_with_many_sub_rays_as_one_beam_after_the_other_by_hand(s):
+    """Hits in shuffled order, some missing, some equal, in several pulses: echo by echo in plain Python."""
+    rng = np.random.default_rng(s)
+    d = rng.choice([3.0, 5.0, 5.3, 9.0], (12, s)) + np.round(rng.uniform(0.0, 0.2, (12, s)), 2)
+    d[rng.random((12, s)) < 0.2] = NAN
+    albedo, weight = rng.uniform(0.1, 0.6, (12, s)), spot_pattern(s).weight
+    gap, least = 0.75, 1e-3
+    for rule in ("first", "last", "strongest", "all"):
+        receiver = Receiver(rule, "percentile", 30.0, gap=gap, count=2, least_energy=least)
+        found = receive(Bundle(d, weight, albedo), receiver)
+        for beam in range(len(d)):
+            hits = sorted((r, i) for i, r in enumerate(d[beam].tolist()) if r == r)
+            starts = [k for k in range(len(hits)) if k == 0 or hits[k][0] - hits[k - 1][0] >= gap]
+            pulses = [hits[a:b] for a, b in zip(starts, [*starts[1:], len(hits)], strict=True)]
+            echoes = []
+            for pulse in pulses:
+                signal = math.fsum(weight[i] * albedo[beam, i] / r**2 for r, i in pulse) / least
+                enough = 0.3 * math.fsum(weight[i] for _, i in pulse) - 1e-9
+                weights = itertools.accumulate(weight[i] for _, i in pulse)
+                r, i = next(hit for hit, w in zip(pulse, weights, strict=True) if w >= enough)
+                if signal >= 1.0:
+                    echoes.append((r, math.fsum(weight[j] * albedo[beam, j] for _, j in pulse), signal, i))
+            if rule == "last":
+                echoes = echoes[::-1]
+            elif rule == "strongest":
+                echoes = sorted(echoes, key=lambda echo: -echo[2])
+            for k, (r, intensity, signal, i) in enumerate(echoes[: receiver.echo_count]):
+                assert found.distance[beam, k] == r
+                assert found.share[beam, k].argmax() == i
+                assert found.intensity[beam, k] == pytest.approx(intensity, rel=1e-12)
+                assert found.signal[beam, k] == pytest.approx(signal, rel=1e-12)
+            assert np.isnan(found.distance[beam, len(echoes) :]).all()
+
+
+@pytest.mark.parametrize("s", [5, 8, 19, 61, 200])
+def test_an_echo_adds_up_as_numpy_does(s):
+    """So that it has the bits that arrays would give, whatever the processor."""
+    rng = np.random.default_rng(s)
+    d, albedo, weight = (
+        np.sort(rng.uniform(4.0, 4.5, (9, s))),
+        rng.uniform(0.1, 0.6, (9, s)),
+        rng.uniform(size=s),
+    )
+    found = receive(Bundle(d, weight, albedo), Receiver("mean"))
+    bright = weight * albedo
+    energy = bright / d**2
+    share = energy / energy.sum(axis=1)[:, None]
+    assert np.array_equal(found.intensity[:, 0], bright.sum(axis=1))
+    assert np.array_equal(found.distance[:, 0], (share * d).sum(axis=1))

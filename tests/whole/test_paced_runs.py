@@ -142,3 +142,23 @@ def test_garbage_collection_leaves_out_what_was_assembled_and_goes_in_small_part
         assert gc.get_threshold() == (500_000, 20, 100)
     finally:
         gc.set_threshold(*usual)
+
+
+def test_a_paced_run_records_between_its_ticks_what_any_other_records(tmp_path):
+    """Messages and samples, in the same order; also where there is no time left between two ticks."""
+    from mcap.reader import make_reader
+
+    from swath.runtime.job import run_job
+
+    def recorded(name, *sets):
+        run_job(small("run.max_duration_s=1.2", *sets), tmp_path / name)
+        with (tmp_path / name / "run.mcap").open("rb") as file:
+            return [(c.topic, m.log_time, m.data) for _, c, m in make_reader(file).iter_messages()]
+
+    plain = recorded("free")
+    assert {topic for topic, _, _ in plain} >= {"/clock", "/combine/lidar/scan", "/combine/lidar/scan_exact"}
+    for factor in (2, 50):
+        paced_run = recorded(f"x{factor}", "realtime.pace=real_time", f"realtime.factor={factor}")
+        assert paced_run == plain
+    tables = [(tmp_path / name / "tracks.parquet").read_bytes() for name in ("free", "x2", "x50")]
+    assert tables[0] == tables[1] == tables[2]

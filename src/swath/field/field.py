@@ -116,6 +116,10 @@ class Field:
         """
         return self.store.prepare()
 
+    def compile(self) -> None:
+        """Load compiled code that is first needed on the way: before a run is in step with a clock."""
+        self._straw.compile()
+
     def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where the field is: inside its boundary and its terrain map, where it has them."""
         inside = np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)

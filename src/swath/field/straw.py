@@ -62,12 +62,15 @@ class StrawLayer:
     def _make_room(self, polygon: Sequence[Corner]) -> None:
         """The launch, with memory for the nodes around a polygon."""
         columns, rows = (floor(max(side)) - floor(min(side)) + 3 for side in zip(*polygon, strict=True))
-        if self._launch is not None and rows * columns <= len(self._laid):
-            return
+        if self._launch is None or rows * columns > len(self._laid):
+            self.compile(rows * columns)
+
+    def compile(self, nodes: int = ROOM) -> None:
+        """Load what is compiled, some ms the first time, with memory for so many nodes."""
         from swath.field import straw_kernel as kernel
 
         wp = start_warp()
-        self._laid = np.zeros(max(rows * columns, ROOM))
+        self._laid = np.zeros(max(nodes, ROOM))
         self._numbers = Row(kernel.Ridge)
         corners = wp.array(self._corners, dtype=wp.vec2d, device="cpu", copy=False)
         whole, laid = (wp.array(a, device="cpu", copy=False) for a in (self._whole, self._laid))

@@ -15,7 +15,6 @@ from swath.job.machines import Cart, Combine
 from swath.job.path import Path, Pose, joined, path_of, polyline
 from swath.job.states import CombineState
 from swath.job.turns import TurnLimits, dubins
-from swath.machine.machine_sheet import dynamics_of
 
 Array = NDArray[np.float64]
 RADIUS = 8.0  # m, of a tractor with a trailer
@@ -81,29 +80,32 @@ def way_to(here: Pose, goal: Pose) -> Path:
     return rounded(corner_way(here, Pose(goal.x, goal.y, here.heading)), here)
 
 
-def speed_profile(path: Path, cart: Cart) -> Array:
+def speed_limits(path: Path, cart: Cart) -> Array:
     """Highest speed at every point of a path [m/s], so that bends ahead are reached slowly enough."""
-    allowed = np.minimum(np.sqrt(SIDEWAYS / np.maximum(np.abs(path.curvature), 1e-9)), cart.speed).tolist()
+    allowed = np.minimum(np.sqrt(SIDEWAYS / np.maximum(np.abs(path.curvature), 1e-9)), cart.speed)
+    return braked(allowed, path)
+
+
+def braked(allowed: Array, path: Path) -> Array:
+    """Speed limits at the points of a path [m/s] that braking from each to the next can keep."""
+    limits = allowed.tolist()
     steps = np.diff(path.distance).tolist()
     for i in range(len(steps) - 1, -1, -1):
-        allowed[i] = min(allowed[i], math.sqrt(allowed[i + 1] ** 2 + 2.0 * BRAKE * steps[i]))
-    return np.array(allowed)
+        limits[i] = min(limits[i], math.sqrt(limits[i + 1] ** 2 + 2.0 * BRAKE * steps[i]))
+    return np.array(limits)
 
 
-def seconds(path: Path, cart: Cart, end: float, *, first: float = 0.0, last: float = 0.0) -> float:
-    """Time [s] to a distance along a path [m]. first, last: speed at its start and there [m/s]"""
-    accel = dynamics_of(cart.sheet).accel
-    limits, spent, speed = speed_profile(path, cart).tolist(), 0.0, min(first, cart.speed)
-    distance = path.distance.tolist()
-    for i, step in enumerate(np.diff(path.distance).tolist()):
-        if distance[i] >= end:
-            break
-        step = min(step, end - distance[i])
-        ahead = math.sqrt(last**2 + 2.0 * BRAKE * max(end - distance[i] - step, 0.0))
-        then = min(limits[i + 1], math.sqrt(speed**2 + 2.0 * accel * step), max(ahead, CLOSE))
-        spent += 2.0 * step / max(speed + then, 1e-3)
-        speed = then
-    return spent
+def speed_to_end(left: float, cart: Cart) -> float:
+    """Speed [m/s] that a cart wants so far before the end of its way [m]."""
+    return min(cart.speed, max(math.sqrt(2.0 * BRAKE * left), CLOSE))
+
+
+def speed_beside(gap: float, speed: float, pace: float, cart: Cart) -> float:
+    """Speed [m/s] that a cart wants so far behind its place beside a combine [m].
+
+    speed, pace: of the combine, now and wanted in its pass [m/s]
+    """
+    return min(max(0.5 * (speed + pace) + CATCH_UP * gap, 0.0), cart.speed)
 
 
 def corner_way(here: Pose, goal: Pose) -> list[tuple[float, float]]:
@@ -136,14 +138,3 @@ def rounded(points: list[tuple[float, float]], start: Pose, radius: float = RADI
         parts.append(path_of(dubins.plan(here, goal, limits), here, 0.5))
         here = parts[-1].end
     return joined(parts) if parts else polyline(np.array([start[:2], (start.x + 1.0, start.y)]))
-
-
-def approach_loss(closing: float) -> float:
-    """Time [s] that closing in on a place by CATCH_UP per metre costs over doing so at full speed.
-
-    closing: the cart's speed over that of the combine [m/s]
-    """
-    reach = closing / CATCH_UP
-    if reach <= IN_PLACE:
-        return 0.0
-    return math.log(reach / IN_PLACE) / CATCH_UP - reach / closing

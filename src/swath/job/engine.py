@@ -35,10 +35,10 @@ class Job:
     def __init__(self, file: FleetFile, plan: FieldPlan, fleet: Fleet, motion: Motion) -> None:
         self.file, self.plan, self.fleet, self.motion = file, plan, fleet, motion
         self.grain_per_m2 = file.field.yield_t_ha / 10.0
-        self.passes = Passes(plan, len(fleet.combines), file.team.together)
         self.truck = Pose(file.truck.x_m, file.truck.y_m, 0.0)
         first = plan.passes[0].start
         self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
+        self.passes = Passes(plan, self.combines, file.team.together)
         self.carts = [CartState(c, Pose(*self.truck)) for c in fleet.carts]
         self.time, self.moves = 0.0, 0
         volume = file.truck.volume_m3
@@ -103,15 +103,12 @@ class Job:
         """Let machines react until nothing changes any more."""
         for _ in range(1000):
             changed = [self._combine(c) for c in self.combines] + [self._cart(k) for k in self.carts]
-            if not any(changed):
+            if not any(changed) and not self._calls():
                 return
         raise SwathError("the job's machines react to each other without end")
 
     def _combine(self, c: CombineState) -> bool:
-        return any(
-            rule(c)
-            for rule in (self._pours, self._arrives, self._cuts, self._stands, self._calls, self._hauls)
-        )
+        return any(rule(c) for rule in (self._pours, self._arrives, self._cuts, self._stands, self._hauls))
 
     def _arrives(self, c: CombineState) -> bool:
         if c.phase not in ("way", "hold") or (c.phase == "way" and c.left > DONE):
@@ -158,6 +155,7 @@ class Job:
         if math.isnan(self.pass_times.get(c.index, (0.0, 0.0))[1]):
             self.pass_times[c.index] = (started, self.time)
             c.area += c.task.area
+            self.passes.done(c.index)
         c.place = c.task.end
         if c.is_pouring and c.tank > DONE:
             rest = c.tank / c.spec.auger
@@ -179,17 +177,29 @@ class Job:
         return c.task.area * self.grain_per_m2 if wants else 0.0
 
     def _next_pass(self, c: CombineState) -> None:
-        index = self.passes.take(c.number)
+        index = self.passes.take(c)
         if index is None:
             c.is_last, c.task, c.index, c.left = True, None, -1, 0.0
             self._stand(c, "wait")
+            self._bring_cart(c)
             return
         c.index, c.task, c.phase = index, self.passes[index], "way"
         c.state = "turn"
         self.motion.combine_way(self, c)
+        self._bring_cart(c)
+
+    def _bring_cart(self, c: CombineState) -> None:
+        """The cart of a combine that turns drives to its next pass; beside its last one it stays."""
+        cart = c.cart
+        if cart is None or (c.is_last and cart.phase == "beside"):
+            return
+        if cart.phase == "beside":
+            cart.place = beside(c.place, c.spec)
+        cart.phase = "to_combine"
+        self.motion.cart_to_combine(self, cart)
 
     def _stand(self, c: CombineState, why: str) -> None:
-        c.phase, c.state, c.pace = "stand", why, 0.0
+        c.phase, c.state, c.pace, c.since = "stand", why, 0.0, self.time
 
     def _stands(self, c: CombineState) -> bool:
         if c.phase != "stand" or c.hauling:
@@ -217,17 +227,26 @@ class Job:
         else:
             self._next_pass(c)
 
-    def _calls(self, c: CombineState) -> bool:
-        full = c.tank >= c.spec.call or (c.phase == "stand" and c.tank > DONE)
-        if c.called or not self.carts or not full or c.phase == "done":
-            return False
+    def _calls(self) -> bool:
+        """The nearest free cart goes to the combine that needs one most."""
         free = [k for k in self.carts if k.phase == "idle" and k.grain < k.spec.leave]
-        if not free:
+        calling = [c for c in self.combines if self._wants(c)]
+        if not free or not calling:
             return False
+        c = max(calling, key=self._need)
         cart = min(free, key=lambda k: (way_between(k.place, at(c)), k.spec.name))
         c.called, c.cart, cart.combine, cart.phase = True, cart, c, "to_combine"
         self.motion.cart_to_combine(self, cart)
         return True
+
+    def _wants(self, c: CombineState) -> bool:
+        full = c.tank >= c.spec.call or (c.phase == "stand" and c.tank > DONE)
+        return full and not c.called and c.phase != "done"
+
+    def _need(self, c: CombineState) -> tuple[float, float, int]:
+        """Who stands with a full tank comes first, for how long [s], then who has the fuller tank."""
+        stands = c.phase == "stand" and not c.is_last
+        return (self.time - c.since if stands else -1.0, c.tank / c.spec.tank, -c.number)
 
     def _hauls(self, c: CombineState) -> bool:
         """Without carts: to the truck and back."""

@@ -1,88 +1,89 @@
-"""Machines that jump from event to event: straight ways, constant speeds, hours in a fraction of a second.
+"""Machines that jump from event to event: hours in a fraction of a second.
 
-Turns are as long as their clothoid path and driven at the turning speed. Longer ways lead along headland and
-passes, the sum of both directions. A cart closes in on a moving combine with the difference of their speeds.
+In a pass a combine drives at the speed of its crop, reached as its drive does; tanks, timers and ends of
+passes are reckoned from it. On a way machines ride along its path (`swath.job.ride`) until the next event.
+Paths, speed limits and drives are those of the driven machines.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from swath.job.cart_ways import NEAR, approach_loss, beside, seconds, way_beside, way_to
+from swath.job.cart_ways import (
+    IN_PLACE,
+    NEAR,
+    speed_beside,
+    speed_limits,
+    speed_to_end,
+    way_beside,
+    way_to,
+)
+from swath.job.combine_ways import (
+    axle_pose,
+    corner_angle,
+    is_far,
+    way_to_pass,
+)
+from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.engine import Job
-from swath.job.path import Path, Pose, path_of
-from swath.job.states import DONE, CartState, CombineState, at, way_between
-from swath.job.turns import clothoid
+from swath.job.path import Path, Pose
+from swath.job.ride import Ride, time_over
+from swath.job.states import CartState, CombineState, at, way_between
+from swath.machine.loops import SpeedLoop
+from swath.machine.machine_sheet import dynamics_of
 
-FAR = 80.0  # m, beyond which a way is no turn but transport
-SLOWEST_APPROACH = 0.3  # of a cart's speed, at which it closes in at least
 SHORTEST = 1e-6  # s between two events
+RAMP = 1.0  # s, longest jump while a combine changes its speed
+STEADY = 0.02  # m/s, within which it has its speed
+LONGEST = 1e5  # s
 
 
 @dataclass
-class _CartWay:
-    """A path, the distance [m] on it up to which time was reckoned, and that time at the cart's speed [m].
-
-    gone: of that time, at its speed [m]; then it drives on along the path
+class _Way:
+    """A machine's ride. base: distance on the path [m] at which a cart's box is under the pipe at the start
+    of the pass; length: of the pass [m]; noted: of its way so far [m]
     """
 
-    path: Path
-    end: float
-    reckoned: float
-    before: float
-    gone: float = 0.0
-
-    @property
-    def distance(self) -> float:
-        """How far it has come [m]."""
-        if self.gone < self.reckoned:
-            return self.end * self.gone / self.reckoned
-        return self.end + self.gone - self.reckoned
-
-    def drive(self, cart: CartState, dt: float) -> None:
-        """On for dt [s]."""
-        self.gone += cart.spec.speed * dt
-        cart.way = self.before + self.distance
-
-    def place(self) -> Pose:
-        """Where it is."""
-        return self.path.at(self.distance)
+    ride: Ride
+    base: float = 0.0
+    length: float = 0.0
+    noted: float = 0.0
 
 
 class Events:
-    """The motion of the cheap level.
-
-    What is left of a cart's way is the time for it at its highest speed, so that bends and braking count.
-    """
+    """The motion of the cheap level."""
 
     def __init__(self) -> None:
-        self._ways: dict[str, _CartWay] = {}
+        self._ways: dict[str, _Way] = {}
+        self._loops: dict[str, SpeedLoop] = {}
+        self._corners: set[str] = set()
 
     def combine_way(self, job: Job, combine: CombineState) -> None:
         """A corner, a turn or a way along the headland."""
-        task = combine.task
+        task, spec = combine.task, combine.spec
         assert task is not None
-        away = way_between(combine.place, task.start)
         if job.time <= 0.0:
             combine.left = 0.0
             return
-        self._bring_cart(job, combine)
-        spec = combine.spec
-        turned = abs(math.remainder(task.start.heading - combine.place.heading, 2.0 * math.pi))
-        if task.is_corner and away < FAR and turned < math.radians(150.0):
+        turned = corner_angle(combine.place, task)
+        if turned is not None:
             combine.left = spec.corner_path(turned)
             combine.pace = combine.left / spec.corner_time(turned)
-        elif away < FAR:
-            path = turn_path(combine, task.start)
-            combine.left, combine.pace = path.length, spec.turn_speed
-            job.ways.append(path.points)
-        else:
-            combine.left, combine.pace, combine.state = away, spec.transport, "transport"
-            job.ways.append(np.array([combine.place[:2], task.start[:2]]))
+            self._corners.add(spec.name)
+            return
+        far = is_far(combine.place, task.start)
+        path = way_to_pass(spec, axle_pose(combine.place, spec.sheet.knife_x), task.start)
+        ride = Ride(path, combine_limits(spec, path, far=far), spec.sheet, combine.speed)
+        self._ways[spec.name] = _Way(ride)
+        combine.left, combine.pace = path.length, spec.transport if far else spec.turn_speed
+        combine.state = "transport" if far else "turn"
+        job.ways.append(path.points)
 
     def begin_cut(self, job: Job, combine: CombineState) -> None:
-        """Nothing but what was decided."""
+        """Behind a corner from standing."""
+        if combine.spec.name in self._corners:
+            self._corners.remove(combine.spec.name)
+            combine.speed = 0.0
 
     def combine_to(self, job: Job, combine: CombineState, goal: Pose) -> None:
         """Along headland and passes."""
@@ -90,91 +91,166 @@ class Events:
         combine.left = way_between(here, goal)
         combine.pace = combine.spec.transport
 
-    def _bring_cart(self, job: Job, combine: CombineState) -> None:
-        """The cart of a combine that turns drives to its next pass."""
-        cart = combine.cart
-        if cart is None or cart.phase not in ("beside", "to_combine"):
-            return
-        if cart.phase == "beside":
-            cart.place = beside(combine.place, combine.spec)
-        else:
-            cart.place = self._ways[cart.spec.name].place()
-        cart.phase = "to_combine"
-        self.cart_to_combine(job, cart)
-
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """To the start of the combine's pass, and after it."""
-        combine = cart.combine
-        assert combine is not None
-        path, begin, length = way_beside(cart.place, combine)
-        done = 0.0
-        if combine.task is None:
-            done = length
-        elif combine.phase not in ("way", "hold"):
-            done = combine.task.length - combine.left
-        closing = max(cart.spec.speed - combine.pace, SLOWEST_APPROACH * cart.spec.speed)
-        speed = cart.spec.speed
-        way = seconds(path, cart.spec, begin, first=cart.speed, last=speed) * speed
-        cart.left = max(way + min(begin, 0.0) + done + approach_loss(closing) * closing, SHORTEST)
-        self._ways[cart.spec.name] = _CartWay(path, max(begin, 0.0), way, cart.way)
+        assert cart.combine is not None
+        path, base, length = way_beside(self._place(cart), cart.combine)
+        self._ways[cart.spec.name] = _Way(self._on(path, cart), base, length)
+        cart.left = path.length
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Over passes and headland."""
-        path = way_to(cart.place, job.truck)
-        cart.place = path.end
-        cart.left = seconds(path, cart.spec, path.length - NEAR, first=cart.speed) * cart.spec.speed
-        self._ways[cart.spec.name] = _CartWay(path, path.length, cart.left, cart.way)
+        path = way_to(self._place(cart), job.truck)
+        self._ways[cart.spec.name] = _Way(self._on(path, cart))
+        cart.place, cart.left = path.end, path.length
+
+    def _on(self, path: Path, cart: CartState) -> Ride:
+        return Ride(path, speed_limits(path, cart.spec), cart.spec.sheet, cart.speed)
+
+    def _place(self, cart: CartState) -> Pose:
+        """Where a cart is."""
+        way = self._ways.get(cart.spec.name)
+        return cart.place if way is None else way.ride.path.at(way.ride.at)
 
     def move(self, job: Job) -> float:
         """On to the next event."""
+        targets = {c.number: self._target(job, c) for c in job.combines}
+        times = self._times(job, targets)
+        dt = self._ride(job, targets, min(times, default=LONGEST))
+        if dt >= LONGEST:
+            return 0.0
         for c in job.combines:
-            c.speed = c.pace if c.phase in ("way", "cut", "haul", "back") else 0.0
-        for c in job.combines:
-            self._keep_behind(job, c)
+            self._advance(job, c, targets[c.number], dt)
         for k in job.carts:
-            k.speed = self._cart_speed(k)
-        dt = min(self._times(job), default=0.0)
-        for c in job.combines:
-            way = c.speed * dt
-            if c.phase in ("way", "cut", "haul", "back"):
-                way = min(way, c.left)
-                c.left = max(0.0, c.left - way)
-                c.left = 0.0 if c.left < DONE else c.left
-                c.way += way
-            if c.phase == "cut":
-                job.cut_now[c.number] = way
-        for k in job.carts:
-            if k.phase in ("to_combine", "to_truck"):
-                k.left = max(0.0, k.left - self._closing(k) * dt)
-                k.left = 0.0 if k.left < DONE else k.left
-                self._ways[k.spec.name].drive(k, dt)
+            if k.phase == "beside" and k.combine is not None:
+                k.speed = k.combine.speed
+            elif k.phase not in ("to_combine", "to_truck"):
+                k.speed = 0.0
         return dt
 
-    def _keep_behind(self, job: Job, c: CombineState) -> None:
-        """A follower in echelon does not close up to the one ahead."""
+    # combines
+
+    def _target(self, job: Job, c: CombineState) -> float:
+        """Speed that a combine wants [m/s]; in echelon it does not close up to the one ahead."""
+        if c.phase not in ("way", "cut", "haul", "back"):
+            return 0.0
         leader = job.leader_of(c)
-        if leader is not None and c.phase == "cut" and job.gap(leader, c) <= job.file.team.lag_m + DONE:
-            c.speed = min(c.speed, leader.speed)
+        if leader is not None and c.phase == "cut" and job.gap(leader, c) <= job.file.team.lag_m + 1e-6:
+            return min(c.pace, leader.speed)
+        return c.pace
 
-    def _cart_speed(self, k: CartState) -> float:
-        if k.phase in ("to_combine", "to_truck"):
-            return k.spec.speed
-        return k.combine.speed if k.phase == "beside" and k.combine is not None else 0.0
+    def _drives(self, c: CombineState) -> bool:
+        """True in a pass and where it comes to a stand there: with its drive's acceleration."""
+        return c.phase in ("cut", "stand") and not c.hauling
 
-    def _closing(self, k: CartState) -> float:
-        """How fast what is left of a cart's way gets less [m/s]."""
-        follows = k.phase == "to_combine" and k.combine is not None and k.combine.phase == "cut"
-        ahead = k.combine.speed if follows and k.combine is not None else 0.0
-        return max(k.spec.speed - ahead, SLOWEST_APPROACH * k.spec.speed)
+    def _loop(self, c: CombineState) -> SpeedLoop:
+        name = c.spec.name
+        if name not in self._loops:
+            self._loops[name] = SpeedLoop(dynamics_of(c.spec.sheet))
+        return self._loops[name]
 
-    def _times(self, job: Job) -> list[float]:
-        """Times until something happens [s]."""
+    def _gone(self, c: CombineState, target: float, time: float) -> tuple[float, float]:
+        """Speed [m/s] and way [m] in its pass after a time [s]."""
+        if not self._drives(c):
+            return c.speed, 0.0
+        if abs(c.speed - target) < STEADY:
+            return target, target * time
+        return self._loop(c).advance(c.speed, target, time)
+
+    def _advance(self, job: Job, c: CombineState, target: float, dt: float) -> None:
+        way = self._ways.get(c.spec.name)
+        if way is not None:
+            c.speed, c.way = way.ride.speed, c.way + c.left - way.ride.left
+            c.left = way.ride.left
+            if c.left <= 1e-6:
+                del self._ways[c.spec.name]
+        elif self._drives(c):
+            c.speed, gone = self._gone(c, target, dt)
+            c.way += gone
+            if c.left > 0.0:
+                job.cut_now[c.number] = min(gone, c.left)
+                c.left = max(0.0, c.left - gone)
+        else:
+            c.speed = target
+            c.way += min(c.speed * dt, c.left)
+            c.left = max(0.0, c.left - c.speed * dt)
+        c.left = 0.0 if c.left < 1e-6 else c.left
+
+    # ways
+
+    def _ride(self, job: Job, targets: dict[int, float], most: float) -> float:
+        """All who are on a way drive on until the first is there, at most so long [s]; returns the time."""
+        rides = [self._combine_ride(c) for c in job.combines if c.spec.name in self._ways]
+        rides += [self._cart_ride(k, targets) for k in job.carts if k.spec.name in self._ways]
+        before = [(r.ride.at, r.ride.speed) for r in rides]
+        took = []
+        for r in rides:
+            most = max(r.ride.drive(most, r.wanted, r.left), SHORTEST)
+            took.append(most)
+        for r, (where, speed), time in zip(rides, before, took, strict=True):
+            if time > most:
+                r.ride.at, r.ride.speed = where, speed
+                r.ride.drive(most, r.wanted, r.left)
+        for k in job.carts:
+            way = self._ways.get(k.spec.name)
+            if way is not None:
+                k.way += way.ride.at - way.noted
+                k.speed, way.noted = way.ride.speed, way.ride.at
+        for r in rides:
+            if r.arrive is not None:
+                r.arrive(most)
+        return most
+
+    def _combine_ride(self, c: CombineState) -> "_Riding":
+        ride = self._ways[c.spec.name].ride
+        return _Riding(ride, lambda _: c.pace, lambda _: ride.left, None)
+
+    def _cart_ride(self, k: CartState, targets: dict[int, float]) -> "_Riding":
+        way, cart = self._ways[k.spec.name], k.spec
+        ride, combine = way.ride, k.combine
+
+        if k.phase == "to_truck" or combine is None:
+            return self._truck_ride(k, ride)
+        target = targets[combine.number]
+        done = way.length if combine.task is None else combine.task.length - combine.left
+        if combine.phase in ("way", "hold"):
+            done = 0.0
+        pace = combine.pace if combine.phase == "cut" else 0.0
+
+        def gap(time: float) -> float:
+            return way.base + done + self._gone(combine, target, time)[1] - ride.at
+
+        def left(time: float) -> float:
+            return min(abs(gap(time)) - IN_PLACE, ride.left)
+
+        def wanted(time: float) -> float:
+            speed, gone = self._gone(combine, target, time)
+            return speed_beside(way.base + done + gone - ride.at, speed, pace, cart)
+
+        return _Riding(ride, wanted, left, lambda time: self._arrive(k, left(time)))
+
+    def _truck_ride(self, k: CartState, ride: Ride) -> "_Riding":
+        def left(_: float) -> float:
+            return ride.left - NEAR
+
+        return _Riding(
+            ride, lambda _: speed_to_end(ride.left, k.spec), left, lambda _: self._arrive(k, left(0.0))
+        )
+
+    def _arrive(self, k: CartState, left: float) -> None:
+        """A cart has so much of its way left [m]."""
+        k.left = left if left > 1e-6 else 0.0
+        if k.left <= 0.0:
+            del self._ways[k.spec.name]
+
+    # events
+
+    def _times(self, job: Job, targets: dict[int, float]) -> list[float]:
+        """Times until something happens [s]; those on a way are left out."""
         times: list[float] = []
         for c in job.combines:
-            times += self._of_combine(job, c)
+            times += self._of_combine(job, c, targets)
         for k in job.carts:
-            if k.phase in ("to_combine", "to_truck") and k.left > 0.0:
-                times.append(k.left / self._closing(k))
             if k.timer > 0.0:
                 times.append(k.timer)
             if job.pours_at_truck(k):
@@ -183,21 +259,20 @@ class Events:
             times.append(job.away)
         return [max(t, SHORTEST) for t in times if t > 0.0 and math.isfinite(t)]
 
-    def _of_combine(self, job: Job, c: CombineState) -> list[float]:
-        times = []
-        if c.phase in ("way", "cut", "haul", "back") and c.speed > 0.0:
-            times.append(c.left / c.speed)
+    def _of_combine(self, job: Job, c: CombineState, targets: dict[int, float]) -> list[float]:
+        times, target = [], targets[c.number]
+        speed = c.speed if self._drives(c) else target
+        if self._drives(c) and abs(speed - target) >= STEADY:
+            times += [RAMP, time_over(c.left, speed, target, self._loop(c), RAMP)]
+        elif c.phase in ("cut", "way", "haul", "back") and target > 0.0 and c.spec.name not in self._ways:
+            speed = target
+            times.append(c.left / target)
         if c.timer > 0.0:
             times.append(c.timer)
         leader = job.leader_of(c)
         if leader is not None and c.phase in ("cut", "hold"):
-            gap, lag = job.gap(leader, c), job.file.team.lag_m
-            closing = c.speed - leader.speed
-            if c.phase == "hold" and leader.speed > 0.0 and math.isfinite(gap):
-                times.append(max(lag - gap, 0.0) / leader.speed)
-            elif c.phase == "cut" and closing > 0.0 and gap > lag:
-                times.append((gap - lag) / closing)
-        grain = c.speed * c.per_metre if c.phase == "cut" else 0.0
+            times += self._behind(job, c, leader, speed)
+        grain = speed * c.per_metre if self._drives(c) and c.left > 0.0 else 0.0
         out = c.spec.auger if c.is_pouring or (c.hauling == "pour" and c.timer <= 0.0) else 0.0
         if grain > out:
             times.append((c.spec.tank - c.tank) / (grain - out))
@@ -209,16 +284,21 @@ class Events:
             times.append((c.cart.spec.load - c.cart.grain) / out)
         return times
 
+    def _behind(self, job: Job, c: CombineState, leader: CombineState, speed: float) -> list[float]:
+        """Times until a follower in echelon may begin its pass, or has closed up [s]."""
+        gap, lag = job.gap(leader, c), job.file.team.lag_m
+        if c.phase == "hold":
+            moves = leader.speed > 0.0 and math.isfinite(gap)
+            return [max(lag - gap, 0.0) / leader.speed] if moves else []
+        closing = speed - leader.speed
+        return [(gap - lag) / closing] if closing > 0.0 and gap > lag else []
 
-def turn_path(combine: CombineState, start: Pose) -> Path:
-    """The turn of the fixed axle from the end of a pass, knife there, to the start of the next."""
-    knife = combine.spec.sheet.knife_x
-    here = axle_pose(combine.place, knife)
-    return path_of(clothoid.plan(here, axle_pose(start, knife), combine.spec.limits), here)
 
+@dataclass
+class _Riding:
+    """A ride with what it wants: speed [m/s] and way left [m] at a time from now [s], and what follows."""
 
-def axle_pose(knife: Pose, ahead: float) -> Pose:
-    """Where the fixed axle is when the knife is at a pose."""
-    return Pose(
-        knife.x - ahead * math.cos(knife.heading), knife.y - ahead * math.sin(knife.heading), knife.heading
-    )
+    ride: Ride
+    wanted: Callable[[float], float]
+    left: Callable[[float], float]
+    arrive: Callable[[float], None] | None

@@ -12,21 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.job.cart_ways import (
-    BRAKE,
-    CATCH_UP,
-    CLOSE,
     IN_PLACE,
     NEAR,
     RADIUS,
     corner_way,
     rounded,
-    speed_profile,
+    speed_beside,
+    speed_limits,
+    speed_to_end,
     way_beside,
     way_to,
 )
+from swath.job.combine_ways import axle_pose, corner_angle, is_far, way_to_pass
+from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.drive import MARGIN, DrivenMachine, Follower
 from swath.job.engine import Job
-from swath.job.events import FAR, axle_pose, turn_path
 from swath.job.path import Path, Pose, polyline
 from swath.job.states import DONE, CartState, CombineState, way_between
 
@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 STEP = 0.2  # s
 SHARP = 0.35  # rad between a path and a machine, beyond which it drives slowly
 SLOW = 2.0  # m/s
+THERE = 0.05  # m before the end of a combine's way, where it is done
 RECORD = 5  # steps between two points of a combine's track
 
 
@@ -45,7 +46,6 @@ class Kinematic:
         self._paths: dict[str, Follower] = {}
         self._wait: dict[str, float] = {}
         self._base: dict[str, float] = {}
-        self._for: dict[str, int] = {}
         self._length: dict[str, float] = {}
         self._profiles: dict[str, list[float]] = {}
         self._count = 0
@@ -58,7 +58,6 @@ class Kinematic:
         task, name = combine.task, combine.spec.name
         assert task is not None
         knife = combine.spec.sheet.knife_x
-        self._bring_cart(job, combine)
         self._wait.pop(name, None)
         if name not in self._machines:
             self._machines[name] = DrivenMachine(combine.spec.sheet, axle_pose(combine.place, knife), STEP)
@@ -67,16 +66,18 @@ class Kinematic:
             if combine.number > 0 or way_between(combine.place, task.start) > 0.0:
                 self._put(name, axle_pose(task.start, knife))
             return
-        turned = abs(math.remainder(task.start.heading - combine.place.heading, 2.0 * math.pi))
-        away = way_between(combine.place, task.start)
-        if task.is_corner and away < FAR and turned < math.radians(150.0):
+        turned = corner_angle(combine.place, task)
+        if turned is not None:
             self._wait[name] = combine.spec.corner_time(turned)
             combine.left, combine.pace = combine.spec.corner_path(turned), 0.0
             return
-        combine.state = "turn" if away < FAR else "transport"
-        combine.pace = combine.spec.turn_speed if away < FAR else combine.spec.transport
-        combine.place = _knife(self._machines[name], knife)
-        path = turn_path(combine, task.start)
+        far = is_far(combine.place, task.start)
+        combine.state = "transport" if far else "turn"
+        combine.pace = combine.spec.transport if far else combine.spec.turn_speed
+        machine = self._machines[name]
+        combine.place = _knife(machine, knife)
+        path = way_to_pass(combine.spec, machine.pose, task.start)
+        self._profiles[name] = combine_limits(combine.spec, path, far=far).tolist()
         self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
         combine.left = path.length
         job.ways.append(path.points)
@@ -94,15 +95,6 @@ class Kinematic:
         self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
         self._track[name] = []
         self.tracks.append(self._track[name])
-        cart = combine.cart
-        if cart is not None and self._for.get(cart.spec.name) != combine.index:
-            self._bring_cart(job, combine)
-
-    def _bring_cart(self, job: Job, combine: CombineState) -> None:
-        """The cart of a combine that turns drives to its next pass."""
-        if combine.cart is not None and combine.cart.phase in ("beside", "to_combine"):
-            combine.cart.phase = "to_combine"
-            self.cart_to_combine(job, combine.cart)
 
     def combine_to(self, job: Job, combine: CombineState, goal: Pose) -> None:
         """Without carts: to the truck or back, along straight lines over headland and passes."""
@@ -119,7 +111,7 @@ class Kinematic:
         path, begin, length = way_beside(machine.pose, combine)
         name = cart.spec.name
         self._set_out(cart, path)
-        self._base[name], self._for[name], self._length[name] = begin, combine.index, length
+        self._base[name], self._length[name] = begin, length
         cart.left = self._gap(cart, combine)
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
@@ -130,7 +122,7 @@ class Kinematic:
 
     def _set_out(self, cart: CartState, path: Path) -> None:
         self._paths[cart.spec.name] = Follower(path, MARGIN / RADIUS)
-        self._profiles[cart.spec.name] = speed_profile(path, cart.spec).tolist()
+        self._profiles[cart.spec.name] = speed_limits(path, cart.spec).tolist()
 
     def move(self, job: Job) -> float:
         """One step of all machines."""
@@ -138,9 +130,6 @@ class Kinematic:
         for c in job.combines:
             self._drive_combine(job, c)
         for k in job.carts:
-            last = k.combine is not None and k.combine.index < 0
-            if last and k.phase == "to_combine" and self._for.get(k.spec.name) != -1:
-                self.cart_to_combine(job, k)
             self._drive_cart(k)
         return STEP
 
@@ -160,6 +149,8 @@ class Kinematic:
         leader = job.leader_of(c)
         if leader is not None and c.phase == "cut":
             pace = min(pace, max(leader.speed + 0.2 * (job.gap(leader, c) - job.file.team.lag_m), 0.0))
+        if c.phase == "way":
+            pace = min(pace, self._profiles[name][follower.index])
         if c.phase in ("haul", "back") and c.left < 12.0:
             pace = min(pace, max(0.25 * c.left, 0.3))
         machine.step(follower.curvature(machine), pace)
@@ -172,7 +163,7 @@ class Kinematic:
             self._note(c, machine)
         elif c.phase in ("way", "haul", "back"):
             c.left = max(0.0, follower.path.length - follower.at)
-            c.left = 0.0 if c.left < NEAR else c.left
+            c.left = 0.0 if c.left < (THERE if c.phase == "way" else NEAR) else c.left
         if c.phase == "hold":
             c.speed = 0.0
 
@@ -187,11 +178,11 @@ class Kinematic:
         machine, follower = self._cart(k), self._paths.get(name)
         wanted = 0.0
         if follower is not None and k.phase == "to_truck":
-            wanted = min(k.spec.speed, max(math.sqrt(2.0 * BRAKE * k.left), CLOSE))
+            wanted = speed_to_end(k.left, k.spec)
         elif follower is not None and k.phase in ("to_combine", "beside") and k.combine is not None:
             gap = self._gap(k, k.combine)
-            ahead = 0.5 * (k.combine.speed + (k.combine.pace if k.combine.phase == "cut" else 0.0))
-            wanted = min(max(ahead + CATCH_UP * gap, 0.0), k.spec.speed)
+            pace = k.combine.pace if k.combine.phase == "cut" else 0.0
+            wanted = speed_beside(gap, k.combine.speed, pace, k.spec)
             if k.phase == "beside" and k.combine.is_pouring:
                 self.largest_error = max(self.largest_error, abs(gap))
         if follower is None or (wanted <= 0.0 and machine.speed < 0.01):

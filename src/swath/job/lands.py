@@ -6,7 +6,7 @@ lands worked round and round clockwise keep standing crop on the right, where no
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -45,10 +45,12 @@ def plan_field(
     holes: tuple[Array, ...] = (),
     pipe: float = 8.0,
     abreast: int = 1,
+    teams: int = 1,
 ) -> FieldPlan:
     """The plan of a field. boundary: ring (n, 2) [m]; header: its width [m]; pipe: see `with_ground`.
 
-    abreast: combines in echelon, whose passes follow each other in the order
+    abreast: combines in echelon, whose passes follow each other in the order; teams: that work on their own,
+    each in a land of its own
     """
     shapely = shapely_here()
     ring = checked_ring(boundary)
@@ -60,7 +62,7 @@ def plan_field(
     headland = settings.headland_rounds * width
     inner = field.buffer(-headland, join_style="mitre") if headland else field
     inside = _parallel(inner, width, _direction(ring, settings.direction_deg))
-    ordered = ORDERS[settings.order](inside, settings.land_passes, abreast)
+    ordered = _ordered(inside, settings, abreast, teams)
     if not rounds and not ordered:
         raise InputError("plan", None, "expected a field that is wider than the header")
     passes = with_ground([*rounds, *ordered], ring, header, holes=holes, pipe=pipe)
@@ -172,6 +174,20 @@ def _in_order(lines: list[list[PlannedPass]], groups: list[list[int]], land: int
         for i in group:
             pieces = lines[i] if n % 2 == 0 else [p.reversed() for p in reversed(lines[i])]
             done += [PlannedPass(p.line, land=land) for p in pieces]
+    return done
+
+
+def _ordered(
+    lines: list[list[PlannedPass]], settings: PlanSettings, abreast: int, teams: int
+) -> list[PlannedPass]:
+    """Passes in order; with several teams in as many lands, or more."""
+    order, share = ORDERS[settings.order], max(2, math.ceil(len(lines) / teams))
+    if settings.order == "lands":
+        return order(lines, min(settings.land_passes, share), abreast)
+    done: list[PlannedPass] = []
+    for land, first in enumerate(range(0, len(lines), share)):
+        made = order(lines[first : first + share], share, abreast)
+        done += [replace(p, land=land) for p in made]
     return done
 
 

@@ -16,8 +16,8 @@ class CombineState:
     """phase: way (to a pass), hold (until the one ahead is far enough), cut, stand, haul, back, done.
 
     left: of the way or the pass [m]; pace: wanted speed now [m/s]; tank, cut, poured [kg]; index: of the pass
-    timer: until pouring may begin [s]; hauling: there, pour or back, without
-    carts, from way_back with `rest` of its pass left [m]; called: a cart is on its way or wanted
+    timer: until pouring may begin [s]; since: when it came to stand [s]; hauling: there, pour or back,
+    without carts, from way_back with `rest` of its pass left [m]; called: a cart is on its way or wanted
     """
 
     spec: Combine
@@ -36,6 +36,7 @@ class CombineState:
     called: bool = False
     is_pouring: bool = False
     timer: float = 0.0
+    since: float = 0.0
     is_last: bool = False
     cut: float = 0.0
     area: float = 0.0

@@ -82,8 +82,11 @@ def plan_of(file: FleetFile, fleet: Fleet, base: Path | None) -> FieldPlan:
     lead = fleet.combines[0]
     header = lead.sheet.header_width
     if file.field.boundary_m is not None:
-        abreast = len(fleet.combines) if file.team.together == "echelon" else 1
-        return plan_field(file.field.boundary_m, header, file.plan, pipe=lead.pipe, abreast=abreast)
+        count, echelon = len(fleet.combines), file.team.together == "echelon"
+        abreast, teams = (count, 1) if echelon else (1, count)
+        return plan_field(
+            file.field.boundary_m, header, file.plan, pipe=lead.pipe, abreast=abreast, teams=teams
+        )
     if file.field.file is not None:
         path = Path(file.field.file)
         return plan_from_file(

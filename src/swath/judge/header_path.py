@@ -1,9 +1,8 @@
 """The way of the header end that follows the edge, as evaluators keep it."""
 
-from array import array
-
 import numpy as np
 
+from swath.judge.kept_rows import KeptRows
 from swath.record.messages import RecordedMachine
 from swath.signals import F64, MachineState
 
@@ -16,17 +15,17 @@ class HeaderPath:
     def __init__(self, machine: RecordedMachine) -> None:
         self.end = np.array([*machine.geometry.header_end(machine.edge_side), 0.0])
         self._end: list[float] = self.end.tolist()
-        self._rows = array("d")  # one after the other
+        self._rows = KeptRows(4)
         self._next = 0.0  # [m]
 
     def see(self, state: MachineState) -> None:
         """Note where the machine is."""
         if not self._rows or state.distance >= self._next:
             x, y, _ = state.pose.point(*self._end)
-            self._rows.extend((state.t * 1e-9, state.distance, x, y))
+            self._rows.add((state.t * 1e-9, state.distance, x, y))
             self._next = state.distance + PATH_M
 
     def arrays(self) -> tuple[F64, F64, F64, F64]:
         """t [s], distance driven [m], x and y in the world [m], shape (n,) each."""
-        t, distance, x, y = np.array(self._rows).reshape(-1, 4).T
+        t, distance, x, y = self._rows.table().T
         return t, distance, x, y

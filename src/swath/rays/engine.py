@@ -94,7 +94,8 @@ class RayCaster:
         n, s = o.shape[:2]
         if not self._has_packets(s):
             return self.cast(o, d, **options).reshaped((n, s))
-        return self._traverse((n, s), (o, d), pack_bundles(n, s) if o.size else None, options)
+        packing = pack_bundles(n, s) if o.size else None
+        return self._traverse((n, s), (np.ascontiguousarray(o), d), packing, options)
 
     def cast_image(self, origins: ArrayLike, directions: ArrayLike, **options: Unpack[CastOptions]) -> Hits:
         """As `cast`, for single rays of an image (rows, columns, 3): all of the result (rows, columns).
@@ -102,15 +103,15 @@ class RayCaster:
         origins: the same shape, or one for all (3,). Neighbours in the image should be so in space, or it is
         slow. Scan lines of single rays count as an image, too.
         """
-        o, d = np.asarray(origins, dtype=np.float64), np.asarray(directions, dtype=np.float64)
-        if o.shape == (3,):
-            one, o = o, np.empty(d.shape)
-            o[...] = one
-        o, d = _of_shape(o, d)
-        shape = (int(o.shape[0]), int(o.shape[1]))
+        start = np.ascontiguousarray(origins, dtype=np.float64)
+        is_one = start.shape == (3,)
+        o, d = _of_shape(np.broadcast_to(start, np.shape(directions)) if is_one else start, directions)
+        shape = (int(d.shape[0]), int(d.shape[1]))
         if not self._has_packets(1):
             return self.cast(o, d, **options).reshaped(shape)
-        return self._traverse(shape, (o, d), pack_image(*shape, _pitch_ratio(d)) if o.size else None, options)
+        is_lone = is_one and solid_count(options.get("solids") or NOTHING) == 0
+        packing = pack_image(*shape, _pitch_ratio(d)) if d.size else None
+        return self._traverse(shape, (start if is_lone else np.ascontiguousarray(o), d), packing, options)
 
     def _has_packets(self, sub_rays: int) -> bool:
         """Can such bundles be cast as packets? Else the plain kernel serves, and a warning says so once."""
@@ -148,7 +149,8 @@ class RayCaster:
             scene, self.scene.version, rays, packing, float(range_max), arrays, hits.reshaped((-1,))
         )
         if flags:  # raises where there is something wrong with the rays
-            self._checked(*(rays.rays() if isinstance(rays, Spots) else rays), range_max)
+            o, d = rays.rays() if isinstance(rays, Spots) else rays
+            self._checked(np.broadcast_to(o, d.shape), d, range_max)
         return hits
 
     def _checked(self, origins: ArrayLike, directions: ArrayLike, range_max: float) -> tuple[F64, F64]:
@@ -197,7 +199,7 @@ def _of_shape(origins: ArrayLike, directions: ArrayLike) -> tuple[F64, F64]:
     o, d = np.asarray(origins, dtype=np.float64), np.asarray(directions, dtype=np.float64)
     if o.shape != d.shape or o.ndim != 3 or o.shape[-1] != 3:
         raise ValueError(f"origins {o.shape} and directions {d.shape}: expected both (n, n, 3)")
-    return np.ascontiguousarray(o), np.ascontiguousarray(d)
+    return o, np.ascontiguousarray(d)
 
 
 def _pitch_ratio(d: F64) -> float:

@@ -36,13 +36,3 @@ class Spots:
             start[:, :, k] = self.origins[:, k, None] + out[0] * across + out[1] * along
             direction[:, :, k] = (forward + out[2] * across + out[3] * along) * out[4]
         return start, direction
-
-    def places(self, beam: NDArray[np.int64], sub: NDArray[np.int64], distance: F64) -> F64:
-        """Points (..., 3) on sub-rays at distances [m]; all arguments have the same shape."""
-        o = self.offsets[beam if len(self.offsets) > 1 else np.zeros_like(beam), sub][..., None]
-        axes, at = self.axes[beam], self.origins[beam]
-        across, along = axes[..., 1], axes[..., 2]
-        start = at + o[..., 0, :] * across + o[..., 1, :] * along
-        direction = (axes[..., 0] + o[..., 2, :] * across + o[..., 3, :] * along) * o[..., 4, :]
-        points: F64 = start + distance[..., None] * direction
-        return points

@@ -8,7 +8,7 @@ from swath.core.errors import InputError
 
 ABOUT = "recording.json"  # attachment of run.mcap: format, version of swath, detail, mountings
 TRACKS = "swath tracks 1"  # metadata `format` of tracks.parquet
-RECORDING = "swath recording 2"  # `format` in it
+RECORDING = "swath recording 3"  # `format` in it
 
 
 def check_format(found: str, known: str, file: Path) -> None:

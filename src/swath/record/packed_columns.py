@@ -2,7 +2,8 @@
 
 Bytes of one weight stand together, the lowest of all numbers first (`planes`). Numbers whose course in time
 is smooth are second differences before, of their bits read as whole numbers (`smooth`): a pose at 200 Hz then
-takes two thirds. Of 32-bit numbers a look at the first of them says whether it pays.
+takes two thirds. Of 32-bit numbers a look at the first of them says whether it pays. Of rotation matrices the
+third column is the cross product of the others but for the last bits: only these are kept (`rotation`).
 """
 
 import zlib
@@ -11,14 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-PLANES, SMOOTH = "planes", "smooth"
+PLANES, SMOOTH, ROTATION = "planes", "smooth", "rotation"
+WAYS = (PLANES, SMOOTH, ROTATION)
 LEAST = 40  # numbers of a column from which on it is packed
 LOOK = 2048  # numbers that are looked at
 ROUGH_BITS = 51.0  # differences of this size on average [bit] save nothing: a mantissa has 53
 
 
 def pack(column: NDArray[Any]) -> tuple[str, bytes]:
-    """How a column (n, ...) of real numbers is packed, "" = not at all, and its bytes."""
+    """How a column (n, ...) of numbers is packed, "" = not at all, and its bytes."""
     column = column.astype(column.dtype.newbyteorder("<"), order="C", copy=False)
     if column.size < LEAST or column.dtype.itemsize not in (4, 8):
         return "", column.tobytes()
@@ -26,24 +28,61 @@ def pack(column: NDArray[Any]) -> tuple[str, bytes]:
         first = column.reshape(-1)[:LOOK]
         pays = len(zlib.compress(_planes(first), 1)) < len(zlib.compress(first.tobytes(), 1))
         return (PLANES, _planes(column)) if pays else ("", column.tobytes())
-    courses = np.ascontiguousarray(column.reshape(len(column), -1).T).view("<i8")
-    steps = courses.copy()
-    for _ in range(2):
-        steps[:, 1:] = steps[:, 1:] - steps[:, :-1]
+    if _are_rotations(column):
+        rest = _whole(column[:, :, 2]) - _whole(_third(column))
+        return ROTATION, _planes(np.concatenate([_steps(column[:, :, :2]).ravel(), rest.ravel()]))
+    steps = _steps(column)
     is_smooth = np.frexp(np.abs(steps).astype(float))[1].mean() < ROUGH_BITS
     return (SMOOTH, _planes(steps)) if is_smooth else (PLANES, _planes(column))
+
+
+def unpack(data: bytes, how: str, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """A column of a type and shape (n, ...) from its bytes. ValueError where these are not as many."""
+    planes = np.frombuffer(data, np.uint8).reshape(dtype.itemsize, -1)
+    numbers: NDArray[Any] = np.ascontiguousarray(planes.T)
+    if how == ROTATION:
+        split = 6 * shape[0]
+        column = np.empty(shape, dtype)
+        column[:, :, :2] = _courses(numbers[:split], dtype, (shape[0], 3, 2))
+        rest = numbers[split:].view("<i8").reshape(shape[0], 3)
+        column[:, :, 2] = (rest + _whole(_third(column))).view(dtype)
+        return column
+    if how == SMOOTH:
+        return _courses(numbers, dtype, shape)
+    return numbers.view(dtype).reshape(shape)
+
+
+def _steps(column: NDArray[Any]) -> NDArray[Any]:
+    """Second differences along each number's course, (course, n), of the bits as whole numbers."""
+    steps = np.ascontiguousarray(column.reshape(len(column), -1).T).view("<i8").copy()
+    for _ in range(2):
+        steps[:, 1:] = steps[:, 1:] - steps[:, :-1]
+    return steps
+
+
+def _courses(steps: NDArray[np.uint8], dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """A column from the bytes of its second differences, (numbers, 8)."""
+    courses = np.cumsum(np.cumsum(steps.view("<i8").reshape(-1, shape[0]), axis=1), axis=1)
+    return np.ascontiguousarray(courses.T).view(dtype).reshape(shape)
 
 
 def _planes(numbers: NDArray[Any]) -> bytes:
     return numbers.view(np.uint8).reshape(-1, numbers.dtype.itemsize).T.tobytes()
 
 
-def unpack(data: bytes, how: str, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
-    """A column of a type and shape (n, ...) from its bytes. ValueError where these are not as many."""
-    planes = np.frombuffer(data, np.uint8).reshape(dtype.itemsize, -1)
-    numbers: NDArray[Any] = np.ascontiguousarray(planes.T).view(dtype)
-    if how == SMOOTH:
-        courses = numbers.view("<i8").reshape(-1, shape[0])
-        courses = np.cumsum(np.cumsum(courses, axis=1), axis=1)
-        numbers = np.ascontiguousarray(courses.T).view(dtype)
-    return numbers.reshape(shape)
+def _are_rotations(column: NDArray[Any]) -> bool:
+    """Whether the cross product says about what a matrix (n, 3, 3) holds, with the same bits everywhere."""
+    if column.shape[1:] != (3, 3) or column.dtype.kind != "f" or not (np.abs(column) < 2.0).all():
+        return False
+    return bool(np.allclose(column[:, :, 2], _third(column), atol=1e-9))
+
+
+def _third(matrix: NDArray[Any]) -> NDArray[Any]:
+    """The cross product of the first two columns of matrices (n, 3, 3), single products and differences."""
+    (ax, ay, az), (bx, by, bz) = matrix[:, :, 0].T, matrix[:, :, 1].T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def _whole(numbers: NDArray[Any]) -> NDArray[Any]:
+    """The bits as whole numbers."""
+    return np.ascontiguousarray(numbers).view("<i8")

@@ -1,6 +1,7 @@
 """The recorder: an observer of the graph that writes tracks.parquet and run.mcap."""
 
 import json
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +28,7 @@ BESIDE_PERIOD = NS // 10  # between two messages of an output whose samples are 
 BULKY_PERIOD = NS // 5  # the same of a scan
 PHASE = 0.618  # of a block, from output to output: the golden section spreads any number of them
 LARGE_PERIOD = NS * 2 // 5  # between two messages of a large truth, unless everything is wanted
+LATEST = NS // 10  # that a sample waits to be written, where it may wait
 
 
 class Recorder:
@@ -69,6 +71,7 @@ class Recorder:
         self._sinks: dict[tuple[str, str], _Sink] = {}
         self._full: list[Blocks] = []
         self._t = -1  # of the newest samples [ns]
+        self._waiting: deque[_Waiting] | None = None  # what is still to be written, None = nothing may wait
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
             if scenario:
@@ -76,11 +79,11 @@ class Recorder:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
-        if self._full and t > self._t:
-            self._write_blocks()
-        self._t = t
-        if t >= self._clock_due and self.file is not None:
-            self._tell_time(self.file, t)
+        waiting = self._waiting
+        if waiting is None:
+            self._begin_tick(t)
+        else:
+            waiting.append((t, None, "", None))
         for output, signal in outputs.items():
             sink = self._sinks.get((slot, output))
             if sink is None:
@@ -89,12 +92,51 @@ class Recorder:
                 sink.tracks.take(t, sink.source, signal)
             if sink.messenger is None:
                 continue
-            if self._is_due(sink, t):
-                sink.messenger.write(sink.part, output, t, signal)
-            if sink.blocks is not None:
-                sink.blocks.add(t, signal)
-                if sink.blocks.is_full:
-                    self._full.append(sink.blocks)
+            if waiting is None:
+                self._write(sink, output, t, signal)
+            else:
+                waiting.append((t, sink, output, signal))
+        while waiting and waiting[0][0] < t - LATEST:
+            self.write_next()
+
+    def put_off(self) -> None:
+        """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.
+
+        Not where taps hear the messages: they hear them at once.
+        """
+        if self.file is not None and not self.file.taps:
+            self._waiting = deque()
+
+    def write_next(self) -> bool:
+        """Write the oldest of the samples that wait; False where none does."""
+        if not self._waiting:
+            return False
+        t, sink, output, signal = self._waiting.popleft()
+        if sink is None or signal is None:
+            self._begin_tick(t)
+        else:
+            self._write(sink, output, t, signal)
+        return True
+
+    def _begin_tick(self, t: int) -> None:
+        if self._full and t > self._t:
+            self._write_blocks()
+        self._t = t
+        if t >= self._clock_due and self.file is not None:
+            self._tell_time(self.file, t)
+
+    def _write(self, sink: "_Sink", output: str, t: int, signal: Signal) -> None:
+        """A sample into run.mcap."""
+        if sink.messenger is not None and self._is_due(sink, t):
+            sink.messenger.write(sink.part, output, t, signal)
+        if sink.blocks is not None:
+            sink.blocks.add(t, signal)
+            if sink.blocks.is_full:
+                self._full.append(sink.blocks)
+
+    def _write_waiting(self) -> None:
+        while self.write_next():
+            pass
 
     def _write_blocks(self) -> None:
         """Those that the tick before made full: a tick with a scan, which fills most, has enough to do."""
@@ -104,6 +146,7 @@ class Recorder:
 
     def save(self) -> dict[str, Any]:
         """What is not in the files so far, and how much of them there is."""
+        self._write_waiting()
         return {
             "tracks": {name: tracks.save() for name, tracks in self.tracks.items()},
             "messages": 0 if self.file is None else self.file.count,
@@ -146,6 +189,7 @@ class Recorder:
         finally:
             if self.file is not None:
                 try:
+                    self._write_waiting()
                     for sink in self._sinks.values():
                         if sink.blocks is not None:
                             sink.blocks.flush()
@@ -220,6 +264,9 @@ class _Sink:
         """What it is, and the samples that wait for their block."""
         timing = self.period, self.alone, self.due
         return timing, None if self.blocks is None else self.blocks.save()
+
+
+_Waiting = tuple[int, _Sink | None, str, Signal | None]  # None: a tick begins
 
 
 def _clock(file: McapFile, t: int) -> Any:

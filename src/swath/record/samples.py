@@ -1,8 +1,8 @@
 """Samples bit for bit, in blocks beside the standard messages: what a recorded slot is played back from.
 
 Standard messages round (float32), rename (nan becomes inf), leave out and are thinned. A block
-(`swath_msgs/msg/Samples`, topic `<topic of the output>_exact`) holds up to half a second of one output, a
-column per field. A field that is the same array in all samples of a block is stored once.
+(`swath_msgs/msg/Samples`, topic `<topic of the output>_exact`) holds up to half a second of one output: two
+columns of times and one per field. A field that is the same array in all samples of a block is stored once.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,13 +21,14 @@ from swath.signals import Signal
 MSGTYPE = "swath_msgs/msg/Samples"
 SUFFIX = "_exact"
 DEFINITION = (
-    "std_msgs/Header header\nstring signal\nint64[] published\nint64[] t\nstring[] names\n"
+    "std_msgs/Header header\nstring signal\nuint32 count\nstring[] names\n"
     "string[] kinds\nbool[] held\nuint8[] data\n"
 )
 BLOCK_NS = NS // 2  # samples of this long share a block
 BLOCK_BYTES = 96 * 1024  # or of about this much
 PLAIN: dict[type, str] = {float: "float", int: "int", bool: "bool"}
 CODES = {"float": "<f8", "int": "<i8", "bool": "|b1"}
+TIMES = ("published", "t")  # the first two columns of every block [ns]
 
 
 class Blocks:
@@ -98,14 +99,13 @@ class Blocks:
 
     def _write(self, values: Sequence[tuple[Any, ...]], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
-        columns = [_column(column, _kind(column[0])) for column in values]
+        columns = [_column(column, _kind(column[0])) for column in (tuple(published), tuple(t), *values)]
         message = self.file.make(
             MSGTYPE,
             header=self.file.make.header(t[-1], ""),
             signal=self._signal.__name__,
-            published=np.array(published, dtype=np.int64),
-            t=np.array(t, dtype=np.int64),
-            names=list(self._names),
+            count=len(t),
+            names=[*TIMES, *self._names],
             kinds=[kind for kind, _, _ in columns],
             held=np.array([held for _, held, _ in columns], dtype=bool),
             data=np.frombuffer(b"".join(data for _, _, data in columns), dtype=np.uint8),
@@ -133,32 +133,40 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
     """(time it was published [ns], sample) of a block. InputError where it is not such a block."""
     try:
         kind = signal_type(message.signal)
-        count, data, at = len(message.t), bytes(message.data), 0
-        columns: dict[str, Any] = {}
-        for name, text, held in zip(message.names, message.kinds, message.held, strict=True):
-            code, dims, packing = _described(text)
-            length = 1 if held else count
-            dtype = np.dtype(CODES.get(code, code))
-            size = dtype.itemsize * length * int(np.prod(dims, dtype=int))
-            part = data[at : at + size]
-            if packing:
-                values = packed_columns.unpack(part, packing, dtype, (length, *dims))
-            else:
-                values = np.frombuffer(part, dtype=dtype).reshape(length, *dims).copy()
-            values.setflags(write=False)
-            at += size
-            column = values.tolist() if code in CODES else list(values)
-            columns[name] = column * count if held else column
-        stamps = zip(message.published.tolist(), message.t.tolist(), strict=True)
-        yield from [(out, _build(kind, t, columns, i)) for i, (out, t) in enumerate(stamps)]
+        names, columns = [*message.names], list(_columns(message))
+        if hasattr(message, "published"):  # format 2 and older
+            columns[:0] = message.published.tolist(), message.t.tolist()
+            names[:0] = TIMES
+        named = dict(zip(names[2:], columns[2:], strict=True))
+        stamps = zip(columns[0], columns[1], strict=True)
+        yield from [(out, _build(kind, t, named, i)) for i, (out, t) in enumerate(stamps)]
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
         raise InputError("recording", MSGTYPE, f"expected a block of samples ({error})") from error
+
+
+def _columns(message: Any) -> Iterator[list[Any]]:
+    """The values of every column, one per sample."""
+    data, at = bytes(message.data), 0
+    count = len(message.t) if hasattr(message, "t") else int(message.count)
+    for text, held in zip(message.kinds, message.held, strict=True):
+        code, dims, packing = _described(text)
+        dtype = np.dtype(CODES.get(code, code))
+        shape = dims if held else (count, *dims)
+        size = dtype.itemsize * int(np.prod(shape, dtype=int))
+        part = data[at : at + size]
+        if packing:
+            values = packed_columns.unpack(part, packing, dtype, shape)
+        else:
+            values = np.frombuffer(part, dtype=dtype).reshape(shape).copy()
+        values.setflags(write=False)
+        at += size
+        yield [values] * count if held else values.tolist() if code in CODES else list(values)
 
 
 def _described(text: str) -> tuple[str, tuple[int, ...], str]:
     """Type, shape and packing of the values of a column, from its entry in `kinds`."""
     code, *rest = text.split(" ")
-    packing = rest.pop() if rest and rest[-1] in (packed_columns.PLANES, packed_columns.SMOOTH) else ""
+    packing = rest.pop() if rest and rest[-1] in packed_columns.WAYS else ""
     return code, tuple(int(n) for n in "".join(rest).split(",") if n), packing
 
 
@@ -205,13 +213,10 @@ def _column(values: tuple[Any, ...], kind: str) -> tuple[str, bool, bytes]:
     """Entry in `kinds`, whether the values are one and the same array, bit for bit, and their bytes."""
     code = kind.partition(" ")[0]
     first = values[0]
-    if isinstance(first, np.ndarray) and _are_same(first, values):
-        return kind, True, np.ascontiguousarray(first, dtype=code).tobytes()
-    column = np.array(values, dtype=CODES.get(code, code))
-    if column.dtype.kind != "f":
-        return kind, False, column.tobytes()
+    is_held = isinstance(first, np.ndarray) and _are_same(first, values)
+    column = np.asarray(first if is_held else values, dtype=CODES.get(code, code))
     packing, data = packed_columns.pack(column)
-    return f"{kind} {packing}" if packing else kind, False, data
+    return f"{kind} {packing}" if packing else kind, is_held, data
 
 
 def _are_same(first: np.ndarray, values: tuple[Any, ...]) -> bool:

@@ -223,6 +223,9 @@ class _Running:
                     self.start,
                 )
             )
+        if self.pacer is not None:
+            self.recorder.put_off()
+            self.pacer.put_off = self.recorder.write_next
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
 

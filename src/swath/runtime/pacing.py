@@ -8,8 +8,8 @@
 Deadlines are absolute: tick t begins at origin + (t - first) / factor, so that one late tick does not delay
 the next. What is late by up to the tolerance is caught up; beyond it is an overrun, which belongs to the slot
 that used most of the time since the run was last on time. Time that is left before a tick goes into work that
-will be needed anyway (`Field.prepare`). The clock changes no result, except where a cheaper level takes over;
-that is always reported with its simulated time.
+can wait (`Recorder.write_next`) or will be needed anyway (`Field.prepare`). The clock changes no result,
+except where a cheaper level takes over; that is always reported with its simulated time.
 """
 
 import gc
@@ -31,6 +31,7 @@ from swath.scenario.sections import RealTime
 MS = 1_000_000
 STEPS_MS = (0.1, 1.0, 5.0, 20.0, 50.0, 100.0)  # lateness is counted between these
 PIECE = 3_500_000  # ns that have to be left before a tick for a piece of work in advance, at least
+SHORT = 1_500_000  # the same of work that can wait, but not for long
 FORGET = 0.99  # from tick to tick, of the longest piece so far, which has to fit in too
 SEARCHES = 700, 10, 10  # of garbage collection, as `gc.set_threshold` has them: each takes up to 2 ms
 SYSTEM = "system"  # the run slept and was woken late
@@ -57,6 +58,7 @@ class Pacer:
     costs: slot -> wall time used so far [s]
     relieve: takes the next cheaper level at a simulated time [ns]; None when there is none left
     prepare: does a piece of work in advance, of some ms; False when there is none
+    put_off: does a piece of the work that can wait, but has to be done soon; False when there is none
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class Pacer:
         self.priority, self.scheduling = plan.priority, "default"
         self._piece = float(PIECE)
         self.after_grace: Callable[[], None] | None = None  # called once
+        self.put_off: Callable[[], bool] = lambda: False
 
     def __call__(self, t: int) -> None:
         """Come back when the tick at t [ns] is due. OverrunError when it is too late and that is to fail."""
@@ -150,7 +153,9 @@ class Pacer:
         return found + [f"real time: {text}" for text in changed]
 
     def _work_ahead(self, now: int, due: int) -> int:
-        """Pieces of work in advance, as long as one fits in; the time then [ns]."""
+        """What was put off, then work in advance, as long as a piece fits in; the time then [ns]."""
+        while due - now > SHORT and self.put_off():
+            now = self._clock.now()
         while due - now > self._piece and self._prepare():
             began, now = now, self._clock.now()
             self._piece = max(self._piece, now - began)
@@ -241,6 +246,7 @@ def make_pacer(world: World, *, clock: Clock | None = None) -> Pacer | None:
     if section is None or not world.scenario.is_paced:
         return None
     nodes = world.graph.nodes
+    world.field.compile()
 
     def costs() -> dict[str, float]:
         return {n.slot.name: n.cost_s for n in nodes}

@@ -35,10 +35,12 @@ DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 @dataclass(frozen=True)
 class Search:
-    """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m]."""
+    """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m];
+    usual: height of the crop where it stands upright [m], 0 = unknown"""
 
     spread: float
     forget: float
+    usual: float = 0.0
 
 
 class BlockTrack(KeepsState):
@@ -60,7 +62,7 @@ class BlockTrack(KeepsState):
     def __init__(self, search: Search) -> None:
         self._search = search
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
-        self.populations, self.feet = Populations(), CanopyFeet()
+        self.populations, self.feet = Populations(search.usual), CanopyFeet()
         self.clear()
 
     def clear(self) -> None:

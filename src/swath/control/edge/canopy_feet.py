@@ -41,6 +41,10 @@ class CanopyFeet(KeepsState):
         self._ramp.clear()
         self.lean = (0.0, 0.0, 0.0)
 
+    def compile(self) -> None:
+        """Load what is compiled, before a run is in step with a clock."""
+        self._offset.compile()
+
     def learn(
         self,
         scans: Sequence[RayAnswers],

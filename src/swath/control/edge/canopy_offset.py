@@ -13,13 +13,15 @@ kept over the last tens of metres; the steps of single scans carry the line.
 
 import math
 from collections.abc import Hashable
+from typing import Any
 
 import numpy as np
 
 from swath.control.edge.height_step import Rays
 from swath.control.edge.shared import shared
 from swath.core.component import KeepsState
-from swath.core.portable import exp, geomspace, log
+from swath.core.portable import exp, geomspace
+from swath.kernels import repeatable, start_warp
 from swath.signals import F64
 
 REACHED = 0.9  # share of the rays within the stand that are stopped above the height that is watched
@@ -52,7 +54,7 @@ class CanopyOffset(KeepsState):
     def __init__(self, memory_m: float, lean: float, spot: float = 0.0, *, parts: int = 1) -> None:
         self._memory, self._lean, self._spot = memory_m, lean, spot
         self._middle = np.arange(FROM + 0.5 * BIN, TO, BIN)
-        self._spreads = geomspace(0.02, 0.3, 8)
+        self._spreads = geomspace(0.02, 0.3, 8)  # as many as the kernel's SPREADS
         self._shifts = np.arange(-0.1, 0.45, 2 * STEP)
         lateral = np.subtract.outer(self._middle, self._shifts).T  # of places from shifts, few are distinct
         apart = np.round(lateral / STEP).astype(np.int64)
@@ -60,8 +62,10 @@ class CanopyOffset(KeepsState):
         steps = STEP * np.arange(apart.min(), apart.max() + 1) + float(lateral[0, 0] - STEP * apart[0, 0])
         there = np.interp(steps / self._spreads[:, None], _Z, _PHI)  # share of the stand, [spread, ...]
         self._there, place = np.unique(there, return_inverse=True)  # half of them are the same
-        self._which = place.reshape(there.shape)[:, which]  # [spread, shift, place] -> place of `_there`
+        place = np.moveaxis(place.reshape(there.shape)[:, which], 0, -1)
+        self._which = np.ascontiguousarray(place, np.int32)  # [shift, place, spread] -> place of `_there`
         self._chance, self._parts = stopped(_MET, parts), parts
+        self._launch: Any = None
         self.clear()
 
     def clear(self) -> None:
@@ -117,12 +121,31 @@ class CanopyOffset(KeepsState):
         inside = self._seen[:, self._middle > INSIDE[0]].sum(axis=1)
         most = float(np.clip(inside[1] / max(float(inside.sum()), 1e-9), 0.3, 1.0 - STRAY))
         depth = float(np.interp(most, self._chance, _MET))
-        high = STRAY + (1.0 - STRAY) * np.interp(depth * self._there, _MET, self._chance)
-        passed, held = log(1.0 - high)[self._which], log(high)[self._which]
-        score = (self._seen[1] * held + self._seen[0] * passed).sum(axis=-1)
+        score = self._scores(depth)
         score -= 0.5 * ((self._shifts - guess) / GUESS) ** 2
         chance = exp(score - score.max())
         return float((chance * self._shifts).sum() / chance.sum())
+
+    def _scores(self, depth: float) -> F64:
+        """Log-likelihood of the counts [nat], (spreads, shifts), where rays meet `depth` pieces within."""
+        self.compile()
+        self._depth[0], self._counts[:] = depth, self._seen
+        self._launch()
+        return self._score.copy()
+
+    def compile(self) -> None:
+        """Load the compiled likelihood, some 10 ms the first time: before a run is in step with a clock."""
+        if self._launch is not None or self._memory <= 0.0:
+            return
+        from swath.control.edge.canopy_offset_kernel import score_shifts
+
+        wp = start_warp()
+        self._depth, self._counts = np.zeros(1), np.zeros((2, len(self._middle)))
+        shape = len(self._spreads), len(self._shifts)
+        self._score, logs = np.zeros(shape), np.zeros((2, len(self._there)))
+        given = (self._depth, np.array([STRAY]), _MET, self._chance, self._there, self._which)
+        arrays = [wp.array(a, device="cpu", copy=False) for a in (*given, self._counts, logs, self._score)]
+        self._launch = repeatable(score_shifts, arrays).launch
 
 
 def stopped(met: F64, parts: int) -> F64:

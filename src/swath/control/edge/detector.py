@@ -114,6 +114,7 @@ class EdgeDetector(KeepsState):
         """No edge at t = 0: nothing was seen yet."""
         self._track.clear()
         self._canopy_offset.clear()
+        self._canopy_offset.compile()
         self._inclination.clear()
         self._time = 0
         self._crop, self._stubble, self._ground = float("nan"), float("nan"), 0.0

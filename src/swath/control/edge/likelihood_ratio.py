@@ -80,10 +80,11 @@ class LikelihoodRatio(KeepsState):
         self._p = params
         self._sign = crop_sign(setup.edge_side)
         knife_x, end_y = setup.machine.header_end(setup.edge_side)
-        self._overhang = overhang or HeightOverhang(params.upright_m or setup.crop_height)
+        usual = params.upright_m or setup.crop_height
+        self._overhang = overhang or HeightOverhang(usual)
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
-        self._blocks = BlockTrack(Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE))
+        self._blocks = BlockTrack(Search(params.search_m, params.hold_m + AHEAD_OF_REFERENCE, usual))
         self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
         self._line = LineFit(self._reference)
         ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])
@@ -108,6 +109,7 @@ class LikelihoodRatio(KeepsState):
         """No edge at t = 0: nothing was seen yet."""
         self._forget()
         self._line.compile()
+        self._blocks.feet.compile()
         return {"edge": self._no_edge(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:

@@ -20,16 +20,22 @@ MOST = 3.0  # nat that one ray is worth at most
 CROP_FROM, CROP_TO = 0.18, (1.15, 2.5)  # m above the stubble: heights of crop that was not seen yet
 STUBBLE_TO, LITTLE = 0.8, 0.12  # m; part of the fullest layer's echoes below which a population ends
 MAT, FEW = 0.08, 10.0  # m above the middle of the stubble: of crop that lies flat; echoes that show it
+TALLEST = 1.4  # of the usual height: what is above is dust
 SAMPLE = 0.5  # counts added to each class
 _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
 
 
 class Populations(KeepsState):
-    """Counts of classes in the crop, lately in the crop, and beside it: rows of (3, CLASSES)."""
+    """Counts of classes in the crop, lately in the crop, and beside it: rows of (3, CLASSES).
+
+    usual: height of the crop where it stands upright [m], 0 = unknown
+    """
 
     kept = ("counts", "_told", "_first")
 
-    def __init__(self) -> None:
+    def __init__(self, usual: float = 0.0) -> None:
+        tallest = TALLEST * usual if usual > 0.0 else np.inf
+        self._layers = int(np.count_nonzero(tallest > _HEIGHT))  # that may be crop
         self.clear()
 
     def clear(self) -> None:
@@ -58,7 +64,7 @@ class Populations(KeepsState):
         crop, lately, stubble = _shares(self.counts)
         above = np.zeros(CLASSES)
         first, tall = self._first_layer(), self.counts[0, :LAYERS].copy()
-        tall[:first] = 0.0
+        tall[:first], tall[self._layers :] = 0.0, 0.0
         top = max(_end_of_peak(tall) + 2, first + 1)
         above[first:top] = 1.0
         above /= max(float(above.sum()), 1.0)
@@ -91,7 +97,7 @@ class Populations(KeepsState):
             answered = float(self.counts[0].sum() - self.counts[0, DUST])
             dust = self.counts[:, LAYERS:].sum(axis=1) / np.maximum(self.counts.sum(axis=1), 1e-9)
             self._told = (
-                canopy_height(crop, first),
+                canopy_height(crop[: self._layers], first),
                 _percentile(stubble, 0.9),
                 float(crop[first:].sum()) / max(answered, 1e-9),
                 float(dust.max()),
@@ -100,7 +106,7 @@ class Populations(KeepsState):
 
     def height_of(self, counts: F64) -> float:
         """Height of the canopy [m] in other counts (CLASSES,), nan where they hold little of it."""
-        return canopy_height(counts[:LAYERS], self._first_layer())
+        return canopy_height(counts[: self._layers], self._first_layer())
 
     def has_mat(self, counts: F64) -> bool:
         """Other counts (CLASSES,) show crop that lies flat: no canopy, but above the stubble."""
@@ -126,7 +132,7 @@ def canopy_height(layers: F64, first: int) -> float:
     layers: counts from the lowest layer on. The canopy reaches from layer `first` over its fullest layer to
     where a tenth of that is left: puffs of dust above it do not count.
     """
-    canopy = np.where(np.arange(LAYERS) >= first, layers, 0.0)
+    canopy = np.where(np.arange(len(layers)) >= first, layers, 0.0)
     if float(canopy.sum()) < 10.0:
         return float("nan")
     canopy[_end_of_peak(canopy) :] = 0.0

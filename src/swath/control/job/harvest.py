@@ -8,11 +8,12 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.control.job.passes import Pass, Route, route_of
+from swath.control.job.turn_limits import limits_of
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.units import KMH, PERCENT
+from swath.core.units import DEG, KMH, PERCENT
 from swath.signals import (
     GuidancePath,
     HeaderCommand,
@@ -37,7 +38,8 @@ BEHIND = 12.0  # m, a cart so far behind is out of its way
 
 @dataclass(frozen=True)
 class Params:
-    """passes: in the order of working; turn_speed_kmh: between them; turn_radius_m: of turns not given
+    """passes: in the order of working; turn_speed_kmh: between them; turn_radius_m: of turns not given;
+    turn_rate_deg_s: of the steering angle in them, less than the steering can, to come back to the path
     lower_m, raise_m: way before the crop on which the header goes down, behind it on which it goes up
     edge_from_m, edge_to_m: way in the pass from which, and before its end up to which, the crop edge may lead
     call_percent: of the tank, from which a cart is called; full_percent: at which the machine stands
@@ -48,6 +50,7 @@ class Params:
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
     turn_speed_kmh: Annotated[float, Gt(0), Le(20)] = 7.0
     turn_radius_m: Annotated[float, Gt(3), Le(50)] = 7.0
+    turn_rate_deg_s: Annotated[float, Gt(0), Le(90)] = 9.0
     lower_m: Annotated[float, Ge(0), Le(20)] = 3.0
     raise_m: Annotated[float, Ge(0), Le(20)] = 0.5
     edge_from_m: Annotated[float, Ge(0), Le(1000)] = 5.0
@@ -75,6 +78,8 @@ class Harvest(KeepsState):
         if not setup.machine.has_header:
             raise InputError("level", "harvest", "expected a machine with a header")
         self._p, self._knife, self._aside = params, setup.machine.knife_x, setup.machine.header_y
+        speed, rate = params.turn_speed_kmh * KMH, params.turn_rate_deg_s * DEG
+        self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
         self._forget()
 
@@ -104,7 +109,7 @@ class Harvest(KeepsState):
     def _made(self) -> tuple[Route, GuidancePath]:
         if self._index not in self._routes:
             p = self._p
-            route = route_of(p.passes, self._index, self._knife, p.turn_radius_m, self._aside)
+            route = route_of(p.passes, self._index, self._knife, self._limits, self._aside)
             x, y = np.array(route.points).T
             self._routes = {self._index: (route, GuidancePath(0, x, y, self._index))}
         return self._routes[self._index]

@@ -8,13 +8,17 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, MinLen
 
-from swath.control.job.dubins import Place, shortest
+from swath.control.job import clothoid
+from swath.control.job.dubins import Place
+from swath.control.job.turn_limits import TurnLimits
 from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends
 from swath.control.steer.path import Segment
 
 Coordinate = Annotated[float, Ge(-1e6), Le(1e6)]
 Point = tuple[float, float]
 RUN_OUT = 12.0  # straight on behind the last pass [m]
+SHORTEST = 1e-6  # piece of a turn [m]
+STRAIGHT = 3.0  # behind a turn, on the line of the next pass before its begin [m]
 
 
 @dataclass(frozen=True)
@@ -23,7 +27,8 @@ class Pass:
     on its left; speed_kmh: in it, at most
 
     turn: of the fixed axle, from where it is when the knife is at the end of the pass to where it is when the
-    knife is at the begin of the next; none = the shortest at the turn's radius
+    knife is at the begin of the next; none = the shortest of clothoids, arcs and straights at the turn's
+    radius and steering rate
     """
 
     line_m: Annotated[tuple[tuple[Coordinate, Coordinate], ...], MinLen(2)]
@@ -42,9 +47,11 @@ class Route:
     turn: float
 
 
-def route_of(passes: Sequence[Pass], index: int, knife: float, radius: float, header_y: float = 0.0) -> Route:
-    """The way of the fixed axle, which the knife is ahead of and header_y to the left of [m]; radius: of
-    turns that are not given [m].
+def route_of(
+    passes: Sequence[Pass], index: int, knife: float, limits: TurnLimits, header_y: float = 0.0
+) -> Route:
+    """The way of the fixed axle, which the knife is ahead of and header_y to the left of [m]; limits: of
+    turns that are not given.
     """
     own = axle_line(passes[index], knife, header_y)
     end = place_at_end(own)
@@ -53,15 +60,13 @@ def route_of(passes: Sequence[Pass], index: int, knife: float, radius: float, he
         return _made(own, [], [own[-1], beyond])
     then = axle_line(passes[index + 1], knife, header_y)
     (ax, ay), (bx, by) = then[:2]
-    begin = Place(ax, ay, atan2(by - ay, bx - ax))
-    given = [segment.bend for segment in passes[index].turn]
-    return _made(own, along_bends(*end, given or bends_of(shortest(end, begin, radius), radius)), then)
-
-
-def bends_of(way: Sequence[tuple[str, float]], radius: float) -> list[Bend]:
-    """Turns and straights as pieces of a path."""
-    bend = {"L": 1.0 / radius, "S": 0.0, "R": -1.0 / radius}
-    return [Bend(size, bend[word], bend[word]) for word, size in way]
+    course = atan2(by - ay, bx - ax)
+    begin = Place(ax - STRAIGHT * cos(course), ay - STRAIGHT * sin(course), course)
+    bends = [segment.bend for segment in passes[index].turn]
+    if not bends:
+        planned = [b for b in clothoid.plan(end, begin, limits) if b.length > SHORTEST]
+        bends = [*planned, Bend(STRAIGHT, 0.0, 0.0)]
+    return _made(own, along_bends(*end, bends), then)
 
 
 def _made(own: list[Point], turn: list[Point], then: list[Point]) -> Route:

@@ -12,9 +12,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
+from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, beside
-from swath.control.job.passes import Coordinate, Pass, bends_of, way_along
+from swath.control.job.passes import Coordinate, Pass, way_along
 from swath.control.job.ways import Search, moved
 from swath.control.steer.guidance_line import GuidanceLine, along_bends
 from swath.core.component import Inputs, KeepsState, Outputs, Port

@@ -1,5 +1,6 @@
 """How old detected edges and steering commands are when they arrive."""
 
+from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
@@ -26,19 +27,23 @@ class Delays:
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:
-        self._ages: dict[str, list[int]] = {}
+        self._ages: dict[str, Counter[int]] = {}  # how often each
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note the age of what arrives at t [ns]."""
         for signal in outputs.values():
             if t > 0 and isinstance(signal, CropEdge):
-                self._ages.setdefault("edge_delay_s", []).append(t - signal.t)
+                self._ages.setdefault("edge_delay_s", Counter())[t - signal.t] += 1
             elif t > 0 and isinstance(signal, SteerCommand):
-                self._ages.setdefault("command_delay_s", []).append(t - signal.t)
+                self._ages.setdefault("command_delay_s", Counter())[t - signal.t] += 1
 
     def metrics(self) -> dict[str, float]:
         """Of what the machine has: nothing without an edge detection or automatic steering."""
-        return {name: float(np.percentile(ages, 95.0)) / NS for name, ages in self._ages.items()}
+        return {name: _percentile(ages, 95.0) / NS for name, ages in self._ages.items()}
+
+
+def _percentile(ages: Counter[int], share: float) -> float:
+    return float(np.percentile(np.repeat(list(ages.keys()), list(ages.values())), share))
 
 
 LEVEL = Level(Delays, None, summary="how old detected edges and steering commands are on arrival")

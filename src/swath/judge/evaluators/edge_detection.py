@@ -12,6 +12,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.present_edge import SIDE_M, STEP_M, crop_across, edges_of
 from swath.judge.evaluator import EvaluatorSetup, Metric
+from swath.judge.kept_rows import KeptRows
 from swath.judge.statistics import mean, rms
 from swath.record.tracks import Column
 from swath.signals import F64, CropEdge, MachineState, Signal
@@ -96,7 +97,8 @@ class EdgeDetection:
         self._states: list[MachineState] = []
         self._waiting: list[CropEdge] = []
         self._rows: list[_Row] = []
-        self._judged: list[F64] = []
+        self._judged = KeptRows(9)
+        self._newest: F64 | None = None  # row of those
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look up what stands where an edge is reported, once the truth has reached its time."""
@@ -130,12 +132,12 @@ class EdgeDetection:
         """Of the newest judged sample, y in the machine frame [m], nan = there is no true edge."""
         if self._rows:
             return float(self._judge(self._rows[-1:])[0, 2])
-        return float(self._judged[-1][-1, 2]) if self._judged else float("nan")
+        return float("nan") if self._newest is None else float(self._newest[2])
 
     @property
     def newest_t(self) -> int:
         """Time of the newest judged sample [ns], -1 before there is one."""
-        return self._rows[-1].t if self._rows else int(self._judged[-1][-1, 0]) if self._judged else -1
+        return self._rows[-1].t if self._rows else -1 if self._newest is None else int(self._newest[0])
 
     def columns(self) -> tuple[Column, ...]:
         """The true edge, for the newest detected one."""
@@ -145,7 +147,7 @@ class EdgeDetection:
     def series(self) -> EdgeSeries:
         """The course of the run so far."""
         self._judge_rows()
-        table = np.concatenate([np.zeros((0, 9)), *self._judged])
+        table = self._judged.table()
         t, at, true, seen, found, exists, confidence, is_held, sd = table.T
         error = -self.side * (seen - true)
         error = np.where(np.abs(error) <= MATCH_M, error, np.nan)
@@ -169,7 +171,9 @@ class EdgeDetection:
 
     def _judge_rows(self) -> None:
         if self._rows:
-            self._judged.append(self._judge(self._rows))
+            judged = self._judge(self._rows)
+            self._judged.add(judged.ravel())
+            self._newest = judged[-1].copy()
             self._rows = []
 
     def _judge(self, rows: Sequence[_Row]) -> F64:

@@ -17,6 +17,7 @@ N = 16  # lanes of a vector
 GROUP_RAYS = 1024  # the traversal's room
 BUNDLES = 56  # of a group
 IMAGE_RAYS = 1024  # of a group
+HIGH = 2.0  # a patch of an image is about so much higher than wide: stems stand
 SINGLES = 8  # rays of a vector of a lone line
 SUB_RAYS_MAX = 512  # of a bundle that goes through the traversal
 
@@ -58,15 +59,28 @@ def _in_a_row(count: int, most: int, lanes: int) -> Packing:
 
 @lru_cache(maxsize=16)
 def pack_image(rows: int, columns: int, ratio: float) -> Packing:
-    """Groups of an image (rows, columns): patches, about square where the pitch of rows is `ratio` times
-    that of columns. A lone row is a line of single rays.
+    """Groups of an image (rows, columns): patches of equal size, about twice as high as wide.
+
+    ratio: pitch of rows over that of columns. A lone row is a line of single rays.
     """
     if rows == 1:
         return pack_bundles(columns, 1)
-    high = int(2 ** np.clip(np.round(0.5 * log2(IMAGE_RAYS / ratio)), 0, log2(IMAGE_RAYS)))
-    wide = IMAGE_RAYS // high
+    down, across = _patches(rows, columns, ratio)
     y, x = (v.ravel() for v in np.indices((rows, columns)))
-    patch = y // high * -(-columns // wide) + x // wide
+    patch = y * down // rows * across + x * across // columns
     order = np.argsort(patch, kind="stable").astype(np.int32)
     first = np.append(np.flatnonzero(np.diff(patch[order], prepend=-1)), rows * columns)
-    return Packing(order, first.astype(np.int32), N, min(wide, columns))
+    return Packing(order, first.astype(np.int32), N, columns // across)
+
+
+def _patches(rows: int, columns: int, ratio: float) -> tuple[int, int]:
+    """How many patches, down and across: few, and of the wanted shape."""
+
+    def cost(across: int) -> tuple[float, int, int]:
+        wide = -(-columns // across)
+        down = -(-rows // max(1, IMAGE_RAYS // wide))
+        shape = -(-rows // down) * ratio / wide
+        return down * across * (1.0 + 0.1 * abs(log2(shape / HIGH))), down, across
+
+    least = -(-columns // IMAGE_RAYS)
+    return min(cost(across) for across in range(least, columns + 1))[1:]

@@ -21,7 +21,8 @@ JOB = np.dtype(  # as in native/rays.cpp
     [(name, np.int64) for name in ("origins", "directions", "spots", "order", "first")]
     + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance")]
     + [(name, np.int64) for name in ("solid", "solid_organ", "solid_cosine", "solid_reflectance")]
-    + [(name, np.int64) for name in ("lanes", "groups", "sub_rays", "row", "spot_step", "next", "flags")]
+    + [(name, np.int64) for name in ("lanes", "groups", "sub_rays", "row", "spot_step", "origin_step")]
+    + [(name, np.int64) for name in ("next", "flags")]
     + [("range_max", np.float64)]
 )
 
@@ -67,10 +68,10 @@ class PacketTraversal:
         """Fill `hits`, (rays,), within range_max [m].
 
         scene, version: as the kernels read it, a new version where it has changed; rays: origins and
-        directions (..., 3), contiguous, or spots; solids: as the kernels read them, None = none, and none
-        with spots. Returns error flags, of which any asks for a closer look at the rays: 1 = some are not
-        finite or not of unit length, of which nothing is known; 2 = some start where no page is known, or
-        below the highest thing there, which are cast all the same.
+        directions (..., 3), contiguous, one origin (3,) for all, or spots; solids: as the kernels read them,
+        None = none, and none with spots or one origin. Returns error flags, of which any asks for a closer
+        look at the rays: 1 = some are not finite or not of unit length, of which nothing is known; 2 = some
+        start where no page is known, or below the highest thing there, which are cast all the same.
         """
         wp = start_warp()
         before = () if solids is None else self._hit_solids(wp, solids, rays, range_max, hits)
@@ -84,7 +85,8 @@ class PacketTraversal:
         kept = np.ascontiguousarray(starts, np.float64), np.ascontiguousarray(ways, np.float64)
         o, d, *held = [a.ctypes.data for a in (*kept, *hits.arrays, *before)]
         places = (o, d, spots, *packing.addresses, *held, *[0] * (8 - len(held)))
-        self._job[0] = (*places, packing.lanes, packing.group_count, subs, packing.row, step, 0, 0, range_max)
+        sizes = packing.lanes, packing.group_count, subs, packing.row, step, 3 * (starts.ndim > 1)
+        self._job[0] = (*places, *sizes, 0, 0, range_max)
         self._prepare(wp, scene, version)
         parts = min(self._pool.threads, packing.group_count, len(hits.organ) // RAYS_PER_TASK)
         self._pool.repeat(self._launch.launch, parts)

@@ -9,7 +9,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.units import KMH
-from swath.job.events import axle_pose
+from swath.job.combine_ways import axle_pose
 from swath.job.fleet import FleetFile
 from swath.job.machines import Cart, Combine, Fleet
 from swath.job.path import Piece, Pose

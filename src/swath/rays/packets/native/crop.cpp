@@ -46,6 +46,7 @@ struct Crop : Tiles {
   int runs;
   Kept kept;
   int waiting;
+  struct Beside { Set some; int piece; } beside[KEPT + N];  // vectors that a piece may touch, of pieces that may any
   unsigned pair[PAIRS + N];                    // a piece and a vector it may touch, as piece * VECTORS + vector
   unsigned char touched[VECTORS];
   int fresh[VECTORS], news;            // vectors with new hits
@@ -62,10 +63,7 @@ struct Crop : Tiles {
     set_frame();
     together_through();
     for (int n = 0; n < active_count; ++n)
-      for (int v = 0; v < vectors; ++v) {
-        Block& b = r[active[n] * vectors + v];
-        for (unsigned hit = bits(b.prim >= 0); hit; hit &= hit - 1) set_hit(b, __builtin_ctz(hit));
-      }
+      for (int v = 0; v < vectors; ++v) set_hits(r[active[n] * vectors + v]);
   }
   void find_box() {  // of the live vectors, in slopes
     gu0 = gv0 = FAR;
@@ -394,7 +392,7 @@ struct Crop : Tiles {
       nearest = lower(nearest, lowest_of(every() < waiting - n ? near : put(FAR)));
     }
     const Set looking = looking_to(nearest);
-    int asked = 0;
+    int asked = 0, busy = 0;
     for (int n = 0; n < waiting; n += N) {
       const F u = load(kept.u + n), v = load(kept.v + n), room = load(kept.wide + n) + offset_max * load(kept.inv + n);
       const F hu = size_of(load(kept.hu + n)) + room, hv = size_of(load(kept.hv + n)) + room;
@@ -405,12 +403,18 @@ struct Crop : Tiles {
       storei(low, across.step_of(v - hv));
       storei(high, across.step_of(v + hv));
       for (int i = 0; i < N && n + i < waiting; ++i) {
-        __builtin_prefetch(row_of(kept.prim[n + i]));
-        asked = ask(asked, n + i, looking & along.beside(left[i], right[i]) & across.beside(low[i], high[i]));
-        if (asked <= PAIRS - VECTORS) continue;
-        settle(narrow_down(asked));
-        asked = 0;
+        const Set some = looking & along.beside(left[i], right[i]) & across.beside(low[i], high[i]);
+        beside[busy].some = some;
+        beside[busy].piece = n + i;
+        busy += some != 0;
       }
+    }
+    for (int i = 0; i < busy; ++i) {
+      __builtin_prefetch(row_of(kept.prim[beside[i].piece]));
+      asked = ask(asked, beside[i].piece, beside[i].some);
+      if (asked <= PAIRS - VECTORS) continue;
+      settle(narrow_down(asked));
+      asked = 0;
     }
     settle(narrow_down(asked));
     waiting = 0;
@@ -426,11 +430,14 @@ struct Crop : Tiles {
     store(kept.ahead + n, u * tu + v * tv);
     store(kept.reach + n, h + load(kept.wide + n));
   }
-  HOT int ask(int asked, int n, Set some) {  // most are few: no branch for the first four
-    int left = __builtin_popcountll(some);
-    for (int at = asked;; at += 4) {
-      for (int i = 0; i < 4; ++i, some &= some - 1) pair[at + i] = n * VECTORS + __builtin_ctzll(some | 1ull << 63);
-      if (at + 4 >= asked + left) return asked + left;
+  HOT int ask(int asked, int n, Set some) {  // most are few: no branch for the first two
+    const int left = __builtin_popcountll(some);
+    for (int at = asked;; at += 2) {
+      pair[at] = n * VECTORS + __builtin_ctzll(some);
+      some &= some - 1;
+      pair[at + 1] = n * VECTORS + __builtin_ctzll(some | 1ull << 63);
+      some &= some - 1;
+      if (at + 2 >= asked + left) return asked + left;
     }
   }
   Set looking_to(float nearest) const {  // vectors that look as far as that
@@ -438,14 +445,15 @@ struct Crop : Tiles {
     for (int b = 0; b < packets * vectors; b += N) some |= (Set)bits(load(c.depth_max + b) >= nearest) << b;
     return some;
   }
-  HOT int narrow_down(int asked) {  // of the vectors that a piece may touch, those of which it may touch a lane
+  // is_one: all rays start at one point, so that none is off its slope
+  HOT int lanes_beside(int asked, bool is_one) {  // of the vectors that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)
     int pairs = 0;
     for (int q = 0; q < asked; ++q) {
       const int n = pair[q] / VECTORS, i = pair[q] % VECTORS;
       const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n];
       const Spot& s = spot[i];
-      F u = s.u + s.ou * inv, v = s.v + s.ov * inv;
+      F u = is_one ? s.u : s.u + s.ou * inv, v = is_one ? s.v : s.v + s.ov * inv;
       I may = (size_of(v * tu - u * tv - kept.side[n]) <= kept.wide[n]) &
               (size_of(u * tu + v * tv - kept.ahead[n]) <= kept.reach[n]) & (s.depth_max >= kept.near[n]);
       pair[pairs] = pair[q];  // no branch: whether it stays is hard to foretell
@@ -453,6 +461,7 @@ struct Crop : Tiles {
     }
     return pairs;
   }
+  int narrow_down(int asked) { return starts_at_one() ? lanes_beside(asked, true) : lanes_beside(asked, false); }
   void settle(int pairs) {
     for (int i = 0, next; i < pairs; i = next) {
       const int n = pair[i] / VECTORS;

@@ -1,14 +1,14 @@
 // Rays of a group: where they start and go, how far they look, what they hit.
 
 struct Job {  // as JOB in traversal.py
-  const double *origins, *directions;                        // of all rays, (rays, 3), or, with spots,
+  const double *origins, *directions;                        // of all rays, (rays, 3), origins also one for all, or, with spots,
   const double* spots;                                       // of all beams (beams, 3), (beams, 3, 3): as Spots.offsets
   const int *order, *first;                                  // the rays, group after group, null = as they come; first of each group
   float* distance; unsigned char* organ; float *cosine, *reflectance;  // out, per ray
   const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null
   long long lanes, groups, sub_rays;              // rays in a vector, at most N
   long long row;                                  // rays in a row of a group of an image, else 0
-  long long spot_step;                            // from one beam's spots to the next one's, 0 where all have the same
+  long long spot_step, origin_step;               // from one beam's spots, a ray's origin to the next one's, 0 = the same
   long long next, flags;                         // shared by all threads: the next group; what is to be looked at again
   double range_max;
 };
@@ -117,16 +117,28 @@ struct Rays : Vectors {
         d[i] = (axes[3 * i] + f[2] * axes[3 * i + 1] + f[3] * axes[3 * i + 2]) * f[4];
       }
     } else {
-      for (int l = 0; l < 8; ++l) {
-        const size_t ray = ray_at(at + (l < *some ? l : 0));
-        for (int i = 0; i < 3; ++i) {
-          o[i][l] = job.origins[3 * ray + i];
-          d[i][l] = job.directions[3 * ray + i];
-        }
-      }
+      gather_numbers(job.directions, 3, at, *some, d);
+      gather_numbers(job.origins, job.origin_step, at, *some, o);
     }
     turn(o);
     turn(d);
+  }
+  HOT void gather_numbers(const double* all, long long step, int at, int some, D* to) const {  // three of each ray
+    const int begin = ray_at(at);
+    if (step == 0) {
+      for (int i = 0; i < 3; ++i) to[i] = D{} + all[i];
+    } else if (some == 8 && ray_at(at + 7) == begin + 7) {  // one after the other in memory
+      D a, b, c;
+      __builtin_memcpy(&a, all + step * begin, 64);
+      __builtin_memcpy(&b, all + step * begin + 8, 64);
+      __builtin_memcpy(&c, all + step * begin + 16, 64);
+      to[0] = __builtin_shufflevector(__builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
+      to[1] = __builtin_shufflevector(__builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 0, 0, 0), c, 0, 1, 2, 3, 4, 8, 11, 14);
+      to[2] = __builtin_shufflevector(__builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
+    } else {
+      for (int l = 0; l < 8; ++l)
+        for (int i = 0; i < 3; ++i) to[i][l] = all[step * ray_at(at + (l < some ? l : 0)) + i];
+    }
   }
   void gather_spots(int beam, int sub, D* f) const {  // the last one again where there are no more
     const double* all = job.spots + beam * job.spot_step;
@@ -188,10 +200,11 @@ struct Rays : Vectors {
     }
     const float left = lowest_of(u0), low = lowest_of(v0), wide = highest_of(u1) - left + 1e-6f, high = highest_of(v1) - low + 1e-6f;
     const int all = (taken + lanes - 1) / lanes;
-    vectors = (int)(__builtin_sqrtf(all * high / wide) + 0.5f);
-    vectors = vectors < 1 ? 1 : vectors > all ? all : vectors;
+    const float aim = __builtin_sqrtf(all * high / (UPRIGHT * wide));
+    vectors = 1;
+    for (int v = 2; v <= all; ++v)  // the nearest to it, as a ratio, of those for which there is room
+      if ((all + v - 1) / v * v <= VECTORS && (v <= aim || v * vectors < aim * aim)) vectors = v;
     packets = (all + vectors - 1) / vectors;
-    if (packets * vectors > VECTORS) vectors = 1, packets = all;
     int as_come[ROOM];
     for (int n = 0; n < taken; ++n) as_come[n] = n;
     sort_by(come.u, left, wide, as_come, taken, sorted);
@@ -221,10 +234,14 @@ struct Rays : Vectors {
     }
     const float* const all[9] = {come.ox, come.oy, come.oz, come.dx, come.dy, come.dz, come.tx, come.ty, come.z0};
     F* const to[9] = {&b.ox, &b.oy, &b.oz, &b.dx, &b.dy, &b.dz, &b.tx, &b.ty, &b.z0};
-    for (int i = 0; i < 9; ++i)
-      for (int l = 0; l < N; ++l) (*to[i])[l] = all[i][from[l]];
+    const bool is_one = starts_at_one();
+    for (int i = 0; i < 9; ++i) {
+      if (is_one && (i < 3 || i >= 6)) *to[i] = put(all[i][0]);
+      else for (int l = 0; l < N; ++l) (*to[i])[l] = all[i][from[l]];
+    }
     start(b, ray, live);
   }
+  bool starts_at_one() const { return lowest[0] == highest[0] && lowest[1] == highest[1] && lowest[2] == highest[2]; }
   void start(Block& b, const int* ray, I live) const {
     b.ray = live ? loadi(ray) : puti(-1);
     b.t = live ? put((float)job.range_max) : put(-1.0f);

@@ -83,6 +83,12 @@ struct Tiles : Rays {
     F kx = tile.x - b.tx, ky = tile.y - b.ty, dx = b.dx, dy = b.dy, dz = b.dz;
     F ox = b.ox, oy = b.oy, best = least(b.t, put(k.until[p])), t0 = a.t0, t1 = a.t1;
     I live = a.live & (t0 < best);
+    if (!bits(live)) {
+      b.tin = put(FAR);
+      b.limit = put(-FAR);
+      b.prim = puti(-1);
+      return 0;
+    }
     const float *plane = tile.plane, *stand = tile.stand;
     F h1 = dz - plane[1] * dx - plane[2] * dy;
     F base = put((float)(plane[0] - gz)) - b.z0;
@@ -229,7 +235,43 @@ struct Tiles : Rays {
     return hit & (*t_of >= k_.low) & (z + *t_of * dz <= one.z_top);
   }
 
-  // What was hit: as the end of `cross_crop` in kernel/crop.py
+  // What was hit: as the end of `cross_crop` in kernel/crop.py; what the knife cut lane by lane, all else at once
+  void set_hits(Block& b) const {
+    const unsigned hit = bits(b.prim >= 0), cut = bits((b.prim >= 0) & ((b.prim & CUT) != 0));
+    for (unsigned some = cut; some; some &= some - 1) set_hit(b, __builtin_ctz(some));
+    if (hit == cut) return;
+    constexpr int TAKEN[11] = {0, 1, 2, 4, 5, 6, 8, 9, 10, 3, 11};  // of a row: ends a and b, width, radius, organ
+    alignas(64) float field[12][N] = {};
+    for (unsigned some = hit & ~cut; some; some &= some - 1) {
+      const int l = __builtin_ctz(some);
+      const float* row = row_of(b.prim[l]);
+      for (int i = 0; i < 11; ++i) field[i][l] = row[TAKEN[i]];
+      field[11][l] = row[14] > 0.0f ? row[14] : scene.reflectance.data[(int)row[11]];
+    }
+    F f[12];
+    __builtin_memcpy(f, field, sizeof f);
+    const I is_here = (b.prim >= 0) & ((b.prim & CUT) == 0), ky = (b.image << 16) >> 16, kx = (b.image - ky) >> 16;
+    const F x_off = real(kx) * size, y_off = real(ky) * size;
+    const F v[3] = {f[0] + x_off, f[1] + y_off, f[2]}, z[3] = {f[3] + x_off, f[4] + y_off, f[5]}, *w = f + 6;
+    const F u[3] = {z[0] - v[0], z[1] - v[1], z[2] - v[2]};
+    F n[3];
+    for (int i = 0; i < 3; ++i) n[i] = b.p[i] + b.limit * b.q[i] - v[i];
+    F share = (n[0] * u[0] + n[1] * u[1] + n[2] * u[2]) / most(u[0] * u[0] + u[1] * u[1] + u[2] * u[2], put(1.0e-20f));
+    share = least(most(share, F{}), put(1.0f));
+    const I is_flat = f[9] <= 0.0f;
+    for (int i = 0; i < 3; ++i) {
+      const F flat = u[(i + 1) % 3] * w[(i + 2) % 3] - u[(i + 2) % 3] * w[(i + 1) % 3];
+      n[i] = is_flat ? flat : n[i] - share * u[i];
+    }
+    const F x = tile.mirror_x ? -n[0] : n[0], y = tile.mirror_y ? -n[1] : n[1];
+    const F lift = (n[2] - x * tile.stand[1] - y * tile.stand[2]) * tile.squeeze;
+    const F g[3] = {x - lift * tile.plane[1], y - lift * tile.plane[2], lift};
+    const F along = size_of(g[0] * b.dx + g[1] * b.dy + g[2] * b.dz), length = root(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+    b.cosine = is_here ? least(put(1.0f), along / most(length, put(1.0e-20f))) : b.cosine;
+    b.t = is_here ? b.start + b.limit * b.shrink : b.t;
+    b.what = is_here ? __builtin_convertvector(f[10], I) : b.what;
+    b.albedo = is_here ? f[11] : b.albedo;
+  }
   void set_hit(Block& b, int l) const {
     const int id = b.prim[l], prim = id & (CUT - 1), image = b.image[l];
     const float* row = row_of(prim);

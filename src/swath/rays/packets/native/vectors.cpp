@@ -24,6 +24,7 @@ constexpr int ROOM = 1024;       // lanes of a group
 constexpr int VECTORS = ROOM / N, PACKETS = VECTORS;  // packets of a group at most
 constexpr int SUBS = 512;        // sub-rays of a bundle at most
 constexpr int PAIRS = 4096;      // pieces and vectors that wait
+constexpr float UPRIGHT = 3.0f;  // vectors are so much higher than wide, as stems stand
 constexpr int STEPS = 256;       // of places of vectors in slopes
 constexpr int FIELDS = 8;        // of a kept piece
 constexpr int KEPT = 2048;       // pieces that wait for their test

@@ -1,0 +1,52 @@
+"""Which ground is cut while several combines work a field, each at its own place of the plan."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.job.plan import FREE_SHARE, PlannedPass
+
+Array = NDArray[np.float64]
+SPACING = 8.0  # m between the places on a pass's left that are looked at
+
+
+class CutGround:
+    """Strips of the passes that are done. width: of the header [m]; pipe: how far left a cart drives [m]."""
+
+    def __init__(self, passes: tuple[PlannedPass, ...], width: float, pipe: float) -> None:
+        self._half, self._pipe = 0.5 * width, pipe
+        rows = [(*a, *b, i) for i, p in enumerate(passes) for a, b in _pieces(p)]
+        table = np.array(rows)
+        self._from, self._of = table[:, :2], table[:, 4].astype(int)
+        way = table[:, 2:4] - self._from
+        self._length = np.hypot(way[:, 0], way[:, 1])
+        self._ahead = way / self._length[:, None]
+        self._is_cut = np.zeros(len(rows), dtype=bool)
+
+    def cut(self, index: int) -> None:
+        """A pass is done."""
+        self._is_cut |= self._of == index
+
+    def is_free_beside(self, task: PlannedPass) -> bool:
+        """True where the ground on the left of a pass, under the pipe, is cut."""
+        places = np.concatenate([self._left_of(np.array(a), np.array(b)) for a, b in _pieces(task)])
+        away = places[:, None, :] - self._from[None, self._is_cut]
+        ahead = self._ahead[self._is_cut]
+        along = (away * ahead).sum(axis=2)
+        across = np.abs(away[:, :, 1] * ahead[:, 0] - away[:, :, 0] * ahead[:, 1])
+        on = (along >= 0.0) & (along <= self._length[self._is_cut]) & (across <= self._half)
+        return bool(on.any(axis=1).mean() >= FREE_SHARE)
+
+    def _left_of(self, a: Array, b: Array) -> Array:
+        """Places beside a piece of a pass, (n, 2) [m]."""
+        way = b - a
+        size = float(np.hypot(*way))
+        count = max(2, round(size / SPACING))
+        left = self._pipe * np.array([-way[1], way[0]]) / size
+        return np.asarray(a + left + (np.arange(count)[:, None] + 0.5) / count * way)
+
+
+def _pieces(task: PlannedPass) -> list[tuple[list[float], list[float]]]:
+    points = task.line.tolist()
+    return [(a, b) for a, b in pairwise(points) if a != b]

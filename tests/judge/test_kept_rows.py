@@ -1,0 +1,31 @@
+"""Rows of a whole run come back to the last bit, and take less room than they would as they are."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from swath.judge.kept_rows import BLOCK, KeptRows
+
+
+@pytest.mark.parametrize("count", [0, 1, BLOCK - 1, BLOCK, 3 * BLOCK + 17])
+def test_rows_come_back_to_the_last_bit(count):
+    rows = np.random.default_rng(1).normal(size=(count, 3))
+    rows[count // 2 :, 1] = np.nan
+    kept = KeptRows(3)
+    for row in rows:
+        kept.add(row)
+    assert bool(kept) == (count > 0)
+    assert kept.table().shape == (count, 3)
+    assert kept.table().tobytes() == rows.tobytes()
+    assert pickle.loads(pickle.dumps(kept)).table().tobytes() == rows.tobytes()
+
+
+def test_a_long_way_takes_less_than_half_of_its_numbers():
+    t = np.arange(10 * BLOCK) * 0.01
+    way = np.stack([t, 1.94 * t, 10.0 + 1.9 * t, 0.1 * np.sin(0.3 * t)], axis=1)
+    kept = KeptRows(4)
+    kept.add([])
+    for row in way:
+        kept.add(row)
+    assert len(pickle.dumps(kept)) < 0.5 * way.nbytes
