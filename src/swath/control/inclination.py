@@ -47,37 +47,48 @@ class Inclination(KeepsState):
         """Samples since the last call, oldest first, and the measured speed [m/s]. None: there is no unit."""
         good, t = [], 0
         for s in samples or ():
-            numbers = s.rate_x, s.rate_y, s.rate_z, s.force_x, s.force_y, s.force_z
-            if all(map(isfinite, numbers)):
-                good.append(numbers)
+            p, q, r, x, y, z = s.rate_x, s.rate_y, s.rate_z, s.force_x, s.force_y, s.force_z
+            if isfinite(p + q + r + x + y + z):
+                good.append((p, q, r, x, y, z))
                 t = s.t
         if not good:
             return
-        p, q, r, *force = [fsum(column) / len(good) for column in zip(*good, strict=True)]
-        rate, force = self._in_machine(p, q, r), self._in_machine(*force)
+        count = len(good)
+        p, q, r, x, y, z = [fsum(column) / count for column in zip(*good, strict=True)]
+        (p, q, r), (x, y, z), (bias_p, bias_q, bias_r) = (
+            self._in_machine(p, q, r),
+            self._in_machine(x, y, z),
+            self._bias,
+        )
         seconds = min(max((t - self._t) / NS, 0.0), 1.0)
         forward = (speed - self._speed) / seconds if self.is_known and seconds > 0.0 else 0.0
-        rate = [a - b for a, b in zip(rate, self._bias, strict=True)]
-        x, y, z = force[0] - forward, force[1] - speed * rate[2], force[2] + speed * rate[1]
+        p, q, r = p - bias_p, q - bias_q, r - bias_r
+        x, y, z = x - forward, y - speed * r, z + speed * q
         size = hypot(x, y, z)
         self._t, self._speed = t, speed
         if size < LEAST_FORCE:
             return
-        force = [x / size, y / size, z / size]
+        x, y, z = x / size, y / size, z / size
         if not self.is_known:
-            self._up, self.is_known = force, True
+            self._up, self.is_known = [x, y, z], True
             return
-        pull, before = min(1.0, seconds / SETTLE_S), self._up
-        up = [u - seconds * c for u, c in zip(before, _cross(rate, before), strict=True)]
+        pull = min(1.0, seconds / SETTLE_S)
+        a, b, c = self._up  # what the turn leaves of it, then what the force pulls it to
+        a, b, c = a - seconds * (q * c - r * b), b - seconds * (r * a - p * c), c - seconds * (p * b - q * a)
         push = pull / BIAS_S
-        self._bias = [b + push * c for b, c in zip(self._bias, _cross(up, force), strict=True)]
-        up = [u + pull * (f - u) for u, f in zip(up, force, strict=True)]
-        size = hypot(*up)
-        self._up = [u / size for u in up]
+        self._bias = [
+            bias_p + push * (b * z - c * y),
+            bias_q + push * (c * x - a * z),
+            bias_r + push * (a * y - b * x),
+        ]
+        a, b, c = a + pull * (x - a), b + pull * (y - b), c + pull * (z - c)
+        size = hypot(a, b, c)
+        self._up = [a / size, b / size, c / size]
 
-    def _in_machine(self, x: float, y: float, z: float) -> list[float]:
+    def _in_machine(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """A vector of the unit's frame in that of the machine."""
-        return [a * x + b * y + c * z for a, b, c in self._turn]
+        (a, b, c), (d, e, f), (g, h, i) = self._turn
+        return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
     @property
     def up(self) -> F64:
@@ -101,7 +112,3 @@ class Inclination(KeepsState):
         per_g: slip per side force in g; lateral: acceleration to the left [m/s2]
         """
         return per_g * (self.rise[1] + lateral / GRAVITY)
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -60,9 +60,11 @@ class YawRate(KeepsState):
             wheels = speed * tan(odometry.steer_angle) / self._wheelbase
             sd = hypot(speed / self._wheelbase * ANGLE, UNDERSTEER * wheels)
             self._angle.take(seconds, rate - wheels, sd)
-        x, y, z = self._up
-        turns = [fsum((x * s.rate_x, y * s.rate_y, z * s.rate_z)) for s in samples or ()]
-        turns = [turn for turn in turns if isfinite(turn)]
+        (x, y, z), turns = self._up, []
+        for s in samples or ():
+            turn = fsum((x * s.rate_x, y * s.rate_y, z * s.rate_z))
+            if isfinite(turn):
+                turns.append(turn)
         if turns:
             self._unit.take(seconds, rate - fsum(turns) / len(turns))
         self._since += seconds

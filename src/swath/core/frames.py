@@ -58,9 +58,14 @@ class Pose:
     @staticmethod
     def from_euler(position: Any, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> "Pose":
         """Pose from a position [m] and angles [rad]."""
-        made = object.__new__(Pose)
         place = position.tolist() if isinstance(position, np.ndarray) else position
-        made.__dict__["_numbers"] = [float(v) for v in place], rotation_rows(roll, pitch, yaw)
+        return Pose.of_numbers([float(v) for v in place], rotation_rows(roll, pitch, yaw))
+
+    @staticmethod
+    def of_numbers(position: list[float], rows: list[list[float]]) -> "Pose":
+        """Pose from a position [m] and the rows of its rotation, as plain numbers that nobody changes."""
+        made = object.__new__(Pose)
+        made.__dict__["_numbers"] = position, rows
         return made
 
     def __matmul__(self, other: "Pose") -> "Pose":

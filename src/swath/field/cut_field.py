@@ -1,8 +1,10 @@
 """The cut of a field: one compiled pass over the cells, the sums after it."""
 
 from collections.abc import Sequence
+from itertools import chain
 from math import ceil, floor
 from operator import attrgetter, is_
+from struct import pack_into
 from typing import Any
 
 import numpy as np
@@ -48,10 +50,9 @@ class Cutter:
         """
         if len(corners) > CORNERS_MAX:
             raise InputError("polygon", len(corners), f"expected at most {CORNERS_MAX} corners")
-        self._polygon[: len(corners)] = corners
+        pack_into(f"{2 * len(corners)}d", self._polygon.data.cast("B"), 0, *chain.from_iterable(corners))
         y = [v for _, v in corners]
-        self._ask[0], self._ask[3] = len(corners), code
-        return self._cut_rows(ceil(min(y) - 0.5), floor(max(y) - 0.5))
+        return self._cut_rows(len(corners), ceil(min(y) - 0.5), floor(max(y) - 0.5), code)
 
     def standing(
         self, places: Sequence[Corner], du: float, dv: float, count: int
@@ -64,15 +65,16 @@ class Cutter:
             self._lines[shape] = _Lines(self._land, *shape)
         return self._lines[shape].look(places, (du, dv))
 
-    def _cut_rows(self, first: int, last: int) -> Cut:
+    def _cut_rows(self, corners: int, first: int, last: int, code: int) -> Cut:
         """Cut these rows of cells of the polygon; in two halves when they lie on too many pages."""
-        self._ask[1:3] = first, last
-        pages = self._run(int(self._ask[3]))
+        pack_into("4i", self._ask.data, 0, corners, first, last, code)
+        pages = self._run(code)
         if pages is None:
             if first == last:
                 raise InputError("polygon", None, f"expected one less than {8 * PAGES_MAX} tiles wide")
             middle = (first + last) // 2
-            return self._cut_rows(first, middle) + self._cut_rows(middle + 1, last)
+            lower = self._cut_rows(corners, first, middle, code)
+            return lower + self._cut_rows(corners, middle + 1, last, code)
         report: list[int] = self._report.tolist()
         if report[CHANGED] == 0:
             return Cut()

@@ -5,7 +5,6 @@ stood there before minus what stands there after. Masses therefore add up to the
 of overlapping cuts, and can be recounted from the codes.
 """
 
-from dataclasses import dataclass
 from math import fsum, isfinite
 from typing import Any
 
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.errors import InputError
+from swath.core.frozen import frozen
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, PlantLibrary
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
 CELLS = TILE_CELLS * TILE_CELLS
 
 
-@dataclass(frozen=True)
+@frozen
 class Cut:
     """What a cut took. grain, straw [kg]; stem_count; area of crop that stood [m2]; grain_left [kg]: on cut
     stems whose ear lay below the cut and stays in the field.
@@ -37,7 +37,13 @@ class Cut:
     grain_left: float = 0.0
 
     def __add__(self, other: "Cut") -> "Cut":
-        return Cut(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+        return Cut(
+            self.grain + other.grain,
+            self.straw + other.straw,
+            self.stem_count + other.stem_count,
+            self.area + other.area,
+            self.grain_left + other.grain_left,
+        )
 
 
 class StemIndex:

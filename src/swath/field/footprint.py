@@ -5,7 +5,9 @@ array needs no renewal; where its borders are does not enter the result.
 """
 
 from collections.abc import Callable
+from functools import partial
 from math import cos, isfinite, sin
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -62,8 +64,7 @@ class Footprint:
             self._compile()
         self._asked.write(*place)
         self._launch.launch()
-        found: list[float] = self._means.tolist()
-        return found
+        return list(self._read())
 
     def _place(self, x: float, y: float, yaw: float) -> tuple[float, float, float, float]:
         """Place in nodes of the stand frame, cosine and sine of the heading in it; takes the pages there."""
@@ -83,7 +84,8 @@ class Footprint:
         array = start_warp().array
         self._asked = Row(kernel.Place)
         shared = [array(a, device="cpu", copy=False) for a in (self._held[2], self._first, self._points)]
-        means = array(self._means, device="cpu", copy=False)
+        means, numbers = array(self._means, device="cpu", copy=False), Struct(f"{self._groups}d")
+        self._read = partial(numbers.unpack_from, self._means.data.cast("B"))
         self._launch = repeatable(kernel.mean_heights, [*shared, self._asked.array, means])
 
     def _bilinear(self, u: Array, v: Array) -> Array:

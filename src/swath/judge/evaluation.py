@@ -1,7 +1,7 @@
 """All evaluators of a run: they watch it as one observer of the graph, and say what it came to."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
@@ -28,6 +28,7 @@ from swath.signals import F64, MachineState, Signal
 
 E = TypeVar("E")
 Metrics = dict[str, Any]
+See = Callable[[str, int, Mapping[str, Signal]], None]
 
 
 class Evaluation:
@@ -54,7 +55,7 @@ class Evaluation:
         }
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
-        self._shown: dict[tuple[str, tuple[type[Signal], ...]], list[Evaluator]] = {}
+        self._shown: dict[tuple[object, ...], list[See]] = {}
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
         self._distance = dict.fromkeys(self._setups, 0.0)
@@ -62,12 +63,13 @@ class Evaluation:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Show samples to the evaluators whose business they are."""
-        key = slot, tuple(map(type, outputs.values()))
+        key = slot, *map(type, outputs.values())
         shown = self._shown.get(key)
         if shown is None:
-            shown = self._shown[key] = self._interested(*key)
-        for evaluator in shown:
-            evaluator.see(slot, t, outputs)
+            kinds = tuple(map(type, outputs.values()))
+            shown = self._shown[key] = [e.see for e in self._interested(slot, kinds)]
+        for see in shown:
+            see(slot, t, outputs)
         if self._windows:
             self._show_windows(slot, t, outputs)
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.frames import Pose
+from swath.core.frames import Pose, rotation_rows
 from swath.field.field import Field
 from swath.machine.machine_sheet import Axle, dynamics_of
 from swath.signals.setup import MachineGeometry
@@ -48,7 +48,7 @@ class TerrainFollower:
         pitch = atan((rear - front) / wheelbase), roll = atan(front slope * cos(pitch)): on a plane the body's
         z axis is then exactly the plane's normal (intrinsic z-y'-x'' angles).
         """
-        if not (isfinite(x) and isfinite(y) and isfinite(yaw)):
+        if not isfinite(x + y + yaw):
             raise InputError("place", (x, y, yaw), "expected a finite place and heading")
         left, right, rear_left, rear_right = self._footprint.means(x, y, yaw)
         z = 0.5 * (left + right)
@@ -63,7 +63,7 @@ class TerrainFollower:
     def pose(self) -> Pose:
         """pose_world_machine of the last stance."""
         (x, y, yaw), a = self._place, self.stance
-        return Pose.from_euler((x, y, a.z), a.roll, a.pitch, yaw)
+        return Pose.of_numbers([x, y, a.z], rotation_rows(a.roll, a.pitch, yaw))
 
 
 def _tyre_points(machine: MachineGeometry) -> np.ndarray:

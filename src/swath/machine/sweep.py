@@ -1,7 +1,6 @@
 """What a line sweeps over between two moments, as convex polygons without gaps."""
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
 from math import fsum, hypot
 
 from swath.core.component import KeepsState
@@ -17,7 +16,8 @@ def line_ends(pose: Pose, x: float, left_y: float, right_y: float) -> Corners:
     """World xy of a line across the machine: left end, right end [m]."""
     (px, py, _), ((a, b, _), (d, e, _), _) = pose.numbers
     ahead_x, ahead_y = a * x, d * x
-    return [[ahead_x + b * y + px, ahead_y + e * y + py] for y in (left_y, right_y)]
+    left = [ahead_x + b * left_y + px, ahead_y + e * left_y + py]
+    return [left, [ahead_x + b * right_y + px, ahead_y + e * right_y + py]]
 
 
 class LinePath(KeepsState):
@@ -43,10 +43,11 @@ class LinePath(KeepsState):
                 self._last = now
                 continue
             least = max(self._step, STILL) if index < last else STILL
-            if max([hypot(x - u, y - v) for (x, y), (u, v) in zip(now, self._last, strict=True)]) < least:
-                continue
-            yield self._last, now
-            self._last = now
+            for (x, y), (u, v) in zip(now, self._last, strict=True):
+                if hypot(x - u, y - v) >= least:
+                    yield self._last, now
+                    self._last = now
+                    break
 
 
 def swept(before: Corners, after: Corners) -> list[Corners]:
@@ -69,15 +70,22 @@ def swept(before: Corners, after: Corners) -> list[Corners]:
 
 def signed_area(polygon: Sequence[Sequence[float]]) -> float:
     """Area [m2] of a polygon, > 0 when anticlockwise."""
-    (x0, y0), *rest = polygon
-    around = [(x - x0, y - y0) for x, y in rest]
-    twice: float = fsum([a * d - b * c for (a, b), (c, d) in pairwise(around)])
+    x0, y0 = polygon[0]
+    x, y = polygon[1]
+    a, b, parts = x - x0, y - y0, []
+    for x, y in polygon[2:]:
+        c, d = x - x0, y - y0
+        parts.append(a * d - b * c)
+        a, b = c, d
+    twice: float = fsum(parts)
     return 0.5 * twice
 
 
 def _is_convex(quad: Corners) -> bool:
-    edges = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise([*quad, quad[0]])]
-    turns = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise([*edges, edges[0]])]
+    (ax, ay), (bx, by), (cx, cy), (dx, dy) = quad
+    ex, ey, fx, fy = bx - ax, by - ay, cx - bx, cy - by
+    gx, gy, hx, hy = dx - cx, dy - cy, ax - dx, ay - dy
+    turns = ex * fy - ey * fx, fx * gy - fy * gx, gx * hy - gy * hx, hx * ey - hy * ex
     return min(turns) >= 0.0 or max(turns) <= 0.0
 
 

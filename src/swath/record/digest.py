@@ -122,8 +122,7 @@ class _Layout:
 def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer | None:
     """Packs samples whose fields are of these types, numbers and poses; None where others are among them.
 
-    A packer gives None for a sample with other types, or with a nan. Letters come before numbers, nothing
-    before a flag.
+    A packer gives None for a sample with other types. Letters come before numbers, nothing before a flag.
     """
     if not all(kind in PLAIN or kind is Pose for kind in types):
         return None
@@ -146,9 +145,9 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
     lines.append(f"if not ({' and '.join(right)}): return None")
     lines += [line for i, kind in enumerate(types) if kind is Pose for line in _unpacked(f"v{i}")]
     if reals:
-        lines += [f"x = {' + '.join(reals)}", "if x != x: return None"]
+        lines += [f"x = {' + '.join(reals)}", "if x != x:", *(f" if {v} != {v}: {v} = nan" for v in reals)]
     lines.append(f"return pack({', '.join(packed)})")
-    known = {"head": head, "types": types, "is_usual": _is_usual, "place": PLACE, "turn": TURN}
+    known = {"head": head, "types": types, "is_usual": _is_usual, "place": PLACE, "turn": TURN, "nan": np.nan}
     return cast("Packer", define("packer", "t, s", lines, {**known, "pack": Struct(layout).pack}))
 
 

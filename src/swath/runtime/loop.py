@@ -5,6 +5,7 @@ odometry, edge, steer, speed, steering. Observers record and judge.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from swath.core.abilities import EndsRun
 from swath.core.graph import EndOfRun, Observer
@@ -48,8 +49,9 @@ def drive(
         world.reset()
     limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
     end = round(limit_s * NS)
-    while graph.t < end and not has_arrived(world) and not graph.ended:
-        graph.run(min((graph.t // REPORT_EVERY + 1) * REPORT_EVERY, end), stop=lambda: has_arrived(world))
+    arrived = partial(has_arrived, world)
+    while graph.t < end and not arrived() and not graph.ended:
+        graph.run(min((graph.t // REPORT_EVERY + 1) * REPORT_EVERY, end), stop=arrived)
         raise_if_lost()
         if progress is not None:
             progress(driven_m(world), graph.t / NS)

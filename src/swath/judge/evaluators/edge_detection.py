@@ -24,6 +24,7 @@ MATCH_M = 1.5  # a detected edge is none that stands there when it is farther fr
 SURE, WRONG_M = 0.5, 0.3  # confidence, and error, of an edge that is wrong and sure
 RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
+NAN = float("nan")
 CHUNK = 32  # samples that are judged together: a millisecond of work
 
 
@@ -179,20 +180,19 @@ class EdgeDetection:
         """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd."""
         count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
         crop = np.unpackbits(np.stack([r.crop for r in rows]), axis=1, count=count).astype(bool)
-        judged = np.full((len(rows), 9), np.nan)
-        for out, row, places in zip(judged, rows, edges_of(crop), strict=True):
-            edge, y = row.edge, self._begin - self.side * STEP_M * places
-            seen = edge.offset if edge.is_found else float("nan")
-            away = np.abs(y - self._end_y)
-            exists = bool((away <= NEAR_M).any())
-            true = float("nan")
-            if edge.is_found and len(y):
-                true = y[np.argmin(np.abs(y - seen))]
+        judged = []
+        for row, places in zip(rows, edges_of(crop), strict=True):
+            edge, end = row.edge, self._end_y
+            at = [self._begin - self.side * STEP_M * place for place in places.tolist()]
+            seen, true = edge.offset if edge.is_found else NAN, NAN
+            exists = any(abs(y - end) <= NEAR_M for y in at)
+            if edge.is_found and at:
+                true = _nearest(at, seen)
             elif exists:
-                true = y[np.argmin(away)]
+                true = _nearest(at, end)
             told = edge.is_found, exists, edge.confidence, edge.is_held, edge.offset_sd
-            out[:] = row.t, row.distance, true, seen, *told
-        return judged
+            judged.append((row.t, row.distance, true, seen, *told))
+        return np.array(judged, dtype=float)
 
     def _at(self, t: int) -> tuple[Pose, float]:
         """True pose and distance at t [ns]; position and angles are interpolated between samples."""
@@ -208,6 +208,10 @@ class EdgeDetection:
         roll, pitch, yaw = start + share * wrap_angle(end - start)
         position = a.pose.position + share * (b.pose.position - a.pose.position)
         return Pose.from_euler(position, roll, pitch, yaw), a.distance + share * (b.distance - a.distance)
+
+
+def _nearest(places: Sequence[float], to: float) -> float:
+    return min(places, key=lambda place: abs(place - to))
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:

@@ -89,6 +89,7 @@ class SingleTrack:
         self._loop = SpeedLoop(d)
         self._compile()
         self._weigh(d)
+        self._dt, self._count = 0, 1  # of the last step [ns], and its substeps
         self._towed = towed_by(setup)
         wheels = (Port("wheels", WheelState),) if params.wheel_slip else ()
         self.outputs = (*ports_of(self._towed), *wheels)
@@ -108,15 +109,14 @@ class SingleTrack:
         self._carry(inputs.get("load"))
         steer: float = inputs["steering"].angle
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
-        count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
-        h = dt / NS / count
-        q, before = self._q.read(), self._speed
+        if dt != self._dt:
+            self._dt = dt
+            self._count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
+        count, h, before = self._count, dt / NS / self._count, self._speed
         for _ in range(count):
             middle, _ = self._loop.advance(self._speed, wanted, 0.5 * h)
             end, _ = self._loop.advance(self._speed, wanted, h)
-            _, roll, pitch, front_slope, rear_slope = self._follower.stance
-            held = self._sense * steer, roll, pitch, front_slope, rear_slope
-            self._drive.write(h, self._speed, middle, end, *held)
+            self._drive.write(h, self._speed, middle, end, self._sense * steer, *self._follower.stance[1:])
             self._advance()
             q = self._q.read()
             self._follower.at(q[0], q[1], q[2])

@@ -74,10 +74,9 @@ class Strapdown(KeepsState):
         Without a newer one the reading stays; from a single one, that of rest.
         """
         last = self._last
-        path = [s for s in states if last is None or s.t > last.t]
-        if last is not None:
-            path.insert(0, last)
-        elif len(path) == 1:
+        path = [] if last is None else [last]
+        path += [s for s in states if last is None or s.t > last.t]
+        if last is None and len(path) == 1:
             self._reading = self._at_rest(path[0].pose)
         if len(path) > 1:
             self._reading = self._between(path)
@@ -94,7 +93,8 @@ class Strapdown(KeepsState):
         s0, v0 = self._velocity or self._velocity_of(path[0], path[1])
         s1, v1 = self._velocity = self._velocity_of(path[-2], path[-1])
         per_s = 1.0 / (s1 - s0) if s1 > s0 else 0.0
-        x, y, z = ((b - a) * per_s for a, b in zip(v0, v1, strict=True))
+        (xa, ya, za), (xb, yb, zb) = v0, v1
+        x, y, z = (xb - xa) * per_s, (yb - ya) * per_s, (zb - za) * per_s
         way = (begin - 0.5 * (s0 + s1)) / span  # less than 0: back from half way to the first state
         p, q, r = turn
         force = turned((p * way, q * way, r * way), back(first, (x, y, z + GRAVITY)))
