@@ -213,7 +213,8 @@ class Pages:
     nodes [m]: rays that stay above it skip the tile's ground
     cut_slot: (n,) >= 0: row of `cut`; < 0: the whole page has code -1 - cut_slot
     cut: (m, 512, 512) uint8 codes, [iy, ix]
-    revision: grows by one with every change (a copy on another device is then stale)
+    revision: grows by one with every change (a copy on another device is then stale); made: pages that came
+    into memory so far
     """
 
     table: NDArray[np.int32]
@@ -229,6 +230,7 @@ class Pages:
     cut: NDArray[np.uint8]
     tile_bump: NDArray[np.float32]
     revision: int = 0
+    made: int = 0
 
     def slots_at(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
         """Slots of pages by their indices, -1 where one is not in memory."""

@@ -99,6 +99,7 @@ class PageStore:
         for key in self._unused(set(keys) if excess > 0 else (), excess):
             self._drop(key)
         self.made += len(missing)
+        self.pages.made = self.made
         self._used.update(dict.fromkeys(missing, self.made))
         self._widen(missing)
         made = {k: kept.pop(k) for kept in (self._untouched, self._ahead) for k in missing if k in kept}

@@ -105,9 +105,9 @@ class LiveScene:
     def _highest_ground(self, pages: Pages) -> F32:
         """Of each tile's plane, worked out again when pages came into memory."""
         plane, (known, made, corners) = pages.tile_plane, self._corners
-        if known is not plane or made != self.field.store.made:
+        if known is not plane or made != pages.made:
             corners = plane_tops(plane, self.field.library.tile_size)
-            self._corners = plane, self.field.store.made, corners
+            self._corners = plane, pages.made, corners
         return corners
 
     def _hold_tops(self, tops: F32) -> None:
