@@ -1,7 +1,8 @@
 """Scenes for the ray benchmark: hills with wheat, some of it cut, for our kernels and for flat Embree 4."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class Scene:
     state: np.ndarray
     stand_yaw: float = 0.0
     wind: Sway | None = None
+    store: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(made=0))  # all pages are there
 
 
 @cache

@@ -1,4 +1,7 @@
-"""`make bench`: every benchmark, one after the other; tables on the screen, JSON under the out folder."""
+"""`make bench`: every benchmark, one after the other; tables on the screen, JSON under the out folder.
+
+The first, `versions`, is the cost of whole runs of 0.1.0 and of this version in one interleaved run.
+"""
 
 import argparse
 import sys
@@ -18,6 +21,7 @@ import machine
 import rays
 import replay
 import ros2
+import versions
 import watch
 
 BENCHMARKS = {
@@ -37,14 +41,26 @@ BENCHMARKS = {
 }
 
 
+VERSIONS = "versions"
+
+
 def main() -> None:
     """Run all, or those named."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", choices=[*BENCHMARKS, []], help="which ones (default: all)")
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    names = [VERSIONS, *BENCHMARKS]
+    parser.add_argument("names", nargs="*", choices=[*names, []], help="which ones (default: all)")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the JSON files")
+    parser.add_argument("--base", type=Path, help="versions: checkout of 0.1.0 (default: of the history)")
+    parser.add_argument("--base-python", default=sys.executable, help="versions: its Python")
+    parser.add_argument("--rounds", type=int, default=3, help="versions: rounds (default: %(default)s)")
     args = parser.parse_args()
-    for name in args.names or BENCHMARKS:
-        BENCHMARKS[name](args.out)
+    for name in args.names or names:
+        if name != VERSIONS:
+            BENCHMARKS[name](args.out)
+            continue
+        base = [] if args.base is None else ["--base", str(args.base)]
+        more = ["--base-python", args.base_python, "--rounds", str(args.rounds), "--out", str(args.out)]
+        versions.main([*base, *more])
     print(f"JSON files: {args.out}")
 
 

@@ -1,12 +1,13 @@
 """Whole runs of two versions of swath against each other, in CPU time of interleaved processes.
 
-python benchmarks/versions.py --base FOLDER [--base-python PYTHON] [--rounds 5] [--out out/bench]
+python benchmarks/versions.py [--base FOLDER] [--base-python PYTHON] [--rounds 5] [--out out/bench]
 
-FOLDER is a checkout of the older version (`git worktree add FOLDER 2d89b5d` for 0.1.0), PYTHON one in which
-its dependencies are installed (default: this one; its `src` comes first on the path). Every process
-computes on one thread and counts user and system time, imports included. A simulated second is the
-difference of two runs of the same scenario, divided by the difference of their simulated times. Prints a
-table, writes versions.json.
+FOLDER is a checkout of the older version (default: 0.1.0, from this repository's history into a temporary
+folder), PYTHON one in which its dependencies are installed (default: this one; its `src` comes first on the
+path). Every process computes on one thread and counts user and system time, imports included. A simulated
+second is the difference of two runs of the same scenario, divided by the difference of their simulated
+times. 1,000 runs: a run of 60 s in a process that has made one already, 500 times; with 0.1.0 the standard
+messages are recorded, as its example of many runs does. Prints a table, writes versions.json.
 """
 
 import argparse
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,38 @@ RUN = "import sys, runpy; from importlib.util import find_spec as f;" \
       "m = 'swath.commands.main' if f('swath.commands.main') else 'swath.cli';" \
       "sys.argv[0] = 'swath'; runpy.run_module(m, run_name='__main__')"  # fmt: skip
 NOW = "now"
+FIRST = "2d89b5d"  # commit of 0.1.0
+RUNS_BEFORE = """
+import tempfile, time, swath
+sets = {"combine.lidar.level": "empirical", "run.max_duration_s": 60, "run.record": "standard"}
+with tempfile.TemporaryDirectory() as folder:
+    for seed in (1, 2):
+        started = time.process_time()
+        swath.run("straight", folder + f"/{seed}", sets=sets, seed=seed, report=False)
+    print(500 * (time.process_time() - started))
+"""
+RUNS_NOW = """
+import time, swath
+sets = {"combine.lidar.level": "empirical", "run.max_duration_s": 60}
+runs = swath.batch({"scenario": "straight", "sets": sets, "seed": seed} for seed in (1, 2))
+next(runs).summary
+started = time.process_time()
+next(runs).summary
+print(500 * (time.process_time() - started))
+"""
+LINE = """
+import sys, time
+sys.path[:0] = ["benchmarks", "."]
+from ray_scenes import make_beams, make_scene
+from swath.rays.engine import RayCaster
+caster = RayCaster(make_scene(600.0, first=(7, -6), tiles=(13, 13)), threads=1)
+o, d = make_beams(1, 16000, beams=400)
+for _ in range(4):
+    started = time.process_time()
+    for line in d.reshape(40, 1, 400, 3):
+        caster.cast_image(o[0, 0], line, range_max=60.0)
+print((time.process_time() - started) / 40)
+"""
 EMPIRICAL = ("combine.lidar.level=empirical",)
 
 
@@ -38,6 +72,7 @@ class Row:
     """What is measured: a whole run, or with `more` [m] a simulated second between two runs.
 
     short: distance [m] of the shorter run, None = that of the scenario; only_now: arguments of this version
+    code: of the older version and of this one, in place of a run; it prints what it measured [s]
     """
 
     title: str
@@ -47,6 +82,7 @@ class Row:
     more: float = 0.0
     sets: tuple[str, ...] = ()
     only_now: tuple[str, ...] = ()
+    code: tuple[str, str] | None = None
 
 
 ROWS = (
@@ -56,6 +92,8 @@ ROWS = (
     Row("before and after, alone", "straight", "1.5 s of 5.2", 0.1),
     Row("simulated second, empirical, recorded before, not now", "straight", "1/8", 10.0, 50.0, EMPIRICAL,
         ("--set=run.record=none", "--no-replay")),
+    Row("1,000 runs of 60 s, empirical, two cores", "straight", "10 of 85 min", code=(RUNS_BEFORE, RUNS_NOW)),
+    Row("line of 400 single rays, 100k plants", "", "0.5 of 1.9 ms", code=(LINE, LINE)),
 )  # fmt: skip
 
 
@@ -67,21 +105,45 @@ class Version:
     root: Path
     python: str
 
+    def printed_s(self, code: str) -> float:
+        """The number that a program prints in a process of its own; RuntimeError when it cannot run."""
+        return float(self._done(code, (), fine=(0,)).split()[-1])
+
     def cpu_s(self, arguments: Sequence[str]) -> float:
         """CPU time [s] of `swath ARGUMENTS` in a process of its own; RuntimeError when it cannot run."""
-        env = environment(PYTHONPATH=str(self.root / "src"))
         before = os.times()
-        done = subprocess.run(
-            [self.python, "-c", RUN, *arguments], env=env, cwd=self.root, capture_output=True, text=True
-        )
+        self._done(RUN, arguments, fine=(0, 1))  # 1: a limit fails, which a short run may well do
         after = os.times()
-        if done.returncode not in (0, 1):  # 1: a limit fails, which a short run may well do
-            raise RuntimeError(f"{self.name}: swath {' '.join(arguments)}: {done.stderr.strip()[-400:]}")
         return after.children_user + after.children_system - before.children_user - before.children_system
+
+    def _done(self, code: str, arguments: Sequence[str], fine: Sequence[int]) -> str:
+        env = environment(PYTHONPATH=str(self.root / "src"))
+        command = [self.python, "-c", code, *arguments]
+        done = subprocess.run(command, env=env, cwd=self.root, capture_output=True, text=True)
+        if done.returncode not in fine:
+            raise RuntimeError(f"{self.name}: {' '.join(arguments)}: {done.stderr.strip()[-400:]}")
+        return done.stdout
+
+
+@contextmanager
+def checkout(folder: Path | None) -> Iterator[Path]:
+    """The older version: a folder that is there, or 0.1.0 as this repository's history has it."""
+    if folder is not None:
+        yield folder.resolve()
+        return
+    here = Path(__file__).resolve().parent.parent
+    with tempfile.TemporaryDirectory(prefix="swath-0.1.0-") as made:
+        packed = subprocess.run(["git", "archive", FIRST], cwd=here, capture_output=True)
+        if packed.returncode:
+            raise SystemExit(f"0.1.0 ({FIRST}) is not in this repository's history: give --base FOLDER")
+        subprocess.run(["tar", "-x", "-C", made], input=packed.stdout, check=True)
+        yield Path(made)
 
 
 def measure(row: Row, version: Version, folder: Path) -> float:
     """CPU seconds of a row: of the run, or per simulated second between the shorter and the longer one."""
+    if row.code is not None:
+        return version.printed_s(row.code[version.name == NOW])
     found = [
         (version.cpu_s(arguments), simulated_s(folder))
         for arguments in commands(row, folder, is_now=version.name == NOW)
@@ -126,8 +188,15 @@ def interleaved(rows: Sequence[Row], versions: Sequence[Version], rounds: int, w
                 seconds = measure(row, version, Path(base) / f"{version.name}-{rows.index(row)}")
                 if number > 0:
                     found[row.title][version.name].append(seconds)
-                print(f"{number}/{rounds} {row.title}, {version.name}: {seconds:.2f} s", file=sys.stderr)
+                print(f"{number}/{rounds} {row.title}, {version.name}: {shown(seconds)}", file=sys.stderr)
     return found
+
+
+def shown(seconds: float) -> str:
+    """A time with the unit that suits it."""
+    if seconds >= 300.0:
+        return f"{seconds / 60.0:.1f} min"
+    return f"{seconds:.2f} s" if seconds >= 1.0 else f"{1e3 * seconds:.3g} ms"
 
 
 def show(rows: Sequence[Row], versions: Sequence[Version], found: Mapping[str, Any]) -> None:
@@ -142,7 +211,7 @@ def show(rows: Sequence[Row], versions: Sequence[Version], found: Mapping[str, A
     for row in rows:
         seconds = found[row.title]
         ratios = sorted(b / a for a, b in zip(seconds[base.name], seconds[now.name], strict=True))
-        middle = [f"{statistics.median(seconds[v.name]):.3f} s" for v in versions]
+        middle = [shown(statistics.median(seconds[v.name])) for v in versions]
         spread = f"{statistics.median(ratios):.2f} ({ratios[0]:.2f} to {ratios[-1]:.2f})"
         table.add_row(row.title, *middle, spread, row.goal)
     Console().print(table)
@@ -153,7 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--base", type=Path, required=True, help="checkout of the older version")
+    parser.add_argument("--base", type=Path, help="checkout of the older version (default: 0.1.0)")
     parser.add_argument("--base-python", default=sys.executable, help="its Python")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--warm", type=int, default=1, help="rounds before, which compile what is missing")
@@ -162,11 +231,9 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     options = parser.parse_args(arguments)
     rows = ROWS if options.rows is None else [ROWS[i] for i in options.rows]
     here = Path(__file__).resolve().parent.parent
-    versions = [
-        Version("before", options.base.resolve(), options.base_python),
-        Version(NOW, here, sys.executable),
-    ]
-    found = interleaved(rows, versions, options.rounds, options.warm)
+    with checkout(options.base) as base:
+        versions = [Version("before", base, options.base_python), Version(NOW, here, sys.executable)]
+        found = interleaved(rows, versions, options.rounds, options.warm)
     show(rows, versions, found)
     data = {"machine": machine(), "cpu_s": found}
     write_json(options.out, "versions", data)

@@ -15,6 +15,7 @@ from swath.field.prototypes import make_library
 from swath.rays.packets.index import PacketIndex, make_index
 
 INK, GRID, PIECE, RAY = "#33373d", "#d9dbde", "#b9b4a6", "#c0223b"
+UPRIGHT = 3.0  # vectors are so much higher than wide
 VECTORS = ("#c0223b", "#2f6f9f", "#7d9352")
 EYE, DOWN, STEP, SPOT = np.array([-6.0, 0.5, 2.6]), np.radians(17.0), np.radians(1 / 3), 0.006
 BEAMS = np.arange(-4, 5) * STEP
@@ -37,7 +38,7 @@ def spot(beam: float, count: int = 37) -> np.ndarray:
 def vectors(places: np.ndarray, lanes: int = 16) -> list[np.ndarray]:
     """Slopes (n, 2) of rays vector by vector, as `pack` in rays/packets/native/rays.cpp makes them."""
     count, (wide, high) = len(places) / lanes, np.ptp(places, axis=0)
-    side = max(1, round(np.sqrt(count * high / wide)))  # vectors of a column
+    side = max(1, round(np.sqrt(count * high / (UPRIGHT * wide))))  # vectors of a column
     by_u = places[np.argsort(places[:, 0])]
     columns = [by_u[i : i + side * lanes] for i in range(0, len(by_u), side * lanes)]
     by_v = [column[np.argsort(column[:, 1])] for column in columns]

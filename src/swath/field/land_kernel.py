@@ -32,6 +32,7 @@ class Land:
 
 @wp.func
 def floor_div(a: int, b: int) -> int:
+    """Floor of a / b for b > 0."""
     q = a / b
     if a - q * b < 0:
         q = q - 1

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from swath.field.land_kernel import floor_div
 from swath.rays.kernel.shapes import MISS
 
 
@@ -125,15 +126,6 @@ def plane_offset(o: float, d: float) -> float:
     if wp.abs(d) < 1.0e-12:
         return MISS
     return -o / d
-
-
-@wp.func
-def floor_div(a: int, b: int) -> int:
-    """Floor of a / b for b > 0."""
-    q = a / b
-    if a - q * b < 0:
-        q = q - 1
-    return q
 
 
 @wp.func

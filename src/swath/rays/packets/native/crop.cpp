@@ -445,14 +445,15 @@ struct Crop : Tiles {
     for (int b = 0; b < packets * vectors; b += N) some |= (Set)bits(load(c.depth_max + b) >= nearest) << b;
     return some;
   }
-  HOT int narrow_down(int asked) {  // of the vectors that a piece may touch, those of which it may touch a lane
+  // is_one: all rays start at one point, so that none is off its slope
+  HOT int lanes_beside(int asked, bool is_one) {  // of the vectors that a piece may touch, those of which it may touch a lane
 #pragma clang fp contract(fast)
     int pairs = 0;
     for (int q = 0; q < asked; ++q) {
       const int n = pair[q] / VECTORS, i = pair[q] % VECTORS;
       const float tu = kept.tu[n], tv = kept.tv[n], inv = kept.inv[n];
       const Spot& s = spot[i];
-      F u = s.u + s.ou * inv, v = s.v + s.ov * inv;
+      F u = is_one ? s.u : s.u + s.ou * inv, v = is_one ? s.v : s.v + s.ov * inv;
       I may = (size_of(v * tu - u * tv - kept.side[n]) <= kept.wide[n]) &
               (size_of(u * tu + v * tv - kept.ahead[n]) <= kept.reach[n]) & (s.depth_max >= kept.near[n]);
       pair[pairs] = pair[q];  // no branch: whether it stays is hard to foretell
@@ -460,6 +461,7 @@ struct Crop : Tiles {
     }
     return pairs;
   }
+  int narrow_down(int asked) { return starts_at_one() ? lanes_beside(asked, true) : lanes_beside(asked, false); }
   void settle(int pairs) {
     for (int i = 0, next; i < pairs; i = next) {
       const int n = pair[i] / VECTORS;
