@@ -158,7 +158,7 @@ def main() -> None:
     try:
         import rclpy  # noqa: F401
 
-        cases.append(("demo, empirical, ROS 2", RUNS["demo, empirical"], True))
+        cases += [(f"{name}, ROS 2", RUNS[name], True) for name in ("demo, empirical", "demo, plants")]
     except ImportError:
         print("ROS 2: rclpy is not installed")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
