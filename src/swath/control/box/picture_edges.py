@@ -68,8 +68,8 @@ def noise_of(channel: F64) -> float:
 def smoothed(channel: F64) -> F64:
     """By a binomial of five pixels both ways; at the border with what lies next to it."""
     wide = np.pad(channel, 2, mode="edge")
-    rows = sum(w * wide[k : k + channel.shape[0]] for k, w in enumerate(BINOMIAL))
-    return np.asarray(sum(w * rows[:, k : k + channel.shape[1]] for k, w in enumerate(BINOMIAL)))
+    rows = np.add.reduce([w * wide[k : k + channel.shape[0]] for k, w in enumerate(BINOMIAL)])
+    return np.asarray(np.add.reduce([w * rows[:, k : k + channel.shape[1]] for k, w in enumerate(BINOMIAL)]))
 
 
 def derivatives(picture: F64) -> tuple[F64, F64]:
