@@ -26,7 +26,7 @@ from swath.machine.unload import ideal
 from swath.signals import HeapState, UnloadState
 
 CART = load_machine("tractor-grain-cart")
-DRAWS = 2  # stations of each row of `seen`
+DRAWS = 6  # stations of each row of `seen`
 
 
 def say(case: str, found: str, expected: str) -> None:
