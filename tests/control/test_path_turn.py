@@ -21,6 +21,17 @@ COMBINE = load_machine("lexion-700")
 SPEED, RUN, PASS = 7 / 3.6, 20.0, 25.0  # m/s; m before the turn and behind it
 
 
+def farthest(rows, line):
+    """Largest distance of a drive from a line behind its first RUN metres [m]."""
+    way, errors = None, []
+    for _, x, y, *_ in rows:
+        found = line.project(x, y, way, 8.0)
+        way = found.way
+        if way > RUN:
+            errors.append(abs(found.left))
+    return float(np.max(errors))
+
+
 def largest_error(turn, share, seed):
     """Largest distance from the path, from the begin of a turn of 6.4 m to a pass 12 m beside [m].
 
@@ -35,13 +46,7 @@ def largest_error(turn, share, seed):
     params = Params(segments=segments, begin=Begin(-RUN, 0.0, 0.0))
     seconds = (line.length - 5.0) / SPEED
     rows, _ = PathDrive(params, machine=COMBINE, speed=SPEED, start=(-RUN, 0.0, 0.0), seed=seed).run(seconds)
-    way, errors = None, []
-    for _, x, y, *_ in rows:
-        found = line.project(x, y, way, 8.0)
-        way = found.way
-        if way > RUN:
-            errors.append(abs(found.left))
-    return float(np.max(errors))
+    return farthest(rows, line)
 
 
 @pytest.mark.parametrize("seed", [1, 9])
@@ -69,13 +74,7 @@ def error_in_planned_turn(shift, seed, distance=6.0, **more):
         path=lambda _: path,
     )  # fmt: skip
     rows, _ = drive.run((line.length - 5.0) / SPEED)
-    way, errors = None, []
-    for _, x, y, *_ in rows:
-        found = line.project(x, y, way, 8.0)
-        way = found.way
-        if way > RUN:
-            errors.append(abs(found.left))
-    return float(np.max(errors))
+    return farthest(rows, line)
 
 
 @pytest.mark.parametrize(("shift", "seed"), [(11.7, 1), (23.4, 9)])

@@ -52,9 +52,12 @@ def test_one_combine_takes_as_long_as_by_events():
     assert driven == pytest.approx(by_events, rel=0.05)
 
 
-def test_numbers_of_carts_rank_the_same():
-    """Of layout 5, the one of twenty where hours are farthest apart."""
-    assert same_ranking(*zip(*(hours(5, n) for n in CARTS), strict=True))
+@pytest.mark.parametrize("layout", [4, 5])
+def test_numbers_of_carts_rank_the_same(layout):
+    """Layout 5 is the one of twenty where hours are farthest apart, 5.4 %; in 4 a third cart costs time."""
+    cheap, dear = zip(*(hours(layout, n) for n in CARTS), strict=True)
+    assert same_ranking(cheap, dear)
+    assert dear == pytest.approx(cheap, rel=0.055)
 
 
 def test_the_same_job_gives_the_same_bytes(echelon):

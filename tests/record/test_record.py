@@ -328,9 +328,9 @@ def test_layers_of_a_scanner_become_rings_as_its_driver_numbers_them(tmp_path):
     np.testing.assert_array_equal(beam, np.arange(210_000))  # more than 16 bits
 
 
-def test_what_is_put_off_waits_to_be_written_but_not_long(tmp_path):
+def test_what_is_deferred_waits_to_be_written_but_not_long(tmp_path):
     with Recorder(tmp_path, [machine()]) as recorder:
-        recorder.put_off()
+        recorder.defer()
         count = []
         drive(
             [recorder, lambda slot, t, _: count.append((t, recorder.file.count))],
@@ -356,6 +356,6 @@ def test_taps_hear_messages_at_once(tmp_path):
     heard = []
     with Recorder(tmp_path, [machine()]) as recorder:
         recorder.file.taps.append(lambda topic, t, *_: heard.append(t))
-        recorder.put_off()
+        recorder.defer()
         drive([recorder], GridField(ArcEdge(40.0)), seconds=0.1)
         assert len(heard) == recorder.file.count > 0

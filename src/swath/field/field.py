@@ -164,7 +164,7 @@ class Field:
         if not 0.0 <= height_m <= 2.54:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
         points, (c, s), cell = corners_of(polygon), self._turn, self.maker.cell
-        _check_corners(points)
+        _check_near_origin(points)
         corners = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in points]
         return self._cutter.cut(corners, round(100.0 * height_m))
 
@@ -211,7 +211,7 @@ class Field:
         if not 0.0 <= mass_kg < np.inf:
             raise InputError("mass_kg", mass_kg, "expected >= 0")
         points, (c, s), node = corners_of(polygon), self._turn, self.maker.node
-        _check_corners(points)
+        _check_near_origin(points)
         corners = [((c * x + s * y) / node, (c * y - s * x) / node) for x, y in points]
         self._straw.lay(corners, mass_kg, None if heading is None else heading - self.stand_yaw)
 
@@ -387,8 +387,8 @@ def _check_place(x: float, y: float) -> None:
         raise _too_far()
 
 
-def _check_corners(points: Sequence[Corner]) -> None:
-    """Of finite places, as `_check_place`."""
+def _check_near_origin(points: Sequence[Corner]) -> None:
+    """That finite places are not too far."""
     for x, y in points:
         if not (-FAR <= x <= FAR and -FAR <= y <= FAR):
             raise _too_far()

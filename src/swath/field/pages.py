@@ -73,7 +73,7 @@ class PageStore:
         self.stem_reach = 0  # tiles from which stems can lean over another one, the most of all pages so far
         self.keys: dict[Key, int] = {}  # slot of every page in memory, oldest use first
         self._used: dict[Key, int] = {}  # pages made before the last use of each of them
-        self.made = self.dropped = 0  # pages that came into memory and left it, so far
+        self.dropped = 0  # pages that left memory, so far
         self.recut: set[Key] = set()  # pages whose codes are not those of the start
         self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
         self.packed: dict[Key, Change] = {}  # changed pages that are not in memory
@@ -92,15 +92,14 @@ class PageStore:
                 missing.append(key)
             else:
                 self.keys[key] = slot
-                self._used[key] = self.made
+                self._used[key] = self.pages.made
         if not missing:
             return
         excess = len(self.keys) + len(missing) - self.limit
         for key in self._unused(set(keys) if excess > 0 else (), excess):
             self._drop(key)
-        self.made += len(missing)
-        self.pages.made = self.made
-        self._used.update(dict.fromkeys(missing, self.made))
+        self.pages.made += len(missing)
+        self._used.update(dict.fromkeys(missing, self.pages.made))
         self._widen(missing)
         made = {k: kept.pop(k) for kept in (self._untouched, self._ahead) for k in missing if k in kept}
         if len(made) < len(missing):
@@ -145,7 +144,7 @@ class PageStore:
         """Pages unused while IDLE others were made, `excess` at least, never those of `keep`."""
         old: list[Key] = []
         for key in self.keys:
-            if self._used[key] > self.made - IDLE and len(old) >= excess:
+            if self._used[key] > self.pages.made - IDLE and len(old) >= excess:
                 break
             if key not in keep:
                 old.append(key)

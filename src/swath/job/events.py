@@ -28,7 +28,7 @@ from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.engine import Job
 from swath.job.path import Path, Pose
 from swath.job.ride import Ride, time_over
-from swath.job.states import CartState, CombineState, at, way_between
+from swath.job.states import DONE, CartState, CombineState, at, way_between
 from swath.machine.loops import SpeedLoop
 from swath.machine.machine_sheet import dynamics_of
 
@@ -135,7 +135,7 @@ class Events:
         if c.phase not in ("way", "cut", "haul", "back"):
             return 0.0
         leader = job.leader_of(c)
-        if leader is not None and c.phase == "cut" and job.gap(leader, c) <= job.file.team.lag_m + 1e-6:
+        if leader is not None and c.phase == "cut" and job.gap(leader, c) <= job.file.team.lag_m + DONE:
             return min(c.pace, leader.speed)
         return c.pace
 
@@ -162,7 +162,7 @@ class Events:
         if way is not None:
             c.speed, c.way = way.ride.speed, c.way + c.left - way.ride.left
             c.left = way.ride.left
-            if c.left <= 1e-6:
+            if c.left <= DONE:
                 del self._ways[c.spec.name]
         elif self._drives(c):
             c.speed, gone = self._gone(c, target, dt)
@@ -174,7 +174,7 @@ class Events:
             c.speed = target
             c.way += min(c.speed * dt, c.left)
             c.left = max(0.0, c.left - c.speed * dt)
-        c.left = 0.0 if c.left < 1e-6 else c.left
+        c.left = 0.0 if c.left < DONE else c.left
 
     # ways
 
@@ -208,7 +208,6 @@ class Events:
     def _cart_ride(self, k: CartState, targets: dict[int, float]) -> "_Riding":
         way, cart = self._ways[k.spec.name], k.spec
         ride, combine = way.ride, k.combine
-
         if k.phase == "to_truck" or combine is None:
             return self._truck_ride(k, ride)
         target = targets[combine.number]
@@ -239,7 +238,7 @@ class Events:
 
     def _arrive(self, k: CartState, left: float) -> None:
         """A cart has so much of its way left [m]."""
-        k.left = left if left > 1e-6 else 0.0
+        k.left = left if left > DONE else 0.0
         if k.left <= 0.0:
             del self._ways[k.spec.name]
 

@@ -99,7 +99,7 @@ class Recorder:
         while waiting and waiting[0][0] < t - LATEST:
             self.write_next()
 
-    def put_off(self) -> None:
+    def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.
 
         Not where taps hear the messages: they hear them at once.

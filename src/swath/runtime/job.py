@@ -224,8 +224,8 @@ class _Running:
                 )
             )
         if self.pacer is not None:
-            self.recorder.put_off()
-            self.pacer.put_off = self.recorder.write_next
+            self.recorder.defer()
+            self.pacer.deferred = self.recorder.write_next
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
 

@@ -58,7 +58,7 @@ class Pacer:
     costs: slot -> wall time used so far [s]
     relieve: takes the next cheaper level at a simulated time [ns]; None when there is none left
     prepare: does a piece of work in advance, of some ms; False when there is none
-    put_off: does a piece of the work that can wait, but has to be done soon; False when there is none
+    deferred: does a piece of the work that can wait, but has to be done soon; False when there is none
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Pacer:
         self.priority, self.scheduling = plan.priority, "default"
         self._piece = float(PIECE)
         self.after_grace: Callable[[], None] | None = None  # called once
-        self.put_off: Callable[[], bool] = lambda: False
+        self.deferred: Callable[[], bool] = lambda: False
 
     def __call__(self, t: int) -> None:
         """Come back when the tick at t [ns] is due. OverrunError when it is too late and that is to fail."""
@@ -153,8 +153,8 @@ class Pacer:
         return found + [f"real time: {text}" for text in changed]
 
     def _work_ahead(self, now: int, due: int) -> int:
-        """What was put off, then work in advance, as long as a piece fits in; the time then [ns]."""
-        while due - now > SHORT and self.put_off():
+        """What was deferred, then work in advance, as long as a piece fits in; the time then [ns]."""
+        while due - now > SHORT and self.deferred():
             now = self._clock.now()
         while due - now > self._piece and self._prepare():
             began, now = now, self._clock.now()

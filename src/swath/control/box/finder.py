@@ -2,6 +2,7 @@
 is given.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
@@ -40,7 +41,7 @@ class FinderParams:
     keep_s: Annotated[float, Ge(0), Le(10)] = 0.5
 
 
-class BoxFinder(KeepsState):
+class BoxFinder(KeepsState, ABC):
     """Takes every look; a sample tells of the look that it comes from. A level gives `taken` and `look`."""
 
     kept: ClassVar[tuple[str, ...]] = ("_seen", "_latest")
@@ -48,13 +49,13 @@ class BoxFinder(KeepsState):
     def __init__(self, params: FinderParams) -> None:
         self._p = params
 
+    @abstractmethod
     def taken(self, inputs: Inputs) -> int | None:
         """When what there is to look at was taken [ns]; None where there is nothing."""
-        raise NotImplementedError
 
+    @abstractmethod
     def look(self, t: int, inputs: Mapping[str, Any], size: Size) -> BoxSeen:
         """What it shows. size: length, width and height of the rim [m]"""
-        raise NotImplementedError
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing seen."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.control.box.picture_edges import Edges
-from swath.control.box.rim_fit import BIN, WALL, Rim
+from swath.control.box.rim_fit import WALL, Rim, values_apart
 from swath.control.box.view import View
 from swath.core import portable
 from swath.signals import F64
@@ -130,16 +130,11 @@ def _pairs(values: F64, apart: float) -> tuple[tuple[float, ...], float]:
     """Middles of places so far apart with most values, the best first, and the sum of the roots of the
     numbers at the best.
     """
-    low = float(values.min()) - 0.5 * apart - 3 * BIN
-    shift = round(apart / BIN)
-    count = int((float(values.max()) - low) / BIN) + shift + 4
-    number = np.bincount(((values - low) / BIN).astype(np.int64), minlength=count).astype(np.float64)
-    near = np.sqrt(number + np.roll(number, 1) + np.roll(number, -1))
-    both = near[: len(near) - shift] + near[shift:]
+    both, places = values_apart(values, apart)
     most, middles = float(both.max()), []
     for _ in range(PEAKS):
         k = int(np.argmax(both))
-        middles.append(low + (k + 0.5) * BIN + 0.5 * shift * BIN)
+        middles.append(float(places[k]))
         both[max(k - PEAK_WIDTH, 0) : k + PEAK_WIDTH + 1] = 0.0
     return tuple(middles), most
 
@@ -157,9 +152,9 @@ def _residuals(
     own = _in_box(points, x, y, heading)
     c, s = cos(heading), sin(heading)
     end, side = np.abs(own[:, 0]) - 0.5 * long, np.abs(own[:, 1]) - 0.5 * wide
-    at_end = np.abs(np.cos(found.course - heading)) < np.abs(np.sin(found.course - heading))
-    off = np.where(at_end, np.abs(np.cos(found.course - heading)), np.abs(np.sin(found.course - heading)))
-    is_on = (off < sin(ALIKE)) & (np.where(at_end, side, end) < 0.1)
+    from_end, from_side = np.abs(np.cos(found.course - heading)), np.abs(np.sin(found.course - heading))
+    at_end = from_end < from_side
+    is_on = (np.minimum(from_end, from_side) < sin(ALIKE)) & (np.where(at_end, side, end) < 0.1)
     sign = np.where(at_end, np.sign(own[:, 0]), np.sign(own[:, 1]))
     across = np.where(at_end, end, side)
     if both:

@@ -118,14 +118,23 @@ def _begin(points: F64, long: float, wide: float) -> tuple[float, float, float]:
 
 def _pair(values: F64, apart: float) -> tuple[float, float]:
     """Middle of the two places so far apart with most values, and the sum of the roots of both numbers."""
+    both, middles = values_apart(values, apart)
+    k = int(np.argmax(both))
+    return float(middles[k]), float(both[k])
+
+
+def values_apart(values: F64, apart: float) -> tuple[F64, F64]:
+    """Sums of the roots of the numbers of values at two places so far apart [m], and the middles between
+    the places, in steps of BIN.
+    """
     low = float(values.min()) - 0.5 * apart - 3 * BIN
     shift = round(apart / BIN)
     count = int((float(values.max()) - low) / BIN) + shift + 4
     number = np.bincount(((values - low) / BIN).astype(np.int64), minlength=count).astype(np.float64)
     near = np.sqrt(number + np.roll(number, 1) + np.roll(number, -1))
     both = near[: len(near) - shift] + near[shift:]
-    k = int(np.argmax(both))
-    return low + (k + 0.5) * BIN + 0.5 * shift * BIN, float(both[k])
+    middles = np.arange(len(both), dtype=np.float64) + 0.5
+    return both, low + middles * BIN + 0.5 * shift * BIN
 
 
 def _residuals(points: F64, x: float, y: float, heading: float, long: float, wide: float) -> tuple[F64, F64]:

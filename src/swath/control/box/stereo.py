@@ -11,7 +11,7 @@ seen next to it, never lower.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -38,7 +38,6 @@ class Params(FinderParams):
 class StereoBox(BoxFinder):
     """Of two cameras: `image` shows the rim, `other` is compared with it."""
 
-    kept: ClassVar[tuple[str, ...]] = BoxFinder.kept
     inputs = (Port("image", Image), Port("other", Image), Port("peer", PeerState, optional=True))
     outputs = (Port("box", BoxSeen),)
 

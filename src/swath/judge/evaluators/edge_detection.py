@@ -132,7 +132,7 @@ class EdgeDetection:
         """Of the newest judged sample, y in the machine frame [m], nan = there is no true edge."""
         if self._rows:
             return float(self._judge(self._rows[-1:])[0, 2])
-        return float("nan") if self._newest is None else float(self._newest[2])
+        return NAN if self._newest is None else float(self._newest[2])
 
     @property
     def newest_t(self) -> int:
