@@ -57,18 +57,18 @@ CHEAP = (
     *(f"{m}.{s}.rate_hz=20" for m in ("combine_0", "cart_0") for s in ("pose", "odometry", "steer")),
     "combine_0.edge.rate_hz=10", "combine_0.header.rate_hz=20", "combine_0.process.rate_hz=5",
 )  # fmt: skip
-SAVED_AT = 235.0  # s
+SAVED_AT = 140.0  # s, grain flows
 COLUMNS = "t", "phase", "task", "cart", "flow", "angle", "bend", "ahead", "left"
 
 
 class Harvest:
     """The job, run until it ends. rows: at every step of the combine's job"""
 
-    def __init__(self, state=None, until_s=None):
+    def __init__(self, state=None, until_s=None, sets=()):
         fleet = fleet_of(JOB)
         self.plan = plan_of(JOB, fleet, None)
         text = scenario_text(JOB, self.plan, fleet, None)
-        self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=list(CHEAP)))
+        self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=[*CHEAP, *sets]))
         self.digest, self.evaluation = Digest(), make_evaluation(self.world)
         self.latest, self.rows = {}, []
         observers = [self.digest, self.evaluation, self._see]
@@ -187,6 +187,38 @@ def test_the_same_digest_for_another_number_of_threads_and_after_save_and_load(r
     assert again.digest.hex == done.digest.hex
 
 
+def silent(from_s, for_s):
+    told = f"silent_from_s={from_s}", f"silent_for_s={for_s}"
+    return [f"{m}.peer_link.{key}" for m in ("combine_0", "cart_0") for key in told]
+
+
+def test_silence_of_some_seconds_breaks_a_load_off_and_no_more(run):
+    """The auger stops within 1.2 s of the last message and its run-out; then the load goes on."""
+    done = Harvest(run[1], sets=silent(142.0, 5.0)).go_on()
+    done.table = np.array(done.rows)
+    t, flow = column(done, "t"), column(done, "flow")
+    assert flow[t < 142.0].min() > 0.0
+    assert flow[(t > 145.0) & (t < 147.0)].max() == 0.0
+    assert flow[t > 147.0].max() > 0.0
+    assert "the field is empty" in done.world.graph.ended
+    assert share_uncut(done.world.field, done.plan) < 1e-3
+    assert done.evaluation.metrics("field")["spill_share"] <= 1e-3
+    assert done.evaluation.metrics("combine_0")["contact_count"] == 0.0
+
+
+def test_silence_for_good_leaves_the_cart_aside_and_the_combine_at_the_end_of_its_pass(run):
+    done = Harvest(run[1], sets=[*silent(142.0, 1e9), "combine_0.job.give_up_s=15"]).go_on()
+    done.table = np.array(done.rows)
+    assert "hears nothing of the cart" in done.world.graph.ended
+    assert share_uncut(done.world.field, done.plan) < 1e-3
+    t, before = column(done, "t"), column(done, "left")[0]
+    assert column(done, "flow")[t > 145.0].max() == 0.0
+    assert column(done, "left")[-1] > before + 1.0
+    assert done.of("cart_0", MachineState).speed < 0.05
+    assert done.of("combine_0", JobState).phase == Phase.STANDS
+    assert done.evaluation.metrics("combine_0")["contact_count"] == 0.0
+
+
 def test_a_header_off_the_middle_is_led_along_the_pass():
     """The middle of the header, 0.8 m left of the machine's, goes along the line."""
     line = axle_line(Pass(((0.0, 0.0), (0.0, 50.0))), 4.0, 0.8)
@@ -211,11 +243,11 @@ class Bench:
         self.part, self.t = harvest.Harvest(harvest.Params(passes, **params), setup), 0
         self.part.reset(None)
 
-    def step(self, north, tank, flow=0.0, peer=(-30.0, 8.0)):
+    def step(self, north, tank, flow=0.0, peer=(-30.0, 8.0), age=0.1):
         pose = PoseEstimate(self.t, 0.0, north - 4.0, 0.5 * np.pi, 1.5, 0.0, np.eye(4) * 1e-4, 0.0)
         load = MachineLoad(self.t, tank * 9240.0, 0, 0, 0, 0, 0, 0, tank_level=tank)
         unload = UnloadState(self.t, 1.57, flow, 0.0, 0.0, 0.0, 0.0, 0.0, 8.0)
-        heard = PeerState(self.t, True, 0.1, *peer, 0.0, 1.5, 0.0)
+        heard = PeerState(self.t, True, age, *peer, 0.0, 0.0, 0.0)
         inputs = {
             "pose": pose, "odometry": Odometry(self.t, 1.5, 0.0, 0.0), "load": load, "unload": unload,
             "peer": heard,
@@ -250,8 +282,20 @@ def test_the_turn_waits_for_a_cart_in_its_way():
     bench = Bench(NORTH)
     for north in np.arange(1.0, 100.2, 0.5):
         bench.step(north, 0.2)
-    assert bench.step(100.35, 0.2, peer=(5.0, 8.0)).phase == Phase.STANDS
-    assert bench.step(100.35, 0.2, peer=(-20.0, 8.0)).phase == Phase.TURNS
+    assert bench.step(100.35, 0.2, peer=(9.0, -3.0)).phase == Phase.STANDS
+    assert bench.step(100.35, 0.2, peer=(5.0, 8.5)).phase == Phase.TURNS  # beside it, on the other side
+
+
+def test_the_turn_waits_for_a_machine_that_is_silent_and_may_be_near():
+    """Within 40 m of where it was heard last; it ends the run when that lasts."""
+    bench = Bench(NORTH, give_up_s=5.0)
+    for north in np.arange(1.0, 100.2, 0.5):
+        bench.step(north, 0.2)
+    assert bench.step(100.35, 0.2, peer=(-20.0, 8.0), age=4.0).phase == Phase.STANDS
+    for _ in range(60):
+        bench.step(100.35, 0.2, peer=(-20.0, 8.0), age=4.0)
+    assert "hears nothing" in bench.part.end_reason(0)
+    assert bench.step(100.35, 0.2, peer=(-60.0, 8.0), age=4.0).phase == Phase.TURNS
 
 
 def test_a_full_tank_stands_calls_and_goes_on_once_grain_flows():

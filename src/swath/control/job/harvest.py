@@ -1,18 +1,23 @@
 """Job level `harvest`: pass after pass with its turns; stands with a full tank, calls a cart."""
 
 from dataclasses import dataclass
-from math import isfinite, nan, sqrt
+from math import hypot, isfinite, nan, sqrt
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
+from swath.control.job.dubins import Place
+from swath.control.job.ground import beside
+from swath.control.job.heard import SILENT, STOPS, Heard
 from swath.control.job.passes import Pass, Route, route_of
+from swath.control.job.right_of_way import is_swept, outline_of, own_outline, place_of
 from swath.control.job.turn_limits import limits_of
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
+from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
 from swath.signals import (
     GuidancePath,
@@ -32,8 +37,10 @@ EMPTY = 0.004  # of the tank
 AT_END = -0.3  # m to go, at which the header is out of the crop
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
-WITHIN = 15.0  # m about the machine, ahead and to the sides: a cart there keeps it from turning
-BEHIND = 12.0  # m, a cart so far behind is out of its way
+NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
+AHEAD, EVERY = 45.0, 2.0  # m of the way through a turn that has to be free; between two looks
+SOON = 6  # s, for which another machine is taken to drive straight on
+CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,7 @@ class Params:
     call_percent: of the tank, from which a cart is called; full_percent: at which the machine stands
     unload_to_m: before the end of a pass, where a load is broken off that would take longer than finish_s
     standing there; in the last pass it is not
+    give_up_s: the run ends when it has been standing so long for a cart that is silent
     """
 
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
@@ -59,12 +67,13 @@ class Params:
     full_percent: Annotated[float, Gt(0), Le(100)] = 97.0
     unload_to_m: Annotated[float, Ge(0), Le(200)] = 25.0
     finish_s: Annotated[float, Ge(0), Le(600)] = 30.0
+    give_up_s: Annotated[float, Gt(0), Le(36_000)] = 600.0
 
 
 class Harvest(KeepsState):
     """Knows its passes, and by its own pose how far it has come."""
 
-    kept = ("_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_ended")
+    kept = ("_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_ended", "_heard", "_silent_for")
     inputs = (
         Port("pose", PoseEstimate),
         Port("odometry", Odometry),
@@ -81,12 +90,15 @@ class Harvest(KeepsState):
         speed, rate = params.turn_speed_kmh * KMH, params.turn_rate_deg_s * DEG
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
+        self._outline = own_outline(setup.machine)
+        self._heard = Heard()
         self._forget()
 
     def _forget(self) -> None:
         self._index, self._way, self._phase = 0, 0.0, Phase.WAITS
         self._calls = self._finishes = self._stands = False
-        self._ended = ""
+        self._ended, self._silent_for = "", 0.0
+        self._heard.reset()
 
     def reset(self, stream: Stream) -> Outputs:
         """Before the first pass."""
@@ -99,9 +111,19 @@ class Harvest(KeepsState):
         if pose is None or not isfinite(pose.x):
             return self._out(t + dt, 0.0, self._way)
         self._advance(pose)
-        load, unload, peer = inputs["load"], inputs.get("unload"), inputs.get("peer")
-        speed = self._speed(load, unload, peer, max(inputs["odometry"].speed, 0.0))
+        said: PeerState | None = inputs.get("peer")
+        peer = None if said is None else self._heard.update(t + dt, dt, said, inputs["odometry"])
+        here = Place(pose.x, pose.y, pose.heading)
+        speed = self._speed(inputs, here, peer)
+        self._note_silence(peer, dt / NS)
         return self._out(t + dt, speed, self._way)
+
+    def _note_silence(self, peer: PeerState | None, h: float) -> None:
+        """How long it has been standing without a message."""
+        is_silent = self._phase == Phase.STANDS and peer is not None and peer.age > SILENT
+        self._silent_for = self._silent_for + h if is_silent else 0.0
+        if self._silent_for > self._p.give_up_s:
+            self._ended = f"stands in pass {self._index} and hears nothing of the cart"
 
     def _route(self) -> Route:
         return self._made()[0]
@@ -125,14 +147,13 @@ class Harvest(KeepsState):
             self._index += 1
             self._finishes = False
 
-    def _speed(
-        self, load: MachineLoad, unload: UnloadState | None, peer: PeerState | None, speed: float
-    ) -> float:
+    def _speed(self, inputs: Inputs, here: Place, peer: PeerState | None) -> float:
         """Wanted speed [m/s], and with it what the machine does."""
-        p, work = self._p, self._p.passes[self._index]
-        left, level = self._route().length - self._way, load.tank_level
+        p, work, load = self._p, self._p.passes[self._index], inputs["load"]
+        left, level, speed = self._route().length - self._way, load.tank_level, inputs["odometry"].speed
+        unload: UnloadState | None = inputs.get("unload")
         flow = unload.flow if unload is not None else 0.0
-        has_cart, is_last = peer is not None and unload is not None, self._index + 1 == len(p.passes)
+        is_last, has_cart = self._index + 1 == len(p.passes), peer is not None and unload is not None
         is_over = is_last and left <= AT_END
         wants = level >= p.call_percent * PERCENT or ((self._calls or is_over) and level > EMPTY)
         self._calls = has_cart and wants
@@ -144,7 +165,7 @@ class Harvest(KeepsState):
         if left > AT_END:
             holds = self._is_full(work, level, pours=flow > 0.0)
         else:
-            holds = is_over or self._is_held(level, peer, pours=flow > 0.0)
+            holds = is_over or self._is_held(level, here, peer, pours=flow > 0.0)
         if holds:
             self._phase = Phase.STANDS
             return 0.0
@@ -166,13 +187,27 @@ class Harvest(KeepsState):
             self._stands = False
         return self._stands
 
-    def _is_held(self, level: float, peer: PeerState | None, *, pours: bool) -> bool:
-        """At the end of a pass: until a load is finished, and a cart is out of the way of the turn."""
+    def _is_held(self, level: float, here: Place, peer: PeerState | None, *, pours: bool) -> bool:
+        """At the end of a pass: until a load is finished, and the cart is out of the way of the turn."""
         if self._phase == Phase.TURNS:
             return False
         if self._finishes and pours and level > EMPTY:
             return True
-        return peer is not None and peer.is_heard and _is_near(peer)
+        return peer is not None and peer.is_heard and self._is_in_way(here, peer)
+
+    def _is_in_way(self, here: Place, said: PeerState) -> bool:
+        away = hypot(said.x, said.y)
+        if said.age > SILENT:
+            return away < STOPS + CAN_BE
+        if away > NEAR:
+            return False
+        line = self._route().line
+        ways = [self._way + EVERY * i for i in range(round(AHEAD / EVERY) + 1)]
+        turn = [Place(*line.point(way), line.heading(way)) for way in ways]
+        at = place_of(here, said)
+        ahead = [0.0] if said.speed < 0.3 else [said.speed * i for i in range(SOON)]
+        places = [Place(*beside(*at, way, 0.0), at.heading) for way in ahead]
+        return is_swept(self._outline, turn, outline_of(said), places)
 
     def _out(self, t: int, speed: float, way: float) -> Outputs:
         p, (route, path), work = self._p, self._made(), self._p.passes[self._index]
@@ -196,11 +231,6 @@ class Harvest(KeepsState):
     def end_reason(self, t: int) -> str:
         """Why the run ends before the field is empty."""
         return self._ended
-
-
-def _is_near(peer: PeerState) -> bool:
-    """A cart ahead of the machine or beside it, in the way of its turn."""
-    return -BEHIND < peer.x < WITHIN and abs(peer.y) < WITHIN
 
 
 LEVEL = Level(

@@ -8,7 +8,7 @@ around the crop.
 
 from collections.abc import Iterator
 from heapq import heappop, heappush
-from math import cos, hypot, inf, pi, sin
+from math import cos, fsum, hypot, inf, pi, sin
 
 from swath.control.job.dubins import Place, shortest
 from swath.control.job.ground import Ground, Mask
@@ -20,6 +20,8 @@ BINS = 24  # directions
 MOST = 40_000  # places looked at before it gives up
 SHOT = 60.0  # the direct way is tried within this distance [m]
 START = 12.0  # about start and goal, where `near` says what is blocked [m]
+NEARLY = 1.1  # a way is taken that is at most so much longer than any other can be
+MORE = 300  # places that are looked at for a better one, once there is a way
 Way = list[tuple[str, float]]
 
 
@@ -36,13 +38,18 @@ class Search:
         """
         self._ends = (start, goals[0])
         estimate = self._estimate(goals[0])
+        best: Way | None = None
+        least, more = inf, MORE
         queue: list[tuple[float, int, Place, float, int, str]] = []
         came: list[tuple[int, str]] = []
         done: set[tuple[int, int, int]] = set()
         heappush(queue, (self._left(estimate, start), 0, start, 0.0, -1, ""))
         count = 0
         while queue and count < MOST:
-            _, _, here, cost, parent, word = heappop(queue)
+            whole, _, here, cost, parent, word = heappop(queue)
+            if least <= NEARLY * whole or more == 0:
+                break
+            more -= best is not None
             key = self._key(here)
             if key in done:
                 continue
@@ -50,7 +57,9 @@ class Search:
             came.append((parent, word))
             own = len(came) - 1
             if (shot := self._shot(here, goals)) is not None:
-                return [*_followed(came, own), *shot]
+                size = cost + fsum(length for _, length in shot)
+                if size < least:
+                    best, least = [*_followed(came, own), *shot], size
             for to, turn in self._steps(here):
                 if self._key(to) in done or not self._is_free(here, [(turn, STEP)]):
                     continue
@@ -59,7 +68,7 @@ class Search:
                 if left < inf:
                     count += 1
                     heappush(queue, (spent + left, count, to, spent, own, turn))
-        return None
+        return best
 
     def _key(self, at: Place) -> tuple[int, int, int]:
         turn = round(at.heading / (2.0 * pi) * BINS) % BINS

@@ -57,6 +57,13 @@ class GuidanceLine:
         share = (way - middles[i - 1]) / (middles[i] - middles[i - 1])
         return headings[i - 1] + share * (headings[i] - headings[i - 1])
 
+    def point(self, way: float) -> tuple[float, float]:
+        """The place at a way along it [m]; beyond its ends straight on."""
+        i = min(max(bisect_right(self._at, way) - 1, 0), len(self._headings) - 1)
+        (ax, ay), (bx, by) = self._points[i], self._points[i + 1]
+        share = (way - self._at[i]) / (self._at[i + 1] - self._at[i])
+        return ax + share * (bx - ax), ay + share * (by - ay)
+
     def curvature(self, way: float, reach: float) -> float:
         """Mean from `reach` before to `reach` behind a way along it [1/m]."""
         return (self.heading(way + reach) - self.heading(way - reach)) / (2.0 * reach)

@@ -1,0 +1,173 @@
+"""Where a combine will be next, by what it says and by its passes: a cart keeps clear of it."""
+
+from collections.abc import Sequence
+from math import ceil, cos, hypot, inf, isfinite, pi, sin
+from typing import NamedTuple
+
+from swath.control.job.dubins import Place
+from swath.control.job.ground import Point, beside
+from swath.control.job.passes import Pass, Route, route_of
+from swath.control.job.turn_limits import TurnLimits
+from swath.control.steer.guidance_line import GuidanceLine, wrapped
+from swath.signals import PeerState, Phase
+from swath.signals.setup import MachineGeometry
+
+EVERY = 2.0  # m along its way, at which its outline is looked at
+SAME_WAY = pi / 3.0  # rad, of its heading from that of its way, where it is looked for in a turn
+LIMITS = TurnLimits(7.0, 0.1)  # of turns that the plan does not give
+KNIFE = 4.0  # m ahead of the axle, where no message tells it
+FORE = 30.0  # m ahead of a combine, that are left to it
+SWEPT, NEARER = 1.5, 0.1  # m that a turn has to be clear of a machine, if it is not nearer already
+KEEP = 3.0  # m from the middle of a machine to the outline of another one
+LOOK, STEP, SHORT = (
+    8.0,
+    1.0,
+    2.0,
+)  # m beyond the braking way, between two looks, kept before what is in the way
+GENTLE = 0.4  # m/s2, of braking
+DEEP = 2.0  # m from the front of a header to its back
+
+
+class Outline(NamedTuple):
+    """Of a machine: rectangles [m] in its frame, each rear, front, right, left."""
+
+    boxes: tuple[tuple[float, float, float, float], ...]
+
+    def away(self, at: Place, x: float, y: float) -> float:
+        """Distance of a point from the machine at a place [m]; 0 = inside."""
+        c, s = cos(at.heading), sin(at.heading)
+        ahead, left = c * (x - at.x) + s * (y - at.y), c * (y - at.y) - s * (x - at.x)
+        least = inf
+        for rear, front, right, side in self.boxes:
+            dx = max(rear - ahead, 0.0, ahead - front)
+            dy = max(right - left, 0.0, left - side)
+            least = min(least, hypot(dx, dy))
+        return least
+
+    def points(self, at: Place) -> list[Point]:
+        """Points of the outline of the machine at a place, at most EVERY apart [m]."""
+        found: list[Point] = []
+        for rear, front, right, left in self.boxes:
+            long, wide = ceil((front - rear) / EVERY), ceil((left - right) / EVERY)
+            for i in range(long + 1):
+                ahead = rear + (front - rear) * i / max(long, 1)
+                found += [beside(*at, ahead, side) for side in (right, left)]
+            for i in range(1, wide):
+                side = right + (left - right) * i / wide
+                found += [beside(*at, ahead, side) for ahead in (rear, front)]
+        return found
+
+
+def outline_of(said: PeerState) -> Outline:
+    """Chassis, header and box, as a machine tells them; a trailer straight behind it."""
+    boxes = []
+    if isfinite(said.body_width):
+        half = 0.5 * said.body_width
+        boxes.append((said.body_rear, said.body_front, -half, half))
+    if isfinite(said.header_width):
+        half, middle = 0.5 * said.header_width, said.header_left
+        boxes.append((said.header_front - DEEP, said.header_front, middle - half, middle + half))
+    if isfinite(said.box_x):
+        long, half = 0.5 * said.box_length, 0.5 * said.box_width
+        boxes.append((said.box_x - long, said.box_x + long, said.box_y - half, said.box_y + half))
+    return Outline(tuple(boxes) or ((-1.0, 1.0, -1.0, 1.0),))
+
+
+def own_outline(of: MachineGeometry) -> Outline:
+    """Chassis and header of the own data sheet."""
+    rear, front, half, _, _ = of.body
+    boxes = [(rear, front, -half, half)]
+    if of.has_header:
+        wide, x, y = 0.5 * of.header_width, of.knife_x, of.header_y
+        boxes.append((x - of.header_depth, x, y - wide, y + wide))
+    return Outline(tuple(boxes))
+
+
+def place_of(own: Place, said: PeerState) -> Place:
+    """Where another machine is, by its message."""
+    x, y = beside(own.x, own.y, own.heading, said.x, said.y)
+    return Place(x, y, own.heading + said.heading)
+
+
+class CombineWays:
+    """The way of a combine through its passes, of each made when it is asked for."""
+
+    def __init__(self, passes: Sequence[Pass]) -> None:
+        self._passes, self._routes = passes, dict[int, Route]()
+
+    def places(self, own: Place, said: PeerState, reach: float) -> list[Place]:
+        """Where the axle of a combine is, and will be along its way, up to a reach [m]; one that stands
+        stays there.
+        """
+        here = place_of(own, said)
+        if said.phase not in (Phase.CUTS, Phase.TURNS) or said.task < 0:
+            return [here]
+        route = self._route(said)
+        way = self._way(route, here, said)
+        count = ceil(reach / EVERY)
+        ahead = [min(way + EVERY * (i + 1), route.line.length) for i in range(count)]
+        return [here, *(Place(*route.line.point(w), route.line.heading(w)) for w in ahead)]
+
+    def _route(self, said: PeerState) -> Route:
+        if said.task not in self._routes:
+            told = (said.header_front, said.header_left) if isfinite(said.header_front) else (KNIFE, 0.0)
+            self._routes = {said.task: route_of(self._passes, said.task, told[0], LIMITS, told[1])}
+        return self._routes[said.task]
+
+    def _way(self, route: Route, here: Place, said: PeerState) -> float:
+        """How far it has come along its way [m]."""
+        if isfinite(said.remaining):
+            return route.length - said.remaining
+        best, found = inf, route.length
+        for i in range(ceil(route.turn / EVERY) + 1):
+            way = route.length + EVERY * i
+            x, y = route.line.point(way)
+            away = hypot(x - here.x, y - here.y)
+            if away < best and abs(wrapped(route.line.heading(way) - here.heading)) < SAME_WAY:
+                best, found = away, way
+        return found
+
+
+def is_swept(outline: Outline, way: Sequence[Place], other: Outline, places: Sequence[Place]) -> bool:
+    """Whether a machine that drives through the places of a way, the first of them its own, comes nearer to
+    another one at one of its places than it is now, and near.
+    """
+    points = [point for place in places for point in other.points(place)]
+    now = min(outline.away(way[0], x, y) for x, y in points)
+    return any(outline.away(at, x, y) < min(SWEPT, now - NEARER) for at in way for x, y in points)
+
+
+class Clearance:
+    """How far a cart can drive on its way before it comes near a combine, or into the next of the way of one
+    that drives. passes: of the combine
+    """
+
+    def __init__(self, passes: Sequence[Pass]) -> None:
+        self._ways = CombineWays(passes)
+
+    def way(
+        self, here: Place, line: GuidanceLine, at: float, until: float, said: PeerState, speed: float
+    ) -> float:
+        """Free way [m] from `at` along a line, as far as `until`, at a speed [m/s]; inf where all is free.
+
+        A machine that it is near to already does not keep it from driving on, unless it comes nearer.
+        """
+        reach = LOOK + speed * speed / (2.0 * GENTLE)
+        if hypot(said.x, said.y) > reach + FORE + 20.0:
+            return inf
+        outline, places = outline_of(said), self._ways.places(here, said, FORE)
+        now = min(outline.away(place, here.x, here.y) for place in places)
+        for i in range(ceil(reach / STEP)):
+            way = STEP * (i + 1)
+            if at + way > until:
+                break
+            x, y = line.point(at + way)
+            away = min(outline.away(place, x, y) for place in places)
+            if away < KEEP and away < now:
+                return max(way - SHORT, 0.0)
+        return inf
+
+    def is_in_way(self, here: Place, said: PeerState) -> bool:
+        """Whether it is near to the combine, or in its way."""
+        outline = outline_of(said)
+        return any(outline.away(at, here.x, here.y) < KEEP for at in self._ways.places(here, said, FORE))
