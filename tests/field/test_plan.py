@@ -89,7 +89,7 @@ def test_a_boundary_that_lies_in_no_one_place_is_refused(tmp_path):
         import_log(file.parent, tmp_path / "f", progress=False)
 
 
-@pytest.mark.parametrize("name", ["b.kml", "b.kmz", "b.geojson"])
+@pytest.mark.parametrize("name", ["b.kml", "b.kmz", "b.geojson", "b.shp"])
 def test_an_outline_alone_makes_a_field_of_an_even_crop(tmp_path, name):
     path = tmp_path / name
     corners = [[9.0, 52.0], [9.003, 52.0], [9.003, 52.004], [9.0, 52.004], [9.0, 52.0]]
@@ -100,6 +100,12 @@ def test_an_outline_alone_makes_a_field_of_an_even_crop(tmp_path, name):
             archive.writestr("doc.kml", KML)
     elif name == "b.geojson":
         path.write_text(json.dumps({"type": "Polygon", "coordinates": [corners, hole]}))
+    elif name == "b.shp":
+        shapefile = pytest.importorskip("shapefile")
+        with shapefile.Writer(path, shapeType=shapefile.POLYGON) as made:
+            made.field("name", "C")
+            made.poly([corners[::-1], hole])
+            made.record("Hill")
     with pytest.raises(InputError, match="--header-width-m"):
         import_log(path, tmp_path / "f", progress=False)
     settings = Settings(crop="rye", header_width_m=9.0)

@@ -26,7 +26,7 @@ from swath.field_io.isoxml import is_taskdata
 from swath.field_io.log import Log, read_log
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
-from swath.field_io.plan import OUTLINES, plan_field, read_plan
+from swath.field_io.plan import is_outline, plan_field, read_plan
 from swath.field_io.report import ImportReport
 from swath.terminal.progress import steps
 
@@ -87,7 +87,7 @@ def import_log(
     folder.check_target(out)
     with steps(6, shown=progress) as step:
         step("reading the log")
-        if log.suffix.lower() in OUTLINES and log.is_file():
+        if is_outline(log):
             return _import_plan(log, out, dem, settings)
         try:
             records = _read(log, columns, settings)

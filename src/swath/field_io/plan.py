@@ -16,6 +16,7 @@ from swath.field_io import outline, trade
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
+from swath.field_io.shapefiles import is_of_polygons
 from swath.field_io.taskfiles import Element, elements, hex_number, number, task_files
 
 Array = NDArray[np.float64]
@@ -136,9 +137,14 @@ def plan_field(
     )  # fmt: skip
 
 
+def is_outline(path: Path) -> bool:
+    """True for a file of polygons: by its name, or a shapefile of such."""
+    return (path.is_file() and path.suffix.lower() in OUTLINES) or is_of_polygons(path)
+
+
 def _read(path: Path) -> tuple[Part, tuple[Any, int], float | None, list[str]]:
     """The field, its polygon and system, the working width [m] and what was assumed."""
-    if path.suffix.lower() in OUTLINES:
+    if is_outline(path):
         return Part("", ""), outline.read_place(path), None, ["an outline alone: the crop stands evenly"]
     parts, stated = read_plan(path)
     shapes = [_polygon(part) for part in parts]
