@@ -82,11 +82,6 @@ def cell_in_tile(x: Array, tile_size: float, is_mirrored: Any) -> Ints:
     return np.clip(np.floor(place * (TILE_CELLS / tile_size)), 0, TILE_CELLS - 1).astype(np.int64)
 
 
-def check_polygon(polygon: Any, key: str = "polygon") -> Array:
-    """As `corners_of`, as an array (n, 2)."""
-    return np.array(corners_of(polygon, key))
-
-
 def corners_of(polygon: Any, key: str = "polygon") -> list[Corner]:
     """Corners of a convex polygon (n, 2), counter-clockwise. Raises InputError on anything else."""
     try:
