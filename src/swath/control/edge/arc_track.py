@@ -69,7 +69,7 @@ class Arc:
         covariance = product(product(left, p), left.T) + variance * np.outer(gain, gain)
         x = self.x - float(move[0]) * np.sin(self.angle)
         u = self.u + float(move[0]) * np.cos(self.angle)
-        bend = float(np.clip(self.bend + move[2], -0.2, 0.2))
+        bend = min(max(self.bend + float(move[2]), -0.2), 0.2)
         return Arc(float(x), float(u), float(self.angle + move[1]), bend, covariance, self.way, 0.0)
 
     def frame(self, x: float, u: float, angle: float) -> EdgeFrame:

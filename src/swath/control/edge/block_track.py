@@ -2,7 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, replace
-from math import tan
+from math import isfinite, tan
 
 import numpy as np
 
@@ -256,4 +256,4 @@ class BlockTrack(KeepsState):
 
     def _crop_height(self) -> float:
         height = self.populations.heights()[0]
-        return float(np.clip(height, 0.15, 2.5)) if np.isfinite(height) else HEIGHT
+        return min(max(height, 0.15), 2.5) if isfinite(height) else HEIGHT

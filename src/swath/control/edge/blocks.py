@@ -135,5 +135,5 @@ def _entropy(counts: F64) -> F64:
 
 
 def _between(counts: F64, low: float, high: float) -> F64:
-    first, last = (int(np.clip(round((v + HALF) / CELL), 0, PLACES)) for v in (low, high))
+    first, last = (min(max(round((v + HALF) / CELL), 0), PLACES) for v in (low, high))
     return np.asarray(counts[first:last].sum(axis=0))

@@ -107,6 +107,8 @@ class EdgeDetection:
                 self._states.append(signal)
                 if len(self._states) > 512:
                     del self._states[:256]
+                if len(self._rows) >= CHUNK:  # a tick with an edge has enough to do
+                    self._judge_rows()
             elif isinstance(signal, CropEdge):
                 self._waiting.append(signal)
         while self._waiting and self._states and self._waiting[0].t <= self._states[-1].t:
@@ -166,8 +168,6 @@ class EdgeDetection:
         end = 2.0 * self._end_y - self._begin
         crop = (self._across or crop_across)(self.setup.field, pose, edge.reference_x, self._begin, end)
         self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop)))
-        if len(self._rows) >= CHUNK:
-            self._judge_rows()
 
     def _judge_rows(self) -> None:
         if self._rows:
