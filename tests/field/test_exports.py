@@ -9,7 +9,7 @@ pytest.importorskip("rasterio")
 pytest.importorskip("shapefile")
 
 from swath.core.errors import InputError
-from swath.field_io import folder
+from swath.field_io import folder, trade
 from swath.field_io.importer import Settings, import_log
 from swath.field_io.log import read_log
 from swath.field_io.pass_scenario import write_pass_scenario
@@ -203,6 +203,21 @@ def test_a_product_that_is_a_crop_without_a_data_sheet_is_refused_and_a_variety_
     with pytest.raises(InputError, match=r"crop = .*: expected one of wheat"):
         read_log(bare)
     assert read_log(bare, crop="rye").crop == "rye"
+
+
+@pytest.mark.parametrize(
+    ("name", "sheet"),
+    [
+        ("Blé tendre d'hiver", "wheat"),
+        ("Weichweizen", "wheat"),
+        ("Trigo duro", "wheat"),
+        ("Orge de printemps", "barley"),
+        ("Colza d’hiver", "rape"),
+        ("blé noir", None),
+    ],
+)
+def test_crops_have_their_names_of_the_trade(name, sheet):
+    assert trade.sheet_of(name) == sheet
 
 
 SHORT = [

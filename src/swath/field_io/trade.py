@@ -37,8 +37,10 @@ class Trade:
 
 TRADES = {
     "wheat": Trade(r"(winter|spring|durum|hard|soft|red)?_?wheat|(w|s)?weizen|(winter|sommer|hart)weizen|ble"
-                   r"|blé|trigo|triticale|spelt|dinkel|wheat_.*", 60.0, 0.135),
-    "barley": Trade(r"(winter|spring|malting)?_?barley|(winter|sommer|brau)?gerste|orge|cebada", 48.0, 0.145),
+                   r"|weichweizen|bl[eé](_tendre|_dur)?|trigo(_blando|_duro)?|triticale|spelt|dinkel|wheat_.*",
+                   60.0, 0.135),
+    "barley": Trade(r"(winter|spring|malting)?_?barley|(winter|sommer|brau)?gerste|orge(_brassicole)?"
+                    r"|cebada", 48.0, 0.145),
     "rye": Trade(r"(winter|hybrid)?_?rye|(winter)?roggen|seigle|centeno", 56.0, 0.14),
     "rape": Trade(r"(winter)?_?(oil_?seed_?)?rape(_?seed)?|osr|canola|(winter)?raps|colza", 50.0, 0.09),
     "maize": Trade(r"(grain_?)?maize|corn(_.*)?|(yellow|white|field|grain)_corn|(koerner|körner|korn)?mais"
@@ -51,7 +53,7 @@ and soybeans. Bushels and moistures are those of the trade in the USA, cited fro
 
 def sheet_of(name: str) -> str | None:
     """The bundled data sheet of a crop by the name that people use, None for an unknown one."""
-    word = re.sub(r"\.0$|_0$", "", _word(name))
+    word = re.sub(r"\.0$|_0$|_d_hiver$|_de_printemps$", "", _word(name))
     return next((sheet for sheet, trade in TRADES.items() if re.fullmatch(trade.names, word)), None)
 
 
@@ -86,7 +88,7 @@ def crop_of_rows(names: Iterable[str]) -> tuple[str | None, str | None]:
 
 
 def _word(name: str) -> str:
-    return re.sub(r"[\s\-./,()]+", "_", name.strip().lower()).strip("_")
+    return re.sub(r"[\s\-./,()'’]+", "_", name.strip().lower()).strip("_")
 
 
 def _unknown(name: str) -> InputError:
