@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.control.edge.arc_track import Arc, ArcTrack
-from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LOWEST
-from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
+from swath.control.edge.block_track import BlockTrack, Search
+from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, PLACES
+from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
 from swath.control.edge.populations import Populations
 from swath.core.frames import Pose
@@ -289,6 +290,57 @@ def test_an_edge_across_a_hole_is_not_sure(length, depth):
     assert np.mean(np.array(across) >= 0.5) < 0.4
     assert max(beyond) > 0.7
     assert np.abs(error[75:]).max() < 0.15
+
+
+def test_a_line_goes_on_where_the_last_ten_metres_point():
+    """Not where the last block turned it; a bend that they show is kept."""
+    track = ArcTrack()
+    track.begin(Arc(0.0, 0.0, 0.0, 0.0))
+    rows = []
+    for k in range(25):
+        track.advance(0.4)
+        rows.append((0.4 * (k + 1), 0.02 * (-1) ** k, 0.001, 0.4 * (k + 1)))
+        track.accept(0.03 if k > 17 else 0.02 * (-1) ** k, 0.015**2)
+    way = track.rewind(0.3, np.array(rows))
+    assert way == pytest.approx(7.6)
+    assert abs(track.arc.u) < 0.06
+    assert abs(track.arc.angle) < 0.01
+    assert track.arc.bend == 0.0
+
+
+@pytest.mark.parametrize(("depth", "seed"), [(0.5, 1), (0.65, 2)])
+def test_a_long_shallow_hole_is_held_across(depth, seed):
+    """5.7 m: the edge in it is seen for metres, no farther from the line than that may drift."""
+    hole = lambda x, y: 6.0 - y - np.where((x > 18.0) & (x < 23.7), depth, 0.0)  # noqa: E731
+    edges, error = drive(inside=hole, metres=26.0, seed=seed)
+    assert all(e.is_found for e in edges[75:])
+    assert np.abs(error[75:]).max() < 0.15
+
+
+def test_crop_that_rises_is_seen_from_before_it():
+    """From a headland its front is seen first, from the foot up: the edge begins anew until it is whole."""
+    track, at = BlockTrack(Search(spread=1.5, forget=9.0)), (0.0, 0.0, 0.0)
+    rng, tops = np.random.default_rng(5), [0.2, 0.4, 0.6, 0.8, 0.8, 0.8, 0.8, 0.8]
+    followed = []
+    for top in tops:
+        arc = track.track.arc
+        frame = EdgeFrame(10.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
+        for _ in range(5):
+            at = (at[0] + 0.1, 0.0, 0.0)
+            track.add(answers(rng, top), 0.1, frame, at, 0.0)
+        followed.append(track.followed)
+    assert followed[:4] == [0] * 4
+    assert followed[-1] >= 3
+    assert track.height == pytest.approx(0.75, abs=0.1)
+
+
+def answers(rng, top):
+    """240 rays: echoes up to a crop's top [m] on one side, those of stubble on the other."""
+    place = rng.uniform(-3.0, 3.0, 240)
+    height = np.where(place > 0.0, rng.uniform(0.1, top, 240), rng.uniform(-0.02, 0.05, 240))
+    layer = np.clip((height - LOWEST) / LAYER, 0, LAYERS - 1).astype(np.int64)
+    cells = np.clip((place + HALF) / CELL, 0, PLACES - 1).astype(np.int64) * CLASSES + layer
+    return RayAnswers(cells, 0.0, 240, height, place, place)
 
 
 @pytest.mark.parametrize("bias", [0.4, -0.4])

@@ -187,6 +187,28 @@ def drive(field, start, stop):
     return cuts
 
 
+@pytest.mark.parametrize("corner_count", [3, 4, 9, 70])
+def test_standing_area_counts_the_cells_whose_middle_is_inside(corner_count):
+    """Over cut and uncut crop, in memory and not: all cells one by one, but those on a side to rounding."""
+    field = made_field(edge=StraightEdge(teeth=TeethParams(amplitude_m=0.5, wavelength_m=2.0)))
+    draw, cell = np.random.default_rng(corner_count), field.maker.cell
+    field.cut(turned(rectangle(0.0, -3.0, 6.0, 2.0), 0.4), 0.15)
+    n = np.arange(-330, 330)
+    x, y = field.maker.to_world((n + 0.5) * cell, (n[:, None] + 0.5) * cell)
+    stands = field.standing(x, y)
+    for _ in range(3):
+        at = np.sort(draw.uniform(0.0, 2 * np.pi, corner_count))
+        size, middle = draw.uniform(1.0, 3.0), draw.uniform(-2.0, 2.0, 2)
+        corners = size * np.column_stack([np.cos(at), np.sin(at)]) + middle
+        sides = zip(corners, np.roll(corners, -1, axis=0) - corners, strict=True)
+        inside = np.all([ex * (y - py) - ey * (x - px) > 0.0 for (px, py), (ex, ey) in sides], axis=0)
+        area = field.standing_area(corners)
+        assert area == pytest.approx((inside & stands).sum() * cell**2, abs=3 * cell**2)
+        fresh = made_field(edge=StraightEdge(teeth=TeethParams(amplitude_m=0.5, wavelength_m=2.0)))
+        fresh.cut(turned(rectangle(0.0, -3.0, 6.0, 2.0), 0.4), 0.15)
+        assert fresh.standing_area(corners) == area
+
+
 def test_a_resumed_field_is_byte_identical():
     through, first, second = (made_field(page_limit=60) for _ in range(3))
     expected = drive(through, 0, 120)

@@ -9,8 +9,8 @@ pytest.importorskip("rasterio")
 pytest.importorskip("shapefile")
 
 from swath.core.errors import InputError
-from swath.field_io import folder
-from swath.field_io.importer import import_log
+from swath.field_io import folder, trade
+from swath.field_io.importer import Settings, import_log
 from swath.field_io.log import read_log
 from swath.field_io.pass_scenario import write_pass_scenario
 from swath.runtime.job import run_job
@@ -164,8 +164,6 @@ def test_records_in_no_order_are_said_at_once_and_make_a_map(tmp_path):
     path.write_text("\n".join(",".join([*c[:3], "7", *c[4:]]) for c in cells))
     with pytest.raises(InputError, match="expected records in driving order; --as map"):
         import_log(path, tmp_path / "f", progress=False)
-    from swath.field_io.importer import Settings
-
     report = import_log(path, tmp_path / "f", settings=Settings(as_map=True), progress=False)
     assert report.field["area_ha"] == pytest.approx(6 * HEADER * LENGTH / 1e4, rel=0.15)
     field = folder.read(tmp_path / "f")
@@ -173,6 +171,53 @@ def test_records_in_no_order_are_said_at_once_and_make_a_map(tmp_path):
     assert np.nanmean(field.grain.values) == pytest.approx(0.6, rel=0.06)
     scenario = load_scenario(write_pass_scenario(tmp_path / "f"), sets=SHORT)
     assert run_job(scenario, tmp_path / "run", progress=False).summary
+
+
+def test_a_map_of_yields_needs_no_width_and_a_small_one_is_told_from_a_track(tmp_path):
+    """6 passes of a small field: neighbours are near, whatever the order."""
+    path, rng = tmp_path / "map.csv", np.random.default_rng(2)
+    lines = [f"{lon},{lat},{10 * made_exports.wet_yield(row)}" for lon, lat, row, _ in made_exports.rows()]
+    rng.shuffle(lines)
+    path.write_text("Longitude,Latitude,Yield (t/ha)\n" + "\n".join(lines))
+    with pytest.raises(InputError, match=r"header_width.*--as map takes yields in any order without it"):
+        read_log(path)
+    with pytest.raises(InputError, match="expected records in driving order; --as map"):
+        read_log(path, header_width=HEADER)
+    report = import_log(path, tmp_path / "f", settings=Settings(as_map=True), progress=False)
+    assert report.field["area_ha"] == pytest.approx(6 * HEADER * LENGTH / 1e4, rel=0.2)
+    assert np.nanmean(folder.read(tmp_path / "f").grain.values) == pytest.approx(0.6, rel=0.06)
+
+
+@pytest.mark.parametrize("name", ["Sunflower", "Spring Oats", "field peas", "Ackerbohnen"])
+def test_a_product_that_is_a_crop_without_a_data_sheet_is_refused_and_a_variety_is_not(tmp_path, name):
+    log = made_exports.farm_platform(tmp_path / "log.csv")
+    text = log.read_text().replace("crop_type", "Product").replace(",wheat", f",{name}")
+    assert name in text
+    log.write_text(text)
+    with pytest.raises(InputError, match=f"crop = {name}: expected one of wheat"):
+        read_log(log)
+    log.write_text(text.replace(name, "Ritmo"))
+    assert any("product 'Ritmo' is not known, taken as wheat" in note for note in read_log(log).notes)
+    bare = tmp_path / f"{name} 2024.csv"
+    bare.write_text(text.replace("Product", "who_knows"))
+    with pytest.raises(InputError, match=r"crop = .*: expected one of wheat"):
+        read_log(bare)
+    assert read_log(bare, crop="rye").crop == "rye"
+
+
+@pytest.mark.parametrize(
+    ("name", "sheet"),
+    [
+        ("Blé tendre d'hiver", "wheat"),
+        ("Weichweizen", "wheat"),
+        ("Trigo duro", "wheat"),
+        ("Orge de printemps", "barley"),
+        ("Colza d’hiver", "rape"),
+        ("blé noir", None),
+    ],
+)
+def test_crops_have_their_names_of_the_trade(name, sheet):
+    assert trade.sheet_of(name) == sheet
 
 
 SHORT = [

@@ -1,5 +1,6 @@
 """Task data without a yield, and boundaries of KML, make a field too."""
 
+import json
 import zipfile
 
 import numpy as np
@@ -86,6 +87,34 @@ def test_a_boundary_that_lies_in_no_one_place_is_refused(tmp_path):
     file.write_text(file.read_text().replace('C="52.004" D="9.003"', 'C="5e300" D="9.003"'))
     with pytest.raises(InputError, match="of one field"):
         import_log(file.parent, tmp_path / "f", progress=False)
+
+
+@pytest.mark.parametrize("name", ["b.kml", "b.kmz", "b.geojson", "b.shp"])
+def test_an_outline_alone_makes_a_field_of_an_even_crop(tmp_path, name):
+    path = tmp_path / name
+    corners = [[9.0, 52.0], [9.003, 52.0], [9.003, 52.004], [9.0, 52.004], [9.0, 52.0]]
+    hole = [[9.001, 52.001], [9.0015, 52.001], [9.0015, 52.0015], [9.001, 52.001]]
+    path.write_text(KML)
+    if name == "b.kmz":
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("doc.kml", KML)
+    elif name == "b.geojson":
+        path.write_text(json.dumps({"type": "Polygon", "coordinates": [corners, hole]}))
+    elif name == "b.shp":
+        shapefile = pytest.importorskip("shapefile")
+        with shapefile.Writer(path, shapeType=shapefile.POLYGON) as made:
+            made.field("name", "C")
+            made.poly([corners[::-1], hole])
+            made.record("Hill")
+    with pytest.raises(InputError, match="--header-width-m"):
+        import_log(path, tmp_path / "f", progress=False)
+    settings = Settings(crop="rye", header_width_m=9.0)
+    report = import_log(path, tmp_path / "f", settings=settings, progress=False)
+    expected = NORTH_M * EAST_M * (0.004 * 0.003 - 0.5 * 0.0005**2)
+    assert report.field["area_ha"] * 1e4 == pytest.approx(expected, rel=2e-3)
+    field = folder.read(tmp_path / "f")
+    assert (field.crop, len(field.holes), field.tracks) == ("rye", 1, ())
+    write_pass_scenario(tmp_path / "f")
 
 
 def test_a_boundary_may_be_kml_or_kmz(tmp_path):

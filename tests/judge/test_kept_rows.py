@@ -1,6 +1,7 @@
-"""Rows of a whole run come back to the last bit, and take less room than they would as they are."""
+"""Rows of a whole run come back to the last bit, take less room than they would, and none of the memory."""
 
 import pickle
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -29,3 +30,20 @@ def test_a_long_way_takes_less_than_half_of_its_numbers():
     for row in way:
         kept.add(row)
     assert len(pickle.dumps(kept)) < 0.5 * way.nbytes
+
+
+def test_memory_does_not_grow_with_the_way_and_saved_rows_go_on():
+    kept, rows = KeptRows(4), np.random.default_rng(2).normal(size=(40 * BLOCK, 4))
+    for row in rows[: 4 * BLOCK]:
+        kept.add(row)
+    tracemalloc.start()
+    for row in rows[4 * BLOCK : 39 * BLOCK]:
+        kept.add(row)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown < 50_000  # of 2.3 MB
+    again = pickle.loads(pickle.dumps(kept))
+    for both in (kept, again):
+        for row in rows[39 * BLOCK :]:
+            both.add(row)
+        assert both.table().tobytes() == rows.tobytes()

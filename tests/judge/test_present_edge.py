@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
+from swath.field.edge_defects import Gap
 from swath.field.present_edge import STEP_M, edges_of
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.signals import CropEdge, MachineState
@@ -14,14 +15,16 @@ REFERENCE = 10.0
 NAN = float("nan")
 
 
-def judged(place, side="left", shape=lambda crop, x, y: crop, end=0.0, seconds=12.0, confidence=0.9, **held):
+def judged(
+    place, side="left", shape=lambda crop, x, y: crop, end=0.0, seconds=12.0, confidence=0.9, gaps=(), **held
+):
     """A straight run at 2 m/s, the header end on y = end; place: x of the reference -> y reported.
 
     The crop is on y < 0 (header end on the left), or on y > 0; shape: changes which of its cells stand.
     """
     ground = GridField(ArcEdge(crop_on_right=side == "left"))
     ground.crop = shape(ground.crop, ground.x, ground.y)
-    evaluation = evaluation_of(ground, machine(side, ground.nominal_edge))
+    evaluation = evaluation_of(ground, machine(side, ground.nominal_edge), gaps=gaps)
     off = GEOMETRY.header_end(side)[1]
     for k in range(round(25 * seconds)):
         t, s = k * 40_000_000, 0.08 * k
@@ -53,6 +56,18 @@ def test_a_detector_that_is_right_beside_a_gap_is_right(side, sign):
     assert m["edge_judged_share"] == 1.0
     assert m["edge_sample_count"] == len(series.t) == 300
     assert m["sure_wrong_share"] == 0.0
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
+def test_beside_a_gap_the_error_against_the_line_across_it_is_known_too(side, sign):
+    gaps = (Gap(20.0, 30.0, 3.0, 15),)
+    series = judged(lambda x: 0.1 * sign, side, gap, gaps=gaps)[1]
+    is_beside = np.isfinite(series.across)
+    assert is_beside.mean() == pytest.approx(10 / 24, abs=0.02)
+    assert series.across[is_beside] == pytest.approx(0.1, abs=0.01)
+    wall = judged(behind_the_gap(sign, 0.0), side, gap, gaps=gaps)[1]
+    assert np.nanmax(wall.across) == pytest.approx(3.0, abs=0.03)
+    assert np.isnan(judged(lambda x: NAN, side, gap, gaps=gaps)[1].across).all()
 
 
 def test_a_line_held_over_the_gap_is_no_edge_that_stands_there():

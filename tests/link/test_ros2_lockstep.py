@@ -11,7 +11,9 @@ from mcap.reader import make_reader
 from pyarrow.parquet import read_table
 
 from swath.core.errors import InputError, SwathError
+from swath.link.ros2.slotnode import SlotNode
 from swath.runtime.assembly import assemble
+from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.scenario.scenario import parse_scenario
 from tests.link.ros2_rig import CHEAP, EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
@@ -111,3 +113,26 @@ def test_a_history_of_an_input_that_is_not_there_is_refused():
         InputError, match=r"combine\.steer\.history\.0 = scan: expected one of edge, odometry"
     ):
         assemble(scenario("level: ros2, history: [scan]"))
+
+
+@pytest.mark.usefixtures("domain")
+def test_a_node_is_asked_after_all_messages_up_to_then_were_sent_in_a_paced_run_too(tmp_path, monkeypatch):
+    heard, asked = {}, []
+
+    class Listener(RunHook):
+        def begin(self, run):
+            run.recorder.file.taps.append(lambda topic, t, *_: heard.__setitem__(topic, t))
+
+    def ask(self, t, dt, inputs, **options):
+        asked.append((t, heard.get("/combine/motion/state")))
+        return whole_ask(self, t, dt, inputs, **options)
+
+    whole_ask = SlotNode.ask
+    monkeypatch.setattr(SlotNode, "ask", ask)
+    paced = parse_scenario(
+        CHEAP.format(steer="level: ros2", seconds=1.0) + "realtime: {factor: 2, grace_s: 0}\n", base=HERE
+    )
+    with node(EXAMPLES / "steering_node.py"):
+        run_job(paced, tmp_path / "run", hooks=[Listener()])
+    assert [t for t, _ in asked if t] == [20_000_000 * k for k in range(1, 51)]
+    assert all(t == last for t, last in asked if t)

@@ -326,36 +326,3 @@ def test_layers_of_a_scanner_become_rings_as_its_driver_numbers_them(tmp_path):
     beam = raw[:, by_name["beam"][1] :][:, :4].copy().view("<u4")[:, 0]
     np.testing.assert_array_equal(ring, np.tile([2, 0, 1], 70_000))
     np.testing.assert_array_equal(beam, np.arange(210_000))  # more than 16 bits
-
-
-def test_what_is_deferred_waits_to_be_written_but_not_long(tmp_path):
-    with Recorder(tmp_path, [machine()]) as recorder:
-        recorder.defer()
-        count = []
-        drive(
-            [recorder, lambda slot, t, _: count.append((t, recorder.file.count))],
-            GridField(ArcEdge(40.0)),
-            seconds=0.3,
-        )
-        assert all(n == 0 for t, n in count if t <= NS // 10)
-        assert 0 < recorder.file.count < 0.8 * count_of(tmp_path / "whole", 0.3)
-        while recorder.write_next():
-            pass
-    assert recorder.file.count == count_of(tmp_path / "again", 0.3)
-
-
-def count_of(folder, seconds):
-    """Messages of a run that writes at once."""
-    folder.mkdir()
-    with Recorder(folder, [machine()]) as recorder:
-        drive([recorder], GridField(ArcEdge(40.0)), seconds=seconds)
-    return recorder.file.count
-
-
-def test_taps_hear_messages_at_once(tmp_path):
-    heard = []
-    with Recorder(tmp_path, [machine()]) as recorder:
-        recorder.file.taps.append(lambda topic, t, *_: heard.append(t))
-        recorder.defer()
-        drive([recorder], GridField(ArcEdge(40.0)), seconds=0.1)
-        assert len(heard) == recorder.file.count > 0

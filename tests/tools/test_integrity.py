@@ -10,12 +10,12 @@ from swath.tools.function_test.integrity import episodes_per_km, integrity_of, p
 COUNT = 1000
 
 
-def series(error, sd, confidence=0.9):
+def series(error, sd, confidence=0.9, across=np.nan):
     ones = np.ones(COUNT)
     distance = np.linspace(0.0, 100.0, COUNT)
     known = ones > 0
     return EdgeSeries(distance, distance, ones, ones, error * ones, known, known, confidence * ones, ~known,
-                      sd * ones)  # fmt: skip
+                      sd * ones, across * ones)  # fmt: skip
 
 
 def test_a_detector_that_is_wrong_and_says_so_is_no_hazard():
@@ -32,6 +32,16 @@ def test_episodes_are_unbroken_stretches():
     assert (told["hazardous"], told["episodes"]) == (53, 2)
     assert told["longest_m"] == pytest.approx(5.0, abs=0.02)
     assert integrity_of(series(error, 0.03), 20.0)["episodes"] == 1  # after settling
+
+
+def test_beside_a_gap_the_line_across_it_is_the_edge():
+    """The far wall, 1.2 m in, is not to be followed: whoever is sure of it is wrong."""
+    across = np.full(COUNT, np.nan)
+    across[300:400] = 0.0
+    error = np.where(np.isfinite(across), -1.2, 0.0)
+    assert integrity_of(series(error, 0.03, across=across), 0.0)["episodes"] == 0
+    told = integrity_of(series(0.0, 0.03, across=1.2 + across), 0.0)
+    assert (told["hazardous"], told["episodes"]) == (100, 1)
 
 
 def test_without_a_standard_deviation_confidence_tells():

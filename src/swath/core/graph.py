@@ -41,11 +41,12 @@ Queue = list[Signal]
 class _Links:
     """What joins a node to others, looked up once.
 
-    reads: port -> where its newest sample is; queues: port -> samples since the last step
+    ports: of which the newest sample is read, and where that is; queues: port -> samples since the last step
     sends: output -> type of what it sends, where its newest sample is; listeners: output, queue of a reader
     """
 
-    reads: list[tuple[str, Wire]]
+    ports: tuple[str, ...]
+    places: tuple[Wire, ...]
     queues: list[tuple[str, Queue]]
     sends: dict[str, tuple[type[Signal], Wire]]
     listeners: list[tuple[str, Queue]]
@@ -228,8 +229,10 @@ class Graph:
 
     def _links_of(self, node: Node) -> _Links:
         name, ports = node.slot.name, node.component.inputs
+        newest = tuple(p.name for p in ports if (name, p.name) not in self._queues)
         return _Links(
-            [(p.name, node.wires.get(p.name, NOWHERE)) for p in ports if (name, p.name) not in self._queues],
+            newest,
+            tuple(node.wires.get(port, NOWHERE) for port in newest),
             [(p.name, self._queues[name, p.name]) for p in ports if (name, p.name) in self._queues],
             {p.name: (p.signal, (name, p.name)) for p in node.component.outputs},
             self._listeners.get(name, []),
@@ -248,9 +251,7 @@ class Graph:
 
     def _gather(self, node: Node) -> dict[str, Any]:
         newest, links = (self._before if node.slot.latch else self._latest).get, self._links[node.slot.name]
-        values: dict[str, Any] = {}
-        for port, wire in links.reads:
-            values[port] = newest(wire)
+        values: dict[str, Any] = dict(zip(links.ports, map(newest, links.places), strict=True))
         for port, queue in links.queues:
             values[port] = tuple(queue)
             queue.clear()

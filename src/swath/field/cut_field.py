@@ -42,17 +42,34 @@ class Cutter:
         self._lines: dict[tuple[int, int], _Lines] = {}
         self._land: Any = None
         self._launch: Any = None
+        self._count: Any = None
 
     def cut(self, corners: list[Corner], code: int) -> Cut:
         """Bring every cell of a convex polygon that is higher down to the code.
 
         corners: counter-clockwise, in cell units of the stand frame
         """
+        return self._cut_rows(len(corners), *self._take(corners), code)
+
+    def standing_cells(self, corners: list[Corner]) -> int | None:
+        """Number of cells of a convex polygon, as of `cut`, on which crop stands; None where not all pages
+        are in memory, or for too many corners.
+        """
+        if len(corners) > CORNERS_MAX:
+            return None
+        pack_into("3i", self._ask.data, 0, len(corners), *self._take(corners))
+        self._refresh()
+        self._count.launch()
+        is_missing, count, *_ = self._report.tolist()
+        return None if is_missing else count
+
+    def _take(self, corners: list[Corner]) -> tuple[int, int]:
+        """Take over a polygon; its first and last row of cells."""
         if len(corners) > CORNERS_MAX:
             raise InputError("polygon", len(corners), f"expected at most {CORNERS_MAX} corners")
         pack_into(f"{2 * len(corners)}d", self._polygon.data.cast("B"), 0, *chain.from_iterable(corners))
         y = [v for _, v in corners]
-        return self._cut_rows(len(corners), ceil(min(y) - 0.5), floor(max(y) - 0.5), code)
+        return ceil(min(y) - 0.5), floor(max(y) - 0.5)
 
     def standing(
         self, places: Sequence[Corner], du: float, dv: float, count: int
@@ -142,6 +159,7 @@ class Cutter:
             self._prepare()
         else:
             self._launch.set_param_at_index(0, self._land)
+            self._count.set_param_at_index(0, self._land)
         self._lines = {}
 
     def _prepare(self) -> None:
@@ -167,18 +185,15 @@ class Cutter:
             stems=rows,
             straw_exponent=stems.straw_exponent,
         )
-        inputs = [
-            self._land,
-            self._roots,
-            self._share(self._polygon),
-            self._share(self._edges, start_warp().vec4d),
-            self._share(self._ask),
+        polygon = self._share(self._polygon), self._share(self._edges, start_warp().vec4d)
+        ask, report = self._share(self._ask), self._share(self._report)
+        sums = (
             self._share(self._masses, start_warp().vec3d),
             self._share(self._pages),
             self._share(self._tiles),
-            self._share(self._report),
-        ]
-        self._launch = repeatable(kernel.cut_cells, inputs)
+        )
+        self._launch = repeatable(kernel.cut_cells, [self._land, self._roots, *polygon, ask, *sums, report])
+        self._count = repeatable(kernel.standing_cells, [self._land, *polygon, ask, report])
 
     def _share(self, array: NDArray[Any], dtype: Any = Any) -> Any:
         """The same memory for Warp."""

@@ -97,6 +97,25 @@ def crop_along(
     look_along(land, starts, step, crop, is_missing)
 
 
+@wp.func_native((_HERE / "standing_cells.cpp").read_text(encoding="utf-8"))
+def count_standing(
+    land: Land, edges: wp.array(dtype=wp.vec4d), ask: wp.array(dtype=int), report: wp.array(dtype=int)
+): ...
+
+
+@wp.kernel
+def standing_cells(
+    land: Land,
+    polygon: wp.array2d(dtype=wp.float64),
+    edges: wp.array(dtype=wp.vec4d),
+    ask: wp.array(dtype=int),
+    report: wp.array(dtype=int),
+):
+    """Cells of a polygon on which crop stands; arguments as of `cut_cells`, see standing_cells.cpp."""
+    find_edges(polygon, ask[0], edges)
+    count_standing(land, edges, ask, report)
+
+
 @wp.kernel
 def cut_cells(
     land: Land,

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core import portable
 from swath.core.errors import InputError
 from swath.core.frozen import frozen
-from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, STANDING, PlantLibrary
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, PlantLibrary
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -76,33 +75,11 @@ class StemIndex:
         self.count = np.bincount(cell, minlength=library.tile_count * 4 * CELLS).astype(np.int32)
         self.first = np.cumsum(self.count, dtype=np.int32) - self.count
 
-    def taken(self, stem: Ints, stand: Array, code: Any) -> tuple[Array, Array, Array]:
-        """(grain, straw, grain left below the cut) [kg] gone from stems when their cell has this code.
-
-        stand: (n, 4) as in `Pages.tile_stand`. Straw mass grows with the length of the plant, grain does not.
-        """
-        code = np.broadcast_to(np.asarray(code), stem.shape)
-        is_cut = code != STANDING
-        cut_height = 0.01 * code.astype(np.float64)
-        scale = stand[:, 0]
-        length = np.sqrt(scale**2 + stand[:, 1] ** 2 + stand[:, 2] ** 2)
-        above = np.clip(1.0 - cut_height / (self.height[stem] * scale), 0.0, 1.0)
-        above = portable.power(above, self.straw_exponent)
-        straw = np.where(is_cut, self.library.straw_kg[stem] * length * above, 0.0)
-        grain = np.where(is_cut, self.library.grain_kg[stem], 0.0)
-        is_high = self.ear_height[stem] * scale > cut_height
-        return np.where(is_high, grain, 0.0), straw, np.where(is_high, 0.0, grain)
-
 
 def cell_in_tile(x: Array, tile_size: float, is_mirrored: Any) -> Ints:
     """Cut cell (one axis) of a stem at x [m] in its prototype. is_mirrored: of all, or (n,) of each"""
     place = np.where(is_mirrored, tile_size - x, x)
     return np.clip(np.floor(place * (TILE_CELLS / tile_size)), 0, TILE_CELLS - 1).astype(np.int64)
-
-
-def check_polygon(polygon: Any, key: str = "polygon") -> Array:
-    """As `corners_of`, as an array (n, 2)."""
-    return np.array(corners_of(polygon, key))
 
 
 def corners_of(polygon: Any, key: str = "polygon") -> list[Corner]:

@@ -13,7 +13,7 @@ from swath.core.random import Stream
 from swath.field.boundary import Region
 from swath.field.crop import Crop
 from swath.field.cut_field import Cutter
-from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, check_polygon, corners_of
+from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
 from swath.field.edge_defects import BrokenEdge
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.footprint import Block, Footprint
@@ -163,16 +163,19 @@ class Field:
         """
         if not 0.0 <= height_m <= 2.54:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
-        points, (c, s), cell = corners_of(polygon), self._turn, self.maker.cell
-        _check_near_origin(points)
-        corners = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in points]
-        return self._cutter.cut(corners, round(100.0 * height_m))
+        return self._cutter.cut(self._corners(polygon), round(100.0 * height_m))
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
-        points = check_polygon(polygon)
-        corners = np.stack(self._points(points[:, 0], points[:, 1]), axis=-1) / self.maker.cell
-        return int(np.count_nonzero(self._stands(*cells_inside(corners)))) * self.maker.cell**2
+        if (count := self._cutter.standing_cells(corners := self._corners(polygon))) is None:
+            count = int(np.count_nonzero(self._stands(*cells_inside(np.array(corners)))))
+        return count * self.maker.cell**2
+
+    def _corners(self, polygon: Any) -> list[Corner]:
+        """Corners of a convex polygon (n, 2) [m], counter-clockwise, in cell units of the stand frame."""
+        points, (c, s), cell = corners_of(polygon), self._turn, self.maker.cell
+        _check_near_origin(points)
+        return [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in points]
 
     def standing(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, in the shape of x and y."""
@@ -236,8 +239,7 @@ class Field:
 
     def recount(self) -> Cut:
         """What is missing now against the start, stem by stem from the codes alone."""
-        begun = self._begun
-        pages = {} if begun is None else dict(zip(_keys(begun), begun["codes"], strict=True))
+        pages = {} if (begun := self._begun) is None else dict(zip(_keys(begun), begun["codes"], strict=True))
         return recount_pages(self.store, self.stems, pages)
 
     def save(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.memory_layout import PAGE_NODES
-from swath.kernels import Row, repeatable, start_warp
+from swath.kernels import Repeated, Row, repeatable, start_warp
 
 Array = NDArray[np.float64]
 Block = tuple[int, int, Array]  # first page column and row, heights of the nodes [m], (rows, columns)
@@ -47,6 +47,8 @@ class Footprint:
         self._inside = (0.0, -1.0, 0.0, -1.0)
         self._first, self._means = np.zeros(2, np.int32), np.zeros(groups)
         self._launch: Any = None
+        self._span: Row | None = None
+        self._readers: list[tuple[Repeated, int]] = []
 
     def heights(self, x: float, y: float, yaw: float) -> Array:
         """Height of the ground [m] under the points, (n,), the body being at x, y [m] with heading yaw [rad]
@@ -66,6 +68,28 @@ class Footprint:
         self._launch.launch()
         return list(self._read())
 
+    def arguments(self) -> list[Any]:
+        """For kernels that look up the ground themselves: nodes, first, points of `mean_heights`, Span.
+
+        Nodes are replaced when the body leaves them, see `serve`.
+        """
+        from swath.field.footprint_kernel import Span
+
+        if self._span is None:
+            self._span = Row(Span)
+            self._tell_span()
+        array = start_warp().array
+        shared = [array(a, device="cpu", copy=False) for a in (self._held[2], self._first, self._points)]
+        return [*shared, self._span.array]
+
+    def serve(self, launch: Repeated, index: int) -> None:
+        """From now on this argument of a launch is the nodes in memory."""
+        self._readers.append((launch, index))
+
+    def _tell_span(self) -> None:
+        if self._span is not None:
+            self._span.write(*self._turn, self._per_m, *self._inside)
+
     def _place(self, x: float, y: float, yaw: float) -> tuple[float, float, float, float]:
         """Place in nodes of the stand frame, cosine and sine of the heading in it; takes the pages there."""
         if not isfinite(yaw):
@@ -81,12 +105,12 @@ class Footprint:
         """The launch, over memory that is shared with it."""
         from swath.field import footprint_kernel as kernel
 
-        array = start_warp().array
         self._asked = Row(kernel.Place)
-        shared = [array(a, device="cpu", copy=False) for a in (self._held[2], self._first, self._points)]
-        means, numbers = array(self._means, device="cpu", copy=False), Struct(f"{self._groups}d")
-        self._read = partial(numbers.unpack_from, self._means.data.cast("B"))
-        self._launch = repeatable(kernel.mean_heights, [*shared, self._asked.array, means])
+        nodes, first, points, _ = self.arguments()
+        means = start_warp().array(self._means, device="cpu", copy=False)
+        self._read = partial(Struct(f"{self._groups}d").unpack_from, self._means.data.cast("B"))
+        self._launch = repeatable(kernel.mean_heights, [nodes, first, points, self._asked.array, means])
+        self.serve(self._launch, 0)
 
     def _bilinear(self, u: Array, v: Array) -> Array:
         """Heights [m] at places in nodes of the stand frame."""
@@ -107,7 +131,8 @@ class Footprint:
         rows, columns = nodes.shape
         self._held = n * i, n * j, np.ascontiguousarray(nodes)
         self._first[:] = self._held[:2]
-        if self._launch is not None:
-            self._launch.set_param_at_index(0, start_warp().array(self._held[2], device="cpu", copy=False))
+        for launch, index in self._readers:
+            launch.set_param_at_index(index, start_warp().array(self._held[2], device="cpu", copy=False))
         e = self._extent + 1e-6
         self._inside = (n * i + e, n * i + columns - 1 - e, n * j + e, n * j + rows - 1 - e)
+        self._tell_span()

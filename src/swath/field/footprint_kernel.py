@@ -15,6 +15,22 @@ class Place:
     s: wp.float64
 
 
+@wp.struct
+class Span:
+    """c, s: cosine and sine of the heading of the body's world in the stand frame; per_m: nodes per metre
+
+    low_u to high_v: places of the body [nodes] at which all its points lie on the nodes in memory
+    """
+
+    c: wp.float64
+    s: wp.float64
+    per_m: wp.float64
+    low_u: wp.float64
+    high_u: wp.float64
+    low_v: wp.float64
+    high_v: wp.float64
+
+
 @wp.func
 def height_at(
     nodes: wp.array2d(dtype=wp.float64), u: wp.float64, v: wp.float64, i: int, j: int
@@ -33,6 +49,31 @@ def height_at(
     return low + (high - low) * fv
 
 
+@wp.func
+def mean_height(
+    nodes: wp.array2d(dtype=wp.float64),
+    first: wp.array(dtype=int),
+    points: wp.array2d(dtype=wp.float64),
+    p: Place,
+    group: int,
+    groups: int,
+) -> wp.float64:
+    """Mean height under one of the equal groups of points [m]."""
+    count = points.shape[1] / groups
+    total = wp.float64(0.0)
+    for k in range(group * count, (group + 1) * count):
+        x = points[0, k]
+        y = points[1, k]
+        u = p.u + (x * p.c - y * p.s)
+        v = p.v + (x * p.s + y * p.c)
+        height = height_at(nodes, u, v, first[0], first[1])
+        if k == group * count:
+            total = height
+        else:
+            total = total + height
+    return total / wp.float64(count)
+
+
 @wp.kernel
 def mean_heights(
     nodes: wp.array2d(dtype=wp.float64),
@@ -42,18 +83,5 @@ def mean_heights(
     means: wp.array(dtype=wp.float64),
 ):
     """points: (2, n) in the body's frame [nodes]; means: of as many equal groups of them [m]."""
-    p = place[0]
-    count = points.shape[1] / means.shape[0]
     for group in range(means.shape[0]):
-        total = wp.float64(0.0)
-        for k in range(group * count, (group + 1) * count):
-            x = points[0, k]
-            y = points[1, k]
-            u = p.u + (x * p.c - y * p.s)
-            v = p.v + (x * p.s + y * p.c)
-            height = height_at(nodes, u, v, first[0], first[1])
-            if k == group * count:
-                total = height
-            else:
-                total = total + height
-        means[group] = total / wp.float64(count)
+        means[group] = mean_height(nodes, first, points, place[0], group, means.shape[0])

@@ -206,15 +206,7 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
 """Canonical -> unit without one in the name, and patterns on the bare lower-case name, the best first."""
 _BESIDE = ("crop", "section", "date", "engine_load", "engine_speed", "fuel")  # what known logs may also hold
 _BUSHELS = r"vryieldvol|yield_?vol(ume)?"  # without a unit these are bushels
-_WORDS = (
-    "machine",
-    "crop",
-    "section",
-    "date",
-    "time",
-    "work_state",
-    "pass",
-)  # brackets in their names are no units
+_WORDS = ("machine", "crop", "section", "date", "time", "work_state", "pass")  # brackets in them: no units
 _LOG_SUFFIXES = {
     "ms": "m/s", "km_h": "km/h", "kph": "km/h", "kn": "kn", "sec": "s", "kgs": "kg/s", "th": "t/h",
     "lbs_s": "lb/s", "kgha": "kg/ha", "tha": "t/ha", "lbs_ac": "lb/ac", "bu_ac": "bu/ac", "buac": "bu/ac",
@@ -360,10 +352,12 @@ def _require(
         units = {"yield": "t/ha"}
         keys = [key for group in missing.values() for key in group]
         lines = [f'{key}: {{column: "?", unit: {units.get(key, _USUAL[key][0])}}}' for key in keys]
+        is_map = list(missing.values()) == [("header_width",)] and "yield" in found
+        hint = "--as map takes yields in any order without it; " if is_map else ""
         error = ColumnsMissing(
             "log.header", shown,
-            f"expected columns for {', '.join(missing)}; say which with --columns MAP.yaml, in it lines like "
-            f"{lines[-1].replace(chr(34) + '?' + chr(34), 'Name')}", file=path,
+            f"expected columns for {', '.join(missing)}; {hint}say which with --columns MAP.yaml, in it "
+            f"lines like {lines[-1].replace(chr(34) + '?' + chr(34), 'Name')}", file=path,
         )  # fmt: skip
         names = "\n".join(f"#   {name}" for name in header[:100])
         error.template = f"# which column of {path.name} is what; its columns:\n{names}\n" + "\n".join(lines)

@@ -15,7 +15,7 @@ def add(parsers: Any) -> None:
         type=Path,
         metavar="LOG",
         help="CSV, a point shapefile (bare, folder or zip), ISOXML (TASKDATA folder or zip, one TLG file), "
-        "or the bundled sample-log",
+        "or the bundled sample-log; an outline (KML, GeoJSON, polygons of a shapefile) for an even crop",
     )
     imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
     imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")

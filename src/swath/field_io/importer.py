@@ -26,7 +26,7 @@ from swath.field_io.isoxml import is_taskdata
 from swath.field_io.log import Log, read_log
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
-from swath.field_io.plan import plan_field, read_plan
+from swath.field_io.plan import is_outline, plan_field, read_plan
 from swath.field_io.report import ImportReport
 from swath.terminal.progress import steps
 
@@ -75,7 +75,8 @@ def import_log(
 ) -> ImportReport:
     """Make a field folder from a yield log.
 
-    log: CSV, CSV.gz, point shapefile (bare, folder, zip), ISOXML folder or zip, or the bundled `sample-log`
+    log: CSV, CSV.gz, point shapefile (bare, folder, zip), ISOXML folder or zip, or the bundled `sample-log`;
+    or an outline, KML or GeoJSON, on which the crop stands evenly
     dem: GeoTIFF of heights [m]; boundary: GeoJSON, KML or shapefile; columns: YAML map of columns
     Nothing is written unless all went well, but a map to fill in where columns are missing.
     Raises SwathError.
@@ -86,6 +87,8 @@ def import_log(
     folder.check_target(out)
     with steps(6, shown=progress) as step:
         step("reading the log")
+        if is_outline(log):
+            return _import_plan(log, out, dem, settings)
         try:
             records = _read(log, columns, settings)
         except InputError as error:
@@ -175,12 +178,13 @@ def _read(log: Path, columns: Path | None, settings: Settings) -> Log:
         if made.exists():
             raise
         made.write_text(error.template + "\n", encoding="utf-8")
-        expected = f"{error.expected.partition(';')[0]}; fill in {made} and give it with --columns"
+        needed = error.expected.rpartition("; ")[0]
+        expected = f"{needed}; fill in {made} and give it with --columns"
         raise InputError(error.key, None, expected, file=log) from error
 
 
 def _import_plan(path: Path, out: Path, dem: Path | None, settings: Settings) -> ImportReport:
-    """A field folder of task data without a yield."""
+    """A field folder of task data without a yield, or of an outline."""
 
     def terrain(polygon: Any, epsg: int) -> tuple[Raster, dict[str, Any]]:
         return _ground(make_grid(polygon.bounds, settings.terrain_cell_m, MARGIN_M, epsg), dem)

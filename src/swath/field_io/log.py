@@ -32,6 +32,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
 _PLAIN = ("lat", "lon", "time", "duration")  # their units without a word are no news
 _NEEDED = ("grain_flow", "yield", "speed", "header_width")
 """A bad value here breaks the row, elsewhere the cell."""
+MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
 
 
@@ -107,7 +108,7 @@ def read_log(
     table = read_table(path)
     found = find_columns(
         list(table.columns), path, columns, table.points is not None, units=table.units,
-        needs_width=header_width is None,
+        needs_width=header_width is None and not as_map,
     )  # fmt: skip
     notes = [
         f"{k}: unit taken as {c.unit}" for k, c in found.columns.items() if c.is_assumed and k not in _PLAIN
@@ -171,7 +172,8 @@ def _crop(
     try:
         sheet, name = trade.crop_of_rows(texts or [table.crop])
     except InputError as error:
-        if column is not None and column.column.lower() == "product":  # often the name of a variety
+        is_variety = column is not None and column.column.lower() == "product"
+        if is_variety and not trade.is_other(str(error.value)):
             return (
                 trade.DEFAULT,
                 none,
@@ -185,7 +187,10 @@ def _crop(
             np.array([not same[text] for text in texts]) if texts else none,
             f"crop: {sheet} ({name})",
         )
-    named = trade.crop_in_name(path.name)
+    try:
+        named = trade.crop_in_name(path.name)
+    except InputError as error:
+        raise InputError(error.key, error.value, error.expected, file=path) from None
     if named is not None:
         return named, none, f"crop: {named}, by the name of the log"
     return trade.DEFAULT, none, f"crop: the log names none, taken as {trade.DEFAULT} (--crop)"
@@ -359,6 +364,8 @@ def _assemble(
     speed = speed_of(values, found, duration, machine, east, north)
     width = values["header_width"]
     if not np.isfinite(width).any():
+        if as_map and "grain_flow" not in found.columns:
+            header_width = header_width or MAP_WIDTH  # only of the cells in which the ground is counted
         if header_width is None:
             expected = "expected a column (name it with --columns), or --header-width-m"
             raise InputError("header_width", None, expected, file=path)

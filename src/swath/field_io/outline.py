@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, MissingExtra
 from swath.documents.json_file import read_json
 from swath.documents.packed import open_archive, readable
-from swath.field.projection import known_crs, transform
+from swath.field.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
 from swath.field_io.shapefiles import read_shapes
 from swath.field_io.taskfiles import element_texts
@@ -28,6 +28,21 @@ def read_outline(path: Path, epsg: int) -> Any:
     GeoJSON, KML (lon/lat) or a polygon shapefile, zipped too. Several polygons are united; the largest
     part is the field. Raises InputError.
     """
+    return _united(*_polygons(path), epsg, path)
+
+
+def read_place(path: Path) -> tuple[Any, int]:
+    """Polygon of a boundary file as `read_outline` reads it, and the UTM system that it lies in."""
+    polygons, system = _polygons(path)
+    middle = transform(np.array(polygons[0].centroid.coords)[:, :2], system, "EPSG:4326")[0]
+    if not np.isfinite(middle).all():
+        raise InputError("boundary", None, f"expected places in {system}", file=path)
+    epsg = utm_epsg(*middle)
+    return _united(polygons, system, epsg, path), epsg
+
+
+def _polygons(path: Path) -> tuple[list[Any], str]:
+    """Polygons of a boundary file and their system."""
     shapely = _shapely()
     with readable("boundary", "GeoJSON, KML or a polygon shapefile", path):
         size = path.stat().st_size
@@ -44,7 +59,11 @@ def read_outline(path: Path, epsg: int) -> Any:
     polygons = [s for s in shapes if s.geom_type in ("Polygon", "MultiPolygon") and not s.is_empty]
     if not polygons:
         raise InputError("boundary", [s.geom_type for s in shapes][:3], "expected a polygon", file=path)
-    system = known_crs(crs or "EPSG:4326")
+    return polygons, known_crs(crs or "EPSG:4326")
+
+
+def _united(polygons: list[Any], system: str, epsg: int, path: Path) -> Any:
+    shapely = _shapely()
     moved = [shapely.transform(s, lambda p: transform(p[:, :2], system, f"EPSG:{epsg}")) for s in polygons]
     if not all(np.isfinite(shapely.get_coordinates(s)).all() for s in moved):
         expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"

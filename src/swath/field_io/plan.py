@@ -1,4 +1,4 @@
-"""A field from ISO 11783-10 task data without a yield: its boundary, guidance lines and working width."""
+"""A field without a yield: boundary, guidance and working width of ISO 11783-10 task data, or an outline."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,11 +16,13 @@ from swath.field_io import outline, trade
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
+from swath.field_io.shapefiles import is_of_polygons
 from swath.field_io.taskfiles import Element, elements, hex_number, number, task_files
 
 Array = NDArray[np.float64]
 WIDTHS = (67, 68, 70)  # DDI of the actual, default and maximum working width [mm]
 EXTERIOR, INTERIOR, GUIDANCE = "1", "2", "5"  # types of a line string
+OUTLINES = ".kml", ".kmz", ".geojson", ".json"
 SPEED = 2.0  # m/s, of a guidance line that nobody has driven yet
 
 
@@ -83,19 +85,14 @@ def plan_field(
     load: Callable[[str], Crop],
     terrain: Callable[[Any, int], tuple[Raster, dict[str, Any]]],
 ) -> FieldFolder:
-    """A field folder, not yet written, of the largest field of the task data; its crop stands evenly.
+    """A field folder, not yet written, of an outline or the largest field of task data, its crop even.
 
     crop, width [m]: instead of what the data say; terrain: makes it of a polygon and its epsg
     Some field in it has a boundary. Raises InputError for a crop without a data sheet, and without a width.
     """
     import shapely
 
-    parts, stated = read_plan(path)
-    shapes = [_polygon(part) for part in parts]
-    part, (polygon, epsg) = max(zip(parts, shapes, strict=True), key=lambda pair: pair[1][0].area)
-    notes = ["no yield in the task data: the crop stands evenly"]
-    if len(parts) > 1:
-        notes.append(f"{len(parts)} fields in it: the largest is taken, {part.name or 'without a name'}")
+    part, (polygon, epsg), stated, notes = _read(path)
     sheet = crop or (trade.crop_of_rows([part.crop])[0] if part.crop else None) or trade.DEFAULT
     facts = load(sheet)
     used = width or stated or 0.0
@@ -126,12 +123,8 @@ def plan_field(
     exterior, holes = outline.rings(polygon)
     azimuth = row_azimuth(tracks) if tracks else outline.long_axis(polygon)
     about = {
-        "source": {
-            "file": path.name,
-            "profile": "ISO 11783-10 task data without a yield",
-            "field": part.name,
-        },
-        "machines": [{"name": "as in the task data", "header_width_m": used}],
+        "source": {"file": path.name, "profile": notes[0].partition(":")[0], "field": part.name},
+        "machines": [{"name": "as given", "header_width_m": used}],
         "field": {"area_ha": polygon.area / 1e4, "guidance_lines": len(tracks)},
         "crop": {"name": sheet, "stems_per_m2": stems, "grain_g_per_stem": 1000.0 * facts.yields.grain_mass},
         "terrain": info,
@@ -142,6 +135,24 @@ def plan_field(
         row_azimuth=azimuth, tracks=tracks, obstacles=(), info=about, terrain=above.shifted(*-corner),
         **rasters,
     )  # fmt: skip
+
+
+def is_outline(path: Path) -> bool:
+    """True for a file of polygons: by its name, or a shapefile of such."""
+    return (path.is_file() and path.suffix.lower() in OUTLINES) or is_of_polygons(path)
+
+
+def _read(path: Path) -> tuple[Part, tuple[Any, int], float | None, list[str]]:
+    """The field, its polygon and system, the working width [m] and what was assumed."""
+    if is_outline(path):
+        return Part("", ""), outline.read_place(path), None, ["an outline alone: the crop stands evenly"]
+    parts, stated = read_plan(path)
+    shapes = [_polygon(part) for part in parts]
+    part, place = max(zip(parts, shapes, strict=True), key=lambda pair: pair[1][0].area)
+    notes = ["ISO 11783-10 task data without a yield: the crop stands evenly"]
+    if len(parts) > 1:
+        notes.append(f"{len(parts)} fields in it: the largest is taken, {part.name or 'without a name'}")
+    return part, place, stated, notes
 
 
 def _polygon(part: Part) -> tuple[Any, int]:

@@ -14,6 +14,7 @@ TOP_SPEED = 15.0  # m/s, of a machine
 NEXT = 6  # records ahead among which one of the same machine follows, whichever others are between
 NEAR = 25.0  # m, to it
 LEAST_FOLLOWED = 0.5  # of the records of a log in driving order
+MOST_APART = 0.5  # of their distance in an order drawn by chance
 
 
 def declared_machines(
@@ -83,15 +84,22 @@ def speed_of(
 def check_order(time: Array, machine: NDArray[np.int64], east: Array, north: Array) -> None:
     """Raise InputError where the records in the order of their times are no track of any machine."""
     order = np.lexsort((time, machine))
-    x, y = east[order], north[order]
-    nearest = np.full(len(x) - NEXT, np.inf)
-    for ahead in range(1, NEXT + 1):
-        step = np.hypot(x[ahead:] - x[:-ahead], y[ahead:] - y[:-ahead])
-        nearest = np.minimum(nearest, step[: len(nearest)])
-    followed = float((nearest < NEAR).mean())
+    nearest = _next_of(east[order], north[order])
+    by_chance = np.random.default_rng(1).permutation(len(order))
+    chance = float(np.median(_next_of(east[by_chance], north[by_chance])))
+    followed = float((nearest < min(NEAR, MOST_APART * chance)).mean())
     if followed < LEAST_FOLLOWED:
         raise InputError(
             "log",
             f"{100 * (1 - followed):.0f} % of the records are far from those that follow",
             "expected records in driving order; --as map makes stand and yield of them, without passes",
         )
+
+
+def _next_of(x: Array, y: Array) -> Array:
+    """Distance [m] from each place to the nearest of the NEXT ones behind it."""
+    nearest = np.full(len(x) - NEXT, np.inf)
+    for ahead in range(1, NEXT + 1):
+        step = np.hypot(x[ahead:] - x[:-ahead], y[ahead:] - y[:-ahead])
+        nearest = np.minimum(nearest, step[: len(nearest)])
+    return nearest

@@ -19,6 +19,7 @@ from swath.documents.packed import LARGEST_BYTES, open_archive
 Array = NDArray[np.float64]
 Parts = dict[str, Callable[[], bytes]]
 METADATA = "-Deere-Metadata.json"
+KIND, POLYGONS = slice(32, 36), (5, 15, 25)  # of the shapes, in the head of a .shp (ESRI white paper of 1998)
 
 
 @contextmanager
@@ -53,6 +54,19 @@ def _of_one(files: Parts, path: Path, key: str, only: Path | None) -> Parts:
 def has_shapefile(folder: Path) -> bool:
     """True for a folder that holds a .shp, or one of its folders does."""
     return any(p.suffix.lower() == ".shp" for p in folder.rglob("*"))
+
+
+def is_of_polygons(path: Path) -> bool:
+    """True for one shapefile, bare, in a folder or in a zip, whose shapes are polygons."""
+    is_zip = path.suffix.lower() == ".zip"
+    if not (is_zip or path.suffix.lower() == ".shp" or (path.is_dir() and has_shapefile(path))):
+        return False
+    try:
+        with shapefile_parts(path, "log") as parts:
+            kind = parts["shp"]()[KIND]
+    except (InputError, OSError):
+        return False
+    return int.from_bytes(kind, "little") in POLYGONS
 
 
 def read_points(path: Path, key: str) -> tuple[dict[str, list[Any]], Array, str, dict[str, Any]]:

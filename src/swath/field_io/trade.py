@@ -14,6 +14,15 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 
 DEFAULT = "wheat"
+OTHERS = (
+    r"(winter_|spring_)?oats?|(sommer|winter)?hafer|avoine|avena|sun_?flowers?|sonnenblumen?|tournesol|girasol|sorgh(um|o)|milo"
+    r"|millets?|hirse|rice|reis|arroz|riz|(field_|chick_?|dry_)?peas?|(winter|sommer|futter)?erbsen?|pois|guisantes?"
+    r"|((dry|field|faba|fava|broad|edible|navy|black|pinto|kidney)_)?beans?|(acker|busch)?bohnen?|lentils?|linsen"
+    r"|flax|linseed|lein|cotton|baumwolle|algodon|lupins?e?|lupinen?|mustard|senf|buckwheat|buchweizen|safflower"
+    r"|hemp|hanf|alfalfa|luzerne|clover|klee|grass(_seed)?|gras|sugar_?beets?|zueckerrueben|zuckerrüben|potato(es)?"
+    r"|kartoffeln?|peanuts?|quinoa"
+)
+"""Names of crops without a data sheet, where a name may also be that of a variety."""
 LEAST_SHARE = 0.02  # of the rows: a crop with fewer is a slip
 
 
@@ -28,8 +37,10 @@ class Trade:
 
 TRADES = {
     "wheat": Trade(r"(winter|spring|durum|hard|soft|red)?_?wheat|(w|s)?weizen|(winter|sommer|hart)weizen|ble"
-                   r"|blé|trigo|triticale|spelt|dinkel|wheat_.*", 60.0, 0.135),
-    "barley": Trade(r"(winter|spring|malting)?_?barley|(winter|sommer|brau)?gerste|orge|cebada", 48.0, 0.145),
+                   r"|weichweizen|bl[eé](_tendre|_dur)?|trigo(_blando|_duro)?|triticale|spelt|dinkel|wheat_.*",
+                   60.0, 0.135),
+    "barley": Trade(r"(winter|spring|malting)?_?barley|(winter|sommer|brau)?gerste|orge(_brassicole)?"
+                    r"|cebada", 48.0, 0.145),
     "rye": Trade(r"(winter|hybrid)?_?rye|(winter)?roggen|seigle|centeno", 56.0, 0.14),
     "rape": Trade(r"(winter)?_?(oil_?seed_?)?rape(_?seed)?|osr|canola|(winter)?raps|colza", 50.0, 0.09),
     "maize": Trade(r"(grain_?)?maize|corn(_.*)?|(yellow|white|field|grain)_corn|(koerner|körner|korn)?mais"
@@ -42,15 +53,23 @@ and soybeans. Bushels and moistures are those of the trade in the USA, cited fro
 
 def sheet_of(name: str) -> str | None:
     """The bundled data sheet of a crop by the name that people use, None for an unknown one."""
-    word = re.sub(r"[\s\-./,()]+", "_", name.strip().lower()).strip("_")
-    word = re.sub(r"\.0$|_0$", "", word)
+    word = re.sub(r"\.0$|_0$|_d_hiver$|_de_printemps$", "", _word(name))
     return next((sheet for sheet, trade in TRADES.items() if re.fullmatch(trade.names, word)), None)
 
 
+def is_other(name: str) -> bool:
+    """Whether a name is that of a crop without a data sheet, and not of a variety."""
+    return re.fullmatch(OTHERS, _word(name)) is not None
+
+
 def crop_in_name(text: str) -> str | None:
-    """The crop that a word of a file's name says."""
-    words = re.findall(r"[a-zäöüßéï]+", text.lower())
-    return next((sheet for word in words if len(word) > 2 and (sheet := sheet_of(word))), None)
+    """The crop that a word of a file's name says. InputError where that is one without a data sheet."""
+    words = [word for word in re.findall(r"[a-zäöüßéï]+", text.lower()) if len(word) > 2]
+    found = next((sheet for word in words if (sheet := sheet_of(word))), None)
+    other = next((word for word in words if is_other(word)), None)
+    if found is None and other is not None:
+        raise _unknown(other)
+    return found
 
 
 def crop_of_rows(names: Iterable[str]) -> tuple[str | None, str | None]:
@@ -64,11 +83,17 @@ def crop_of_rows(names: Iterable[str]) -> tuple[str | None, str | None]:
     name = counts.most_common(1)[0][0]
     sheet = sheet_of(name)
     if sheet is None:
-        known = ", ".join(TRADES)
-        raise InputError(
-            "crop", name, f"expected one of {known}; --crop takes one of these, or a data sheet of your own"
-        )
+        raise _unknown(name)
     return sheet, name
+
+
+def _word(name: str) -> str:
+    return re.sub(r"[\s\-./,()'’]+", "_", name.strip().lower()).strip("_")
+
+
+def _unknown(name: str) -> InputError:
+    expected = f"expected one of {', '.join(TRADES)}; --crop takes one of these, or a data sheet of your own"
+    return InputError("crop", name, expected)
 
 
 def bushel_kg_factor(sheet: str) -> float:

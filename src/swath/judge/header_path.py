@@ -16,11 +16,11 @@ class HeaderPath:
         self.end = np.array([*machine.geometry.header_end(machine.edge_side), 0.0])
         self._end: list[float] = self.end.tolist()
         self._rows = KeptRows(4)
-        self._next = 0.0  # [m]
+        self._next = float("-inf")  # distance from which on the next place is noted [m]
 
     def see(self, state: MachineState) -> None:
         """Note where the machine is."""
-        if not self._rows or state.distance >= self._next:
+        if state.distance >= self._next:
             x, y, _ = state.pose.point(*self._end)
             self._rows.add((state.t * 1e-9, state.distance, x, y))
             self._next = state.distance + PATH_M

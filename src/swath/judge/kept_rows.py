@@ -1,8 +1,12 @@
-"""Rows of numbers of a whole run, in little memory."""
+"""Rows of numbers of a whole run, in memory that does not grow with its length."""
 
 import zlib
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from os import SEEK_END
+from tempfile import TemporaryFile
+from typing import Any
+from weakref import finalize
 
 import numpy as np
 
@@ -13,15 +17,27 @@ BLOCK = 2048  # rows that are compressed together
 
 
 class KeptRows:
-    """Rows of `width` real numbers, in the order they come; older ones are compressed, to the last bit."""
+    """Rows of `width` real numbers, in the order they come; older ones lie compressed, to the last bit, in a
+    file that has no name.
+    """
 
     def __init__(self, width: int) -> None:
         self._width = width
-        self._older: list[tuple[str, int, bytes]] = []  # how packed, rows, bytes
+        self._older: list[tuple[str, int, int]] = []  # how packed, rows, bytes in the file
         self._newest = array("d")
+        self._file: Any = None  # there from the first block on
 
     def __bool__(self) -> bool:
         return bool(self._older or self._newest)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_width": self._width, "_older": [*self._blocks()], "_newest": self._newest}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        KeptRows.__init__(self, state["_width"])
+        self._newest = state["_newest"]
+        for block in state["_older"]:
+            self._put(*block)
 
     def add(self, row: Iterable[float]) -> None:
         """Add a row, or rows one after the other."""
@@ -29,13 +45,28 @@ class KeptRows:
         if len(self._newest) >= BLOCK * self._width:
             block = np.array(self._newest).reshape(-1, self._width)
             how, data = packed_columns.pack(block)
-            self._older.append((how, len(block), zlib.compress(data)))
+            self._put(how, len(block), zlib.compress(data))
             del self._newest[:]
 
     def table(self) -> F64:
         """All rows, (n, width)."""
         older = [
             packed_columns.unpack(zlib.decompress(data), how, np.dtype("<f8"), (count, self._width))
-            for how, count, data in self._older
+            for how, count, data in self._blocks()
         ]
         return np.concatenate([*older, np.array(self._newest, dtype=float).reshape(-1, self._width)])
+
+    def _put(self, how: str, count: int, data: bytes) -> None:
+        if self._file is None:
+            self._file = TemporaryFile()  # noqa: SIM115
+            finalize(self, self._file.close)
+        self._file.seek(0, SEEK_END)
+        self._file.write(data)
+        self._older.append((how, count, len(data)))
+
+    def _blocks(self) -> Iterator[tuple[str, int, bytes]]:
+        """How packed, rows, bytes."""
+        if self._file is not None:
+            self._file.seek(0)
+        for how, count, size in self._older:
+            yield how, count, self._file.read(size)

@@ -34,10 +34,10 @@ class Stance(NamedTuple):
 
 
 class TerrainFollower:
-    """Reads the ground under four tyres. stance: the last one"""
+    """Reads the ground under four tyres. stance: the last one; footprint: what reads it"""
 
     def __init__(self, ground: Field, machine: MachineGeometry) -> None:
-        self._footprint = ground.footprint(_tyre_points(machine), groups=4)
+        self.footprint = ground.footprint(_tyre_points(machine), groups=4)
         self._wheelbase = -machine.steered_x  # < 0 where the steered axle is ahead
         self._front_track, self._rear_track = machine.front_track, machine.rear_track
         self.stance, self._place = Stance(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -50,7 +50,7 @@ class TerrainFollower:
         """
         if not isfinite(x + y + yaw):
             raise InputError("place", (x, y, yaw), "expected a finite place and heading")
-        left, right, rear_left, rear_right = self._footprint.means(x, y, yaw)
+        left, right, rear_left, rear_right = self.footprint.means(x, y, yaw)
         z = 0.5 * (left + right)
         fall = 0.5 * (rear_left + rear_right) - z
         pitch = atan2(copysign(1.0, self._wheelbase) * fall, abs(self._wheelbase))

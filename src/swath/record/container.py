@@ -16,7 +16,7 @@ MESSAGE, FOOTER, INDEX = 0x05, 0x02, 0x07  # opcodes
 HEAD = Struct("<BQHIQQ")  # of a message: opcode, length of the rest, channel, sequence, log and publish time
 FIXED = HEAD.size - 9  # bytes of a message's length beside its data
 INDEX_HEAD = Struct("<BQHI")
-LEVEL = 7  # of Zstandard
+LEVEL = 3  # of Zstandard
 
 
 class Container:
@@ -219,7 +219,7 @@ def _bytes(numbers: "array[int]") -> bytes:
 
 
 def _compressed(data: bytes) -> bytes:
-    """Zstandard, at a level that takes 1.4 ms for a chunk and 2 % less room than that of the package."""
+    """Zstandard, at a level that takes a third of the time of level 7, and 2.4 % more room."""
     import zstandard
 
     return bytes(zstandard.compress(data, LEVEL))

@@ -6,7 +6,8 @@ saved in the middle and resumed ends on the digest of an uninterrupted one.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from math import isnan
 from operator import attrgetter
@@ -17,15 +18,18 @@ import numpy as np
 
 from swath.core.frames import Pose
 from swath.core.frozen import define
+from swath.core.schedule import NS
 from swath.signals import Signal
 
 BLOCK_BYTES = 64 * 1024
+LATEST = NS // 10  # that a sample waits, where it may wait
 TIME, INTEGER, FLOAT = Struct("<q"), Struct("<cq"), Struct("<cd")
 PLAIN = {int: "cq", float: "cd", bool: "c"}  # layout of a number with its letter
 LETTERS = {int: b"i", float: b"d"}
 REAL = np.dtype(float)
 PLACE, TURN = b"(a<f8(3,)", b"a<f8(3, 3)"  # before the arrays of a pose
 Packer = Callable[[int, Any], "bytes | None"]
+_Published = tuple[str, int, tuple[tuple[str, Signal], ...]]  # slot, time [ns], output and sample
 FEW = 16  # numbers of an array that are looked at one by one
 _LAYOUTS: dict[tuple[str, str, Any], "_Layout"] = {}
 _PREFIXES: dict[tuple[Any, tuple[int, ...]], bytes] = {}  # of arrays
@@ -40,11 +44,32 @@ class Digest:
     def __init__(self) -> None:
         self._value = bytes(32)
         self._block = bytearray()
+        self._waiting: deque[_Published] | None = None  # what is to be taken in, None = nothing may wait
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what `slot` published at t [ns]."""
+        waiting = self._waiting
+        if waiting is None:
+            self._take(slot, t, outputs.items())
+            return
+        waiting.append((slot, t, tuple(outputs.items())))
+        while waiting[0][1] <= t - LATEST:
+            self.take_next()
+
+    def defer(self) -> None:
+        """From now on `take_next` takes samples in, a slot at a time; none waits longer than LATEST."""
+        self._waiting = deque()
+
+    def take_next(self) -> bool:
+        """Take in the oldest of what waits; False where nothing does."""
+        if not self._waiting:
+            return False
+        self._take(*self._waiting.popleft())
+        return True
+
+    def _take(self, slot: str, t: int, outputs: Iterable[tuple[str, Signal]]) -> None:
         block, known = self._block, _LAYOUTS
-        for output, signal in outputs.items():
+        for output, signal in outputs:
             layout = known.get((slot, output, type(signal)))
             packed = None if layout is None or layout.pack is None else layout.pack(t, signal)
             block += packed or sample_bytes(slot, output, t, signal)
@@ -57,6 +82,10 @@ class Digest:
         if len(self._block) >= BLOCK_BYTES:
             self._fold()
 
+    def _take_waiting(self) -> None:
+        while self.take_next():
+            pass
+
     def _fold(self) -> None:
         self._value = hashlib.sha256(self._value + self._block).digest()
         self._block.clear()
@@ -64,10 +93,12 @@ class Digest:
     @property
     def hex(self) -> str:
         """The digest so far, 64 hexadecimal digits."""
+        self._take_waiting()
         return hashlib.sha256(self._value + self._block).hexdigest()
 
     def save(self) -> dict[str, Any]:
         """State between two samples."""
+        self._take_waiting()
         return {"value": np.frombuffer(self._value + self._block, dtype=np.uint8).copy()}
 
     def load(self, state: Mapping[str, Any]) -> None:

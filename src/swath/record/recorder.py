@@ -29,6 +29,7 @@ BULKY_PERIOD = NS // 5  # the same of a scan
 PHASE = 0.618  # of a block, from output to output: the golden section spreads any number of them
 LARGE_PERIOD = NS * 2 // 5  # between two messages of a large truth, unless everything is wanted
 LATEST = NS // 10  # that a sample waits to be written, where it may wait
+HEARD_LATEST = NS // 50  # the same where taps hear the messages
 
 
 class Recorder:
@@ -72,6 +73,7 @@ class Recorder:
         self._full: list[Blocks] = []
         self._t = -1  # of the newest samples [ns]
         self._waiting: deque[_Waiting] | None = None  # what is still to be written, None = nothing may wait
+        self._latest = LATEST
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
             if scenario:
@@ -96,16 +98,18 @@ class Recorder:
                 self._write(sink, output, t, signal)
             else:
                 waiting.append((t, sink, output, signal))
-        while waiting and waiting[0][0] < t - LATEST:
+        while waiting and waiting[0][0] <= t - self._latest:
             self.write_next()
 
     def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.
 
-        Not where taps hear the messages: they hear them at once.
+        Where taps hear the messages, HEARD_LATEST; they hear them in the same order. `write_waiting` before
+        somebody acts on what was heard.
         """
-        if self.file is not None and not self.file.taps:
+        if self.file is not None:
             self._waiting = deque()
+            self._latest = HEARD_LATEST if self.file.taps else LATEST
 
     def write_next(self) -> bool:
         """Write the oldest of the samples that wait; False where none does."""
@@ -134,7 +138,8 @@ class Recorder:
             if sink.blocks.is_full:
                 self._full.append(sink.blocks)
 
-    def _write_waiting(self) -> None:
+    def write_waiting(self) -> None:
+        """Write all that waits."""
         while self.write_next():
             pass
 
@@ -146,7 +151,7 @@ class Recorder:
 
     def save(self) -> dict[str, Any]:
         """What is not in the files so far, and how much of them there is."""
-        self._write_waiting()
+        self.write_waiting()
         return {
             "tracks": {name: tracks.save() for name, tracks in self.tracks.items()},
             "messages": 0 if self.file is None else self.file.count,
@@ -189,7 +194,7 @@ class Recorder:
         finally:
             if self.file is not None:
                 try:
-                    self._write_waiting()
+                    self.write_waiting()
                     for sink in self._sinks.values():
                         if sink.blocks is not None:
                             sink.blocks.flush()

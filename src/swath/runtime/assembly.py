@@ -1,7 +1,7 @@
 """From a scenario to a world: the field, the machines in it, their parts and connections."""
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -73,7 +73,8 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
     bodies = Bodies()
     bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}
-    site = _Site(ground.field, ground.obstacles, bodies, base, sheets, ground.origin)
+    before_asking: list[Callable[[], None]] = []
+    site = _Site(ground.field, ground.obstacles, bodies, base, sheets, before_asking, ground.origin)
     machines: dict[str, Machine] = {}
     nodes: list[Node] = []
     for section in scenario.machines.values():
@@ -90,8 +91,9 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
     graph = Graph(nodes, scenario.seed, outside=None if only is None else outside_of(nodes))
     walkers = Walkers(ground.field, site.bodies)
     world = World(
-        scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines, walkers
-    )
+        scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines, walkers,
+        before_asking,
+    )  # fmt: skip
     graph.before_tick.append(world.end_with_parts)
     world.watch_bodies()
     return world
@@ -144,6 +146,7 @@ class _Site:
     bodies: Bodies
     base: Path
     sheets: Mapping[str, MachineSheet]
+    before_asking: list[Callable[[], None]]  # as `World.before_asking`
     origin: Origin | None = None
 
 
@@ -219,7 +222,10 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     machine_name, _, slot = name.partition(".")
     machine = world.machines[machine_name]
     sheets = {m.name: m.sheet for m in world.machines.values()}
-    site = _Site(world.field, world.obstacles, world.bodies, _base(world.scenario), sheets, machine.origin)
+    site = _Site(
+        world.field, world.obstacles, world.bodies, _base(world.scenario), sheets, world.before_asking,
+        machine.origin,
+    )  # fmt: skip
     place = _Place(machine.section, machine.sheet, machine.edge, machine.start, machine.mountings, site)
     component = _make(place, slot, choice)
     return component, _node(machine.section, slot, choice, component, world.machines).wires
@@ -263,7 +269,10 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     control = ControlSetup(place.sheet, mountings, side, period, height, lines)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
-        return LinkSetup(section.name, slot, _offered(choice), choice.kind.outputs, control, site.base, fed)
+        offered, gives = _offered(choice), choice.kind.outputs
+        return LinkSetup(
+            section.name, slot, offered, gives, control, site.base, fed, before_asking=site.before_asking
+        )
     if choice.kind.is_control and not choice.found.sees_truth:
         return control
     return _site_setup(place, period)

@@ -224,10 +224,17 @@ class _Running:
                 )
             )
         if self.pacer is not None:
-            self.recorder.defer()
-            self.pacer.deferred = self.recorder.write_next
+            self._put_off(self.pacer)
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
+
+    def _put_off(self, pacer: Pacer) -> None:
+        """Recording, messages and digest are work of the time between ticks."""
+        recorder, digest = self.recorder, self.digest
+        recorder.defer()
+        digest.defer()
+        pacer.deferred = lambda: recorder.write_next() or digest.take_next()
+        self.world.before_asking.append(recorder.write_waiting)
 
     def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
         """Judge, write summary.json, let the hooks finish; returns the summary.

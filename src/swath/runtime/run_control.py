@@ -69,6 +69,8 @@ class RunControl(RunHook):
     def _hold(self, t: int) -> None:
         """Wait before the tick at t [ns] while the run is paused."""
         began = time.monotonic_ns()
+        if self._run is not None:
+            self._run.recorder.write_waiting()
         while self.is_paused and t > self._until:
             self._is_waiting.set()
             self._requests.serve(t, wait_s=POLL_S)

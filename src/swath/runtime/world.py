@@ -1,7 +1,7 @@
 """The world: a field, the machines in it, and the graph that runs their parts. `assembly.py` builds it."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -127,6 +127,7 @@ class World:
 
     driven: the real pass that the edge follows, (n, 2) world [m], if it does
     added: obstacles that came while the run went, those of them that go
+    before_asking: called before a part waits for somebody outside, who may act on messages of the run
     """
 
     scenario: Scenario
@@ -137,6 +138,7 @@ class World:
     graph: Graph
     machines: Mapping[str, Machine]
     added: Walkers
+    before_asking: list[Callable[[], None]] = dataclasses.field(default_factory=list)
 
     @property
     def leader(self) -> Machine:

@@ -1,6 +1,6 @@
 """What the parts of a machine know about the machine: geometry from the data sheet, never the truth."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -144,6 +144,7 @@ class LinkSetup:
     control: geometry, sensor mounting, side of the edge and period
     base: folder that relative file names start from
     sources: input port -> slot that feeds it, e.g. `combine.lidar_left`
+    before_asking: to be called before somebody outside is waited for, who may act on messages of the run
     """
 
     machine_name: str
@@ -153,6 +154,7 @@ class LinkSetup:
     control: ControlSetup
     base: Path
     sources: Mapping[str, str] = field(default_factory=dict)
+    before_asking: Sequence[Callable[[], None]] = ()
 
     @property
     def name(self) -> str:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, replace
-from math import tan
+from math import isfinite, tan
 
 import numpy as np
 
@@ -30,6 +30,9 @@ RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
 SUNKEN = 0.25  # of the crop's height
 MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered; m, rad from it: another edge
+FLANK, RAGGEDS, USED = 0.17, 3.0, 0.9  # m inward, or of the scatter: a step; of a line that fitted so often
+HOLE, NEARER = 0.3, 0.5  # m inward from which on an edge beside a line that broke off is a hole's; part of it
+YOUNG, RISES = 6, 0.09  # blocks that may show a false start; m by which crop rises where its front is seen
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
@@ -56,7 +59,7 @@ class BlockTrack(KeepsState):
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_lodged", "_lodged_blocks", "_is_broken", "_usual", "_levels", "_scatters",
-        "_lost", "_rise",
+        "_lost", "_rise", "_hole",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -77,6 +80,7 @@ class BlockTrack(KeepsState):
         self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
         self._rise = 0.0  # of the ground from where the crop is seen to where the stubble is [m]
         self._scatters: deque[tuple[float, float]] = deque(maxlen=KEPT)  # (way, scatter before its block)
+        self._hole = float("nan")  # beside a line that broke off: where another edge was seen [m]
         self._lost: tuple[Arc, float] | None = None  # the track before, and how far back it was lost [m]
 
     def add(
@@ -103,8 +107,10 @@ class BlockTrack(KeepsState):
         self._rise = rise
         if self.track.arc is None:
             is_done = self._begin(frame, at) or self._block.travel >= LONGEST
+        elif self.followed < YOUNG and self._is_front():
+            is_done = self._begin_anew(frame, at)
         else:
-            is_done = self._go_on(self.track.arc, at[2])
+            is_done = self._go_on(self.track.arc, frame, at)
         if is_done:
             self._block.clear()
             self._scans = []
@@ -120,12 +126,25 @@ class BlockTrack(KeepsState):
         self._lost = None
         self.populations.begin(*self._block.sides(place))
         self.height = self._crop_height()
+        c, s = float(np.cos(frame.angle)), float(np.sin(frame.angle))
+        along = self._block.along
+        x, u = frame.x + c * along - s * place, frame.u + s * along + c * place
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
-        x, u = frame.x + self._block.along, frame.u + place
         self.points.clear()
         self.followed = 0
-        self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2], 0.0))
+        self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2] + frame.angle, 0.0))
         return True
+
+    def _begin_anew(self, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
+        """What the edge began with was none, or another."""
+        self.track.clear()
+        self._begin(frame, at)
+        return True
+
+    def _is_front(self) -> bool:
+        """The crop rises from block to block: what is seen is its front, from a headland before it."""
+        now = self.populations.height_of(self._block.sides(0.0)[0])
+        return now > self.height + RISES
 
     def _is_another(self, frame: EdgeFrame, place: float, at: tuple[float, float, float]) -> bool:
         """An edge that lies beside the line just lost is not that edge, but the far wall of a hole."""
@@ -135,12 +154,14 @@ class BlockTrack(KeepsState):
         beside = frame.u + place - old.u - (frame.x + self._block.along - old.x) * tan(old.angle)
         return abs(old.angle) < TURNED and abs(beside) > ELSEWHERE
 
-    def _go_on(self, arc: Arc, heading: float) -> bool:
+    def _go_on(self, arc: Arc, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """A block is full: where is its edge? False when it needs more rays."""
-        block = self._block
+        block, heading = self._block, at[2]
         gate = min(WIDEST, GATE + WIDENING * arc.unseen**2)
         found = find_edge(block, self.populations.ratios(), gate)
         is_near = found.lead < LEAD
+        if self.followed < YOUNG and not (is_near and found.gain >= LEAST_GAIN) and self._begin(frame, at):
+            return True
         if found.gain < LEAST_GAIN and is_near and block.travel < LONGEST:
             return False
         self.followed += 1
@@ -149,15 +170,29 @@ class BlockTrack(KeepsState):
         swing = self._lodged_swing(found, arc.angle - heading)
         if swing > 0.0 and abs(found.beside) < swing + 0.1:
             self._pass_lodged(found, along, swing)
-        elif found.gain >= LEAST_GAIN and is_near:
+        elif found.gain >= LEAST_GAIN and is_near and not self._is_hole(found, arc):
             self._accept(found, along, heading)
         else:
-            self._miss(along, broke=not is_near)
+            broke = not is_near or self._is_hole(found, arc)
+            if broke:
+                self._hole = found.best
+            self._miss(along, broke=broke)
         self.height = self._crop_height()
         return True
 
+    def _is_hole(self, found: Found, arc: Arc) -> bool:
+        """The edge steps into the crop, or still stands where it was seen when the line broke off.
+
+        Steps outward are left to the gate: behind a tooth, crop that stands out is the edge.
+        """
+        inward = found.beside if found.lead < LEAD else found.best
+        if self._hole > 0.0:
+            return inward > max(HOLE, NEARER * self._hole)
+        is_used = arc.unseen < 1.0 and self.agreed > USED
+        return is_used and inward > max(FLANK, RAGGEDS * float(np.sqrt(self.scatter)))
+
     def _accept(self, found: Found, along: float, heading: float) -> None:
-        self._is_lodged = False
+        self._is_lodged, self._hole = False, float("nan")
         self._remember_height(found)
         if abs(found.beside) < LEARNED:
             self.populations.add(*self._block.sides(found.beside))
@@ -197,7 +232,7 @@ class BlockTrack(KeepsState):
 
     def _take_back(self) -> None:
         """The last blocks were already wrong: what they did to the track and its scatter goes."""
-        way = self.track.rewind(STRAIGHTEN)
+        way = self.track.rewind(STRAIGHTEN, self.points.rows)
         self.points.doubt(way)
         while self._scatters and self._scatters[-1][0] >= way:
             self.scatter = self._scatters.pop()[1]
@@ -256,4 +291,4 @@ class BlockTrack(KeepsState):
 
     def _crop_height(self) -> float:
         height = self.populations.heights()[0]
-        return float(np.clip(height, 0.15, 2.5)) if np.isfinite(height) else HEIGHT
+        return min(max(height, 0.15), 2.5) if isfinite(height) else HEIGHT

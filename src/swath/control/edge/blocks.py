@@ -72,7 +72,7 @@ class Block(KeepsState):
 class Found:
     """The edge of a block. beside [m] of the frame, variance [m2]; gain [nat] over "all crop" and "no crop"
 
-    lead [nat]: of the best place anywhere over the best one within the gate
+    lead [nat]: of the best place anywhere, `best` [m], over the best one within the gate
     blank: width of the strip about the edge in which no ray says anything [m]
     """
 
@@ -81,6 +81,7 @@ class Found:
     gain: float
     lead: float
     blank: float
+    best: float = 0.0
 
 
 def find_edge(block: Block, ratios: F64, gate: float) -> Found:
@@ -95,7 +96,9 @@ def find_edge(block: Block, ratios: F64, gate: float) -> Found:
     chance /= chance.sum()
     mean = float((chance * place[near]).sum())
     variance = float((chance * (place[near] - mean) ** 2).sum())
-    return Found(mean, variance + FINEST**2, best, float(gain.max()) - best, _blank(block.counts, mean))
+    top = int(gain.argmax())
+    lead, blank = float(gain[top]) - best, _blank(block.counts, mean)
+    return Found(mean, variance + FINEST**2, best, lead, blank, float(place[top]))
 
 
 def _blank(counts: F64, edge: float) -> float:
@@ -135,5 +138,5 @@ def _entropy(counts: F64) -> F64:
 
 
 def _between(counts: F64, low: float, high: float) -> F64:
-    first, last = (int(np.clip(round((v + HALF) / CELL), 0, PLACES)) for v in (low, high))
+    first, last = (min(max(round((v + HALF) / CELL), 0), PLACES) for v in (low, high))
     return np.asarray(counts[first:last].sum(axis=0))

@@ -76,7 +76,7 @@ class CanopyFeet(KeepsState):
     @property
     def leans_in(self) -> float:
         """How sure the crop is to lean away from the edge by more than ragged edges and wind feign, 0..1."""
-        return float(np.clip((self.lean[2] - STEEP) / (STEEPER - STEEP), 0.0, 1.0))
+        return min(max((self.lean[2] - STEEP) / (STEEPER - STEEP), 0.0), 1.0)
 
     def _overhang(self, height: float) -> float:
         """Learned overhang of an upright canopy [m]."""

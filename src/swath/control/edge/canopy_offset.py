@@ -119,7 +119,7 @@ class CanopyOffset(KeepsState):
     def _fit(self, guess: float) -> float:
         """Mean shift under the likelihood of the counts and the guess [m]."""
         inside = self._seen[:, self._middle > INSIDE[0]].sum(axis=1)
-        most = float(np.clip(inside[1] / max(float(inside.sum()), 1e-9), 0.3, 1.0 - STRAY))
+        most = min(max(float(inside[1]) / max(float(inside.sum()), 1e-9), 0.3), 1.0 - STRAY)
         depth = float(np.interp(most, self._chance, _MET))
         score = self._scores(depth)
         score -= 0.5 * ((self._shifts - guess) / GUESS) ** 2

@@ -86,8 +86,8 @@ class LeanRamp(KeepsState):
         foot = float(begins.mean()) - slope * (float(level.mean()) + SOAK)
         upright = max(STEEP - FLATTER * overhang / height, 0.0)
         least = upright + feigned + self._least(height, float(most[1]))
-        is_ramp = float(np.clip((slope - least) / WIDTH, 0.0, 1.0))
-        return is_ramp, float(np.clip(foot, -0.5, 0.2)), slope
+        is_ramp = min(max((slope - least) / WIDTH, 0.0), 1.0)
+        return is_ramp, min(max(foot, -0.5), 0.2), slope
 
     def _least(self, height: float, stopped: float) -> float:
         """Slope beyond that of an upright canopy that may be chance.

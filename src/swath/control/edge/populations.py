@@ -23,6 +23,7 @@ MAT, FEW = 0.08, 10.0  # m above the middle of the stubble: of crop that lies fl
 TALLEST = 1.4  # of the usual height: what is above is dust
 SAMPLE = 0.5  # counts added to each class
 _HEIGHT = LOWEST + LAYER * (np.arange(LAYERS) + 0.5)
+_TOP = LOWEST + LAYER * (np.arange(LAYERS) + 1)
 
 
 class Populations(KeepsState):
@@ -132,7 +133,8 @@ def canopy_height(layers: F64, first: int) -> float:
     layers: counts from the lowest layer on. The canopy reaches from layer `first` over its fullest layer to
     where a tenth of that is left: puffs of dust above it do not count.
     """
-    canopy = np.where(np.arange(len(layers)) >= first, layers, 0.0)
+    canopy = layers.copy()
+    canopy[:first] = 0.0
     if float(canopy.sum()) < 10.0:
         return float("nan")
     canopy[_end_of_peak(canopy) :] = 0.0
@@ -144,9 +146,10 @@ def _end_of_peak(layers: F64) -> int:
     padded = np.zeros(len(layers) + 2)  # much quicker than `numpy.pad`
     padded[1:-1] = layers
     smooth = 0.25 * padded[:-2] + 0.5 * layers + 0.25 * padded[2:]
-    peak = int(np.argmax(smooth))
-    sparse = np.flatnonzero(smooth[peak:] < LITTLE * smooth[peak])
-    return peak + int(sparse[0]) if len(sparse) else len(layers)
+    peak = int(smooth.argmax())
+    is_sparse = smooth[peak:] < LITTLE * smooth[peak]
+    first = int(is_sparse.argmax())
+    return peak + first if is_sparse[first] else len(layers)
 
 
 def overlap_of(first: F64, second: F64) -> float:
@@ -179,5 +182,4 @@ def _percentile(counts: F64, share: float) -> float:
     total = float(counts.sum())
     if total <= 0.0:
         return float("nan")
-    reached = np.cumsum(counts) / total
-    return float(np.interp(share, reached, LOWEST + LAYER * (np.arange(len(counts)) + 1)))
+    return float(np.interp(share, counts.cumsum() / total, _TOP[: len(counts)]))

@@ -37,6 +37,7 @@ class EdgeSeries:
     detected: likewise, nan = none; error: detected minus true [m], > 0 towards the crop, nan where they are
     farther apart than MATCH_M; found: an edge was reported; exists: one is near enough that it had to be
     confidence, is_held, offset_sd [m]: as reported
+    across: error against the line across a gap of the initial edge [m], like `error`; nan beside none
     """
 
     t: F64
@@ -49,16 +50,18 @@ class EdgeSeries:
     confidence: F64
     is_held: NDArray[np.bool_]
     offset_sd: F64
+    across: F64
 
 
 @dataclass
 class _Row:
-    """A sample and whether crop stands on the line across the machine at its reference, packed."""
+    """A sample, its place, and whether crop stands on the line across the machine there, packed."""
 
     t: int
     distance: float
     edge: CropEdge
     crop: NDArray[np.uint8]
+    place: tuple[float, float]  # of the reported edge in the world [m]
 
 
 class EdgeDetection:
@@ -97,7 +100,7 @@ class EdgeDetection:
         self._states: list[MachineState] = []
         self._waiting: list[CropEdge] = []
         self._rows: list[_Row] = []
-        self._judged = KeptRows(9)
+        self._judged = KeptRows(10)
         self._newest: F64 | None = None  # row of those
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
@@ -107,6 +110,8 @@ class EdgeDetection:
                 self._states.append(signal)
                 if len(self._states) > 512:
                     del self._states[:256]
+                if len(self._rows) >= CHUNK:  # a tick with an edge has enough to do
+                    self._judge_rows()
             elif isinstance(signal, CropEdge):
                 self._waiting.append(signal)
         while self._waiting and self._states and self._waiting[0].t <= self._states[-1].t:
@@ -148,10 +153,11 @@ class EdgeDetection:
         """The course of the run so far."""
         self._judge_rows()
         table = self._judged.table()
-        t, at, true, seen, found, exists, confidence, is_held, sd = table.T
+        t, at, true, seen, found, exists, confidence, is_held, sd, across = table.T
         error = -self.side * (seen - true)
         error = np.where(np.abs(error) <= MATCH_M, error, np.nan)
-        return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, confidence, is_held > 0, sd)
+        told = confidence, is_held > 0, sd, across
+        return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, *told)
 
     def _true_at(self, tracks: Mapping[str, F64]) -> F64:
         """y of the true edge [m] for the rows of the tracks."""
@@ -165,9 +171,10 @@ class EdgeDetection:
         pose, distance = self._at(edge.t)
         end = 2.0 * self._end_y - self._begin
         crop = (self._across or crop_across)(self.setup.field, pose, edge.reference_x, self._begin, end)
-        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop)))
-        if len(self._rows) >= CHUNK:
-            self._judge_rows()
+        (px, py, _), ((ax, bx, _), (ay, by, _), _) = pose.numbers
+        x, y = edge.reference_x, edge.offset if edge.is_found else self._end_y
+        place = px + ax * x + bx * y, py + ay * x + by * y
+        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop), place))
 
     def _judge_rows(self) -> None:
         if self._rows:
@@ -177,11 +184,11 @@ class EdgeDetection:
             self._rows = []
 
     def _judge(self, rows: Sequence[_Row]) -> F64:
-        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd."""
+        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, across."""
         count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
         crop = np.unpackbits(np.stack([r.crop for r in rows]), axis=1, count=count).astype(bool)
         judged = []
-        for row, places in zip(rows, edges_of(crop), strict=True):
+        for row, places, across in zip(rows, edges_of(crop), self._across_gaps(rows), strict=True):
             edge, end = row.edge, self._end_y
             at = [self._begin - self.side * STEP_M * place for place in places.tolist()]
             seen, true = edge.offset if edge.is_found else NAN, NAN
@@ -190,9 +197,21 @@ class EdgeDetection:
                 true = _nearest(at, seen)
             elif exists:
                 true = _nearest(at, end)
-            told = edge.is_found, exists, edge.confidence, edge.is_held, edge.offset_sd
+            told = edge.is_found, exists, edge.confidence, edge.is_held, edge.offset_sd, across
             judged.append((row.t, row.distance, true, seen, *told))
         return np.array(judged, dtype=float)
+
+    def _across_gaps(self, rows: Sequence[_Row]) -> Sequence[float]:
+        """How far inside the initial edge reported places lie that are beside its gaps [m], nan elsewhere."""
+        if not self.setup.gaps:
+            return [NAN] * len(rows)
+        x, y = np.array([row.place for row in rows]).T
+        s = np.asarray(self.setup.edge.project(x, y)[0])
+        is_beside = [row.edge.is_found for row in rows] & np.any(
+            [(s >= gap.start) & (s < gap.end) for gap in self.setup.gaps], axis=0
+        )
+        inside: Sequence[float] = np.where(is_beside, self.setup.edge.signed_distance(x, y), NAN).tolist()
+        return inside
 
     def _at(self, t: int) -> tuple[Pose, float]:
         """True pose and distance at t [ns]; position and angles are interpolated between samples."""

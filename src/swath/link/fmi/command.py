@@ -107,7 +107,7 @@ def run_export(args: argparse.Namespace) -> int:
     """Write an FMU."""
     from swath.core.errors import InputError
     from swath.link.fmi.export import export_fmu
-    from swath.link.fmi.export_needs import importer_line
+    from swath.link.fmi.export_needs import elsewhere_line, importer_line
     from swath.terminal.options import load
     from swath.terminal.tables import table
 
@@ -124,6 +124,7 @@ def run_export(args: argparse.Namespace) -> int:
         f"{args.out}  FMI {args.fmi}, for Linux and Windows on x86-64: the importer needs a Python with "
         f"swath {__version__}, see docs/fmu-export.md"
     )
+    print(f"a program that is no Python needs {elsewhere_line()}")
     print(f"a program that is no Python starts here with: {importer_line()}")
     return 0
 

@@ -38,3 +38,13 @@ def importer_line() -> str:
     if sys.platform == "win32":
         return " & ".join(f"set {k}={v}" + (";%PATH%" if k == "PATH" else "") for k, v in found.items())
     return " ".join(f"{key}={shlex.quote(value)}" for key, value in found.items()) + " PROGRAM"
+
+
+def elsewhere_line() -> str:
+    """What such a program needs on a machine of the other system that the FMU has binaries for, one line."""
+    if sys.platform == "win32":
+        return (
+            "on Linux: libpython3.so as LD_PRELOAD, its folder as PYTHONHOME, swath's packages in PYTHONPATH"
+        )
+    where = "the folder of python3.dll in PATH and as PYTHONHOME"
+    return f"on Windows (not tried): {where}, swath's packages in PYTHONPATH"

@@ -71,6 +71,7 @@ class Ros2Slot:
         """Wait for the node, tell it about the machine, and have its output at t = 0."""
         node = self._open()
         self._steps = self._stale = 0
+        self._tell_others()
         deadline = time.monotonic() + self._p.start_timeout_s
         node.find(deadline)
         while True:
@@ -86,6 +87,8 @@ class Ros2Slot:
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The node's answer to the inputs of this step."""
         node, self._steps = self._open(), self._steps + 1
+        if self._p.mode == "lockstep":
+            self._tell_others()
         node.ask(t + dt, dt, inputs)
         if self._p.mode == "lockstep":
             answer = node.answer(t + dt, time.monotonic() + self._p.timeout_s)
@@ -112,6 +115,11 @@ class Ros2Slot:
         if self._node is not None:
             self._node.close()
             self._node = None
+
+    def _tell_others(self) -> None:
+        """What the node may want to know is sent before it is asked."""
+        for call in self._setup.before_asking:
+            call()
 
     def _open(self) -> SlotNode:
         if self._node is None:

@@ -52,7 +52,7 @@ class Bridge(RunHook):
         recorder.file.taps.append(self._publisher)
         self._parameters.join(run.changes)
         self._control.join(run)
-        world.graph.before_tick.insert(1, self._before_tick)
+        world.graph.before_tick.append(self._before_tick)
         self._clock.publish(0)
 
     def summarize(self, t: int) -> dict[str, Any]:

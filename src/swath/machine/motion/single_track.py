@@ -4,17 +4,20 @@ One tyre per axle; lateral speed of the centre of gravity and yaw rate as in the
 the drive's closed loop. Equations, signs and validation: docs/motion.md.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import Annotated
+from typing import Annotated, Any
 
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG_PER_G, KMH, MS
+from swath.field.footprint import Footprint
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Row, repeatable
 from swath.machine.attitude import TerrainFollower
@@ -102,7 +105,8 @@ class SingleTrack:
         self._speed = self._params.start_speed_kmh * KMH
         if self._towed is not None:
             self._towed.place(x, y, self._start.euler()[2])
-        return self._output(0, 0.0, self._q.read(), 0.0)
+        self._stand_there()
+        return self._output(0, self._follower.pose(), 0.0, self._q.read(), 0.0)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate over dt in equal substeps."""
@@ -112,8 +116,33 @@ class SingleTrack:
         if dt != self._dt:
             self._dt = dt
             self._count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
-        count, h, before = self._count, dt / NS / self._count, self._speed
-        for _ in range(count):
+        before, h = self._speed, dt / NS / self._count
+        at = self._drive_on(h, steer, wanted)
+        q = self._q.read()
+        if at is None:
+            self._drive_in_python(h, steer, wanted, q)
+            q, pose = self._q.read(), self._follower.pose()
+        else:
+            pose = Pose.of_numbers([q[0], q[1], at[2]], [[*at[7:10]], [*at[10:13]], [*at[13:]]])
+        tow(self._towed, inputs, q[0], q[1], q[2])
+        return self._output(t + dt, pose, steer, q, (self._speed - before) / (dt / NS))
+
+    def _drive_on(self, h: float, steer: float, wanted: float) -> tuple[float, ...] | None:
+        """All substeps of h [s] in one launch: numbers of `Stand`, None where that cannot be done."""
+        if self._whole is None:
+            return None
+        self._asked.write(self._count, h, steer, wanted)
+        self._whole()
+        found = self._stand.read()
+        if not found[0]:
+            return None
+        self._speed = found[1]
+        return found
+
+    def _drive_in_python(self, h: float, steer: float, wanted: float, q: tuple[float, ...]) -> None:
+        """The same substeps one by one, where the ground is no lattice in memory, or not yet. q: the state"""
+        self._follower.at(q[0], q[1], q[2])
+        for _ in range(self._count):
             middle, _ = self._loop.advance(self._speed, wanted, 0.5 * h)
             end, _ = self._loop.advance(self._speed, wanted, h)
             self._drive.write(h, self._speed, middle, end, self._sense * steer, *self._follower.stance[1:])
@@ -121,8 +150,7 @@ class SingleTrack:
             q = self._q.read()
             self._follower.at(q[0], q[1], q[2])
             self._speed = end
-        tow(self._towed, inputs, q[0], q[1], q[2])
-        return self._output(t + dt, steer, q, (self._speed - before) / (dt / NS))
+        self._stand_there()
 
     @property
     def axle_loads(self) -> tuple[float, float]:
@@ -141,16 +169,39 @@ class SingleTrack:
         self._speed = state["speed"]
         self._fill(state["grain"])
         self._go_to(*(state[name] for name in self._q.names))
+        self._stand_there()
         if self._towed is not None:
             self._towed.load(state["towed"])
 
     def _compile(self) -> None:
         """Memory that is shared with the compiled step: the state `_q`, what is held, what stays."""
         from swath.machine.motion.single_track_kernel import Car, Drive, Moment, Track, advance
+        from swath.machine.motion.single_track_step_kernel import Asked, Stand
 
         self._car, self._drive, self._moment, self._q = (Row(s) for s in (Car, Drive, Moment, Track))
         rows = self._car, self._drive, self._moment, self._q
         self._advance = repeatable(advance, [row.array for row in rows]).launch
+        self._asked, self._stand = Row(Asked), Row(Stand)
+        self._whole: Callable[[], Any] | None = None
+
+    def _compile_whole(self, footprint: Footprint) -> None:
+        """The launch of a whole step."""
+        from swath.machine.motion.single_track_step_kernel import Loop, drive
+
+        d, machine = dynamics_of(self._machine), self._machine
+        self._loop_row = loop = Row(Loop)
+        tracks = machine.front_track, machine.rear_track
+        loop.write(d.speed_lag, d.accel, d.decel, d.max_speed, self._wheelbase, *tracks, self._sense)
+        rows = self._car, loop, self._asked, self._moment, self._q, self._stand
+        launch = repeatable(drive, [*footprint.arguments(), *(row.array for row in rows)])
+        footprint.serve(launch, 0)
+        self._whole = lambda: launch.launch()
+
+    def _stand_there(self) -> None:
+        """Tell the compiled step how fast the machine is, and how it stands."""
+        if self._whole is None and isinstance(self._follower.footprint, Footprint):
+            self._compile_whole(self._follower.footprint)
+        self._stand.write(0.0, self._speed, *self._follower.stance, *[0.0] * 9)
 
     def _go_to(self, x: float, y: float, yaw: float, *rest: float) -> None:
         self._q.write(x, y, yaw, *rest)
@@ -184,10 +235,10 @@ class SingleTrack:
             self._weigh(loaded(d, machine.masses.tank, grain) if grain > 0.0 else d)
         self._grain = grain
 
-    def _output(self, t: int, steer: float, q: tuple[float, ...], accel: float) -> Outputs:
+    def _output(self, t: int, pose: Pose, steer: float, q: tuple[float, ...], accel: float) -> Outputs:
         _, _, yaw, side, turn, _, _, distance = q
         lateral = side + self._ahead * turn
-        state = MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)
+        state = MachineState(t, pose, self._speed, lateral, turn, steer, distance)
         found = with_trailer(self._towed, state, yaw)
         if not self._params.wheel_slip:
             return found

@@ -6,6 +6,7 @@ import warp as wp
 
 from swath.machine import tyre
 
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
 CREEP_SPEED = wp.constant(real(tyre.CREEP_SPEED))
 CREEP_DAMPING = wp.constant(real(tyre.CREEP_DAMPING))
@@ -177,18 +178,9 @@ def moved(q: Track, d: Track, h: wp.float64) -> Track:
     return n
 
 
-@wp.kernel(enable_backward=False)
-def advance(
-    cars: wp.array(dtype=Car),
-    drives: wp.array(dtype=Drive),
-    moments: wp.array(dtype=Moment),
-    tracks: wp.array(dtype=Track),
-):
-    """One step in place; the slips end at full sliding."""
-    car = cars[0]
-    d = drives[0]
-    q = tracks[0]
-    m = held(car, d)
+@wp.func
+def integrated(q: Track, d: Drive, car: Car, m: Moment) -> Track:
+    """The state after one step; the slips end at full sliding."""
     k1 = rates(q, d.start, car, m)
     k2 = rates(moved(q, k1, HALF * d.h), d.middle, car, m)
     k3 = rates(moved(q, k2, HALF * d.h), d.middle, car, m)
@@ -198,5 +190,17 @@ def advance(
     q.front_slip = wp.clamp(q.front_slip, -most, most)
     most = THREE * car.friction / car.rear_stiffness
     q.rear_slip = wp.clamp(q.rear_slip, -most, most)
+    return q
+
+
+@wp.kernel
+def advance(
+    cars: wp.array(dtype=Car),
+    drives: wp.array(dtype=Drive),
+    moments: wp.array(dtype=Moment),
+    tracks: wp.array(dtype=Track),
+):
+    """One step in place."""
+    m = held(cars[0], drives[0])
+    tracks[0] = integrated(tracks[0], drives[0], cars[0], m)
     moments[0] = m
-    tracks[0] = q

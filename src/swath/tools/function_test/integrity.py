@@ -5,6 +5,9 @@ an alert limit. Below the diagonal the error is more than told (misleading); abo
 itself that it is not sure (unavailable); an error beyond the limit while it says that it is sure is
 hazardously misleading (Tossaint et al. 2007, the Stanford-ESA integrity diagram). An episode is an unbroken
 stretch of such samples. A detector without a standard deviation is sure from a confidence of 0.5 on.
+
+Beside a gap of the initial edge the line across it counts as the edge, not the far wall: gaps are to be
+bridged, and a detector that is sure of the wall leads the machine into the crop.
 """
 
 from collections.abc import Iterable, Mapping
@@ -36,8 +39,9 @@ class IntegrityHook(RunHook):
 
 def integrity_of(series: EdgeSeries, settling: float) -> dict[str, Any]:
     """Counts of one run: bins (error bin, told bin, samples), samples, hazardous, episodes, longest_m, km."""
-    is_judged = (series.distance >= settling) & np.isfinite(series.error) & series.found
-    error, at = np.abs(series.error[is_judged]), series.distance[is_judged]
+    off = np.where(np.isfinite(series.across), series.across, series.error)
+    is_judged = (series.distance >= settling) & np.isfinite(off) & series.found
+    error, at = np.abs(off[is_judged]), series.distance[is_judged]
     sd, confidence = series.offset_sd[is_judged], series.confidence[is_judged]
     unknown = np.where(confidence >= SURE, 0.0, BIN_M * BIN_COUNT)
     told = np.where(np.isfinite(sd), 3.0 * sd, unknown)
