@@ -1,5 +1,10 @@
 """What a notebook does: a class of its own as a level, a scan, a run, a field, and what is shown of them."""
 
+import json
+from pathlib import Path
+
+import nbclient
+import nbformat
 import pytest
 
 import swath
@@ -61,3 +66,17 @@ def test_an_error_is_a_line_not_frames():
     lines = caught.value._render_traceback_()
     assert len(lines) == 2
     assert all("expected" in line for line in lines)
+
+
+def test_the_notebook_of_the_examples_runs_in_a_kernel(tmp_path):
+    """Its scan, run and plot are shown, and its law holds the header end near the line."""
+    book = nbformat.read(Path(__file__).parents[1] / "examples" / "notebook.ipynb", as_version=4)
+    where = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(book, timeout=600, startup_timeout=300, resources=where).execute()
+    shown = [out.get("data", {}) for cell in book.cells for out in cell.get("outputs", [])]
+    scan, run, plot = (data for data in shown if data)
+    assert "data:image/png;base64," in scan["text/html"]
+    assert "lateral_rms_m" in run["text/html"]
+    assert "image/png" in plot
+    (summary,) = tmp_path.glob("runs/*/summary.json")
+    assert json.loads(summary.read_text())["lateral_rms_m"] < 0.05
