@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 RADIUS = 8.0  # m, of a tractor with a trailer
 SIDEWAYS = 0.8  # m/s2, most in a bend, as the level with sensors drives
 BRAKE = 0.5  # m/s2, with a load
-BOX_BEHIND = 6.0  # m from a tractor's axle to the middle of its trailer's box
+LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 RUN_UP = 12.0  # m before a pass, from where a cart drives straight along it
 ASIDE = 15.0  # m beside its line, from where a cart can follow a combine
 BEYOND = 30.0  # m that its way goes on behind the pass
@@ -30,9 +30,9 @@ NEAR = 0.5  # m before the end of a way, where it is done
 IN_PLACE = 1.0  # m along the pass, within which a cart is beside its combine
 
 
-def beside(place: Pose, combine: Combine) -> Pose:
+def beside(place: Pose, combine: Combine, cart: Cart) -> Pose:
     """Where a cart's tractor is whose box is under the pipe of a combine with its knife at a place."""
-    back, left = box_offset(combine) - BOX_BEHIND, combine.pipe
+    back, left = box_offset(combine) - box_behind(cart), aside(combine)
     c, s = math.cos(place.heading), math.sin(place.heading)
     return Pose(place.x - back * c - left * s, place.y - back * s + left * c, place.heading)
 
@@ -43,7 +43,19 @@ def box_offset(combine: Combine) -> float:
     return combine.sheet.knife_x - (pipe.x if pipe is not None else 0.0)
 
 
-def way_beside(here: Pose, at: CombineState) -> tuple[Path, float, float]:
+def aside(combine: Combine) -> float:
+    """How far left of a combine's middle the stream lands [m]."""
+    return combine.pipe + LANDS
+
+
+def box_behind(cart: Cart) -> float:
+    """From a tractor's axle back to the middle of the box [m]."""
+    hitch, box = cart.sheet.hitch, cart.sheet.box
+    assert box is not None
+    return -box.x if hitch is None else hitch.drawbar - hitch.x - box.x
+
+
+def way_beside(here: Pose, at: CombineState, cart: Cart) -> tuple[Path, float, float]:
     """To the start of a combine's pass, along it on its left and beyond; the distance at which the box is
     under the pipe of the combine that begins the pass, < 0 behind it, and the length of the pass [m].
 
@@ -55,13 +67,13 @@ def way_beside(here: Pose, at: CombineState) -> tuple[Path, float, float]:
     course = at.place.heading if task is None else task.start.heading
     c, s = math.cos(course), math.sin(course)
     left, ahead = np.array([-s, c]), np.array([c, s])
-    first = line[0] + combine.pipe * left - RUN_UP * ahead
-    last = line[-1] + combine.pipe * left + BEYOND * ahead
+    first = line[0] + aside(combine) * left - RUN_UP * ahead
+    last = line[-1] + aside(combine) * left + BEYOND * ahead
     goal, end = Pose(float(first[0]), float(first[1]), course), (float(last[0]), float(last[1]))
     points = [end] if _follows(here, goal, at) else [*corner_way(here, goal), end]
     path = rounded(points, here)
     length = float(np.hypot(*(line[-1] - line[0])))
-    return path, path.length - BEYOND - length - box_offset(combine) + BOX_BEHIND, length
+    return path, path.length - BEYOND - length - box_offset(combine) + box_behind(cart), length
 
 
 def _follows(here: Pose, first: Pose, at: CombineState) -> bool:

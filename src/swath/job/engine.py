@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swath.core.errors import SwathError
 from swath.job.cart_ways import beside
 from swath.job.fleet import FleetFile
-from swath.job.fuel import combine_fuel, tractor_fuel
+from swath.job.grain import move_grain
 from swath.job.machines import Fleet
 from swath.job.motion import Motion
 from swath.job.path import Pose
@@ -50,25 +50,28 @@ class Job:
         self.ways: list[Array] = []
         self.pass_times: dict[int, tuple[float, float]] = {}
 
-    def run(self) -> None:
-        """Until the field is empty and the grain at the truck. SwathError where it does not end."""
-        for combine in self.combines:
-            self._next_pass(combine)
-        while True:
+    def run(self, until: float = math.inf) -> None:
+        """Until all is cut and brought, or a time [s]; again: onward. SwathError where it does not end."""
+        if self.moves == 0:
+            for combine in self.combines:
+                self._next_pass(combine)
+        while self.time < until:
             self._decide()
             if self.is_over:
                 return
-            before = self.time
-            self.cut_now = {}
-            dt = self.motion.move(self)
-            self.moves += 1
-            if not dt > 0.0 or self.time > LONGEST or self.moves > MOST_MOVES:
-                phases = [f"{c.spec.name} {c.phase}" for c in self.combines]
-                stuck = ", ".join(phases + [f"{k.spec.name} {k.phase}" for k in self.carts])
-                raise SwathError(f"the job does not end: after {self.time / 3600.0:.2f} h {stuck}")
-            self.time += dt
-            self._flow(dt)
-            self._note(before)
+            self._move()
+
+    def _move(self) -> None:
+        before, self.cut_now = self.time, {}
+        dt = self.motion.move(self)
+        self.moves += 1
+        if not dt > 0.0 or self.time > LONGEST or self.moves > MOST_MOVES:
+            machines: list[CombineState | CartState] = [*self.combines, *self.carts]
+            stuck = ", ".join(f"{m.spec.name} {m.phase}" for m in machines)
+            raise SwathError(f"the job does not end: after {self.time / 3600.0:.2f} h {stuck}")
+        self.time += dt
+        move_grain(self, dt)
+        self._note(before)
 
     @property
     def is_over(self) -> bool:
@@ -194,7 +197,7 @@ class Job:
         if cart is None or (c.is_last and cart.phase == "beside"):
             return
         if cart.phase == "beside":
-            cart.place = beside(c.place, c.spec)
+            cart.place = beside(c.place, c.spec, cart.spec)
         cart.phase = "to_combine"
         self.motion.cart_to_combine(self, cart)
 
@@ -322,7 +325,7 @@ class Job:
     def _parts(self, c: CombineState, cart: CartState) -> None:
         """The cart is done with a combine."""
         c.cart, c.called, cart.combine = None, False, None
-        cart.phase, cart.place = "idle", beside(at(c), c.spec)
+        cart.phase, cart.place = "idle", beside(at(c), c.spec, cart.spec)
 
     def _cart(self, k: CartState) -> bool:
         if k.phase == "to_combine" and k.left <= DONE:
@@ -352,41 +355,11 @@ class Job:
         """True when no combine will pour again."""
         return all(c.phase == "done" for c in self.combines)
 
-    # grain, fuel and times
+    # times
 
     def pours_at_truck(self, k: CartState) -> bool:
         """True while a cart's auger runs at the truck."""
         return k.phase == "emptying" and k.timer <= DONE and self.away <= DONE and self.room > DONE
-
-    def _flow(self, dt: float) -> None:
-        """Move grain over the time that passed, and count timers down."""
-        for c in self.combines:
-            grown = self.cut_now.get(c.number, 0.0) * c.per_metre
-            c.cut += grown
-            c.tank += grown
-            if c.is_pouring and c.cart is not None:
-                flow = min(c.spec.auger * dt, c.tank, c.cart.spec.load - c.cart.grain)
-                c.tank -= flow
-                c.poured += flow
-                c.cart.grain += flow
-            elif c.hauling == "pour" and c.timer <= DONE:
-                flow = min(c.spec.auger * dt, c.tank)
-                c.tank -= flow
-                c.poured += flow
-                self.at_truck += flow
-            c.timer = max(0.0, c.timer - dt)
-            c.fuel += combine_fuel(c, self.cut_now.get(c.number, 0.0) / dt) * dt
-        pours = [k for k in self.carts if self.pours_at_truck(k)]
-        for k in pours:
-            flow = min(k.spec.out * dt, k.grain, self.room)
-            k.grain -= flow
-            k.delivered += flow
-            self.room -= flow
-            self.at_truck += flow
-        for k in self.carts:
-            k.timer = max(0.0, k.timer - dt)
-            k.fuel += tractor_fuel(k) * dt
-        self.away = max(0.0, self.away - dt)
 
     def _note(self, before: float) -> None:
         """Add what each machine did to its timeline."""

@@ -94,7 +94,7 @@ class Events:
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """To the start of the combine's pass, and after it."""
         assert cart.combine is not None
-        path, base, length = way_beside(self._place(cart), cart.combine)
+        path, base, length = way_beside(self._place(cart), cart.combine, cart.spec)
         self._ways[cart.spec.name] = _Way(self._on(path, cart), base, length)
         cart.left = path.length
 

@@ -25,8 +25,10 @@ from swath.job.cart_ways import (
 )
 from swath.job.combine_ways import axle_pose, corner_angle, is_far, way_to_pass
 from swath.job.combine_ways import speed_limits as combine_limits
+from swath.job.contact import ContactWatch
 from swath.job.drive import MARGIN, DrivenMachine, Follower
 from swath.job.engine import Job
+from swath.job.footprint import footprint_of
 from swath.job.path import Path, Pose, polyline
 from swath.job.states import DONE, CartState, CombineState, way_between
 
@@ -52,6 +54,7 @@ class Kinematic:
         self.tracks: list[list[tuple[float, float, float]]] = []
         self._track: dict[str, list[tuple[float, float, float]]] = {}
         self.largest_error = 0.0
+        self.watch = ContactWatch()
 
     def combine_way(self, job: Job, combine: CombineState) -> None:
         """A corner, or a driven turn."""
@@ -108,7 +111,7 @@ class Kinematic:
         combine = cart.combine
         assert combine is not None
         machine = self._cart(cart)
-        path, begin, length = way_beside(machine.pose, combine)
+        path, begin, length = way_beside(machine.pose, combine, cart.spec)
         name = cart.spec.name
         self._set_out(cart, path)
         self._base[name], self._length[name] = begin, length
@@ -127,11 +130,21 @@ class Kinematic:
     def move(self, job: Job) -> float:
         """One step of all machines."""
         self._count += 1
+        self._look(job)
         for c in job.combines:
             self._drive_combine(job, c)
         for k in job.carts:
             self._drive_cart(k)
         return STEP
+
+    def _look(self, job: Job) -> None:
+        """Hold the bodies of all machines against each other."""
+        sheets = {c.name: c.sheet for c in job.fleet.combines} | {k.name: k.sheet for k in job.fleet.carts}
+        for name, sheet in sheets.items():
+            if name not in self.watch:
+                self.watch.add(name, footprint_of(sheet))
+        places = {name: (m.pose, m.trailer) for name, m in self._machines.items()}
+        self.watch.look(job.time, STEP, places)
 
     def _drive_combine(self, job: Job, c: CombineState) -> None:
         name = c.spec.name

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.job.contact import PairClearance
 from swath.job.engine import Job
 from swath.job.events import Events
 from swath.job.fleet import FleetFile
@@ -19,6 +20,7 @@ from swath.job.motion import Motion
 from swath.job.plan import FieldPlan
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
+from swath.job.saved import digest_of
 from swath.job.timeline import STATES, Timeline
 
 Array = NDArray[np.float64]
@@ -50,6 +52,7 @@ class JobResult:
 
     field_efficiency: area over what the combines could cut with the full header at the speed that the crop
     allows in the time that they took, without turns, unloading and waiting
+    contacts: of all pairs of driven machines; digest: see `saved.digest_of`
     """
 
     level: str
@@ -65,6 +68,8 @@ class JobResult:
     pass_times: dict[int, tuple[float, float]]
     ways: tuple[Array, ...]
     notes: tuple[str, ...] = ()
+    contacts: tuple[PairClearance, ...] = ()
+    digest: str = ""
 
     @property
     def litres_per_ha(self) -> float:
@@ -140,4 +145,6 @@ def result_of(job: Job, level: str) -> JobResult:
         mass_error=abs(job.started + cut - job.at_truck - held) / max(cut, 1.0),
         field_efficiency=area / (possible * harvest), pass_times=dict(job.pass_times),
         ways=tuple(job.ways), notes=job.plan.notes,
+        contacts=tuple(job.motion.watch.pairs) if isinstance(job.motion, Kinematic) else (),
+        digest=digest_of(job),
     )  # fmt: skip

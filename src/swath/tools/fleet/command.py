@@ -39,7 +39,7 @@ def run_job(args: argparse.Namespace) -> int:
     """Run a job, print its tables, write its report."""
     from swath.job.fleet import base_of, read_fleet
     from swath.terminal.tables import table, wide_console
-    from swath.tools.fleet.page import check_target, machine_rows, result_rows, write_result
+    from swath.tools.fleet.page import check_target, contact_rows, machine_rows, result_rows, write_result
 
     file, document = read_fleet(args.job, tuple(args.sets))
     if args.out is not None:
@@ -48,6 +48,9 @@ def run_job(args: argparse.Namespace) -> int:
     table(f"{file.name}: {file.summary}", ("", "", ""), result_rows(result))
     head, rows = machine_rows(result)
     table("minutes of each machine", head, rows)
+    if result.contacts:
+        heads = ("pair", "least clearance m", "touched s", "contacts")
+        table("bodies of two machines", heads, contact_rows(result))
     console = wide_console()
     for note in result.notes:
         console.print(f"note: {note}", markup=False)

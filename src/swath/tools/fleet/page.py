@@ -1,6 +1,7 @@
 """The files of a job: results.json, picture and report."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +24,32 @@ def check_target(out: Path) -> None:
 
 def result_rows(r: JobResult) -> list[tuple[str, str, str]]:
     """Name, number and unit of what a job comes to."""
-    return [
+    cut, passes = len(r.pass_times), len(r.plan.passes)
+    rows = [
         ("until the last grain is at the truck", f"{r.duration / 3600.0:.2f}", "h"),
         ("until the last pass is cut", f"{r.harvest_time / 3600.0:.2f}", "h"),
         ("field", f"{r.area / 1e4:.2f}", "ha"),
-        ("passes", str(len(r.plan.passes)), ""),
+        ("passes, each cut once", f"{cut} of {passes}", ""),
+        ("ground that no pass cuts", f"{100.0 * max(r.plan.area_left, 0.0) / r.plan.area:.3f}", "%"),
         ("grain at the truck", f"{r.grain / 1000.0:.1f}", "t"),
         ("mass error, over all grain", f"{r.mass_error:.0e}", "1"),
         ("harvested per hour", f"{r.hectares_per_hour:.2f}", "ha/h"),
         ("field efficiency", f"{100.0 * r.field_efficiency:.1f}", "%"),
         ("diesel of all machines", f"{r.litres_per_ha:.1f}", "l/ha"),
+    ]
+    if r.contacts:
+        touched = [p for p in r.contacts if p.touched > 0.0]
+        rows.append(("bodies over each other", f"{math.fsum(p.touched for p in touched):.1f}", "s"))
+    if r.digest:
+        rows.append(("digest", r.digest[:16], ""))
+    return rows
+
+
+def contact_rows(r: JobResult) -> list[tuple[str, str, str, str]]:
+    """Of each pair of driven machines: least clearance, seconds of contact, how often."""
+    return [
+        (f"{p.first}, {p.second}", f"{p.least:.2f}", f"{p.touched:.1f}", str(len(p.times)))
+        for p in r.contacts
     ]
 
 
@@ -83,6 +100,12 @@ def to_dict(r: JobResult) -> dict[str, Any]:
         "mass_error": r.mass_error,
         "field_efficiency": r.field_efficiency,
         "diesel_l_per_ha": r.litres_per_ha,
+        "digest": r.digest,
+        "contacts": [
+            {"first": p.first, "second": p.second, "least_clearance_m": p.least, "touched_s": p.touched,
+             "begin_end_s": p.times, "places_m": p.places}
+            for p in r.contacts
+        ],
         "machines": {
             m.name: {
                 "kind": m.kind, "times_s": m.times, "way_m": m.way, "fuel_kg": m.fuel, "grain_kg": m.grain,

@@ -1,0 +1,37 @@
+"""Grain and fuel of a job over the time that passed."""
+
+from typing import Any
+
+from swath.job.fuel import combine_fuel, tractor_fuel
+from swath.job.states import DONE
+
+
+def move_grain(job: Any, dt: float) -> None:
+    """Move grain over the time that passed, and count timers down."""
+    for c in job.combines:
+        grown = job.cut_now.get(c.number, 0.0) * c.per_metre
+        c.cut += grown
+        c.tank += grown
+        if c.is_pouring and c.cart is not None:
+            flow = min(c.spec.auger * dt, c.tank, c.cart.spec.load - c.cart.grain)
+            c.tank -= flow
+            c.poured += flow
+            c.cart.grain += flow
+        elif c.hauling == "pour" and c.timer <= DONE:
+            flow = min(c.spec.auger * dt, c.tank)
+            c.tank -= flow
+            c.poured += flow
+            job.at_truck += flow
+        c.timer = max(0.0, c.timer - dt)
+        c.fuel += combine_fuel(c, job.cut_now.get(c.number, 0.0) / dt) * dt
+    pours = [k for k in job.carts if job.pours_at_truck(k)]
+    for k in pours:
+        flow = min(k.spec.out * dt, k.grain, job.room)
+        k.grain -= flow
+        k.delivered += flow
+        job.room -= flow
+        job.at_truck += flow
+    for k in job.carts:
+        k.timer = max(0.0, k.timer - dt)
+        k.fuel += tractor_fuel(k) * dt
+    job.away = max(0.0, job.away - dt)
