@@ -353,7 +353,7 @@ def _require(
         keys = [key for group in missing.values() for key in group]
         lines = [f'{key}: {{column: "?", unit: {units.get(key, _USUAL[key][0])}}}' for key in keys]
         is_map = list(missing.values()) == [("header_width",)] and "yield" in found
-        hint = "--as map takes yields in any order without it; " if is_map else ""
+        hint = "--as map takes yields in any order; " if is_map else ""
         error = ColumnsMissing(
             "log.header", shown,
             f"expected columns for {', '.join(missing)}; {hint}say which with --columns MAP.yaml, in it "
