@@ -224,11 +224,11 @@ class _Running:
                 )
             )
         if self.pacer is not None:
-            self._put_off(self.pacer)
+            self._defer(self.pacer)
         if events or self.hooks:
             self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
 
-    def _put_off(self, pacer: Pacer) -> None:
+    def _defer(self, pacer: Pacer) -> None:
         """Recording, messages and digest are work of the time between ticks."""
         recorder, digest = self.recorder, self.digest
         recorder.defer()

@@ -19,11 +19,8 @@ KNIFE = 4.0  # m ahead of the axle, where no message tells it
 FORE = 30.0  # m ahead of a combine, that are left to it
 SWEPT, NEARER = 1.5, 0.1  # m that a turn has to be clear of a machine, if it is not nearer already
 KEEP = 3.0  # m from the middle of a machine to the outline of another one
-LOOK, STEP, SHORT = (
-    8.0,
-    1.0,
-    2.0,
-)  # m beyond the braking way, between two looks, kept before what is in the way
+LOOK, STEP = 8.0, 1.0  # m beyond the braking way; between two looks
+SHORT = 2.0  # m kept before what is in the way
 GENTLE = 0.4  # m/s2, of braking
 DEEP = 2.0  # m from the front of a header to its back
 
