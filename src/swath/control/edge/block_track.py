@@ -34,7 +34,7 @@ RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered;
 FLANK, RAGGEDS, USED = 0.17, 3.0, 0.9  # m inward, or of the scatter: a step; of a line that fitted so often
 HOLE, NEARER = 0.3, 0.5  # m inward from which on an edge beside a line that broke off is a hole's; part of it
 YOUNG, RISES = 6, 0.09  # blocks that may show a false start; m by which crop rises where its front is seen
-OUT, DEEP, SHALLOW = 0.2, 0.17, 0.1  # m: a step outward; bites that are followed no more; that are none
+OUT, DEEP, SHALLOW = 0.2, 0.2, 0.1  # m: a step outward; bites that are followed no more; that are none
 FADING, ALONG = 10.0, 0.3  # m, over which bites are forgotten; rad from the heading: beyond it is a bend
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
