@@ -11,6 +11,7 @@ from swath.control.edge.blocks import Block, Found, find_edge, split
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_feet import OBLIQUE, CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
+from swath.control.edge.inner_edge import LONG, InnerEdge
 from swath.control.edge.near_line import EdgePoints
 from swath.control.edge.populations import Populations, crop_excess, middle_of, overlap_of
 from swath.control.edge.ragged_line import bite_of, ragged_line
@@ -32,6 +33,7 @@ SUNKEN = 0.25  # of the crop's height
 MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered; m, rad from it: another edge
 FLANK, RAGGEDS, USED = 0.17, 3.0, 0.9  # m inward, or of the scatter: a step; of a line that fitted so often
+CHANCE = 4.0  # standard deviations of block and line, within which a step is none
 HOLE, NEARER = 0.3, 0.5  # m inward from which on an edge beside a line that broke off is a hole's; part of it
 YOUNG, RISES = 6, 0.09  # blocks that may show a false start; m by which crop rises where its front is seen
 OUT, DEEP, SHALLOW = 0.2, 0.2, 0.1  # m: a step outward; bites that are followed no more; that are none
@@ -64,18 +66,19 @@ class BlockTrack(KeepsState):
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_lodged", "_lodged_blocks", "_is_broken", "_usual", "_levels", "_scatters",
-        "_lost", "_rise", "_hole", "bite", "turn_sd", "_beside",
+        "_lost", "_rise", "_hole", "bite", "turn_sd", "_beside", "_inner",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
         self._search = search
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
         self.populations, self.feet = Populations(search.usual), CanopyFeet()
+        self._inner = InnerEdge()
         self.clear()
 
     def clear(self) -> None:
         """Nothing seen."""
-        for part in (self.track, self.points, self._block, self.populations, self.feet):
+        for part in (self.track, self.points, self._block, self.populations, self.feet, self._inner):
             part.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter, self._is_lodged = HEIGHT, 0.0, 0.0, False
@@ -188,6 +191,7 @@ class BlockTrack(KeepsState):
             if broke:
                 self._hole = found.best
             self._miss(along, broke=broke)
+            self._follow_inner(found, is_inside=broke)
         self.height = self._crop_height()
         return True
 
@@ -210,10 +214,12 @@ class BlockTrack(KeepsState):
         if self._hole > 0.0:
             return inward > max(HOLE, NEARER * self._hole)
         is_used = arc.unseen < 1.0 and self.agreed > USED and self.bite == 0.0
-        return is_used and inward > max(FLANK, RAGGEDS * float(np.sqrt(self.scatter)))
+        own = float(np.sqrt(found.variance + arc.covariance[0, 0]))  # thin stands show a block less well
+        return is_used and inward > max(FLANK, RAGGEDS * float(np.sqrt(self.scatter)), CHANCE * own)
 
     def _accept(self, found: Found, along: float, heading: float) -> None:
         self._is_lodged, self._hole = False, float("nan")
+        self._inner.clear()
         self._remember_height(found)
         if abs(found.beside) < LEARNED:
             self.populations.add(*self._block.sides(found.beside))
@@ -259,9 +265,38 @@ class BlockTrack(KeepsState):
         self.track.advance(along)
         self.agreed *= 0.8
         arc = self.track.arc
-        if arc is not None and arc.unseen > self._search.forget:
+        beside = LONG if self._inner.is_seen else 0.0
+        if arc is not None and arc.unseen > self._search.forget + beside:
             self._lost = arc, 0.0
             self.track.clear()
+
+    def _follow_inner(self, found: Found, *, is_inside: bool) -> None:
+        """Another edge goes on beside a line that broke off: the line is held until that must be the edge."""
+        arc = self.track.arc
+        if arc is None or not is_inside or found.gain + found.lead < LEAST_GAIN:
+            self._inner.clear()
+            return
+        s, c = float(np.sin(arc.angle)), float(np.cos(arc.angle))
+        place = arc.x - found.best * s, arc.u + found.best * c
+        self._inner.add(found.best, place, found.variance, arc.way)
+        line = self._inner.line()
+        if line is not None:
+            self._step_to(arc, *line)
+        elif self._inner.is_seen:
+            self.points.add(arc.x, arc.u, found.best**2, arc.way)
+
+    def _step_to(self, arc: Arc, beside: float, angle: float) -> None:
+        """The edge stepped into the crop: `beside` the arc [m], at an angle to it [rad]."""
+        rows = self._inner.rows
+        self.points.doubt(float(rows[0, 4]))
+        for x, u, variance, way in rows[:, 1:].tolist():
+            self.points.add(x, u, variance, way)
+        self.points.found_again(float(rows[0, 4]))
+        s, c = float(np.sin(arc.angle)), float(np.cos(arc.angle))
+        x, u = arc.x - beside * s, arc.u + beside * c
+        self.track.begin(Arc(x, u, arc.angle + angle, 0.0, way=arc.way))
+        self._is_broken, self._hole = False, float("nan")
+        self._inner.clear()
 
     def _take_back(self) -> None:
         """The last blocks were already wrong: what they did to the track and its scatter goes."""
