@@ -229,3 +229,13 @@ def test_spans_join_and_leave_no_gap():
     line.add("turn", 2.0, 5.0)
     assert line.spans == [Span("cut", 0.0, 2.0, 3), Span("turn", 2.0, 5.0)]
     assert line.time("cut") == 2.0
+
+
+def test_in_the_last_pass_a_cart_is_called_at_once():
+    """A tank that would not be full before the end is emptied on the go."""
+    field = [(0.0, 0.0), (600.0, 0.0), (600.0, 36.0), (0.0, 36.0)]
+    job = finished(job_file(boundary_m=field, plan={"headland_rounds": 0}, combine={"call_percent": 100.0}))
+    full, last = job.combines[0].loads
+    assert full[2] == "standing"
+    assert last[2] == "on the go"
+    assert last[0] < max(end for _, end in job.pass_times.values())

@@ -38,7 +38,7 @@ from swath.signals import (
     UnloadState,
 )
 from swath.signals.setup import ControlSetup
-from swath.tools.fleet.scenario import STRAIGHT, loop
+from swath.tools.fleet.combine_turns import STRAIGHT, loop
 from swath.tools.fleet.whole import scenario_text, share_uncut
 from tests.job.jobs import job_file
 
@@ -308,6 +308,12 @@ def test_a_full_tank_stands_calls_and_goes_on_once_grain_flows():
     assert bench.step(41.0, 0.94, flow=92.0).phase == Phase.CUTS
 
 
+def test_in_the_last_pass_a_cart_is_called_at_once():
+    assert not Bench(NORTH).step(40.0, 0.3).calls
+    assert Bench(NORTH[:1]).step(40.0, 0.3).calls
+    assert not Bench(NORTH[:1]).step(40.0, 0.0).calls
+
+
 def test_a_full_tank_where_no_cart_can_drive_ends_the_run():
     bench = Bench((Pass(((0.0, 0.0), (0.0, 100.0)), cart_beside=False),))
     bench.step(50.0, 0.99)
@@ -333,7 +339,7 @@ def test_a_way_around_standing_crop():
 
 
 @pytest.mark.parametrize(("change", "said"), [
-    ({"combines": 2}, "combines"), ({"carts": 2}, "carts"), ({"unload": {"mode": "standing"}}, "mode"),
+    ({"combines": 2}, "combines"), ({"carts": 3}, "carts"), ({"unload": {"mode": "standing"}}, "mode"),
 ])  # fmt: skip
 def test_what_the_level_cannot_do_is_refused(change, said):
     file = job_file(**change)

@@ -12,6 +12,7 @@ from swath.field.site_setup import Bodies
 from swath.machine.heap.surface import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.signals import (
+    GuidancePath,
     HeapState,
     MachineLoad,
     MachineState,
@@ -90,6 +91,20 @@ def test_relative_place_of_the_other_machine(level, limit):
     peer = link.step(0, NS, {"state": own, "peer_state": other})["peer"]
     found = (peer.x, peer.y, peer.heading, peer.speed, peer.age)
     np.testing.assert_allclose(found, (1.0, 7.0, 0.1, 1.3, 0.0), atol=max(limit, 1e-12))
+
+
+@pytest.mark.parametrize(("level", "steps"), [("ideal", 0), ("radio", 2)])
+def test_a_link_tells_the_way_of_the_other_machine_with_its_messages(level, steps):
+    """Where it is asked to: at once, or 200 ms later."""
+    late = {"delay_ms": 200.0} if level == "radio" else {}
+    plain, link = (make("peer_link", level, site_of(CART), way=way, **late) for way in (False, True))
+    assert [port.name for port in plain.outputs] == ["peer"]
+    for one in (plain, link):
+        one.reset(Stream(1, "cart.peer_link"))
+    path = GuidancePath(0, np.array([1.0]), np.array([2.0]), 7)
+    inputs = {**STILL, "peer_state": STILL["state"], "peer_path": path}
+    numbers = [link.step(i * NS // 10, NS // 10, inputs)["way"].number for i in range(4)]
+    assert numbers == [-1] * steps + [7] * (4 - steps)
 
 
 @each_level("box")

@@ -45,20 +45,21 @@ def _ports(name: str) -> None:
     from dataclasses import fields
 
     from swath.scenario.catalogue import CATALOGUE
-    from swath.scenario.slots import PEER
+    from swath.scenario.slots import PEER, kind_of
 
     kind = next((slot for slot in CATALOGUE.slots if slot.name == name), None)
     if kind is None:
         return
-    outputs = {slot.name: {p.name: p for p in (*slot.outputs, *slot.more)} for slot in CATALOGUE.slots}
+
+    def sent(slot: str, output: str) -> type:
+        source = kind_of(slot.removeprefix(PEER), CATALOGUE.slots)
+        assert source is not None
+        return next(p.signal for p in (*source.outputs, *source.more) if p.name == output)
 
     def said(port: str, signal: type) -> str:
         return f"{port} ({signal.__name__}: {', '.join(f.name for f in fields(signal))})"
 
-    sees = [
-        said(port, outputs[slot.removeprefix(PEER)][output].signal)
-        for port, (slot, output) in kind.wires.items()
-    ]
+    sees = [said(port, sent(*source)) for port, source in kind.wires.items()]
     gives = [said(port.name, port.signal) for port in kind.outputs]
     gives += [f"{said(port.name, port.signal)}, optional" for port in kind.more]
     for title, ports in (("inputs", sees), ("outputs", gives)):

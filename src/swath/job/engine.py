@@ -243,7 +243,8 @@ class Job:
         return True
 
     def _wants(self, c: CombineState) -> bool:
-        full = c.tank >= c.spec.call or (c.phase == "stand" and c.tank > DONE)
+        ends = c.phase == "stand" or (c.phase in ("way", "cut") and self.passes.left() == 0)
+        full = c.tank >= c.spec.call or (ends and c.tank > DONE)
         return full and not c.called and c.phase != "done"
 
     def _need(self, c: CombineState) -> tuple[float, float, int]:

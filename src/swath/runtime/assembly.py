@@ -275,7 +275,7 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
         )
     if choice.kind.is_control and not choice.found.sees_truth:
         return control
-    return _site_setup(place, period)
+    return _site_setup(place, period, choice.common.peer)
 
 
 def _read_line(origin: Origin | None, file: str, index: int) -> F64:
@@ -284,7 +284,7 @@ def _read_line(origin: Origin | None, file: str, index: int) -> F64:
     return read_line(origin, file, index)
 
 
-def _site_setup(place: _Place, period: float) -> SiteSetup:
+def _site_setup(place: _Place, period: float, peer: str | None = None) -> SiteSetup:
     site, section = place.site, place.section
     return SiteSetup(
         field=site.field,
@@ -298,7 +298,7 @@ def _site_setup(place: _Place, period: float) -> SiteSetup:
         base=site.base,
         origin=site.origin,
         edge=place.edge,
-        peer=site.sheets.get(section.common.peer or ""),
+        peer=site.sheets.get(peer or section.common.peer or ""),
     )
 
 

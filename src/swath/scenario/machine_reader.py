@@ -168,8 +168,8 @@ def _wires(
     wires = {}
     for port, (kind, output) in choice.kind.wires.items():
         if kind.startswith(PEER):
-            if peer is not None:
-                wires[port] = (f"{peer}.{kind.removeprefix(PEER)}", output)
+            if (other := choice.common.peer or peer) is not None:
+                wires[port] = (f"{other}.{kind.removeprefix(PEER)}", output)
             continue
         instances = [slot for slot, other in slots.items() if other.kind.name == kind]
         source = instances[0] if len(instances) == 1 else kind
@@ -183,10 +183,16 @@ def _wires(
 def _check_peer(
     reader: SectionReader, machine: MachineSection, machines: Mapping[str, MachineSection]
 ) -> None:
-    """The machine that one works with must be there."""
-    peer, others = machine.common.peer, [name for name in machines if name != machine.name]
-    if peer is not None and peer not in others:
-        reader.note((machine.name, "peer"), peer, f"expected another machine{near_miss(peer, others)}")
+    """The machines that one and its slots work with must be there."""
+    others = [name for name in machines if name != machine.name]
+    named: dict[KeyPath, str | None] = {(machine.name, "peer"): machine.common.peer}
+    named |= {(machine.name, slot, "peer"): choice.common.peer for slot, choice in machine.slots.items()}
+    for path, peer in named.items():
+        if peer is not None and peer not in others:
+            reader.note(path, peer, f"expected another machine{near_miss(peer, others)}")
+    for slot, choice in machine.slots.items():
+        if choice.common.peer and not any(kind.startswith(PEER) for kind, _ in choice.kind.wires.values()):
+            reader.note((machine.name, slot, "peer"), choice.common.peer, "expected a slot that hears others")
 
 
 def is_off(entry: Any) -> bool:

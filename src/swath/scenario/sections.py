@@ -210,6 +210,10 @@ class SlotCommon(BaseModel):
         dict[str, Annotated[str, Field(pattern=WIRE_PATTERN)]],
         Field(description="input: slot.output, or machine.slot.output; overrides the slot's own"),
     ] = {}
+    peer: Annotated[
+        str | None,
+        Field(description="of a slot that hears another machine: which one; default: that of the machine"),
+    ] = None
     fault: Annotated[
         FaultSection | None, Field(description="what goes wrong with what it sends: docs/faults.md")
     ] = None

@@ -53,8 +53,11 @@ from swath.signals import (
 from swath.signals.radar import RadarTargets
 
 _STATE = {"state": ("motion", "state")}
+_ODOMETRY = {"odometry": ("odometry", "odometry")}
 PEER = "peer:"  # before a kind in `wires`: of the machine that the key `peer` names
 _BOX = {f"peer_{n}": (PEER + k, n) for k, n in (("motion", "state"), ("motion", "trailer"), ("heap", "heap"))}
+_OTHERS = {f"other_{i}": (f"peer_link_{i}", "peer") for i in (1, 2, 3)}  # links to more machines
+_WAYS = {f"way_{i}": (f"peer_link_{i}", "way") for i in (1, 2, 3)}
 
 _sensor = partial(SlotKind, is_plural=True, is_exchangeable=True)
 _of_control = partial(_sensor, is_control=True)
@@ -157,12 +160,7 @@ SLOTS: tuple[SlotKind, ...] = (
         {**_STATE, "steering": ("steering", "steering"), "wheels": ("motion", "wheels")},
     ),
     _sensor(
-        "ground_speed",
-        ("swath.sensing.ground_speed",),
-        "radar",
-        10.0,
-        (Port("speed", GroundSpeed),),
-        _STATE,
+        "ground_speed", ("swath.sensing.ground_speed",), "radar", 10.0, (Port("speed", GroundSpeed),), _STATE
     ),
     _sensor("radar", ("swath.sensing.radar",), "error", 20.0, (Port("targets", RadarTargets),), _STATE),
     _sensor("gnss", ("swath.sensing.gnss",), "error", 10.0, (Port("fix", Fix),), _STATE),
@@ -180,11 +178,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "raw",
         50.0,
         (Port("pose", PoseEstimate),),
-        {
-            "fix": ("gnss", "fix"),
-            "odometry": ("odometry", "odometry"),
-            "inertial": ("imu", "inertial"),
-        },
+        {"fix": ("gnss", "fix"), "odometry": ("odometry", "odometry"), "inertial": ("imu", "inertial")},
     ),
     SlotKind(
         "peer_link",
@@ -199,7 +193,10 @@ SLOTS: tuple[SlotKind, ...] = (
             "peer_unload": (PEER + "unload", "unload"),
             "peer_station": (PEER + "cooperate", "station"),
             "peer_job": (PEER + "job", "job"),
+            "peer_path": (PEER + "job", "path"),
         },
+        more=(Port("way", GuidancePath),),
+        is_plural=True,
         is_exchangeable=True,
     ),
     _sensor(
@@ -222,11 +219,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "peer_body",
         25.0,
         (Port("scan", Scan, unit="m", shape=(None,)),),
-        {
-            "scan": ("lidar", "scan"),
-            "peer": ("peer_link", "peer"),
-            "odometry": ("odometry", "odometry"),
-        },
+        {"scan": ("lidar", "scan"), "peer": ("peer_link", "peer"), **_ODOMETRY, **_OTHERS},
     ),
     _of_control(
         "edge",
@@ -291,6 +284,8 @@ SLOTS: tuple[SlotKind, ...] = (
             "heap": ("heap", "heap"),
             "peer": ("peer_link", "peer"),
             "station": ("cooperate", "station"),
+            **_OTHERS,
+            **_WAYS,
         },
         more=(Port("header", HeaderCommand),),
         is_control=True,
@@ -310,6 +305,7 @@ SLOTS: tuple[SlotKind, ...] = (
             "box": ("box", "box"),
             "seen": (PEER + "box", "box"),
             "job": ("job", "job"),
+            **_OTHERS,
         },
         more=(Port("station", Station), Port("command", UnloadCommand)),
         is_control=True,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.cooperate.peer_track import PeerTrack
+from swath.control.cooperate.peer_track import OTHER_PORTS, OTHERS, PeerTrack
 from swath.control.cooperate.seen_box import SeenBox
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -14,7 +14,16 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
-from swath.signals import BoxSeen, JobState, MachineLoad, Odometry, PeerState, UnloadCommand, UnloadState
+from swath.signals import (
+    BoxSeen,
+    JobState,
+    MachineLoad,
+    Odometry,
+    PeerState,
+    Phase,
+    UnloadCommand,
+    UnloadState,
+)
 from swath.signals.setup import ControlSetup
 
 FOLD_AFTER = 4.0  # the pipe swings back so long after the last grain [s]
@@ -38,9 +47,11 @@ class Params:
 
 
 class Unloader(KeepsState):
-    """Watches the box from the messages of the other machine, and where the own stream comes down."""
+    """Watches the box from the messages of the machine beside, and where the own stream comes down."""
 
-    kept = ("_track", "_wants", "_pours", "_good_since", "_poured_at", "_relative", "_box_seen")
+    kept = (
+        "_tracks", "_served", "_wants", "_pours", "_good_since", "_poured_at", "_relative", "_box_seen",
+    )  # fmt: skip
     inputs = (
         Port("peer", PeerState),
         Port("odometry", Odometry),
@@ -48,6 +59,7 @@ class Unloader(KeepsState):
         Port("unload", UnloadState),
         Port("box", BoxSeen, optional=True),
         Port("job", JobState, optional=True),
+        *OTHER_PORTS,
     )
     outputs = (Port("command", UnloadCommand),)
 
@@ -56,11 +68,14 @@ class Unloader(KeepsState):
             raise InputError("level", "unloader", "expected a machine whose data sheet has a `pipe`")
         self._p, self._pipe = params, setup.machine.pipe
         self._may_swing = params.over_crop or not setup.machine.has_header or setup.edge_side == "left"
-        self._track, self._box_seen = PeerTrack(), SeenBox()
+        self._tracks, self._box_seen = {name: PeerTrack() for name in ("peer", *OTHERS)}, SeenBox()
+        self._served = "peer"
 
     def reset(self, stream: Stream) -> Outputs:
         """Folded back."""
-        self._track.reset()
+        for track in self._tracks.values():
+            track.reset()
+        self._served = "peer"
         self._box_seen.clear()
         self._wants = self._pours = False
         self._good_since, self._poured_at = inf, -inf
@@ -70,8 +85,7 @@ class Unloader(KeepsState):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The command at t + dt."""
         now, p = t + dt, self._p
-        peer, load, unload = inputs["peer"], inputs["load"], inputs["unload"]
-        self._track.update(now, dt, peer, inputs["odometry"])
+        peer, load, unload = self._follow(now, dt, inputs), inputs["load"], inputs["unload"]
         level = load.tank_level
         if level >= p.start_percent * PERCENT:
             self._wants = True
@@ -91,6 +105,28 @@ class Unloader(KeepsState):
         is_out = self._pours or (self._wants and near) or now / NS - self._poured_at < FOLD_AFTER
         angle = self._pipe.swing if is_out and may_swing else 0.0
         return {"command": UnloadCommand(now, angle, self._pours)}
+
+    @property
+    def _track(self) -> PeerTrack:
+        return self._tracks[self._served]
+
+    def _follow(self, now: int, dt: int, inputs: Inputs) -> PeerState:
+        """What the machine says that is served: the one beside, else the nearest."""
+        said: dict[str, PeerState] = {
+            name: message for name in self._tracks if (message := inputs.get(name)) is not None
+        }
+        for name, message in said.items():
+            self._tracks[name].update(now, dt, message, inputs["odometry"])
+        if len(said) > 1:
+            served = min(said, key=lambda name: self._rank(name, said[name]))
+            if served != self._served:
+                self._served, self._relative, self._good_since = served, None, inf
+                self._box_seen.clear()
+        return said[self._served]
+
+    def _rank(self, name: str, said: PeerState) -> tuple[bool, float]:
+        track = self._tracks[name]
+        return said.phase != Phase.BESIDE, hypot(track.x, track.y) if said.is_heard else inf
 
     def _decide(self, now: float, room: float) -> bool:
         """Pour while the stream keeps its margin; begin when it has kept twice that for a while."""

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swath.control.job.carts import Disc
 from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
 from swath.control.job.passes import Pass, way_along
 from swath.control.job.right_of_way import place_of
-from swath.control.job.ways import Search, moved
+from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
 from swath.signals import F64, PeerState, Phase
 
@@ -21,8 +22,12 @@ COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the 
 STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behind
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
 BEYOND = 30.0  # m behind the end of a pass, where that line ends
-PULL_AHEAD = 10.0  # m straight on before it turns away from a combine beside it
+PULL_AHEAD = 10.0  # m on before it turns away from a combine beside it
 NEAR = 18.0  # m from a combine, where it does so
+ASIDE, SHIFT = (
+    0.7,
+    7.0,
+)  # m farther out than under the pipe, where a header and a trailer pass each other; on m
 MOVES = 0.3  # m/s, faster than which a combine will be elsewhere
 
 
@@ -35,24 +40,35 @@ class Way(NamedTuple):
 
 class CartWays:
     """passes, boundary: of the field; header: width of the combines' [m]; left: of a pass, where the cart
-    drives [m]; radius: of its tightest turn [m]
+    drives [m]; radius: of its tightest turn [m]; places: beside the field, where it stands [m]
     """
 
     def __init__(
-        self, passes: Sequence[Pass], boundary: Sequence[Point], header: float, left: float, radius: float
+        self,
+        passes: Sequence[Pass],
+        boundary: Sequence[Point],
+        header: float,
+        left: float,
+        radius: float,
+        places: Sequence[Point] = (),
     ) -> None:
-        self._passes, self._boundary = passes, boundary
+        self._passes, self._boundary, self._places = passes, boundary, places
         self._header, self._left, self._radius = header, left, radius
 
-    def to_place(self, here: Place, place: Point, combine: PeerState) -> Way | None:
-        """To a place, in any direction."""
+    def to_place(
+        self, here: Place, place: Point, combine: PeerState, discs: Sequence[Disc] = ()
+    ) -> Way | None:
+        """To a place, in any direction. discs: that other carts take up (x, y, radius) [m]"""
         goals = [Place(*place, 2.0 * pi * i / 12) for i in range(12)]
-        ahead = PULL_AHEAD if hypot(combine.x, combine.y) < NEAR else 0.0
-        return self._found(here, combine, goals, [], ahead)
+        if hypot(combine.x, combine.y) >= NEAR:
+            return self._found(here, combine, goals, [], [], discs)
+        is_beside = combine.y < -0.5 * self._left and abs(combine.x) < NEAR
+        return self._found(here, combine, goals, [], _pulled_ahead(here, ASIDE if is_beside else 0.0), discs)
 
-    def to_pass(self, here: Place, task: int, combine: PeerState) -> Way | None:
-        """Onto the line beside a pass behind the combine, and along it."""
-        (ax, ay), (bx, by) = line = self._beside(self._passes[task])
+    def to_pass(self, here: Place, task: int, combine: PeerState, discs: Sequence[Disc] = ()) -> Way | None:
+        """Onto the line beside a pass behind the combine, and along it. discs: likewise"""
+        aside = ASIDE if task > combine.task else 0.0  # its header then comes by the trailer
+        (ax, ay), (bx, by) = line = self._beside(self._passes[task], aside)
         length = way_along(line)
         course = atan2(by - ay, bx - ax)
         ux, uy = cos(course), sin(course)
@@ -63,7 +79,7 @@ class CartWays:
             begin = BEGIN - STRAIGHT
         goal = Place(ax + ux * begin, ay + uy * begin, course)
         beyond = bx + BEYOND * ux, by + BEYOND * uy
-        return self._found(here, combine, [goal], [beyond], 0.0)
+        return self._found(here, combine, [goal], [beyond], [], discs)
 
     def _found(
         self,
@@ -71,18 +87,19 @@ class CartWays:
         combine: PeerState,
         goals: list[Place],
         rest: list[Point],
-        ahead: float,
+        first: list[Place],
+        taken: Sequence[Disc],
     ) -> Way | None:
-        """Straight on, to the goal, and through the rest; None where there is none now."""
+        """Through the first places, to the goal, and through the rest; None where there is none now."""
         ground = self._ground(combine)
-        discs = self._discs(here, combine)
+        discs = [*self._discs(here, combine), *taken]
         search = Search(ground, ground.clear_of(HALF, discs), ground.clear_of(NARROW, discs), self._radius)
-        straight = moved(here, "S", ahead, self._radius)
-        way = search.way(straight, goals)
+        start = first[-1] if first else here
+        way = search.way(start, goals)
         if way is None:
             return None
-        first = [here[:2]] if ahead > 0.0 else []
-        points = np.array([*first, *along_bends(*straight, bends_of(way, self._radius)), *rest])
+        before = [place[:2] for place in first[:-1]]
+        points = np.array([*before, *along_bends(*start, bends_of(way, self._radius)), *rest])
         last = hypot(rest[0][0] - goals[0].x, rest[0][1] - goals[0].y) if rest else 0.0
         return Way(points, last)
 
@@ -96,7 +113,7 @@ class CartWays:
 
     def _ground(self, combine: PeerState) -> Ground:
         """Crop as it stands now, by the passes that are done and the way in the present one."""
-        ground = Ground(self._boundary)
+        ground = Ground(self._boundary, self._places)
         for i, done in enumerate(self._passes[: combine.task + 1]):
             size = None
             if i == combine.task and isfinite(combine.remaining):
@@ -105,8 +122,18 @@ class CartWays:
                 ground.cut(done.line_m, self._header, size)
         return ground
 
-    def _beside(self, of: Pass) -> list[Point]:
-        """A pass's line, to its left at begin and end [m]."""
+    def _beside(self, of: Pass, aside: float) -> list[Point]:
+        """A pass's line where a cart drives, and so far aside of that, at begin and end [m]."""
         (ax, ay), (bx, by) = of.line_m[0], of.line_m[-1]
         course = atan2(by - ay, bx - ax)
-        return [beside(x, y, course, 0.0, self._left) for x, y in ((ax, ay), (bx, by))]
+        return [beside(x, y, course, 0.0, self._left + aside) for x, y in ((ax, ay), (bx, by))]
+
+
+def _pulled_ahead(here: Place, aside: float) -> list[Place]:
+    """Places every metre straight on, meanwhile so far to the left [m], by a cubic without a kink."""
+    found = []
+    for i in range(round(PULL_AHEAD) + 1):
+        share = min(i / SHIFT, 1.0)
+        x, y = beside(*here, float(i), aside * share * share * (3.0 - 2.0 * share))
+        found.append(Place(x, y, here.heading))
+    return found

@@ -11,16 +11,17 @@ Mask = NDArray[np.bool_]
 Point = tuple[float, float]
 FINEST = 0.5  # side of the cells [m]
 MOST_CELLS = 400  # along a side of a square field
-AROUND = 30.0  # how far beyond the boundary one can drive [m]
+AROUND = 30.0  # how far beyond the boundary, and about other places, one can drive [m]
 
 
 class Ground:
-    """Cells that are not driven on: standing crop. boundary: ring of the field [m]"""
+    """Cells that are not driven on: standing crop. boundary: ring of the field; places: beside it [m]"""
 
-    def __init__(self, boundary: Sequence[Point]) -> None:
+    def __init__(self, boundary: Sequence[Point], places: Sequence[Point] = ()) -> None:
         ring = np.asarray(boundary, dtype=float)
-        west, south = (ring.min(axis=0) - AROUND).tolist()
-        east, north = (ring.max(axis=0) + AROUND).tolist()
+        known = np.concatenate([ring, np.asarray(places, dtype=float).reshape(-1, 2)])
+        west, south = (known.min(axis=0) - AROUND).tolist()
+        east, north = (known.max(axis=0) + AROUND).tolist()
         self.cell = max(FINEST, max(east - west, north - south) / MOST_CELLS)
         self.west, self.south = west, south
         nx, ny = ceil((east - west) / self.cell), ceil((north - south) / self.cell)
@@ -54,14 +55,22 @@ class Ground:
                     to_y, from_y = slice(max(j, 0), ny + min(j, 0)), slice(max(-j, 0), ny + min(-j, 0))
                     blocked[to_x, to_y] |= self.crop[from_x, from_y]
         for x, y, size in discs:
-            away = np.hypot(self.x[:, None] - x, self.y[None, :] - y)
-            blocked |= away < size + radius
+            far = size + radius
+            columns, rows = _within(self.x, x, far), _within(self.y, y, far)
+            away = np.hypot(self.x[columns, None] - x, self.y[None, rows] - y)
+            blocked[columns, rows] |= away < far
         return blocked
 
     def is_in(self, mask: Mask, x: float, y: float) -> bool:
         """True in a cell of a mask, and beyond the cells."""
         i, j = int((x - self.west) // self.cell), int((y - self.south) // self.cell)
         return not (0 <= i < mask.shape[0] and 0 <= j < mask.shape[1]) or bool(mask[i, j])
+
+
+def _within(axis: NDArray[np.float64], at: float, reach: float) -> slice:
+    """Which of the middles of cells along an axis are within reach of a place on it [m]."""
+    first, last = np.searchsorted(axis, (at - reach, at + reach)).tolist()
+    return slice(first, last)
 
 
 def inside(ring: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> Mask:

@@ -7,9 +7,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
+from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
-from swath.control.job.heard import SILENT, STOPS, Heard
+from swath.control.job.heard import SILENT, STOPS, AllHeard
 from swath.control.job.passes import Pass, Route, route_of
 from swath.control.job.right_of_way import is_swept, outline_of, own_outline, place_of
 from swath.control.job.turn_limits import limits_of
@@ -49,7 +50,8 @@ class Params:
     turn_rate_deg_s: of the steering angle in them, less than the steering can, to come back to the path
     lower_m, raise_m: way before the crop on which the header goes down, behind it on which it goes up
     edge_from_m, edge_to_m: way in the pass from which, and before its end up to which, the crop edge may lead
-    call_percent: of the tank, from which a cart is called; full_percent: at which the machine stands
+    call_percent: of the tank, from which a cart is called, in the last pass at once
+    full_percent: of the tank, at which the machine stands
     unload_to_m: before the end of a pass, where a load is broken off that would take longer than finish_s
     standing there; in the last pass it is not
     give_up_s: the run ends when it has been standing so long for a cart that is silent
@@ -80,6 +82,7 @@ class Harvest(KeepsState):
         Port("load", MachineLoad),
         Port("unload", UnloadState, optional=True),
         Port("peer", PeerState, optional=True),
+        *OTHER_PORTS,
     )
     outputs = (Port("job", JobState), Port("path", GuidancePath), Port("header", HeaderCommand))
 
@@ -91,7 +94,7 @@ class Harvest(KeepsState):
         self._limits = limits_of(setup.machine.wheelbase, params.turn_radius_m, rate, speed)
         self._routes: dict[int, tuple[Route, GuidancePath]] = {}
         self._outline = own_outline(setup.machine)
-        self._heard = Heard()
+        self._heard = AllHeard()
         self._forget()
 
     def _forget(self) -> None:
@@ -111,16 +114,15 @@ class Harvest(KeepsState):
         if pose is None or not isfinite(pose.x):
             return self._out(t + dt, 0.0, self._way)
         self._advance(pose)
-        said: PeerState | None = inputs.get("peer")
-        peer = None if said is None else self._heard.update(t + dt, dt, said, inputs["odometry"])
+        carts = list(self._heard.update(t + dt, dt, inputs).values())
         here = Place(pose.x, pose.y, pose.heading)
-        speed = self._speed(inputs, here, peer)
-        self._note_silence(peer, dt / NS)
+        speed = self._speed(inputs, here, carts)
+        self._note_silence(carts, dt / NS)
         return self._out(t + dt, speed, self._way)
 
-    def _note_silence(self, peer: PeerState | None, h: float) -> None:
+    def _note_silence(self, carts: list[PeerState], h: float) -> None:
         """How long it has been standing without a message."""
-        is_silent = self._phase == Phase.STANDS and peer is not None and peer.age > SILENT
+        is_silent = self._phase == Phase.STANDS and any(cart.age > SILENT for cart in carts)
         self._silent_for = self._silent_for + h if is_silent else 0.0
         if self._silent_for > self._p.give_up_s:
             self._ended = f"stands in pass {self._index} and hears nothing of the cart"
@@ -147,15 +149,16 @@ class Harvest(KeepsState):
             self._index += 1
             self._finishes = False
 
-    def _speed(self, inputs: Inputs, here: Place, peer: PeerState | None) -> float:
+    def _speed(self, inputs: Inputs, here: Place, carts: list[PeerState]) -> float:
         """Wanted speed [m/s], and with it what the machine does."""
         p, work, load = self._p, self._p.passes[self._index], inputs["load"]
         left, level, speed = self._route().length - self._way, load.tank_level, inputs["odometry"].speed
         unload: UnloadState | None = inputs.get("unload")
         flow = unload.flow if unload is not None else 0.0
-        is_last, has_cart = self._index + 1 == len(p.passes), peer is not None and unload is not None
+        is_last, has_cart = self._index + 1 == len(p.passes), bool(carts) and unload is not None
         is_over = is_last and left <= AT_END
-        wants = level >= p.call_percent * PERCENT or ((self._calls or is_over) and level > EMPTY)
+        to_last = is_last or (self._phase == Phase.TURNS and self._index + 2 == len(p.passes))
+        wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
         self._calls = has_cart and wants
         if self._phase == Phase.DONE or (is_over and not self._calls and flow <= 0.0):
             self._phase = Phase.DONE
@@ -165,7 +168,7 @@ class Harvest(KeepsState):
         if left > AT_END:
             holds = self._is_full(work, level, pours=flow > 0.0)
         else:
-            holds = is_over or self._is_held(level, here, peer, pours=flow > 0.0)
+            holds = is_over or self._is_held(level, here, carts, pours=flow > 0.0)
         if holds:
             self._phase = Phase.STANDS
             return 0.0
@@ -187,13 +190,13 @@ class Harvest(KeepsState):
             self._stands = False
         return self._stands
 
-    def _is_held(self, level: float, here: Place, peer: PeerState | None, *, pours: bool) -> bool:
-        """At the end of a pass: until a load is finished, and the cart is out of the way of the turn."""
+    def _is_held(self, level: float, here: Place, carts: list[PeerState], *, pours: bool) -> bool:
+        """At the end of a pass: until a load is finished, and the carts are out of the way of the turn."""
         if self._phase == Phase.TURNS:
             return False
         if self._finishes and pours and level > EMPTY:
             return True
-        return peer is not None and peer.is_heard and self._is_in_way(here, peer)
+        return any(cart.is_heard and self._is_in_way(here, cart) for cart in carts)
 
     def _is_in_way(self, here: Place, said: PeerState) -> bool:
         away = hypot(said.x, said.y)

@@ -7,8 +7,8 @@ last; a combine cuts on to the end of its pass, or until its tank is full.
 from dataclasses import replace
 from math import isfinite
 
-from swath.control.cooperate.peer_track import PeerTrack
-from swath.core.component import KeepsState
+from swath.control.cooperate.peer_track import OTHERS, PeerTrack
+from swath.core.component import Inputs, KeepsState
 from swath.signals import Odometry, PeerState
 
 SILENT = 3.0  # s without a message, from which on nothing is known of a machine but that
@@ -39,3 +39,22 @@ class Heard(KeepsState):
         track.update(t, dt, said, own)
         x, y, heading, speed = track.x, track.y, track.heading, track.speed
         return replace(said, t=t, age=track.age, x=x, y=y, heading=heading, speed=speed)
+
+
+class AllHeard(KeepsState):
+    """The tracks of all machines that are heard, by the input of each."""
+
+    kept = ("_tracks",)
+
+    def __init__(self) -> None:
+        self._tracks = {name: Heard() for name in ("peer", *OTHERS)}
+
+    def reset(self) -> None:
+        """Nothing heard."""
+        for track in self._tracks.values():
+            track.reset()
+
+    def update(self, t: int, dt: int, inputs: Inputs) -> dict[str, PeerState]:
+        """The messages that have come, as of t [ns], a step of dt [ns] on."""
+        said = {name: message for name in self._tracks if (message := inputs.get(name)) is not None}
+        return {n: self._tracks[n].update(t, dt, m, inputs["odometry"]) for n, m in said.items()}

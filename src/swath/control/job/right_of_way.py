@@ -129,6 +129,35 @@ def is_swept(outline: Outline, way: Sequence[Place], other: Outline, places: Seq
     return any(outline.away(at, x, y) < min(SWEPT, now - NEARER) for at in way for x, y in points)
 
 
+def free_way(
+    here: Place,
+    line: GuidanceLine,
+    at: float,
+    until: float,
+    reach: float,
+    outline: Outline,
+    places: Sequence[Place],
+) -> float:
+    """Way [m] from `at` along a line, as far as `until` and a reach, before it comes near a machine that is
+    at one of some places; inf where it does not.
+    """
+    now = min(outline.away(place, here.x, here.y) for place in places)
+    for i in range(ceil(reach / STEP)):
+        way = STEP * (i + 1)
+        if at + way > until:
+            break
+        x, y = line.point(at + way)
+        away = min(outline.away(place, x, y) for place in places)
+        if away < KEEP and away < now:
+            return max(way - SHORT, 0.0)
+    return inf
+
+
+def reach_at(speed: float) -> float:
+    """How far ahead a cart has to look at a speed [m/s]; m."""
+    return LOOK + speed * speed / (2.0 * GENTLE)
+
+
 class Clearance:
     """How far a cart can drive on its way before it comes near a combine, or into the next of the way of one
     that drives. passes: of the combine
@@ -144,20 +173,10 @@ class Clearance:
 
         A machine that it is near to already does not keep it from driving on, unless it comes nearer.
         """
-        reach = LOOK + speed * speed / (2.0 * GENTLE)
+        reach = reach_at(speed)
         if hypot(said.x, said.y) > reach + FORE + 20.0:
             return inf
-        outline, places = outline_of(said), self._ways.places(here, said, FORE)
-        now = min(outline.away(place, here.x, here.y) for place in places)
-        for i in range(ceil(reach / STEP)):
-            way = STEP * (i + 1)
-            if at + way > until:
-                break
-            x, y = line.point(at + way)
-            away = min(outline.away(place, x, y) for place in places)
-            if away < KEEP and away < now:
-                return max(way - SHORT, 0.0)
-        return inf
+        return free_way(here, line, at, until, reach, outline_of(said), self._ways.places(here, said, FORE))
 
     def is_in_way(self, here: Place, said: PeerState) -> bool:
         """Whether it is near to the combine, or in its way."""

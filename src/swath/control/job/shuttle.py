@@ -13,9 +13,20 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
+from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.cart_ways import BEGIN, MOVES, STRAIGHT, CartWays
+from swath.control.job.carts import (
+    LATER,
+    OtherCart,
+    discs_of,
+    free_of,
+    is_served,
+    is_taken,
+    others_of,
+    withdraws,
+)
 from swath.control.job.dubins import Place
-from swath.control.job.heard import SILENT, Heard
+from swath.control.job.heard import SILENT, AllHeard
 from swath.control.job.passes import Coordinate, Pass
 from swath.control.job.right_of_way import Clearance
 from swath.control.steer.guidance_line import GuidanceLine
@@ -42,6 +53,7 @@ CLEAR = 16.0  # m from a combine that turns, likewise
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 RETRY = 5.0  # s between two looks for a way
 ARRIVED = 0.4  # m
+AT_PLACE = 6.0  # m from where it waits: it is there
 BLOCKED_FOR = 4.0  # s behind a machine that stands in its way, before it looks for another one
 
 
@@ -52,6 +64,7 @@ class Params:
     speed_kmh: on the field; radius_m: of its tightest turn; leave_percent: of the largest heap, from which it
     drives to the truck; break_off_m: before the end of a pass, where it stops keeping the station; but in the
     last one
+    of several carts - number: in their order; wait_m: where it waits; none = at the truck
     """
 
     passes: Annotated[tuple[Pass, ...], MinLen(1)]
@@ -64,6 +77,8 @@ class Params:
     radius_m: Annotated[float, Gt(3), Le(50)] = 9.0
     leave_percent: Annotated[float, Gt(0), Le(100)] = 60.0
     break_off_m: Annotated[float, Ge(0), Le(200)] = 25.0
+    number: Annotated[int, Ge(0), Le(3)] = 0
+    wait_m: tuple[Coordinate, Coordinate] | None = None
 
 
 class Shuttle(KeepsState):
@@ -71,7 +86,7 @@ class Shuttle(KeepsState):
 
     kept = (
         "_phase", "_goal", "_task", "_points", "_number", "_way", "_lane", "_since", "_until", "_retry_at",
-        "_is_free", "_blocked_at", "_ended", "_poured_at", "_heard",
+        "_is_free", "_blocked_at", "_ended", "_poured_at", "_heard", "_open_at",
     )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
@@ -79,6 +94,8 @@ class Shuttle(KeepsState):
         Port("peer", PeerState),
         Port("heap", HeapState),
         Port("station", Wanted),
+        *OTHER_PORTS,
+        *(Port(f"way_{i}", GuidancePath, optional=True) for i in (1, 2, 3)),
     )
     outputs = (Port("job", JobState), Port("path", GuidancePath))
 
@@ -86,10 +103,11 @@ class Shuttle(KeepsState):
         if setup.machine.box is None:
             raise InputError("level", "shuttle", "expected a machine whose data sheet has a `box`")
         p = self._p = params
-        self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m)
+        places = [] if p.wait_m is None else [p.truck_m, p.wait_m]
+        self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m, places)
         self._clearance = Clearance(p.passes)
         self._line: GuidanceLine | None = None
-        self._heard = Heard()
+        self._heard, self._others = AllHeard(), list[OtherCart]()
         self._forget()
 
     def _forget(self) -> None:
@@ -97,7 +115,7 @@ class Shuttle(KeepsState):
         self._points = np.zeros((0, 2))
         self._way = self._lane = 0.0
         self._since, self._until, self._retry_at, self._poured_at = inf, -inf, -inf, -inf
-        self._is_free, self._ended, self._blocked_at = True, "", inf
+        self._is_free, self._ended, self._blocked_at, self._open_at = True, "", inf, inf
         self._heard.reset()
 
     def reset(self, stream: Stream) -> Outputs:
@@ -114,10 +132,12 @@ class Shuttle(KeepsState):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """What is to be done at t + dt."""
         pose, now = inputs["pose"], (t + dt) / NS
-        peer = self._heard.update(t + dt, dt, inputs["peer"], inputs["odometry"])
+        heard = self._heard.update(t + dt, dt, inputs)
+        peer = heard["peer"]
         if pose is None or not isfinite(pose.x) or not peer.is_heard:
             return self._out(t + dt, 0.0)
         here, heap = Place(pose.x, pose.y, pose.heading), inputs["heap"]
+        self._others = others_of(here, heard, inputs, self._p.number)
         speed = 0.0
         if self._phase == Phase.WAITS:
             self._waits(now, here, peer, heap)
@@ -127,6 +147,8 @@ class Shuttle(KeepsState):
             self._keeps(now, here, peer, inputs["station"])
         else:
             self._empties(now, heap)
+        if self._phase == Phase.DONE and all(cart.said.phase == Phase.DONE for cart in self._others):
+            self._ended = "the field is empty, and its grain at the truck"
         return self._out(t + dt, speed)
 
     # what it decides
@@ -135,12 +157,34 @@ class Shuttle(KeepsState):
         is_over = peer.phase == Phase.DONE
         if peer.age > SILENT:
             return
-        if self._has_load(heap) or not self._is_free or (is_over and heap.grain > 0.0):
+        is_open = peer.calls and not is_served(self._others) and self._next_task(peer) >= 0
+        self._open_at = min(self._open_at, now) if is_open else inf
+        is_loaded = self._has_load(heap) or (is_over and heap.grain > 0.0)
+        place = self._p.wait_m
+        if is_loaded and (place is None or not self._is_taken(drives=False)):
             self._set_out(now, here, peer, "truck")
+        elif is_loaded or not self._is_free or (place is not None and is_over):
+            self._gets_out(now, here, peer, is_over=is_over and not is_loaded)
         elif is_over:
-            self._phase, self._ended = Phase.DONE, "the field is empty, and its grain at the truck"
-        elif peer.calls and self._next_task(peer) >= 0:
+            self._phase = Phase.DONE
+        elif now - self._open_at >= LATER * self._p.number:
             self._set_out(now, here, peer, "combine")
+        elif self._task < 0:
+            self._gets_out(now, here, peer, is_over=False)
+
+    def _gets_out(self, now: float, here: Place, peer: PeerState, *, is_over: bool) -> None:
+        """To the place where it waits; a single cart waits at the truck, where it is cleared off to."""
+        place = self._p.wait_m
+        if place is None:
+            if not self._is_free:
+                self._set_out(now, here, peer, "truck")
+        elif hypot(here.x - place[0], here.y - place[1]) > AT_PLACE:
+            self._set_out(now, here, peer, "place")
+        elif is_over:
+            self._phase = Phase.DONE
+
+    def _is_taken(self, *, drives: bool) -> bool:
+        return is_taken(self._p.truck_m, self._p.number, self._others, drives=drives)
 
     def _next_task(self, peer: PeerState) -> int:
         """The combine's pass, where enough is left of it or it stands; else the next one where a cart can
@@ -159,10 +203,12 @@ class Shuttle(KeepsState):
             return
         self._retry_at = now + RETRY
         task = self._next_task(peer) if goal == "combine" else -1
+        discs = discs_of(self._others)
         if goal == "combine":
-            found = self._ways.to_pass(here, task, peer)
+            found = self._ways.to_pass(here, task, peer, discs)
         else:
-            found = self._ways.to_place(here, self._p.truck_m, peer)
+            place = self._p.wait_m if goal == "place" else None
+            found = self._ways.to_place(here, place or self._p.truck_m, peer, discs)
         if found is None:
             return
         self._points, self._number, self._way = found.points, self._number + 1, 0.0
@@ -182,6 +228,10 @@ class Shuttle(KeepsState):
             self._phase = Phase.EMPTIES if empties and self._goal == "truck" else Phase.WAITS
             self._since, self._is_free = now, True
             return 0.0
+        withdrawn = self._goal == "combine" and withdraws(self._p.number, self._others)
+        if withdrawn or (self._goal == "truck" and self._is_taken(drives=True)):
+            self._phase, self._task = Phase.WAITS, -1
+            return 0.0
         if self._goal == "combine" and self._is_lost(peer):
             self._phase, self._is_free = Phase.WAITS, True
             return 0.0
@@ -191,6 +241,7 @@ class Shuttle(KeepsState):
         in_lane = self._way >= self._lane
         until = min(self._lane, line.length)
         free = inf if in_lane else self._clearance.way(here, line, self._way, until, peer, speed)
+        free = min(free, free_of(self._others, here, line, self._way, speed))
         if peer.age > SILENT and (in_lane or not self._clearance.is_in_way(here, peer)):
             return 0.0
         if self._is_blocked(now, free, speed):

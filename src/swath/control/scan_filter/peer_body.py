@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.cooperate.peer_track import PeerTrack
+from swath.control.cooperate.peer_track import OTHER_PORTS, OTHERS, PeerTrack
 from swath.control.scan_filter.filter import SCAN, Mask, ScanFilter
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.random import Stream
@@ -32,41 +32,52 @@ class Params:
 
 
 class PeerBody(ScanFilter):
-    """Rectangles of the other machine, kept up by dead reckoning between its messages."""
+    """Rectangles of the other machines, kept up by dead reckoning between its messages."""
 
-    kept: ClassVar[tuple[str, ...]] = ("_seen", "_track", "_peer")
-    inputs = (SCAN, Port("peer", PeerState), Port("odometry", Odometry))
+    kept: ClassVar[tuple[str, ...]] = ("_seen", "_tracks", "_said")
+    inputs = (
+        SCAN,
+        Port("peer", PeerState),
+        Port("odometry", Odometry),
+        *OTHER_PORTS,
+    )
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         super().__init__(setup)
-        self._p, self._track = params, PeerTrack()
-        self._peer: PeerState | None = None
+        self._p, self._tracks = params, {name: PeerTrack() for name in ("peer", *OTHERS)}
+        self._said: dict[str, PeerState] = {}
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing heard."""
-        self._track.reset()
-        self._peer = None
+        for track in self._tracks.values():
+            track.reset()
+        self._said = {}
         return super().reset(stream)
 
     def follow(self, now: int, dt: int, inputs: Inputs) -> None:
-        """Where the other machine is now."""
-        self._peer = inputs["peer"]
-        if self._peer is not None:
-            self._track.update(now, dt, self._peer, inputs["odometry"])
+        """Where the other machines are now."""
+        self._said = {name: said for name in self._tracks if (said := inputs.get(name)) is not None}
+        for name, said in self._said.items():
+            self._tracks[name].update(now, dt, said, inputs["odometry"])
 
     def unwanted(self, points: F64) -> Mask:
-        """Those over an outline of the other machine."""
+        """Those over an outline of another machine."""
         is_out = np.zeros(len(points), dtype=bool)
-        if self._peer is None or self._track.age > self._p.hold_s:
-            return is_out
-        margin = self._p.margin_m
-        for middle_x, middle_y, turn, length, width in outlines(self._peer):
-            x, y = self._track.to_own(middle_x, middle_y)
-            c, s = cos(self._track.heading + turn), sin(self._track.heading + turn)
+        for name, said in self._said.items():
+            if self._tracks[name].age <= self._p.hold_s:
+                is_out |= self._over(points, said, self._tracks[name])
+        return is_out
+
+    def _over(self, points: F64, said: PeerState, track: PeerTrack) -> Mask:
+        """Points over the outlines of one machine."""
+        is_over, margin = np.zeros(len(points), dtype=bool), self._p.margin_m
+        for middle_x, middle_y, turn, length, width in outlines(said):
+            x, y = track.to_own(middle_x, middle_y)
+            c, s = cos(track.heading + turn), sin(track.heading + turn)
             along = c * (points[:, 0] - x) + s * (points[:, 1] - y)
             across = c * (points[:, 1] - y) - s * (points[:, 0] - x)
-            is_out |= (np.abs(along) <= 0.5 * length + margin) & (np.abs(across) <= 0.5 * width + margin)
-        return is_out
+            is_over |= (np.abs(along) <= 0.5 * length + margin) & (np.abs(across) <= 0.5 * width + margin)
+        return is_over
 
 
 def outlines(peer: PeerState) -> list[tuple[float, float, float, float, float]]:

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, replace
 from math import atan2, cos, nan, sin
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -11,6 +13,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.signals import (
+    GuidancePath,
     HeapState,
     JobState,
     MachineLoad,
@@ -23,11 +26,21 @@ from swath.signals import (
 from swath.signals.setup import MachineGeometry, OpenBox
 
 POURS = 0.01  # a flow below this is none [kg/s]
+_NONE = np.zeros(0)
+
+
+class TellsWay(Protocol):
+    """What every level of links lets one set."""
+
+    @property
+    def way(self) -> bool: ...
 
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to set."""
+    """way: whether messages tell the path, too, that the other one drives (output `way`)"""
+
+    way: bool = False
 
 
 class IdealLink(KeepsState):
@@ -43,22 +56,31 @@ class IdealLink(KeepsState):
         Port("peer_unload", UnloadState, optional=True),
         Port("peer_station", Station, optional=True),
         Port("peer_job", JobState, optional=True),
+        Port("peer_path", GuidancePath, optional=True),
     )
-    outputs = (Port("peer", PeerState),)
 
-    def __init__(self, params: object, setup: SiteSetup) -> None:
+    def __init__(self, params: TellsWay, setup: SiteSetup) -> None:
         if setup.peer is None:
             raise InputError("peer", None, "expected the key `peer` of the machine: the one that it hears")
         self._peer = setup.peer
+        way = (Port("way", GuidancePath),) if params.way else ()
+        self.outputs = (Port("peer", PeerState), *way)
 
     def reset(self, stream: Stream) -> Outputs:
         """Nothing heard yet."""
         self._last: tuple[int, float, float] | None = None  # time, speed, acceleration of the other one
-        return {"peer": silence(0)}
+        return self._told(silence(0), None)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The message of now."""
-        return {"peer": self.message(t + dt, inputs)}
+        return self._told(self.message(t + dt, inputs), inputs.get("peer_path"))
+
+    def _told(self, message: PeerState, path: GuidancePath | None) -> Outputs:
+        """The outputs with a message and, where it is asked for, the path with it."""
+        if len(self.outputs) == 1:
+            return {"peer": message}
+        x, y, number = (path.x, path.y, path.number) if path is not None else (_NONE, _NONE, -1)
+        return {"peer": message, "way": GuidancePath(message.t, x, y, number)}
 
     def message(self, t: int, inputs: Inputs) -> PeerState:
         """What the other machine says at t [ns], relative to this one."""

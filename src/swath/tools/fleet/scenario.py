@@ -1,7 +1,7 @@
 """The scenario of a job: its field, a combine and a cart with their sensors, passes and turns as planned."""
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.units import KMH
-from swath.job.combine_ways import axle_pose
 from swath.job.fleet import FleetFile
 from swath.job.machines import Cart, Combine, Fleet
-from swath.job.path import Piece, Pose
-from swath.job.plan import FieldPlan, PlannedPass
-from swath.job.turns import TurnLimits, clothoid
+from swath.job.path import Pose
+from swath.job.plan import FieldPlan
 from swath.machine.machine_sheet import open_machine
+from swath.tools.fleet.combine_turns import axle_at, turn_between
+from swath.tools.fleet.waiting import waiting_places
 
 GRAIN_PER_STEM = 0.0018  # kg, wheat: 500 stems/m2 are 9 t/ha
 FAR = 80.0  # m, as in the other levels: a way beyond it is no turn
@@ -27,9 +27,9 @@ RECEIVER: dict[str, Any] = {
     "pose": "ekf",
 }  # fmt: skip
 """Two antennas, so that a machine that stands knows where it looks."""
-GENTLE = 0.6  # of the steering's rate in a turn, the rest is for coming back to the path
-STRAIGHT = 3.0  # m on the line of the next pass before its begin
 LEAST_STRAY = 0.2  # m beside the plan, up to which the edge leads; else as far as passes overlap
+RADIO: dict[str, Any] = {"level": "radio", "rate_hz": 10, "delay_ms": 100}
+MOST_CARTS = 2
 LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 
 
@@ -38,9 +38,15 @@ def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | Non
     _check(file, plan, fleet)
     (combine,), carts = fleet.combines, fleet.carts
     passes = passes_of(plan, combine, file)
-    machines = {combine.name: _combine(file, combine, carts[0] if carts else None, passes, plan, base)}
-    if carts:
-        machines[carts[0].name] = _cart(file, combine, carts[0], passes, plan, base)
+    machines = {combine.name: _combine(file, combine, carts, passes, plan, base)}
+    truck = file.truck.x_m, file.truck.y_m
+    places = waiting_places(plan, combine, truck, len(carts)) if len(carts) > 1 else []
+    for number, cart in enumerate(carts):
+        made = _cart(file, combine, cart, passes, plan, base)
+        if places:
+            made |= {"start": _start(_facing(plan, *places[number]))} | _links(carts, cart)
+            made["job"] |= {"number": number, "wait_m": _rounded(places[number])}
+        machines[cart.name] = made
     ring = [_rounded(point) for point in plan.boundary[::-1].tolist()]
     way = math.fsum(p.length for p in plan.passes) + FAR * len(plan.passes)
     return {
@@ -67,9 +73,9 @@ def scenario_of(file: FleetFile, plan: FieldPlan, fleet: Fleet, base: Path | Non
 
 
 def _check(file: FleetFile, plan: FieldPlan, fleet: Fleet) -> None:
-    for key, found in (("combines", fleet.combines), ("carts", fleet.carts)):
-        if len(found) > 1:
-            raise InputError(key, len(found), "expected one at most at the level with sensors")
+    for key, found, most in (("combines", fleet.combines, 1), ("carts", fleet.carts, MOST_CARTS)):
+        if len(found) > most:
+            raise InputError(key, len(found), f"expected {most} at most at the level with sensors")
     if plan.holes:
         raise InputError("field", None, "expected a field without holes at the level with sensors")
     if file.unload.mode != "on_the_go":
@@ -96,49 +102,10 @@ def passes_of(plan: FieldPlan, combine: Combine, file: FleetFile) -> list[dict[s
     return rows
 
 
-def turn_between(p: PlannedPass, then: PlannedPass, combine: Combine) -> list[Piece]:
-    """Pieces of the fixed axle's way from the end of a pass to the start of the next.
-
-    Round a corner of an opening round it is a loop to the outside.
-    """
-    here, there = axle_at(p.end, combine), axle_at(then.start, combine, STRAIGHT)
-    limits = replace(combine.limits, sharpness=GENTLE * combine.limits.sharpness)
-    angle = math.remainder(there.heading - here.heading, 2.0 * math.pi)
-    if then.is_corner and math.radians(20.0) < abs(angle) < math.radians(150.0):
-        return loop(here, there, angle, limits)
-    return [*clothoid.plan(here, there, limits), Piece(0.0, 0.0, STRAIGHT)]
-
-
-def axle_at(knife: Pose, combine: Combine, back: float = 0.0) -> Pose:
-    """Where the fixed axle is when the middle of the knife is at a pose, and so far back on its way [m]."""
-    x, y, heading = axle_pose(knife, combine.sheet.knife_x + back)
-    aside = combine.sheet.header_y
-    return Pose(x + aside * math.sin(heading), y - aside * math.cos(heading), heading)
-
-
-def loop(here: Pose, there: Pose, angle: float, limits: TurnLimits) -> list[Piece]:
-    """Straight on, round to the other side through a full turn less the angle [rad], straight to the goal and
-    STRAIGHT beyond.
-    """
-    side = -1 if angle > 0.0 else 1
-    around = 2.0 * math.pi - abs(angle)
-    end = clothoid.bend_end(around, side, limits)
-    c, s = math.cos(here.heading), math.sin(here.heading)
-    dx, dy = there.x - here.x, there.y - here.y
-    gap = complex(c * dx + s * dy, c * dy - s * dx) - end
-    # gap = first + last * exp(i angle)
-    last = gap.imag / math.sin(angle)
-    first = gap.real - last * math.cos(angle)
-    if first < 0.0 or last < 0.0:
-        return [*clothoid.plan(here, there, limits), Piece(0.0, 0.0, STRAIGHT)]
-    straight = [Piece(0.0, 0.0, way) for way in (first, last + STRAIGHT)]
-    return [straight[0], *clothoid.bend(around, side, limits), straight[1]]
-
-
 def _combine(
     file: FleetFile,
     combine: Combine,
-    cart: Cart | None,
+    carts: Sequence[Cart],
     passes: list[dict[str, Any]],
     plan: FieldPlan,
     base: Path | None,
@@ -170,16 +137,23 @@ def _combine(
         },
         "speed": "job",
     }
-    if cart is not None:
+    if carts:
         made |= {
-            "peer": cart.name,
+            "peer": carts[0].name,
             "unload": "auger",
-            "peer_link": {"level": "radio", "rate_hz": 10, "delay_ms": 100},
+            "peer_link": dict(RADIO),
             "cooperate": {"level": "unloader", "start_percent": 1.0},
             "scan_filter": "peer_body",
             "edge": {"wires": {"scan": "scan_filter.scan"}},
         }
+        made |= {f"peer_link_{i}": {**RADIO, "peer": cart.name} for i, cart in enumerate(carts) if i}
     return made
+
+
+def _links(carts: Sequence[Cart], own: Cart) -> dict[str, Any]:
+    """Radio to the other carts, which tell their ways."""
+    others = [cart.name for cart in carts if cart.name != own.name]
+    return {f"peer_link_{i}": {**RADIO, "way": True, "peer": name} for i, name in enumerate(others, 1)}
 
 
 def _cart(
@@ -191,18 +165,16 @@ def _cart(
     base: Path | None,
 ) -> dict[str, Any]:
     settings = file.carts[cart.name]
-    middle = np.mean(plan.boundary, axis=0)
     x, y = file.truck.x_m, file.truck.y_m
-    heading = math.atan2(float(middle[1]) - y, float(middle[0]) - x)
     return {
         "machine": _named(settings.machine, base),
         "peer": combine.name,
-        "start": _start(Pose(x, y, heading)),
+        "start": _start(_facing(plan, x, y)),
         "odometry": {"level": "error"},
         "imu": "error",
         **RECEIVER,
         "heap": {"level": "height_map", "empty_l_s": settings.unload_l_s},
-        "peer_link": {"level": "radio", "rate_hz": 10, "delay_ms": 100},
+        "peer_link": dict(RADIO),
         "cooperate": "front_to_back",
         "job": {
             "level": "shuttle",
@@ -218,6 +190,12 @@ def _cart(
         "steer": "station_or_path",
         "speed": "job",
     }
+
+
+def _facing(plan: FieldPlan, x: float, y: float) -> Pose:
+    """A machine at a place that looks at the field."""
+    middle = np.mean(plan.boundary, axis=0)
+    return Pose(x, y, math.atan2(float(middle[1]) - y, float(middle[0]) - x))
 
 
 def _start(pose: Pose) -> dict[str, float]:

@@ -1,0 +1,123 @@
+"""Several carts of one combine: which of them serves it, and where the others drive and wait.
+
+A cart serves while its messages name a pass (`task`), from setting out to the combine until it sets out to
+the truck. Each tells the way that it drives; whoever plans a way later keeps clear of those.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import hypot, inf
+from typing import NamedTuple
+
+from swath.control.job.dubins import Place
+from swath.control.job.ground import Point, beside
+from swath.control.job.right_of_way import free_way, outline_of, place_of, reach_at
+from swath.control.steer.guidance_line import GuidanceLine
+from swath.core.component import Inputs
+from swath.signals import GuidancePath, PeerState, Phase
+
+LATER = 1.0  # s, that a cart waits for each one before it by number to take a call
+AT_TRUCK = 12.0  # m from the truck's place: it is taken
+APART = 3.0  # m about the way of another cart, beyond the own half width
+AROUND = 1.5  # m about the outline of one that stands, likewise
+EVERY = 3.0  # m between places of a way
+SOON, NEAR = 4.0, 20.0  # s, m
+Disc = tuple[float, float, float]
+
+
+class OtherCart(NamedTuple):
+    """number: in the order of the carts; at: where it is; way: that it drives, from there on [m]"""
+
+    number: int
+    said: PeerState
+    at: Place
+    way: list[Point]
+
+    @property
+    def serves(self) -> bool:
+        """Whether the combine is its own now."""
+        return self.said.task >= 0
+
+
+def others_of(
+    here: Place, heard: Mapping[str, PeerState], inputs: Inputs, own_number: int
+) -> list[OtherCart]:
+    """The other carts, in the order of the inputs `other_1` and so on, of those that have been heard."""
+    found = []
+    for i, (name, said) in enumerate((n, m) for n, m in heard.items() if n != "peer"):
+        if said.is_heard:
+            at = place_of(here, said)
+            path = inputs.get(name.replace("other", "way"))
+            found.append(OtherCart(i + (i >= own_number), said, at, way_left(at, said, path)))
+    return found
+
+
+def way_left(at: Place, said: PeerState, path: GuidancePath | None) -> list[Point]:
+    """What a cart still has to drive, places EVERY apart; to a combine as far as the line beside its pass."""
+    if path is None or said.phase != Phase.DRIVES or len(path.x) < 2:
+        return []
+    points: list[Point] = list(zip(path.x.tolist(), path.y.tolist(), strict=True))
+    if said.task >= 0:
+        points = points[:-1]
+    begin = min(range(len(points)), key=lambda i: hypot(points[i][0] - at.x, points[i][1] - at.y))
+    return list(_thinned(points[begin:])) if begin + 1 < len(points) else []
+
+
+def _thinned(points: Sequence[Point]) -> Iterator[Point]:
+    """Places at most EVERY apart."""
+    last: Point | None = None
+    for x, y in points:
+        if last is not None:
+            away = hypot(x - last[0], y - last[1])
+            if away < EVERY and (x, y) != points[-1]:
+                continue
+            for i in range(1, int(away / EVERY)):
+                share = i * EVERY / away
+                yield last[0] + share * (x - last[0]), last[1] + share * (y - last[1])
+        last = x, y
+        yield last
+
+
+def discs_of(others: Sequence[OtherCart]) -> list[Disc]:
+    """Circles (x, y, radius) that a way has to keep clear of."""
+    found: list[Disc] = []
+    for cart in others:
+        found += [(x, y, AROUND) for x, y in outline_of(cart.said).points(cart.at)]
+        found += [(x, y, APART) for x, y in cart.way]
+    return found
+
+
+def is_served(others: Sequence[OtherCart]) -> bool:
+    """Whether another cart serves the combine."""
+    return any(cart.serves for cart in others)
+
+
+def withdraws(own_number: int, others: Sequence[OtherCart]) -> bool:
+    """Whether one before it by number took the same call at the same time."""
+    return any(cart.serves and cart.number < own_number for cart in others)
+
+
+def is_taken(truck: Point, own_number: int, others: Sequence[OtherCart], *, drives: bool) -> bool:
+    """Whether another cart is at the truck or drives there. drives: the own one does; only those before it
+    by number keep it from that then.
+    """
+    for cart in others:
+        near = hypot(cart.at.x - truck[0], cart.at.y - truck[1]) < AT_TRUCK
+        comes = bool(cart.way) and hypot(cart.way[-1][0] - truck[0], cart.way[-1][1] - truck[1]) < AT_TRUCK
+        if near or (comes and (cart.number < own_number or not drives)):
+            return True
+    return False
+
+
+def free_of(others: Sequence[OtherCart], here: Place, line: GuidanceLine, at: float, speed: float) -> float:
+    """Way [m] from `at` along a line, at a speed [m/s], before it comes near another cart; inf where it does
+    not. One that keeps a station or comes to rest is taken to drive on for SOON.
+    """
+    free, reach = inf, reach_at(speed)
+    for cart in others:
+        ahead = 0.0 if cart.said.phase == Phase.DRIVES else max(cart.said.speed, 0.0) * SOON
+        if hypot(cart.said.x, cart.said.y) < reach + ahead + NEAR:
+            places = [
+                Place(*beside(*cart.at, way, 0.0), cart.at.heading) for way in (0.0, 0.5 * ahead, ahead)
+            ]
+            free = min(free, free_way(here, line, at, line.length, reach, outline_of(cart.said), places))
+    return free

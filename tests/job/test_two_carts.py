@@ -1,0 +1,171 @@
+"""One combine and two carts that hear each other: one serves, the other waits; until all is empty."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swath.control.job.cart_ways import CartWays
+from swath.control.job.carts import OtherCart, is_taken, way_left, withdraws
+from swath.control.job.dubins import Place
+from swath.control.job.passes import Pass
+from swath.core.errors import InputError
+from swath.job.machines import fleet_of
+from swath.job.work import plan_of
+from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
+from swath.runtime.loop import drive
+from swath.scenario.scenario import parse_scenario
+from swath.signals import GuidancePath, HeapState, JobState, MachineState, PeerState, Phase, UnloadState
+from swath.tools.fleet.waiting import APART, OFF_WAYS, axle_ways, waiting_places
+from swath.tools.fleet.whole import scenario_text, share_uncut
+from tests.job.jobs import job_file
+from tests.job.layouts import layout
+
+FIELD = [(0.0, 0.0), (60.0, 0.0), (60.0, 19.5), (0.0, 19.5)]
+JOB = job_file(
+    carts=2,
+    boundary_m=FIELD,
+    plan={"headland_rounds": 0},
+    combine={"machine": "combine-5m", "call_percent": 5.0, "tank_start_percent": 8.0},
+    cart={"leave_percent": 1.0},
+    truck={"x_m": -25.0, "y_m": 25.0, "dock_s": 2.0},
+)
+CARTS = "cart_0", "cart_1"
+MACHINES = "combine_0", *CARTS
+CHEAP = (
+    "combine_0.lidar=off", "combine_0.scan_filter=off", "combine_0.edge={level: truth, wires: {}}",
+    "combine_0.imu=off", "combine_0.edge.rate_hz=10", "combine_0.job.unload_to_m=15",
+    "combine_0.header.rate_hz=10", "combine_0.process.rate_hz=5",
+    *(f"{m}.motion=kinematic" for m in MACHINES),
+    *(f"{m}.{s}.rate_hz=10" for m in MACHINES for s in ("motion", "steering")),
+    *(f"{m}.{s}.rate_hz=10" for m in MACHINES for s in ("pose", "odometry", "steer", "speed", "gnss")),
+    *(f"{m}.job.break_off_m=15" for m in CARTS),
+    *(f"{m}.{s}.rate_hz=10" for m in CARTS for s in ("imu", "cooperate", "heap")),
+)  # fmt: skip
+
+
+class Run:
+    """rows: at every step of the combine's job, time [s], phases and tasks of both carts, flow [kg/s]"""
+
+    def __init__(self):
+        fleet = fleet_of(JOB)
+        self.plan = plan_of(JOB, fleet, None)
+        text = scenario_text(JOB, self.plan, fleet, None)
+        self.world = assemble(parse_scenario(text, base=Path.cwd(), sets=list(CHEAP)))
+        self.evaluation, self.latest, self.rows = make_evaluation(self.world), {}, []
+        drive(self.world, [self.evaluation, self._see])
+        self.table = np.array(self.rows)
+
+    def _see(self, slot, t, outputs):
+        machine = slot.partition(".")[0]
+        for signal in outputs.values():
+            self.latest[machine, type(signal)] = signal
+        if slot == "combine_0.job" and ("combine_0", UnloadState) in self.latest:
+            jobs = [self.latest[cart, JobState] for cart in CARTS]
+            flow = self.latest["combine_0", UnloadState].flow
+            self.rows.append((t * 1e-9, *(j.phase for j in jobs), *(j.task for j in jobs), flow))
+
+
+@pytest.fixture(scope="module")
+def run():
+    return Run()
+
+
+def test_the_field_gets_empty_and_both_carts_bring_grain(run):
+    assert "the field is empty" in run.world.graph.ended
+    assert share_uncut(run.world.field, run.plan) < 1e-3
+    heaps = [run.latest[cart, HeapState] for cart in CARTS]
+    assert all(heap.emptied > 100.0 for heap in heaps)
+    assert sum(heap.grain for heap in heaps) == pytest.approx(0.0, abs=1e-6)
+    metrics = run.evaluation.metrics("field")
+    assert metrics["mass_balance_error"] < 1e-9
+    assert metrics["spill_share"] <= 1e-3
+
+
+def test_nothing_touches(run):
+    """Tyres of a trailer under the pipe are 0.3 m beside the header of the 5 m combine: 4.8 - 2.7 - 1.8 m."""
+    for name in MACHINES:
+        metrics = run.evaluation.metrics(name)
+        assert metrics["contact_count"] == 0.0
+        assert metrics["least_clearance_m"] > 0.2
+
+
+def test_one_cart_at_a_time_serves_the_combine(run):
+    """Of the other one the messages name no pass, within their delay; grain flows to a cart beside."""
+    phases, tasks, flow = run.table[:, 1:3], run.table[:, 3:5], run.table[:, 5]
+    assert ((tasks >= 0).sum(axis=1) < 2).all()
+    assert ((phases == Phase.BESIDE).sum(axis=1) < 2).all()
+    assert (flow > 0.0).sum() > 100
+    assert (phases[flow > 0.0] == Phase.BESIDE).any(axis=1).all()
+
+
+def test_they_wait_in_places_of_their_own(run):
+    """In the end each stands there, or beside the truck."""
+    places = [np.array(run.world.machines[cart].parts["job"]._p.wait_m) for cart in CARTS]
+    ends = [run.latest[cart, MachineState].pose.position[:2] for cart in CARTS]
+    assert all(np.hypot(*(end - place)) < 7.0 for end, place in zip(ends, places, strict=True))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_waiting_places_lie_off_the_ways_of_the_combine(seed):
+    file = job_file(**layout(seed))
+    fleet = fleet_of(file)
+    plan = plan_of(file, fleet, None)
+    truck = file.truck.x_m, file.truck.y_m
+    places = waiting_places(plan, fleet.combines[0], truck, 2)
+    ways = axle_ways(plan, fleet.combines[0])
+    for place in places:
+        assert np.hypot(*(ways - place).T).min() >= OFF_WAYS - 0.1
+        assert math.dist(place, truck) >= APART
+    assert math.dist(*places) >= APART
+
+
+def test_without_room_to_wait_a_job_is_refused():
+    fleet = fleet_of(JOB)
+    plan = plan_of(JOB, fleet, None)
+    with pytest.raises(InputError, match="room beside the field"):
+        waiting_places(plan, fleet.combines[0], (1000.0, 1000.0), 2)
+
+
+def said(phase, task=-1, x=50.0, y=0.0):
+    return PeerState(0, True, 0.1, x, y, 0.0, 2.0, 0.0, phase=phase, task=task)
+
+
+def other(number, phase, task=-1, at=(50.0, 0.0), way=()):
+    return OtherCart(number, said(phase, task, *at), Place(*at, 0.0), list(way))
+
+
+def test_a_call_that_both_take_is_left_to_the_first():
+    assert withdraws(1, [other(0, Phase.DRIVES, task=3)])
+    assert not withdraws(0, [other(1, Phase.DRIVES, task=3)])
+    assert not withdraws(1, [other(0, Phase.DRIVES)])
+
+
+def test_the_truck_is_taken_by_who_stands_there_or_set_out_for_it():
+    comes = other(1, Phase.DRIVES, way=[(50.0, 0.0), (2.0, 0.0)])
+    assert is_taken((0.0, 0.0), 0, [comes], drives=False)
+    assert not is_taken((0.0, 0.0), 0, [comes], drives=True)  # of two that come the first goes on
+    assert is_taken((0.0, 0.0), 0, [other(1, Phase.EMPTIES, at=(3.0, 0.0))], drives=True)
+    assert not is_taken((0.0, 0.0), 0, [other(1, Phase.WAITS)], drives=False)
+
+
+def test_of_a_way_to_the_combine_the_line_beside_the_pass_is_left_free():
+    x, y = np.array([0.0, 10.0, 20.0, 90.0]), np.zeros(4)
+    path, here = GuidancePath(0, x, y, 1), Place(9.0, 0.0, 0.0)
+    to_pass = way_left(here, said(Phase.DRIVES, task=2), path)
+    assert to_pass[0] == (10.0, 0.0)
+    assert to_pass[-1] == (20.0, 0.0)
+    assert way_left(here, said(Phase.DRIVES), path)[-1] == (90.0, 0.0)
+    assert way_left(here, said(Phase.WAITS), path) == []
+
+
+@pytest.mark.parametrize(("present", "x"), [(0, 18.0 - 8.2 - 0.7), (1, 18.0 - 8.2)])
+def test_where_the_header_comes_by_its_trailer_a_cart_waits_farther_out(present, x):
+    """Ahead of the combine, on the line beside a pass to come; behind it the line leads under the pipe."""
+    passes = (Pass(((6.0, 0.0), (6.0, 80.0))), Pass(((18.0, 0.0), (18.0, 80.0))))
+    ways = CartWays(passes, [(0.0, 0.0), (24.0, 0.0), (24.0, 80.0), (0.0, 80.0)], 12.0, 8.2, 9.0)
+    combine = said(Phase.TURNS, task=present, x=90.0)
+    way = ways.to_pass(Place(10.0, -25.0, 0.5 * math.pi), 1, combine)
+    assert way.points[-2:, 0] == pytest.approx([x, x])
