@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
-from swath.job.cart_ways import beside
+from swath.job.cart_ways import beside, place_at_truck
 from swath.job.fleet import FleetFile
 from swath.job.grain import move_grain
 from swath.job.machines import Fleet
@@ -24,6 +24,7 @@ from swath.job.team import Passes
 Array = NDArray[np.float64]
 LONGEST = 400.0 * 3600.0  # s
 MOST_MOVES = 20_000_000
+START = 12.0  # m between combines in echelon before the first pass
 SHORT_POUR = 8.0  # s before the end of a pass within which pouring is not begun
 
 
@@ -39,7 +40,8 @@ class Job:
         first = plan.passes[0].start
         self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
         self.passes = Passes(plan, self.combines, file.team.together)
-        self.carts = [CartState(c, Pose(*self.truck)) for c in fleet.carts]
+        self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(len(fleet.carts))]
+        self.carts = [CartState(c, p) for c, p in zip(fleet.carts, self.places, strict=True)]
         self.time, self.moves = 0.0, 0
         volume = file.truck.volume_m3
         self.capacity = math.inf if volume is None else volume * fleet.density
@@ -79,6 +81,19 @@ class Job:
         return all(c.phase == "done" for c in self.combines) and all(
             k.phase == "idle" and k.grain <= DONE for k in self.carts
         )
+
+    def start_behind(self, combine: CombineState) -> float:
+        """How far before its first pass a combine begins the job [m]: in echelon one behind another."""
+        first, task = self.combines[0].task, combine.task
+        if self.file.team.together != "echelon" or combine.number == 0 or first is None or task is None:
+            return 0.0
+        (x, y, course), lead = task.start, first.start
+        ahead = (lead.x - x) * math.cos(course) + (lead.y - y) * math.sin(course)
+        return max(combine.number * START - ahead, 0.0)
+
+    def place_at_truck(self, cart: CartState) -> Pose:
+        """Where a cart stands to be emptied."""
+        return self.places[self.carts.index(cart)]
 
     def leader_of(self, combine: CombineState) -> CombineState | None:
         """The combine on the pass before in the same direction, in echelon; None where nobody is there."""
@@ -223,8 +238,11 @@ class Job:
         return True
 
     def _go_on(self, c: CombineState) -> None:
-        """From standing: along the pass, or to the next one where it is at its end."""
-        if c.left > DONE:
+        """From standing: along the pass, or to the next one where it is at its end.
+
+        A combine that came to its end while it braked ends the pass from there.
+        """
+        if c.left > DONE or math.isnan(self.pass_times[c.index][1]):
             c.phase, c.state = "cut", "cut"
             c.pace = c.spec.speed_in(c.per_metre)
         else:
@@ -338,7 +356,7 @@ class Job:
             self.motion.cart_to_truck(self, k)
             return True
         if k.phase == "to_truck" and k.left <= DONE:
-            k.phase, k.place = "queue", self.truck._replace(heading=k.place.heading)
+            k.phase = "queue"
             return True
         if k.phase == "queue" and self.away <= DONE and not any(o.phase == "emptying" for o in self.carts):
             k.phase, k.timer = "emptying", self.file.truck.dock_s

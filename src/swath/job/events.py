@@ -16,7 +16,7 @@ from swath.job.cart_ways import (
     speed_limits,
     speed_to_end,
     way_beside,
-    way_to,
+    way_to_truck,
 )
 from swath.job.combine_ways import (
     axle_pose,
@@ -63,7 +63,7 @@ class Events:
         task, spec = combine.task, combine.spec
         assert task is not None
         if job.time <= 0.0:
-            combine.left = 0.0
+            combine.left, combine.pace = job.start_behind(combine), spec.turn_speed
             return
         turned = corner_angle(combine.place, task)
         if turned is not None:
@@ -100,7 +100,7 @@ class Events:
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Over passes and headland."""
-        path = way_to(self._place(cart), job.truck)
+        path = way_to_truck(self._place(cart), job.place_at_truck(cart))
         self._ways[cart.spec.name] = _Way(self._on(path, cart))
         cart.place, cart.left = path.end, path.length
 

@@ -21,7 +21,7 @@ from swath.job.cart_ways import (
     speed_limits,
     speed_to_end,
     way_beside,
-    way_to,
+    way_to_truck,
 )
 from swath.job.combine_ways import axle_pose, corner_angle, is_far, way_to_pass
 from swath.job.combine_ways import speed_limits as combine_limits
@@ -30,7 +30,7 @@ from swath.job.drive import MARGIN, DrivenMachine, Follower
 from swath.job.engine import Job
 from swath.job.footprint import footprint_of
 from swath.job.path import Path, Pose, polyline
-from swath.job.states import DONE, CartState, CombineState, way_between
+from swath.job.states import DONE, CartState, CombineState
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
@@ -65,9 +65,7 @@ class Kinematic:
         if name not in self._machines:
             self._machines[name] = DrivenMachine(combine.spec.sheet, axle_pose(combine.place, knife), STEP)
         if job.time <= 0.0:
-            combine.left = 0.0
-            if combine.number > 0 or way_between(combine.place, task.start) > 0.0:
-                self._put(name, axle_pose(task.start, knife))
+            self._begin(job, combine)
             return
         turned = corner_angle(combine.place, task)
         if turned is not None:
@@ -84,6 +82,19 @@ class Kinematic:
         self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
         combine.left = path.length
         job.ways.append(path.points)
+
+    def _begin(self, job: Job, combine: CombineState) -> None:
+        """Set down before its first pass."""
+        assert combine.task is not None
+        name, knife = combine.spec.name, combine.spec.sheet.knife_x
+        combine.left = job.start_behind(combine)
+        self._put(name, axle_pose(combine.task.start, knife + combine.left))
+        if combine.left > 0.0:
+            combine.pace = combine.spec.turn_speed
+            goal = axle_pose(combine.task.start, knife)
+            path = polyline(np.array([self._machines[name].pose[:2], goal[:2]]))
+            self._profiles[name] = [combine.pace] * len(path.distance)
+            self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
 
     def begin_cut(self, job: Job, combine: CombineState) -> None:
         """Along the pass, and its cart to it."""
@@ -119,7 +130,7 @@ class Kinematic:
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Back over pass and headland."""
-        path = way_to(self._cart(cart).pose, job.truck)
+        path = way_to_truck(self._cart(cart).pose, job.place_at_truck(cart))
         self._set_out(cart, path)
         cart.left, cart.place = path.length, path.end
 
