@@ -1,5 +1,7 @@
 """The page store: what comes and goes, and what must never change by it."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -319,3 +321,32 @@ def test_codes_found_for_whole_squares_are_those_of_every_cell(edge):
         squares += isinstance(found, int)
         np.testing.assert_array_equal(np.broadcast_to(found, wanted.shape), wanted)
     assert 0 < squares < 7
+
+
+def test_memory_does_not_grow_with_the_way():
+    field, straw = made_field(page_limit=24), []
+
+    def mow(first, end):
+        for n in range(first, end):
+            done = field.cut(rectangle(1.0, 4.0 * n, 8.2, 4.0 * n + 4.01), 0.15)
+            laid = rectangle(3.0, 4.0 * n, 4.4, 4.0 * n + 4.0)
+            field.deposit_straw(laid, done.straw, heading=np.pi / 2)
+            straw.append(done.straw)
+
+    tracemalloc.start()
+    mow(0, 100)
+    held, left = tracemalloc.get_traced_memory()[0], field.store.dropped
+    mow(100, 200)
+    grown = tracemalloc.get_traced_memory()[0] - held
+    tracemalloc.stop()
+    assert field.store.dropped - left > 80
+    assert grown < 150_000  # bytes of 400 m; all that was done to the pages takes three times as much
+    assert field.straw_kg == pytest.approx(sum(straw), rel=1e-9)
+    again = made_field(page_limit=24)
+    again.load(field.save())
+    assert again.straw_kg == field.straw_kg
+    field.ensure(4.0, 20.0, 10.0)
+    again.ensure(4.0, 20.0, 10.0)
+    assert len(again.store.keys) >= 4
+    for key in again.store.keys:
+        assert page_bytes(again, key) == page_bytes(field, key)

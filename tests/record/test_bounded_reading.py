@@ -84,6 +84,30 @@ def test_chunks_of_a_single_file_in_any_order(tmp_path):
     assert [(t, m.data) for _, t, m in open_log(path).messages(("/x",))] == [(k, k) for k in range(10)]
 
 
+def test_memory_does_not_grow_with_the_number_of_chunks_written(tmp_path):
+    path, count = tmp_path / "a.mcap", 1500
+    with path.open("wb") as file:
+        container = Container(file, chunk_bytes=200, profile="ros2", library="test")
+        schema = container.add_schema("std_msgs/msg/UInt8", "ros2msg", b"uint8 data\nuint8[100] rest\n")
+        channels = [container.add_channel(f"/x{k}", "cdr", schema, {}) for k in range(20)]
+
+        def write(first, end):
+            for t in range(first, end):
+                for channel in channels:
+                    container.add(channel, t, b"\x00\x01\x00\x00" + bytes(101))
+                container.flush()
+
+        write(0, count // 3)
+        tracemalloc.start()
+        write(count // 3, count)
+        grown, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        container.finish()
+    assert grown < 20_000  # bytes; the index of these chunks takes 300,000
+    log = open_log(path)
+    assert (sum(1 for _ in log.messages(("/x7",))), log.notes) == (count, {})
+
+
 @given(st.lists(st.lists(st.integers(0, 99), min_size=1, max_size=5), max_size=8))
 def test_order_of_time_is_kept_whatever_lies_in_the_chunks(chunks):
     chunks.sort(key=min)

@@ -21,8 +21,9 @@ from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
 from swath.field.initial_edges import Edges, check_edges, named_edges
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
-from swath.field.pages import Change, KeptPages, Key, PageStore
+from swath.field.pages import KeptPages, PageStore
 from swath.field.recount import recount_pages
+from swath.field.stored_changes import Change, Key
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
@@ -371,7 +372,6 @@ def make_field(
 
 
 def _keys(state: dict[str, Any]) -> list[Key]:
-    """Pages of a saved state."""
     return [(int(i), int(j)) for i, j in state["keys"]]
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, STANDING, PlantLibrary
-from swath.field.pages import Key, PageStore
+from swath.field.pages import PageStore
+from swath.field.stored_changes import Key
 
 Ints = NDArray[np.int64]
 NODES_PER_TILE = PAGE_NODES // PAGE_TILES

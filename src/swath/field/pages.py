@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pages
+from swath.field.stored_changes import Change, Key, StoredChanges
 
-Key = tuple[int, int]
 Codes = int | NDArray[np.uint8]
 N = PAGE_NODES + 1
 IDLE = 160  # pages that are made before one that nobody asked for goes out of memory
 AHEAD = 128  # pages at most that are made before they are needed
+MARGIN = 8  # pages of the table beyond those that are needed
 SPARE = 8  # pages, and pages with cells, for which there is room then
 TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
 GROUND_POOLS = ("ground", "straw", "tile_plane", "tile_bump")
@@ -35,16 +36,6 @@ class PageData:
     tile_stand: NDArray[np.float32]
     tile_prototype: NDArray[np.int32]
     codes: Codes
-
-
-@dataclass(frozen=True)
-class Change:
-    """What a run did to a page. codes: None = nothing, a whole page's code, or deflated (512, 512) codes;
-    straw: None or deflated (64, 64) float64 masses [kg] on the nodes that the page owns.
-    """
-
-    codes: int | bytes | None
-    straw: bytes | None
 
 
 class PageStore:
@@ -76,7 +67,7 @@ class PageStore:
         self.dropped = 0  # pages that left memory, so far
         self.recut: set[Key] = set()  # pages whose codes are not those of the start
         self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
-        self.packed: dict[Key, Change] = {}  # changed pages that are not in memory
+        self.packed = StoredChanges()  # changed pages that are not in memory
         self._untouched: dict[Key, PageData] = {}  # pages that are not in memory, as `make` gives them
         self._around: Sequence[Key] = ()  # pages whose neighbours may be needed next
         self._ahead: dict[Key, PageData] = {}  # of these neighbours what `make` gives, made in advance
@@ -190,13 +181,16 @@ class PageStore:
     def recut_codes(self) -> Iterator[tuple[Key, Codes]]:
         """Codes of every page, in and out of memory, whose codes are not those of the start."""
         yield from ((key, self.codes_of(key)) for key in self.recut)
-        yield from ((k, inflate_codes(c.codes)) for k, c in self.packed.items() if c.codes is not None)
+        for key in filter(self.packed.has_codes, self.packed):
+            codes = self.packed[key].codes
+            if codes is not None:
+                yield key, inflate_codes(codes)
 
     def restore(self, changes: dict[Key, Change]) -> None:
         """Forget everything, then take over changed pages."""
         revision = self.pages.revision
         self.clear()
-        self.packed = dict(changes)
+        self.packed = StoredChanges(changes)
         self.pages.revision = revision + 1
 
     def reset(self) -> None:
@@ -210,14 +204,14 @@ class PageStore:
     def straw_of(self, key: Key) -> NDArray[np.float64] | None:
         """Straw masses (64, 64) [kg] of a page in or out of memory, None without any."""
         mass = self.straw_mass.get(key)
-        if mass is None and key in self.packed:
+        if mass is None and self.packed.has_straw(key):
             packed = self.packed[key].straw
             mass = None if packed is None else inflate_straw(packed)
         return mass
 
     def all_straw(self) -> dict[Key, NDArray[np.float64]]:
         """Straw masses of every page that has any."""
-        keys = sorted(set(self.straw_mass) | {k for k, c in self.packed.items() if c.straw is not None})
+        keys = sorted({*self.straw_mass, *filter(self.packed.has_straw, self.packed)})
         return {k: mass for k in keys if (mass := self.straw_of(k)) is not None}
 
     @property
@@ -225,11 +219,7 @@ class PageStore:
         """Memory held [bytes]."""
         p = self.pages
         pools = [p.table, p.cut, self.code_max, *(getattr(p, name) for name in SLOT_POOLS)]
-        packed = sum(
-            (len(c.codes) if isinstance(c.codes, bytes) else 0) + len(c.straw or b"")
-            for c in self.packed.values()
-        )
-        return int(sum(a.nbytes for a in pools) + packed + sum(a.nbytes for a in self.straw_mass.values()))
+        return int(sum(a.nbytes for a in (*pools, *self.straw_mass.values())))
 
     def _insert(self, key: Key, data: PageData) -> None:
         if not self._free:
@@ -305,19 +295,16 @@ class PageStore:
         self.pages.cut = _grown(self.pages.cut, new)
         self._free_cut[:0] = range(new - 1, old - 1, -1)
 
-    def _widen(self, keys: list[Key], margin: int = 8) -> None:
-        """Let the window table hold the keys; at least a quarter larger than before when it has to grow."""
+    def _widen(self, keys: list[Key]) -> None:
+        """Let the window table hold the keys; with room on each side where it has to grow."""
         p = self.pages
         ny, nx = p.table.shape
         x, y = np.array([k[0] for k in keys]), np.array([k[1] for k in keys])
         x0, x1, y0, y1 = int(x.min()), int(x.max()) + 1, int(y.min()), int(y.max()) + 1
-        if nx > 0:
-            if p.table_x <= x0 and x1 <= p.table_x + nx and p.table_y <= y0 and y1 <= p.table_y + ny:
-                return
-            x0, x1 = min(x0, p.table_x), max(x1, p.table_x + nx)
-            y0, y1 = min(y0, p.table_y), max(y1, p.table_y + ny)
-        x0, x1 = x0 - margin - nx // 8, x1 + margin + nx // 8
-        y0, y1 = y0 - margin - ny // 8, y1 + margin + ny // 8
+        if p.table_x <= x0 and x1 <= p.table_x + nx and p.table_y <= y0 and y1 <= p.table_y + ny:
+            return
+        x0, x1 = _wider(p.table_x, p.table_x + nx, x0, x1)
+        y0, y1 = _wider(p.table_y, p.table_y + ny, y0, y1)
         if (x1 - x0) * (y1 - y0) > 1 << 26:
             raise InputError("field", None, "expected a run within one region, the places are too far apart")
         table = np.full((y1 - y0, x1 - x0), -1, np.int32)
@@ -357,6 +344,15 @@ def inflate_straw(straw: bytes) -> NDArray[np.float64]:
     """Straw masses of a page from their packed form."""
     flat = np.frombuffer(zlib.decompress(straw), np.float64)
     return flat.reshape(PAGE_NODES, PAGE_NODES).copy()
+
+
+def _wider(first: int, end: int, needed: int, needed_end: int) -> tuple[int, int]:
+    """First and end of a range that holds another one: room of an eighth is added where that lies beyond."""
+    if first == end:
+        return needed - MARGIN, needed_end + MARGIN
+    room = MARGIN + (end - first) // 8
+    below = needed - room if needed < first else first
+    return below, needed_end + room if needed_end > end else end
 
 
 def _empty_pages() -> Pages:

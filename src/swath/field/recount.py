@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from swath.field.cut_result import TILE_CELLS, Cut, StemIndex
 from swath.field.memory_layout import PAGE_CUT_CELLS
-from swath.field.pages import Codes, Key, PageStore, inflate_codes
+from swath.field.pages import Codes, PageStore, inflate_codes
+from swath.field.stored_changes import Key
 from swath.kernels import repeatable, start_warp
 
 TOGETHER = 16  # pages that are made for one look

@@ -19,7 +19,8 @@ from swath.field.memory_layout import (
     STANDING,
     PlantLibrary,
 )
-from swath.field.pages import TILE_CELLS, Codes, Key, PageData
+from swath.field.pages import TILE_CELLS, Codes, PageData
+from swath.field.stored_changes import Key
 
 Array = NDArray[np.float64]
 NODES_PER_TILE = PAGE_NODES // PAGE_TILES

@@ -89,7 +89,12 @@ def _follows(here: Pose, first: Pose, at: CombineState) -> bool:
     return 0.0 < along < at.task.length - at.left and abs(across) < ASIDE and turned > 0.7
 
 
-def way_to_truck(here: Pose, place: Pose) -> Path:
+def way_to(here: Pose, goal: Pose) -> Path:
+    """Over passes and headland, to a place that is reached in the direction that the cart has now."""
+    return rounded(corner_way(here, Pose(goal.x, goal.y, here.heading)), here)
+
+
+def way_into_lane(here: Pose, place: Pose) -> Path:
     """Over passes and headland to a place at the truck, straight in from the nearer side."""
     c, s = math.cos(place.heading), math.sin(place.heading)
     ahead = (here.x - place.x) * c + (here.y - place.y) * s

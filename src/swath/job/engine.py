@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
-from swath.job.cart_ways import beside, place_at_truck
+from swath.job.cart_ways import beside, place_at_truck, way_into_lane, way_to
 from swath.job.fleet import FleetFile
 from swath.job.grain import move_grain
 from swath.job.machines import Fleet
 from swath.job.motion import Motion
-from swath.job.path import Pose
+from swath.job.path import Path, Pose
 from swath.job.plan import FieldPlan
 from swath.job.states import DONE, CartState, CombineState, at, cart_state, same_way, way_between
 from swath.job.team import Passes
@@ -40,7 +40,10 @@ class Job:
         first = plan.passes[0].start
         self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
         self.passes = Passes(plan, self.combines, file.team.together)
-        self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(len(fleet.carts))]
+        count = len(fleet.carts)
+        self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(count)]
+        if count == 1:
+            self.places = [self.truck]
         self.carts = [CartState(c, p) for c, p in zip(fleet.carts, self.places, strict=True)]
         self.time, self.moves = 0.0, 0
         volume = file.truck.volume_m3
@@ -94,6 +97,11 @@ class Job:
     def place_at_truck(self, cart: CartState) -> Pose:
         """Where a cart stands to be emptied."""
         return self.places[self.carts.index(cart)]
+
+    def way_to_truck(self, cart: CartState, here: Pose) -> Path:
+        """Of a cart from a place; where it is alone it comes as it likes."""
+        place = self.place_at_truck(cart)
+        return way_to(here, place) if len(self.carts) == 1 else way_into_lane(here, place)
 
     def leader_of(self, combine: CombineState) -> CombineState | None:
         """The combine on the pass before in the same direction, in echelon; None where nobody is there."""
@@ -356,7 +364,7 @@ class Job:
             self.motion.cart_to_truck(self, k)
             return True
         if k.phase == "to_truck" and k.left <= DONE:
-            k.phase = "queue"
+            k.phase, k.place = "queue", self.place_at_truck(k)._replace(heading=k.place.heading)
             return True
         if k.phase == "queue" and self.away <= DONE and not any(o.phase == "emptying" for o in self.carts):
             k.phase, k.timer = "emptying", self.file.truck.dock_s

@@ -16,7 +16,6 @@ from swath.job.cart_ways import (
     speed_limits,
     speed_to_end,
     way_beside,
-    way_to_truck,
 )
 from swath.job.combine_ways import (
     axle_pose,
@@ -100,7 +99,7 @@ class Events:
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Over passes and headland."""
-        path = way_to_truck(self._place(cart), job.place_at_truck(cart))
+        path = job.way_to_truck(cart, self._place(cart))
         self._ways[cart.spec.name] = _Way(self._on(path, cart))
         cart.place, cart.left = path.end, path.length
 

@@ -9,7 +9,9 @@ from array import array
 from collections import defaultdict
 from struct import Struct
 from sys import byteorder
+from tempfile import TemporaryFile
 from typing import Any, BinaryIO
+from weakref import finalize
 
 MAGIC = b"\x89MCAP0\r\n"
 MESSAGE, FOOTER, INDEX = 0x05, 0x02, 0x07  # opcodes
@@ -37,7 +39,9 @@ class Container:
         self._open: list[tuple[int, int, int, bytes]] = []  # channel, sequence, time, data
         self._size = 0  # bytes in the open chunk
         self._counts: dict[int, int] = defaultdict(int)  # messages by channel
-        self._chunks: list[_Record] = []  # ChunkIndex
+        self._chunk_count = 0
+        self._chunks = TemporaryFile()  # noqa: SIM115 - ChunkIndex of each, encoded
+        finalize(self, self._chunks.close)
         self._span: tuple[int, int] | None = None  # times of the first and the last message
         self._attachments: list[Any] = []
         stream.write(MAGIC)
@@ -110,7 +114,8 @@ class Container:
             message_index_length=begin - at - length, compression="zstd", compressed_size=len(packed),
             uncompressed_size=len(records),
         )  # fmt: skip
-        self._chunks.append(_Record(self._encoded(entry)))
+        self._chunk_count += 1
+        self._chunks.write(self._encoded(entry))
         span = self._span or (min(times), max(times))
         self._span = min(span[0], min(times)), max(span[1], max(times))
         self._open, self._declared, self._size = [], [], 0
@@ -172,11 +177,13 @@ class Container:
         from mcap.records import Statistics
 
         first, last = self._span or (0, 0)
+        self._chunks.seek(0)
+        chunks = [_Encoded(self._chunks.read())] if self._chunk_count else []
         statistics = Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=dict(self._counts),
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=sum(self._counts.values()),
             metadata_count=0,
             message_start_time=first,
@@ -187,13 +194,13 @@ class Container:
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.CHUNK_INDEX, chunks),
             (Opcode.ATTACHMENT_INDEX, self._attachments),
         ]
 
 
-class _Record:
-    """One that is encoded already: of a chunk a fifth of the memory of its fields."""
+class _Encoded:
+    """Records that are encoded already."""
 
     __slots__ = ("_data",)
 

@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from swath.field.field import Field
 from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING
-from swath.field.pages import Codes, Key
+from swath.field.pages import Codes
+from swath.field.stored_changes import Key
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import TILE
 from swath.rays.heights import HeightCaster
@@ -52,7 +53,7 @@ class CutWatch:
 
     def _is_changed(self, key: Key) -> bool:
         store = self.field.store
-        return key in store.recut or (key in store.packed and store.packed[key].codes is not None)
+        return key in store.recut or store.packed.has_codes(key)
 
     def _places(self, cell: Ints) -> tuple[Ints, Ints, Ints]:
         """Cut cell of the field (u, v) at the middle of grid cells, and its page (n, 2)."""

@@ -6,7 +6,8 @@ import numpy as np
 
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric
-from swath.signals import F64, CropFlow, HeaderState, MachineState, Signal
+from swath.judge.kept_rows import KeptRows
+from swath.signals import CropFlow, HeaderState, MachineState, Signal
 
 GROUP = "Header height"
 
@@ -30,7 +31,7 @@ class HeaderHeight:
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self._settling, self._distance = setup.settling_m, 0.0
-        self._errors: list[F64] = []
+        self._errors: KeptRows | None = None  # of the points of the knife [m]
         self._band = 0.0
         self._taken = self._left = self._lost = 0.0
         self._is_controlled = False
@@ -47,15 +48,15 @@ class HeaderHeight:
             elif isinstance(signal, HeaderState):
                 self._is_controlled, self._band = True, signal.band
                 if self._distance >= self._settling:
-                    self._errors.append(signal.heights - signal.wanted)
+                    self._note((signal.heights - signal.wanted).tolist())
 
     def metrics(self) -> dict[str, float]:
         """What there is to say; nothing about a header that does not tell its height."""
         if not self._is_controlled:
             return {}
         found = dict.fromkeys((m.name for m in self.METRICS), float("nan"))
-        if self._errors:
-            error = np.array(self._errors)
+        if self._errors is not None:
+            error = self._errors.table()
             size = np.abs(error)
             found["header_in_band"] = float(np.mean(np.abs(error.mean(axis=1)) <= self._band))
             found["header_knife_in_band"] = float(np.mean(size <= self._band))
@@ -63,6 +64,11 @@ class HeaderHeight:
         whole = self._taken + self._lost + self._left
         share = (self._lost + self._left) / whole if whole > 0.0 else float("nan")
         return {**found, "header_loss_percent": 100.0 * share}
+
+    def _note(self, errors: list[float]) -> None:
+        if self._errors is None:
+            self._errors = KeptRows(len(errors))
+        self._errors.add(errors)
 
 
 LEVEL = Level(HeaderHeight, None, summary="how well the header kept its height, and what it lost")

@@ -9,6 +9,7 @@ from swath.core.portable import solve
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.kept_rows import KeptRows
 from swath.judge.statistics import mean, rms
 from swath.signals import F64, FIX_QUALITIES, Fix, GuidanceState, MachineState, PoseEstimate, Signal
 
@@ -45,9 +46,8 @@ class Positioning:
     def __init__(self, setup: EvaluatorSetup) -> None:
         self._setup = setup
         self._state: MachineState | None = None
-        self._rows: list[tuple[float, float, float]] = []  # error [m], of the heading [rad], NEES
-        self._fixes: list[bool] = []
-        self._led: list[bool] = []
+        self._rows = KeptRows(3)  # error [m], of the heading [rad], NEES
+        self._fixed = self._fix_count = self._led = self._state_count = 0
         self._lost: tuple[int, float, float, float] | None = None
         self._had_fix = False
         self._events: list[Event] = []
@@ -63,19 +63,20 @@ class Positioning:
             elif isinstance(signal, Fix):
                 self._hear(t, signal)
             elif isinstance(signal, GuidanceState):
-                self._led.append(signal.is_following)
+                self._led += signal.is_following
+                self._state_count += 1
 
     def metrics(self) -> dict[str, float]:
         """Of what the machine has."""
         found: dict[str, float] = {}
         if self._rows:
-            off, turn, nees = (np.array(column) for column in zip(*self._rows, strict=True))
+            off, turn, nees = (column.copy() for column in self._rows.table().T)
             found |= {"pose_error_rms_m": rms(off), "pose_error_max_m": float(off.max())}
             found |= {"pose_heading_rms_rad": rms(turn), "pose_nees": mean(nees[np.isfinite(nees)])}
-        if self._fixes:
-            found |= {"fix_share": mean(np.array(self._fixes)), "fix_lost_max_s": self._longest}
-        if self._led:
-            found["path_share"] = mean(np.array(self._led))
+        if self._fix_count:
+            found |= {"fix_share": self._fixed / self._fix_count, "fix_lost_max_s": self._longest}
+        if self._state_count:
+            found["path_share"] = self._led / self._state_count
         return found
 
     def events(self) -> Sequence[Event]:
@@ -92,12 +93,13 @@ class Positioning:
         turn = pose.heading - state.pose.euler()[2]
         turn = atan2(sin(turn), cos(turn))
         error = np.array([pose.x - x, pose.y - y, turn, pose.speed - state.speed])
-        self._rows.append((hypot(pose.x - x, pose.y - y), turn, _normalised(error, pose.covariance)))
+        self._rows.add((hypot(pose.x - x, pose.y - y), turn, _normalised(error, pose.covariance)))
 
     def _hear(self, t: int, fix: Fix) -> None:
         is_fixed = fix.quality == FIXED
         self._had_fix = self._had_fix or is_fixed
-        self._fixes.append(is_fixed)
+        self._fixed += is_fixed
+        self._fix_count += 1
         if self._state is None or not self._had_fix:
             return
         if not is_fixed and self._lost is None:
