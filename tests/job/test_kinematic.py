@@ -1,11 +1,15 @@
 """Driven machines work off the same field as those that jump from event to event."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 
+from swath.job.cart_ways import place_at_truck
 from swath.job.kinematic import Kinematic
+from swath.job.path import Pose
 from swath.job.swept import swept_ground
 from tests.job.jobs import finished, job_file
 from tests.job.layouts import CARTS, hours, same_ranking
@@ -39,6 +43,32 @@ def test_the_knives_leave_no_strip(echelon):
 def test_a_cart_pours_only_in_its_place(echelon):
     _, motion = echelon
     assert motion.largest_error < 4.5  # of a box of 6 m: when it starts to move with the combine
+
+
+def test_carts_never_touch_each_other(echelon):
+    """Each has a place of its own at the truck."""
+    _, motion = echelon
+    (pair,) = [p for p in motion.watch.pairs if (p.first, p.second) == ("cart_0", "cart_1")]
+    assert pair.touched == 0.0
+
+
+def test_combines_in_echelon_begin_one_behind_the_other(echelon):
+    _, motion = echelon
+    (pair,) = [p for p in motion.watch.pairs if (p.first, p.second) == ("combine_0", "combine_1")]
+    assert all(begin > 60.0 for begin, _ in pair.times)
+
+
+@pytest.mark.parametrize("along", [(900.0, -20.0), (-30.0, 300.0), (450.0, 700.0)])
+def test_places_at_the_truck_are_side_by_side_and_lead_away_from_the_field(along):
+    boundary = np.array([(0.0, 0.0), (905.0, 35.0), (880.0, 525.0), (50.0, 575.0)])
+    field = shapely.Polygon(boundary)
+    places = [place_at_truck(Pose(*along, 0.0), boundary, i) for i in range(3)]
+    assert places[0][:2] == along
+    far = [field.distance(shapely.Point(p[:2])) for p in places]
+    assert far == sorted(far)
+    for a, b in pairwise(places):
+        assert math.hypot(a.x - b.x, a.y - b.y) == pytest.approx(7.0)
+        assert abs((b.x - a.x) * math.cos(a.heading) + (b.y - a.y) * math.sin(a.heading)) < 1e-9
 
 
 def test_one_combine_takes_as_long_as_by_events():

@@ -23,6 +23,8 @@ BRAKE = 0.5  # m/s2, with a load
 LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 RUN_UP = 12.0  # m before a pass, from where a cart drives straight along it
 ASIDE = 15.0  # m beside its line, from where a cart can follow a combine
+LANE = 7.0  # m between the places of carts at the truck
+STRAIGHT_IN = 14.0  # m before its place at the truck, from where a cart drives straight
 BEYOND = 30.0  # m that its way goes on behind the pass
 CLOSE = 0.3  # m/s, slowest towards the end of a way
 CATCH_UP = 0.3  # 1/s, speed per distance to the place beside a combine
@@ -90,6 +92,31 @@ def _follows(here: Pose, first: Pose, at: CombineState) -> bool:
 def way_to(here: Pose, goal: Pose) -> Path:
     """Over passes and headland, to a place that is reached in the direction that the cart has now."""
     return rounded(corner_way(here, Pose(goal.x, goal.y, here.heading)), here)
+
+
+def way_into_lane(here: Pose, place: Pose) -> Path:
+    """Over passes and headland to a place at the truck, straight in from the nearer side."""
+    c, s = math.cos(place.heading), math.sin(place.heading)
+    ahead = (here.x - place.x) * c + (here.y - place.y) * s
+    if ahead > 0.0:
+        place = Pose(place.x, place.y, place.heading + math.pi)
+        c, s = -c, -s
+    first = Pose(place.x - STRAIGHT_IN * c, place.y - STRAIGHT_IN * s, place.heading)
+    return rounded([*corner_way(here, first), (place.x, place.y)], here)
+
+
+def place_at_truck(truck: Pose, boundary: Array, number: int) -> Pose:
+    """Where a cart stands at the truck: lanes along the nearest side of the field, side by side outward."""
+    ends = np.roll(boundary, -1, axis=0)
+    step = ends - boundary
+    share = ((truck.x - boundary[:, 0]) * step[:, 0] + (truck.y - boundary[:, 1]) * step[:, 1]) / (
+        step**2
+    ).sum(1)
+    near = boundary + np.clip(share, 0.0, 1.0)[:, None] * step
+    side = int(np.hypot(near[:, 0] - truck.x, near[:, 1] - truck.y).argmin())
+    course = math.atan2(float(step[side, 1]), float(step[side, 0]))
+    out = number * LANE  # a ring is counter-clockwise: outward is on the right
+    return Pose(truck.x + out * math.sin(course), truck.y - out * math.cos(course), course)
 
 
 def speed_limits(path: Path, cart: Cart) -> Array:

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
-from swath.job.cart_ways import beside
+from swath.job.cart_ways import beside, place_at_truck, way_into_lane, way_to
 from swath.job.fleet import FleetFile
 from swath.job.grain import move_grain
 from swath.job.machines import Fleet
 from swath.job.motion import Motion
-from swath.job.path import Pose
+from swath.job.path import Path, Pose
 from swath.job.plan import FieldPlan
 from swath.job.states import DONE, CartState, CombineState, at, cart_state, same_way, way_between
 from swath.job.team import Passes
@@ -24,6 +24,7 @@ from swath.job.team import Passes
 Array = NDArray[np.float64]
 LONGEST = 400.0 * 3600.0  # s
 MOST_MOVES = 20_000_000
+START = 12.0  # m between combines in echelon before the first pass
 SHORT_POUR = 8.0  # s before the end of a pass within which pouring is not begun
 
 
@@ -39,7 +40,11 @@ class Job:
         first = plan.passes[0].start
         self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
         self.passes = Passes(plan, self.combines, file.team.together)
-        self.carts = [CartState(c, Pose(*self.truck)) for c in fleet.carts]
+        count = len(fleet.carts)
+        self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(count)]
+        if count == 1:
+            self.places = [self.truck]
+        self.carts = [CartState(c, p) for c, p in zip(fleet.carts, self.places, strict=True)]
         self.time, self.moves = 0.0, 0
         volume = file.truck.volume_m3
         self.capacity = math.inf if volume is None else volume * fleet.density
@@ -79,6 +84,24 @@ class Job:
         return all(c.phase == "done" for c in self.combines) and all(
             k.phase == "idle" and k.grain <= DONE for k in self.carts
         )
+
+    def start_behind(self, combine: CombineState) -> float:
+        """How far before its first pass a combine begins the job [m]: in echelon one behind another."""
+        first, task = self.combines[0].task, combine.task
+        if self.file.team.together != "echelon" or combine.number == 0 or first is None or task is None:
+            return 0.0
+        (x, y, course), lead = task.start, first.start
+        ahead = (lead.x - x) * math.cos(course) + (lead.y - y) * math.sin(course)
+        return max(combine.number * START - ahead, 0.0)
+
+    def place_at_truck(self, cart: CartState) -> Pose:
+        """Where a cart stands to be emptied."""
+        return self.places[self.carts.index(cart)]
+
+    def way_to_truck(self, cart: CartState, here: Pose) -> Path:
+        """Of a cart from a place; where it is alone it comes as it likes."""
+        place = self.place_at_truck(cart)
+        return way_to(here, place) if len(self.carts) == 1 else way_into_lane(here, place)
 
     def leader_of(self, combine: CombineState) -> CombineState | None:
         """The combine on the pass before in the same direction, in echelon; None where nobody is there."""
@@ -223,8 +246,11 @@ class Job:
         return True
 
     def _go_on(self, c: CombineState) -> None:
-        """From standing: along the pass, or to the next one where it is at its end."""
-        if c.left > DONE:
+        """From standing: along the pass, or to the next one where it is at its end.
+
+        A combine that came to its end while it braked ends the pass from there.
+        """
+        if c.left > DONE or math.isnan(self.pass_times[c.index][1]):
             c.phase, c.state = "cut", "cut"
             c.pace = c.spec.speed_in(c.per_metre)
         else:
@@ -339,7 +365,7 @@ class Job:
             self.motion.cart_to_truck(self, k)
             return True
         if k.phase == "to_truck" and k.left <= DONE:
-            k.phase, k.place = "queue", self.truck._replace(heading=k.place.heading)
+            k.phase, k.place = "queue", self.place_at_truck(k)._replace(heading=k.place.heading)
             return True
         if k.phase == "queue" and self.away <= DONE and not any(o.phase == "emptying" for o in self.carts):
             k.phase, k.timer = "emptying", self.file.truck.dock_s

@@ -16,7 +16,6 @@ from swath.job.cart_ways import (
     speed_limits,
     speed_to_end,
     way_beside,
-    way_to,
 )
 from swath.job.combine_ways import (
     axle_pose,
@@ -63,7 +62,7 @@ class Events:
         task, spec = combine.task, combine.spec
         assert task is not None
         if job.time <= 0.0:
-            combine.left = 0.0
+            combine.left, combine.pace = job.start_behind(combine), spec.turn_speed
             return
         turned = corner_angle(combine.place, task)
         if turned is not None:
@@ -100,7 +99,7 @@ class Events:
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Over passes and headland."""
-        path = way_to(self._place(cart), job.truck)
+        path = job.way_to_truck(cart, self._place(cart))
         self._ways[cart.spec.name] = _Way(self._on(path, cart))
         cart.place, cart.left = path.end, path.length
 

@@ -22,7 +22,6 @@ from swath.job.cart_ways import (
     speed_limits,
     speed_to_end,
     way_beside,
-    way_to,
 )
 from swath.job.combine_ways import axle_pose, corner_angle, is_far, way_to_pass
 from swath.job.combine_ways import speed_limits as combine_limits
@@ -31,7 +30,7 @@ from swath.job.drive import MARGIN, DrivenMachine, Follower
 from swath.job.engine import Job
 from swath.job.footprint import footprint_of
 from swath.job.path import Path, Pose, polyline
-from swath.job.states import DONE, CartState, CombineState, at, way_between
+from swath.job.states import DONE, CartState, CombineState, at
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
@@ -67,9 +66,7 @@ class Kinematic:
         if name not in self._machines:
             self._machines[name] = DrivenMachine(combine.spec.sheet, axle_pose(combine.place, knife), STEP)
         if job.time <= 0.0:
-            combine.left = 0.0
-            if combine.number > 0 or way_between(combine.place, task.start) > 0.0:
-                self._put(name, axle_pose(task.start, knife))
+            self._begin(job, combine)
             return
         turned = corner_angle(combine.place, task)
         if turned is not None:
@@ -86,6 +83,19 @@ class Kinematic:
         self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
         combine.left = path.length
         job.ways.append(path.points)
+
+    def _begin(self, job: Job, combine: CombineState) -> None:
+        """Set down before its first pass."""
+        assert combine.task is not None
+        name, knife = combine.spec.name, combine.spec.sheet.knife_x
+        combine.left = job.start_behind(combine)
+        self._put(name, axle_pose(combine.task.start, knife + combine.left))
+        if combine.left > 0.0:
+            combine.pace = combine.spec.turn_speed
+            goal = axle_pose(combine.task.start, knife)
+            path = polyline(np.array([self._machines[name].pose[:2], goal[:2]]))
+            self._profiles[name] = [combine.pace] * len(path.distance)
+            self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
 
     def begin_cut(self, job: Job, combine: CombineState) -> None:
         """Along the pass, and its cart to it."""
@@ -121,7 +131,7 @@ class Kinematic:
 
     def cart_to_truck(self, job: Job, cart: CartState) -> None:
         """Back over pass and headland."""
-        path = way_to(self._cart(cart).pose, job.truck)
+        path = job.way_to_truck(cart, self._cart(cart).pose)
         self._set_out(cart, path)
         cart.left, cart.place = path.length, path.end
 
@@ -145,14 +155,22 @@ class Kinematic:
         places = {name: (m.pose, m.trailer) for name, m in self._machines.items()}
         if job.carts and job.away <= DONE:
             sheets[truck.NAME] = job.fleet.truck
-            north = job.truck.y > float(job.plan.boundary[:, 1].mean())  # carts come straight from the field
-            place = job.truck._replace(heading=math.copysign(0.5 * math.pi, 1.0 if north else -1.0))
-            stands = truck.truck_pose(place, job.fleet.truck)
+            stands = truck.truck_pose(self._beside_truck(job), job.fleet.truck)
             places[truck.NAME] = stands, stands.heading
         for name, sheet in sheets.items():
             if name not in self.watch:
                 self.watch.add(name, footprint_of(sheet))
         self.watch.look(job.time, STEP, places)
+
+    def _beside_truck(self, job: Job) -> Pose:
+        """Place of a cart that empties, with the truck on its right: in the first lane the truck is on the
+        side of the field; a cart that is alone comes straight from the field.
+        """
+        if len(job.carts) > 1:
+            x, y, course = job.places[0]
+            return Pose(x, y, course + math.pi)
+        north = job.truck.y > float(job.plan.boundary[:, 1].mean())
+        return job.truck._replace(heading=math.copysign(0.5 * math.pi, 1.0 if north else -1.0))
 
     def _drive_combine(self, job: Job, c: CombineState) -> None:
         name = c.spec.name
