@@ -63,13 +63,11 @@ def footprint_of(sheet: MachineSheet) -> Footprint:
 
     Pipes are left out: they pass above. InputError for a sheet that tows without saying what.
     """
-    rear, front, half, _, _ = sheet.body
-    own = [Rectangle(rear, front, -half, half)]
-    if sheet.has_header:
-        behind, wide = sheet.knife_x - sheet.header_depth, 0.5 * sheet.header_width
-        own.append(Rectangle(behind, sheet.knife_x, sheet.header_y - wide, sheet.header_y + wide))
-        if behind > front:
-            own.append(Rectangle(front, behind, -0.5 * half, 0.5 * half))
+    own = [Rectangle(*r) for r in sheet.outline]
+    _, front, half, _, _ = sheet.body
+    behind = own[-1].rear
+    if sheet.has_header and behind > front:
+        own.append(Rectangle(front, behind, -0.5 * half, 0.5 * half))
     if sheet.hitch is None:
         return Footprint(tuple(own), (), 0.0, 0.0, _reach(own, 0.0))
     t, box = sheet.trailer, sheet.box

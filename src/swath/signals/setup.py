@@ -92,6 +92,15 @@ class MachineGeometry:
         """The steered axle ahead of the fixed one [m]."""
         return self.wheelbase if self.steers_ahead else -self.wheelbase
 
+    @property
+    def outline(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Body and header from above: rectangles in the machine frame, each rear, front, right, left [m]."""
+        rear, front, half, _, _ = self.body
+        if not self.has_header:
+            return ((rear, front, -half, half),)
+        wide, x, y = 0.5 * self.header_width, self.knife_x, self.header_y
+        return (rear, front, -half, half), (x - self.header_depth, x, y - wide, y + wide)
+
     def header_end(self, side: str) -> tuple[float, float]:
         """(x, y) of the knife's `left` or `right` end in the machine frame [m]."""
         half = 0.5 * self.header_width

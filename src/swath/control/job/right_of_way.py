@@ -72,12 +72,7 @@ def outline_of(said: PeerState) -> Outline:
 
 def own_outline(of: MachineGeometry) -> Outline:
     """Chassis and header of the own data sheet."""
-    rear, front, half, _, _ = of.body
-    boxes = [(rear, front, -half, half)]
-    if of.has_header:
-        wide, x, y = 0.5 * of.header_width, of.knife_x, of.header_y
-        boxes.append((x - of.header_depth, x, y - wide, y + wide))
-    return Outline(tuple(boxes))
+    return Outline(of.outline)
 
 
 def place_of(own: Place, said: PeerState) -> Place:
