@@ -1,7 +1,7 @@
 """A cart beside a combine: every row of docs/cart.md, with the number that comes out now.
 
-python benchmarks/cart.py            all of them
-python benchmarks/cart.py --seen     the box by LiDAR and by cameras, day, dust, dusk; empty, half, full
+python benchmarks/cart.py                          all of them
+python benchmarks/cart.py --seen [DRAWS [SEED]]    the box by LiDAR and cameras in day, dust, dusk
 """
 
 import math
@@ -11,7 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from tests.control.box_rig import DUST, EYE, MOUNT, THICK, cameras, errors, lidar, look
+from tests.control.box_rig import DUST, EYE, MOUNT, THICK, cameras, drawn, errors, lidar, look, outcome
 from tests.levels.test_cooperation import stream_of
 from tests.machine.test_heap import BOXES, SLOPE, until_it_runs_over
 from tests.machine.test_trailer import make, run
@@ -26,7 +26,6 @@ from swath.machine.unload import ideal
 from swath.signals import HeapState, UnloadState
 
 CART = load_machine("tractor-grain-cart")
-DRAWS = 6  # stations of each row of `seen`
 
 
 def say(case: str, found: str, expected: str) -> None:
@@ -143,8 +142,8 @@ def reachable() -> None:
         say(f"reachable, spread {spread:g} m, station sd 0 2 5 10 20 cm", " ".join(found) + " %", "95 %")
 
 
-def seen() -> None:
-    """The box by LiDAR and by two cameras, at stations drawn by chance."""
+def seen(draws: int = 6, seed: int = 77) -> None:
+    """The box by LiDAR and by two cameras, at stations and fills drawn by chance."""
     haze = ", weather: {extinction_per_m: 0.1}"
     lights = (
         ("day", "", ""),
@@ -152,25 +151,12 @@ def seen() -> None:
         ("dusk, sun at -3 deg, 79 lx", "", ", sun_elevation_deg: -3"),
         ("dusk, sun at -5 deg, 10 lx", "", ", sun_elevation_deg: -5"),
     )
+    stations = drawn(draws, seed)
     for name, air, light in lights:
-        for fill, word in ((0.0, "empty"), (0.5, "half"), (1.0, "full")):
+        for word in stations[0][1]:
             for sensor, sees in (("LiDAR", lidar(air)), ("cameras", cameras(light))):
-                rng = np.random.default_rng(77)
-                rows = []
-                for k in range(DRAWS):
-                    ahead, left, heading = rng.uniform((-1.5, 8.3, -5.0), (1.5, 9.0, 5.0)).tolist()
-                    found, truth = look(
-                        sees=sees, fill=fill, ahead=ahead, left=left, heading=heading, seed=300 + k
-                    )
-                    if found.is_seen:
-                        rows.append(np.abs(errors(found, truth)))
-                text = f"{len(rows)} of {DRAWS} seen"
-                if rows:
-                    most = np.array(rows)
-                    grain = np.nanmax(most[:, 4], initial=0.0)
-                    text += f", largest: rim {most[:, :3].max():.3f} m {most[:, 3].max():.2f} deg, "
-                    text += f"grain {grain:.3f} m, known {most[:, 5].mean():.2f}"
-                say(f"{sensor}, {name}, {word}", text, "0.10 m, 1 deg, 0.10 m, or not seen")
+                pairs = [look(sees=sees, fill=fills[word], **place) for place, fills in stations]
+                say(f"{sensor}, {name}, {word}", outcome(pairs), "0.10 m, 1 deg, 0.10 m, or not seen")
 
 
 def box() -> None:
@@ -215,6 +201,8 @@ def seen_box() -> None:
 
 
 if __name__ == "__main__":
-    parts = (heap, trailer, unloading, station, link, fill, reachable, box, seen_box, seen)
-    for part in (seen,) if "--seen" in sys.argv else parts:
+    if sys.argv[1:2] == ["--seen"]:
+        seen(*map(int, sys.argv[2:4]))
+        sys.exit()
+    for part in (heap, trailer, unloading, station, link, fill, reachable, box, seen_box, seen):
         part()

@@ -26,7 +26,10 @@ from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 
-POOLS = {"judged": 5021, "training": 7, "second": 9377, "third": 80211, "fourth": 66391, "fifth": 907531}
+POOLS = {
+    "judged": 5021, "training": 7, "second": 9377, "third": 80211, "fourth": 66391, "fifth": 907531,
+    "sixth": 350617,
+}  # fmt: skip
 Draw = Callable[[np.random.Generator], dict[str, Any]]
 Run = dict[str, Any]
 DISTANCE = 46.0

@@ -26,11 +26,10 @@ def setup(sides=SIDES):
     return replace(setup_of("left", 0.04), mountings={side: mounting("left") for side in sides})
 
 
-def drive(level, edges, *, metres=10.0):
+def drive(level, edges, *, metres=10.0, mountings=None):
     """Edges told while scanners see crop from y = their own edge on; the machine drives 0.1 m outside 6 m."""
-    scanners = {
-        name: Scanner(Stand(lambda x, y, at=at: at - y), mounting("left")) for name, at in edges.items()
-    }
+    places = mountings or dict.fromkeys(edges, mounting("left"))
+    scanners = {name: Scanner(Stand(lambda x, y, at=at: at - y), places[name]) for name, at in edges.items()}
     level.reset(Stream(1, "edge"))
     rng, told = np.random.default_rng(0), []
     for k in range(round(metres / (SPEED * 0.04))):
@@ -71,6 +70,16 @@ def test_two_that_contradict_each_other_are_not_sure(level):
     told = drive(level(), {"left": 6.0, "right": 5.3})[-1]
     assert told.confidence < 0.5
     assert told.offset_sd > 0.3
+
+
+def test_one_that_looks_out_of_the_crop_counts_less():
+    """It sees where the tops end, as far across as a ray goes while it falls by what tops differ."""
+    places = {"left": mounting("left"), "right": mounting("left", outside=-5.0, height=3.0)}
+    inside = Joined(each(), replace(setup(), mountings=places))
+    beside = drive(Joined(each(), setup()), {"left": 6.0, "right": 5.8})[-1]
+    told = drive(inside, {"left": 6.0, "right": 5.8}, mountings=places)[-1]
+    assert abs(told.offset - 5.9) < 0.05
+    assert abs(beside.offset - 5.8) < 0.05
 
 
 def test_what_one_does_not_see_the_other_says():
@@ -123,6 +132,29 @@ def test_stems_are_seen_to_lean_out(lean):
     told, sd = stems.outward(np.radians(abs(lean)))
     assert abs(told - max(np.tan(np.radians(lean)), 0.0)) < max(2.0 * sd, 0.05)
     assert (told > 0.3) == (lean > 0.0)
+    assert sd < 0.35
+
+
+def leafy(lean_deg, toward_deg, azimuths):
+    """Rays 13 deg down, and the brightness of stems with leaves; toward 0 = along the edge, -90 = out."""
+    rays, _ = looks(0.0, azimuths)
+    lean, way = np.radians(lean_deg), np.radians(toward_deg)
+    q = rays @ np.array([np.sin(lean) * np.cos(way), np.sin(lean) * np.sin(way), np.cos(lean)])
+    return rays, np.exp(0.11 * q) * (1.0 - q * q) ** (0.5 * 0.37)
+
+
+@pytest.mark.parametrize(
+    ("lean", "toward"), [(35, -110), (35, -70), (43, -90), (40, -150), (40, -30), (40, 80)]
+)
+def test_a_lean_along_the_edge_is_told_from_one_across(lean, toward):
+    """Direction in between: only the part that hangs over the edge counts."""
+    stems = StemLean(0.02, scanners=2)
+    stems.add(*leafy(lean, toward, np.linspace(3.0, 67.0, 2000)), 0)
+    stems.add(*leafy(lean, toward, np.linspace(-73.0, 20.0, 2000)), 1)
+    told, sd = stems.outward(np.radians(lean))
+    off = abs(told - max(-np.tan(np.radians(lean)) * np.sin(np.radians(toward)), 0.0))
+    assert off < max(sd, 0.05)
+    assert off < (0.08 if toward < -80 or toward > 0 else 0.25)  # stems that lean ahead hide it most
     assert sd < 0.35
 
 

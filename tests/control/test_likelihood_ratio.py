@@ -112,7 +112,7 @@ def test_the_far_wall_of_a_long_hole_is_not_the_edge():
 
 @pytest.mark.parametrize(
     ("made", "most"),
-    [({}, 1.0), ({"usual": 0.85}, 0.2), ({"usual": 0.5}, 1.0), ({"usual": 0.85, "upright_m": 0.5}, 1.0)],
+    [({}, 1.0), ({"usual": 0.85}, 0.4), ({"usual": 0.5}, 1.0), ({"usual": 0.85, "upright_m": 0.5}, 1.0)],
 )
 def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
     edges, _ = drive(stand={"tip": 0.6}, metres=10.0, **made)
@@ -315,6 +315,21 @@ def test_a_long_shallow_hole_is_held_across(depth, seed):
     edges, error = drive(inside=hole, metres=26.0, seed=seed)
     assert all(e.is_found for e in edges[75:])
     assert np.abs(error[75:]).max() < 0.15
+
+
+@pytest.mark.parametrize(("depth", "density"), [(0.45, 500.0), (0.5, 120.0), (0.65, 500.0)])
+def test_an_edge_that_steps_into_the_crop_is_followed_there(depth, density):
+    """Longer than 7 m it is no hole: until then the line is held, not sure, and the edge is never lost."""
+    inward = lambda x, y: 6.0 - y - np.where(x > 18.0, depth, 0.0)  # noqa: E731
+    edges, error = drive(inside=inward, metres=28.0, stand={"density": density})
+    x = np.array([2.0 * 0.04 * (k + 1) + e.reference_x for k, e in enumerate(edges)])
+    off = np.minimum(np.abs(error), np.abs(error + depth))
+    assert all(e.is_found and e.seen_to > e.reference_x - 0.5 for e in edges[75:])
+    assert off[75:].max() < 0.15
+    assert np.abs(error[x > 24.0] + depth).max() < 0.05
+    wrong = np.abs(error + depth * (x > 18.0)) > 0.15
+    assert max(e.confidence for e, is_wrong in zip(edges[75:], wrong[75:], strict=True) if is_wrong) < 0.5
+    assert edges[-1].confidence > 0.5
 
 
 def test_crop_that_rises_is_seen_from_before_it():

@@ -72,19 +72,38 @@ def waves(points):
     )
 
 
-def test_a_level_surface_between_two_pinholes():
-    """Texture on a plane 0.62 m below the rim, pictures by the pinhole formula: its height within 1 cm."""
+def seen_by_pinholes(top, slope):
+    """Points of textured grain that falls from its middle line to both sides, in a box of 3 x 2 m."""
     views, pictures = [], []
     rng = np.random.default_rng(6)
     for x in (-0.3, 0.4):
         mounting = Pose.from_euler([x, -3.0, 6.5], 0.0, np.radians(50.0), np.radians(90.0))
         view = View(mounting @ OPTICAL, 400, 320, 260.0, 199.5, 159.5, Lens())
         rays, eye = view.rays(), view.pose.position
-        way = (2.88 - eye[2]) / np.minimum(rays[..., 2], -1e-3)
+        ways = []
+        for side in (-1.0, 1.0):  # below both planes the ray is in the grain
+            falls = rays[..., 2] + side * slope * rays[..., 1]
+            ways.append((top - eye[2] - side * slope * eye[1]) / np.minimum(falls, -1e-3))
         views.append(view)
-        pictures.append(waves(eye + way[..., None] * rays) + 0.5 * rng.standard_normal((320, 400)))
+        places = eye + np.maximum(*ways)[..., None] * rays
+        pictures.append(waves(places) + 0.5 * rng.standard_normal((320, 400)))
     rim = Rim(0.0, 0.0, 0.0, 3.5, (0.01,) * 3, 0.02, 4, 1.0)
-    points = grain_points(tuple(pictures), tuple(views), rim, 3.0, 2.0)
+    return grain_points(tuple(pictures), tuple(views), rim, 3.0, 2.0)
+
+
+def test_the_ridge_of_a_heap_between_two_pinholes():
+    """A level square of 0.33 m alone tells it tan(20 deg) / 4 * 0.33 m = 3.0 cm too low."""
+    points = seen_by_pinholes(3.6, np.tan(np.radians(20.0)))
+    ridge = points[np.abs(points[:, 1]) < 0.02]
+    assert len(ridge) > 50
+    assert np.median(ridge[:, 2]) == pytest.approx(3.6, abs=0.025)
+    off = points[:, 2] - 3.6 + np.tan(np.radians(20.0)) * np.abs(points[:, 1])
+    assert np.percentile(np.abs(off), 90.0) < 0.03
+
+
+def test_a_level_surface_between_two_pinholes():
+    """Texture on a plane 0.62 m below the rim, pictures by the pinhole formula: its height within 1 cm."""
+    points = seen_by_pinholes(2.88, 0.0)
     assert len(points) > 1500
     assert np.median(points[:, 2]) == pytest.approx(2.88, abs=0.01)
     assert np.percentile(np.abs(points[:, 2] - 2.88), 90.0) < 0.03

@@ -2,10 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
-import shapely
 
 from swath.job.kinematic import Kinematic
+from swath.job.swept import swept_ground
 from tests.job.jobs import finished, job_file
 from tests.job.layouts import CARTS, hours, same_ranking
 
@@ -27,18 +28,12 @@ def test_two_combines_in_echelon_end_with_all_grain_at_the_truck(echelon):
 
 
 def test_the_knives_leave_no_strip(echelon):
-    """Swept strips of the knives, as driven, over the field."""
+    """Swept strips of the knives, over the field; passes overlap by 0.3 of 11.7 m, and in corners."""
     _, motion = echelon
-    strips = [
-        shapely.LineString([p[:2] for p in t]).buffer(6.0, cap_style="flat")
-        for t in motion.tracks
-        if len(t) > 2
-    ]
-    field = shapely.Polygon(SMALL)
-    left = field.difference(shapely.union_all(strips))
-    assert left.area < 0.01 * field.area
-    widest = max((2 * g.area / g.length for g in getattr(left, "geoms", [left])), default=0.0)
-    assert widest < 2.5  # the stretch that a second without a record leaves at the end of a pass
+    found = swept_ground(motion.tracks, 12.0, np.array(SMALL))
+    assert found.left < 0.001 * 320 * 170
+    assert found.widest < 0.2
+    assert 0.3 / 11.7 < found.twice / (320 * 170) < 0.1
 
 
 def test_a_cart_pours_only_in_its_place(echelon):

@@ -69,10 +69,12 @@ class CartSettings:
 
 @dataclass(frozen=True)
 class TruckSettings:
-    """Where grain is handed over. x_m, y_m: its place; volume_m3: of all trucks that wait, none = it never
-    ends; away_min: until the next has come; dock_s: until a cart stands beside it and is gone again
+    """Where grain is handed over. machine: the truck's data sheet; x_m, y_m: where carts empty, beside it;
+    volume_m3: of all trucks that wait, none = it never ends; away_min: until the next has come; dock_s: until
+    a cart stands beside it and is gone again
     """
 
+    machine: str = "grain-truck"
     x_m: Metre = 0.0
     y_m: Metre = 0.0
     volume_m3: Annotated[float, Gt(1), Le(10_000)] | None = None
@@ -171,6 +173,9 @@ def _check(made: FleetFile, document: Document) -> None:
     both = set(made.combines) & set(made.carts)
     if both:
         raise document.error(("carts", sorted(both)[0]), None, "expected another name, a combine has it")
+    for section in ("combines", "carts"):
+        if "truck" in getattr(made, section):
+            raise document.error((section, "truck"), None, "expected another name, the truck has it")
     if made.unload.mode == "on_the_go" and not made.carts:
         expected = "expected a cart to unload into on the go; without: `standing` or `at_headland`"
         raise document.error(("unload", "mode"), made.unload.mode, expected)

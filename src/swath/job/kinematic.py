@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.job import truck
 from swath.job.cart_ways import (
     IN_PLACE,
     NEAR,
@@ -30,12 +31,13 @@ from swath.job.drive import MARGIN, DrivenMachine, Follower
 from swath.job.engine import Job
 from swath.job.footprint import footprint_of
 from swath.job.path import Path, Pose, polyline
-from swath.job.states import DONE, CartState, CombineState, way_between
+from swath.job.states import DONE, CartState, CombineState, at, way_between
 
 Array = NDArray[np.float64]
 STEP = 0.2  # s
 SHARP = 0.35  # rad between a path and a machine, beyond which it drives slowly
 SLOW = 2.0  # m/s
+STOPS, CREEP = 0.25, 0.1  # 1/s, m/s: to the start of a pass whose leader in echelon is too near ahead
 THERE = 0.05  # m before the end of a combine's way, where it is done
 RECORD = 5  # steps between two points of a combine's track
 
@@ -96,7 +98,7 @@ class Kinematic:
         beyond = (end.x + 20.0 * math.cos(end.heading), end.y + 20.0 * math.sin(end.heading))
         path = polyline(np.array([start[:2], *task.line[:-1].tolist(), end[:2], beyond]), 5.0)
         self._paths[name] = Follower(path, MARGIN / combine.spec.limits.radius)
-        self._track[name] = []
+        self._track[name] = [_begin(self._machines[name], knife, task.start)]
         self.tracks.append(self._track[name])
 
     def combine_to(self, job: Job, combine: CombineState, goal: Pose) -> None:
@@ -140,10 +142,16 @@ class Kinematic:
     def _look(self, job: Job) -> None:
         """Hold the bodies of all machines against each other."""
         sheets = {c.name: c.sheet for c in job.fleet.combines} | {k.name: k.sheet for k in job.fleet.carts}
+        places = {name: (m.pose, m.trailer) for name, m in self._machines.items()}
+        if job.carts and job.away <= DONE:
+            sheets[truck.NAME] = job.fleet.truck
+            north = job.truck.y > float(job.plan.boundary[:, 1].mean())  # carts come straight from the field
+            place = job.truck._replace(heading=math.copysign(0.5 * math.pi, 1.0 if north else -1.0))
+            stands = truck.truck_pose(place, job.fleet.truck)
+            places[truck.NAME] = stands, stands.heading
         for name, sheet in sheets.items():
             if name not in self.watch:
                 self.watch.add(name, footprint_of(sheet))
-        places = {name: (m.pose, m.trailer) for name, m in self._machines.items()}
         self.watch.look(job.time, STEP, places)
 
     def _drive_combine(self, job: Job, c: CombineState) -> None:
@@ -164,6 +172,8 @@ class Kinematic:
             pace = min(pace, max(leader.speed + 0.2 * (job.gap(leader, c) - job.file.team.lag_m), 0.0))
         if c.phase == "way":
             pace = min(pace, self._profiles[name][follower.index])
+            if leader is not None and _ahead_of_start(leader, c) < job.file.team.lag_m:
+                pace = min(pace, max(STOPS * (follower.path.length - follower.at), CREEP))
         if c.phase in ("haul", "back") and c.left < 12.0:
             pace = min(pace, max(0.25 * c.left, 0.3))
         machine.step(follower.curvature(machine), pace)
@@ -241,3 +251,19 @@ class Kinematic:
 def _knife(machine: DrivenMachine, ahead: float) -> Pose:
     c, s = math.cos(machine.heading), math.sin(machine.heading)
     return Pose(machine.x + ahead * c, machine.y + ahead * s, machine.heading)
+
+
+def _ahead_of_start(leader: CombineState, combine: CombineState) -> float:
+    """How far a leader is ahead of where the one behind it begins its pass, along that pass [m]."""
+    if leader.phase in ("way", "hold") or combine.task is None:
+        return -math.inf
+    start, place = combine.task.start, at(leader)
+    return (place.x - start.x) * math.cos(start.heading) + (place.y - start.y) * math.sin(start.heading)
+
+
+def _begin(machine: DrivenMachine, ahead: float, start: Pose) -> Pose:
+    """Where a knife begins to cut: at the start of its pass where the last step led beyond it."""
+    x, y, heading = _knife(machine, ahead)
+    c, s = math.cos(heading), math.sin(heading)
+    back = min(max((x - start.x) * c + (y - start.y) * s, 0.0), machine.speed * STEP)
+    return Pose(x - back * c, y - back * s, heading)

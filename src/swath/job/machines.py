@@ -107,6 +107,7 @@ class Fleet:
 
     combines: tuple[Combine, ...]
     carts: tuple[Cart, ...]
+    truck: MachineSheet
 
     @property
     def density(self) -> float:
@@ -121,4 +122,8 @@ def fleet_of(file: FleetFile, base: Path | None = None) -> Fleet:
     widths = {c.sheet.header_width for c in combines}
     if len(widths) > 1:
         raise InputError("combines", sorted(widths), "expected headers of one width")
-    return Fleet(combines, tuple(cart_of(n, s, base, density) for n, s in file.carts.items()))
+    carts = tuple(cart_of(n, s, base, density) for n, s in file.carts.items())
+    truck = load_machine(file.truck.machine, base=base)
+    if truck.box is None:
+        raise InputError("truck.machine", file.truck.machine, "expected a machine with a box")
+    return Fleet(combines, carts, truck)

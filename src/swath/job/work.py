@@ -21,6 +21,7 @@ from swath.job.plan import FieldPlan
 from swath.job.plan_files import plan_from_file
 from swath.job.recorded import read_day, recorded_plan
 from swath.job.saved import digest_of
+from swath.job.swept import SweptGround, swept_ground, track_along
 from swath.job.timeline import STATES, Timeline
 
 Array = NDArray[np.float64]
@@ -52,7 +53,8 @@ class JobResult:
 
     field_efficiency: area over what the combines could cut with the full header at the speed that the crop
     allows in the time that they took, without turns, unloading and waiting
-    contacts: of all pairs of driven machines; digest: see `saved.digest_of`
+    contacts: of all pairs of driven machines; ground: that their knives went over, and swept: that passes
+    driven exactly would; digest: see `saved.digest_of`
     """
 
     level: str
@@ -70,6 +72,8 @@ class JobResult:
     notes: tuple[str, ...] = ()
     contacts: tuple[PairClearance, ...] = ()
     digest: str = ""
+    ground: SweptGround | None = None
+    planned: SweptGround | None = None
 
     @property
     def litres_per_ha(self) -> float:
@@ -146,5 +150,17 @@ def result_of(job: Job, level: str) -> JobResult:
         field_efficiency=area / (possible * harvest), pass_times=dict(job.pass_times),
         ways=tuple(job.ways), notes=job.plan.notes,
         contacts=tuple(job.motion.watch.pairs) if isinstance(job.motion, Kinematic) else (),
-        digest=digest_of(job),
+        digest=digest_of(job), **_swept(job),
     )  # fmt: skip
+
+
+def _swept(job: Job) -> dict[str, SweptGround]:
+    """Ground of the driven knives and of the planned ones; nothing where none was driven."""
+    if not isinstance(job.motion, Kinematic):
+        return {}
+    plan, width = job.plan, job.combines[0].spec.sheet.header_width
+    lines = [track_along(p.line) for p in plan.passes]
+    return {
+        "ground": swept_ground(job.motion.tracks, width, plan.boundary, plan.holes),
+        "planned": swept_ground(lines, width, plan.boundary, plan.holes),
+    }

@@ -94,10 +94,18 @@ class BoxFinder(KeepsState, ABC):
         return is_known and confidence(rim) >= p.least_confidence
 
 
-def sample(t: int, rim: Rim, inside: F64, length: float, width: float, steepest: float = STEEPEST) -> BoxSeen:
-    """A rim, and grain among points (n, 3) of the box's frame [m]; steepest: as of `fill_of`."""
+def sample(
+    t: int,
+    rim: Rim,
+    inside: F64,
+    length: float,
+    width: float,
+    steepest: float = STEEPEST,
+    alike: float = 1.0,
+) -> BoxSeen:
+    """A rim, and grain among points (n, 3) of the box's frame [m]; steepest, alike: as of `fill_of`."""
     count = max(1, round(length / STATION))
-    fill = fill_of(inside, length, width, rim.height, rim.height_sd, count, steepest)
+    fill = fill_of(inside, length, width, rim.height, rim.height_sd, count, steepest, alike)
     return BoxSeen(
         t, True, rim.x, rim.y, rim.heading, rim.height, *rim.sd, rim.height_sd, confidence(rim),
         fill.height, fill.sd, fill.freeboard, fill.lean,

@@ -5,6 +5,7 @@ from math import hypot
 
 import numpy as np
 
+from swath.core import portable
 from swath.signals import F64
 
 MIDDLE = 0.15  # to both sides of the middle line, where the profile is taken [m]
@@ -14,6 +15,11 @@ WEAK = 0.005  # of points that tell no slope, in the squares of their distances 
 HIDDEN = 0.45  # a wall hides grain so far behind it at most, or it lies low [m]
 STEEPEST = 0.58  # tangent of 30 deg, above all angles of repose
 FEWEST = 6  # points that make a place of the profile
+SLOPE = 0.35  # of grain about the middle line, as a standard deviation, to either side and along
+EXACT = 0.015  # least scatter of points about such planes [m]
+FITS = 3  # of them, each without what lies astray
+LIES = 0.02  # how far grain lies from them, as a standard deviation [m]
+MOST_SD = 0.05  # of a height that is told: two of them are 0.10 m
 SCATTER = 0.12  # of heights at one place, as a standard deviation; more is dust [m]
 ABOVE, BELOW = 1.5, 2.5  # the rim: beyond there is no grain [m]
 
@@ -41,9 +47,10 @@ def fill_of(
     rim_sd: float,
     count: int,
     steepest: float = STEEPEST,
+    alike: float = 1.0,
 ) -> Fill:
     """Grain among points (n, 3) of the box's frame [m]; rim: its height; count: of the places; steepest:
-    tangent of the slope at which grain may fall towards a wall.
+    tangent of the slope at which grain may fall towards a wall; alike: number of points that err alike.
 
     A strip beside a wall that is not seen is hidden by that wall: grain lies low there.
     """
@@ -56,10 +63,12 @@ def fill_of(
     height, sd, sides = np.full(count, np.nan), np.full(count, np.nan), np.full((2, count), np.nan)
     for k in range(count):
         own = place == k
-        found = _height(points[own & middle, 2])
-        if found is not None:
-            height[k], sd[k] = found[0] - rim, hypot(rim_sd, 0.02, found[1])
-        along = points[own, 0] - ((k + 0.5) / count - 0.5) * length
+        from_middle = points[:, 0] - ((k + 0.5) / count - 0.5) * length
+        on_line = own & middle
+        found = _at_middle(from_middle[on_line], points[on_line, 1], points[on_line, 2], alike)
+        if found is not None and hypot(rim_sd, LIES, found[1]) <= MOST_SD:
+            height[k], sd[k] = found[0] - rim, hypot(rim_sd, LIES, found[1])
+        along = from_middle[own]
         for side, sign in enumerate((1.0, -1.0)):
             away = 0.5 * width - sign * points[own, 1]
             sides[side, k] = at_wall(away, along, points[own, 2], length / count, steepest) - rim
@@ -71,6 +80,34 @@ def fill_of(
     both = there.all(axis=0)
     lean = float((sides[0, both] - sides[1, both]).mean()) if bool(both.any()) else 0.0
     return Fill(height, sd, -highest, lean)
+
+
+def _at_middle(along: F64, aside: F64, heights: F64, alike: float) -> tuple[float, float] | None:
+    """Height at the middle of a place on the middle line, and its standard deviation [m]; None as of
+    `_height`.
+
+    Two planes that meet on the middle line, by least squares through what is seen of the place: so far along
+    it and aside [m]. Grain lies about level, to slopes of SLOPE as a standard deviation: where only a part is
+    seen, or one side of a ridge, that says how uncertain the middle is. alike: points that err alike
+    """
+    keeps, scatter = np.isfinite(heights), EXACT
+    rows = np.column_stack([np.ones(len(heights)), along, aside, np.abs(aside)])
+    level = np.diag([1e-9, *(SLOPE**-2,) * 3])
+    for _ in range(FITS):
+        if np.count_nonzero(keeps) < FEWEST:
+            return None
+        own, weight = rows[keeps], 1.0 / (alike * scatter**2)
+        middle = float(heights[keeps].mean())
+        matrix = weight * portable.product(own.T, own) + level
+        found = portable.solve(matrix, weight * portable.product(own.T, heights[keeps] - middle))
+        rest = heights - middle - portable.product(rows, found)
+        told = _height(rest[keeps])
+        if told is None:
+            return None
+        scatter = max(told[1], EXACT)
+        keeps = np.abs(rest) <= 3.0 * scatter
+    sd = float(portable.solve(matrix, np.eye(4)[0])[0]) ** 0.5
+    return middle + float(found[0]), sd
 
 
 def _at_end(away: F64, points: F64, width: float, part: float, steepest: float) -> float:

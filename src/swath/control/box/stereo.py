@@ -19,7 +19,7 @@ from annotated_types import Ge, Le
 from swath.control.box.finder import BoxFinder, FinderParams, Size, sample
 from swath.control.box.picture_edges import edges_of
 from swath.control.box.picture_rim import on_plane, rim_in
-from swath.control.box.plane_sweep import grain_points
+from swath.control.box.plane_sweep import ALIKE, grain_points
 from swath.control.box.view import View
 from swath.core.component import Inputs, Port
 from swath.core.errors import InputError
@@ -67,7 +67,7 @@ class StereoBox(BoxFinder):
             return box_unseen(t)
         greys = (grey(images[0]), grey(images[1]))
         points = grain_points(greys, views, rim, length, width)
-        return sample(t, rim, points, length, width, steepest=0.0)
+        return sample(t, rim, points, length, width, steepest=0.0, alike=ALIKE)
 
 
 def grey(image: Image) -> F64:

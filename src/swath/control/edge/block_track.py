@@ -11,8 +11,10 @@ from swath.control.edge.blocks import Block, Found, find_edge, split
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_feet import OBLIQUE, CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
+from swath.control.edge.inner_edge import LONG, InnerEdge
 from swath.control.edge.near_line import EdgePoints
 from swath.control.edge.populations import Populations, crop_excess, middle_of, overlap_of
+from swath.control.edge.ragged_line import bite_of, ragged_line
 from swath.core.component import KeepsState
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
@@ -31,8 +33,11 @@ SUNKEN = 0.25  # of the crop's height
 MAT = 0.3  # m inside the track: there crop that lies flat is looked for
 RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered; m, rad from it: another edge
 FLANK, RAGGEDS, USED = 0.17, 3.0, 0.9  # m inward, or of the scatter: a step; of a line that fitted so often
+CHANCE = 4.0  # standard deviations of block and line, within which a step is none
 HOLE, NEARER = 0.3, 0.5  # m inward from which on an edge beside a line that broke off is a hole's; part of it
 YOUNG, RISES = 6, 0.09  # blocks that may show a false start; m by which crop rises where its front is seen
+OUT, DEEP, SHALLOW = 0.2, 0.2, 0.1  # m: a step outward; bites that are followed no more; that are none
+FADING, ALONG = 10.0, 0.3  # m, over which bites are forgotten; rad from the heading: beyond it is a bend
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
@@ -54,23 +59,26 @@ class BlockTrack(KeepsState):
     height: of the crop, that rays were cut with [m]; agreed: share 0..1 of late blocks that fitted
     scatter: of the blocks about the track, beyond their own variance [m2]
     blank: mean width of the strip about the edge between the rays that show it [m]
+    bite: how deep the bites of the edge are [m], along which the track is smooth; 0 where it follows them
+    turn_sd: standard deviation of its angle there [rad]
     """
 
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_lodged", "_lodged_blocks", "_is_broken", "_usual", "_levels", "_scatters",
-        "_lost", "_rise", "_hole",
+        "_lost", "_rise", "_hole", "bite", "turn_sd", "_beside", "_inner",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
         self._search = search
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
         self.populations, self.feet = Populations(search.usual), CanopyFeet()
+        self._inner = InnerEdge()
         self.clear()
 
     def clear(self) -> None:
         """Nothing seen."""
-        for part in (self.track, self.points, self._block, self.populations, self.feet):
+        for part in (self.track, self.points, self._block, self.populations, self.feet, self._inner):
             part.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter, self._is_lodged = HEIGHT, 0.0, 0.0, False
@@ -80,6 +88,8 @@ class BlockTrack(KeepsState):
         self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
         self._rise = 0.0  # of the ground from where the crop is seen to where the stubble is [m]
         self._scatters: deque[tuple[float, float]] = deque(maxlen=KEPT)  # (way, scatter before its block)
+        self.bite, self.turn_sd = 0.0, 0.0
+        self._beside = 0.0  # the track: the last block that fitted [m]
         self._hole = float("nan")  # beside a line that broke off: where another edge was seen [m]
         self._lost: tuple[Arc, float] | None = None  # the track before, and how far back it was lost [m]
 
@@ -131,7 +141,7 @@ class BlockTrack(KeepsState):
         x, u = frame.x + c * along - s * place, frame.u + s * along + c * place
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
         self.points.clear()
-        self.followed = 0
+        self.followed, self.bite = 0, 0.0
         self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2] + frame.angle, 0.0))
         return True
 
@@ -157,8 +167,12 @@ class BlockTrack(KeepsState):
     def _go_on(self, arc: Arc, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """A block is full: where is its edge? False when it needs more rays."""
         block, heading = self._block, at[2]
-        gate = min(WIDEST, GATE + WIDENING * arc.unseen**2)
+        bites = self.bite + OUT if self.bite > 0.0 else 0.0
+        gate = min(WIDEST, max(GATE + WIDENING * arc.unseen**2, bites))
         found = find_edge(block, self.populations.ratios(), gate)
+        wide = self._step_out(found, arc, heading)
+        if wide is not None:
+            found, self.bite = wide, -wide.beside
         is_near = found.lead < LEAD
         if self.followed < YOUNG and not (is_near and found.gain >= LEAST_GAIN) and self._begin(frame, at):
             return True
@@ -177,8 +191,19 @@ class BlockTrack(KeepsState):
             if broke:
                 self._hole = found.best
             self._miss(along, broke=broke)
+            self._follow_inner(found, is_inside=broke)
         self.height = self._crop_height()
         return True
+
+    def _step_out(self, found: Found, arc: Arc, heading: float) -> Found | None:
+        """Crop stands out beside a line that fitted so far: the edge has bites, and here it is, outside."""
+        is_used = self.followed >= YOUNG and arc.unseen < 1.0 and self.bite == 0.0
+        is_sudden = self._beside > -0.5 * OUT and abs(arc.angle - heading) < ALONG
+        if not (is_used and is_sudden) or not -WIDEST <= found.best < -OUT:
+            return None
+        wide = find_edge(self._block, self.populations.ratios(), WIDEST)
+        is_one = wide.gain >= LEAST_GAIN and wide.lead < LEAD and wide.beside < -OUT
+        return wide if is_one else None
 
     def _is_hole(self, found: Found, arc: Arc) -> bool:
         """The edge steps into the crop, or still stands where it was seen when the line broke off.
@@ -188,11 +213,13 @@ class BlockTrack(KeepsState):
         inward = found.beside if found.lead < LEAD else found.best
         if self._hole > 0.0:
             return inward > max(HOLE, NEARER * self._hole)
-        is_used = arc.unseen < 1.0 and self.agreed > USED
-        return is_used and inward > max(FLANK, RAGGEDS * float(np.sqrt(self.scatter)))
+        is_used = arc.unseen < 1.0 and self.agreed > USED and self.bite == 0.0
+        own = float(np.sqrt(found.variance + arc.covariance[0, 0]))  # thin stands show a block less well
+        return is_used and inward > max(FLANK, RAGGEDS * float(np.sqrt(self.scatter)), CHANCE * own)
 
     def _accept(self, found: Found, along: float, heading: float) -> None:
         self._is_lodged, self._hole = False, float("nan")
+        self._inner.clear()
         self._remember_height(found)
         if abs(found.beside) < LEARNED:
             self.populations.add(*self._block.sides(found.beside))
@@ -212,23 +239,64 @@ class BlockTrack(KeepsState):
         more = max(0.0, found.beside**2 - found.variance - own)
         self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance)
+        self._beside = found.beside
+        self._smooth(heading)
         self.agreed += 0.2 * (1.0 - self.agreed)
         angle = edge.angle - heading
         self.feet.learn(self._scans, self._block.counts, found.beside, self._block.travel, self.height, angle)
+
+    def _smooth(self, heading: float) -> None:
+        """Along an edge with bites the track goes on as their outer line."""
+        arc = self.track.arc
+        assert arc is not None
+        bite = max(bite_of(self.points.rows, arc), self.bite * (1.0 - self._block.travel / FADING))
+        is_known = self.bite > 0.0 and bite > SHALLOW
+        self.bite = bite if is_known or (bite > DEEP and abs(arc.angle - heading) < ALONG) else 0.0
+        if self.bite > 0.0:
+            self.track.arc, self.turn_sd = ragged_line(self.points.rows, arc, heading)
 
     def _miss(self, along: float, *, broke: bool) -> None:
         """The block shows no edge here; where it shows one elsewhere, the last blocks are doubted too."""
         arc = self.track.arc
         assert arc is not None
         self._is_broken = self._is_broken or broke
-        if broke and arc.unseen < 1.0:
+        if broke and arc.unseen < 1.0 and self.bite == 0.0:
             self._take_back()
         self.track.advance(along)
         self.agreed *= 0.8
         arc = self.track.arc
-        if arc is not None and arc.unseen > self._search.forget:
+        beside = LONG if self._inner.is_seen else 0.0
+        if arc is not None and arc.unseen > self._search.forget + beside:
             self._lost = arc, 0.0
             self.track.clear()
+
+    def _follow_inner(self, found: Found, *, is_inside: bool) -> None:
+        """Another edge goes on beside a line that broke off: the line is held until that must be the edge."""
+        arc = self.track.arc
+        if arc is None or not is_inside or found.gain + found.lead < LEAST_GAIN:
+            self._inner.clear()
+            return
+        s, c = float(np.sin(arc.angle)), float(np.cos(arc.angle))
+        place = arc.x - found.best * s, arc.u + found.best * c
+        self._inner.add(found.best, place, found.variance, arc.way)
+        line = self._inner.line()
+        if line is not None:
+            self._step_to(arc, *line)
+        elif self._inner.is_seen:
+            self.points.add(arc.x, arc.u, found.best**2, arc.way)
+
+    def _step_to(self, arc: Arc, beside: float, angle: float) -> None:
+        """The edge stepped into the crop: `beside` the arc [m], at an angle to it [rad]."""
+        rows = self._inner.rows
+        self.points.doubt(float(rows[0, 4]))
+        for x, u, variance, way in rows[:, 1:].tolist():
+            self.points.add(x, u, variance, way)
+        self.points.found_again(float(rows[0, 4]))
+        s, c = float(np.sin(arc.angle)), float(np.cos(arc.angle))
+        x, u = arc.x - beside * s, arc.u + beside * c
+        self.track.begin(Arc(x, u, arc.angle + angle, 0.0, way=arc.way))
+        self._is_broken, self._hole = False, float("nan")
+        self._inner.clear()
 
     def _take_back(self) -> None:
         """The last blocks were already wrong: what they did to the track and its scatter goes."""
@@ -274,7 +342,7 @@ class BlockTrack(KeepsState):
         """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
         if not self._is_lodged:
             self._take_back()
-            self._lodged_blocks = 0
+            self._lodged_blocks, self.bite = 0, 0.0
         self._is_lodged = self._is_broken = True
         self.track.advance(along)
         assert self.track.arc is not None

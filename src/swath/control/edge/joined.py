@@ -23,6 +23,7 @@ from swath.control.edge.profile import crop_sign
 from swath.control.edge.stem_lean import StemLean
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
+from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -36,6 +37,7 @@ CANOPY = (0.5, 1.25)  # of the crop's height, between which they end
 EDGE_OF_TOPS, EDGE_OF_THIN = 0.95, 0.7  # of the overhang of the tops: where a dense, a thin wall is seen
 DENSE, THIN = 0.9, 0.5  # share of the rays that the stand stops
 OWN = 0.01  # m: of each scanner at least, how it is mounted
+TOPS, LEAST_ABOVE = 0.08, 0.5  # of the crop's height: standard deviation of its tops; m above them
 MODEL = 0.1  # standard deviation of the tangent of a lean that the brightness tells
 
 
@@ -57,7 +59,7 @@ class Joined(KeepsState):
     Its inputs are named by the wires.
     """
 
-    kept = ("_each", "_lean", "_told", "_edges", "_seen", "_since")
+    kept = ("_each", "_lean", "_told", "_edges", "_seen", "_since", "_shared", "_hang_sd")
     inputs: tuple[Port, ...] = LikelihoodRatio.inputs
     outputs = LikelihoodRatio.outputs
 
@@ -69,7 +71,7 @@ class Joined(KeepsState):
         scans = tuple(Port(name, Scan, unit="m", shape=(None,)) for name in self._mountings)
         self.inputs = (*scans, *LikelihoodRatio.inputs[1:])
         self._height = HeightOverhang(params.each.upright_m or setup.crop_height)
-        self._lean = StemLean(sqrt(2.0) * PERCENT * params.gain_percent)
+        self._lean = StemLean(PERCENT * params.gain_percent, len(self._mountings))
         self._each = {name: self._one(name, setup) for name in self._mountings}
         self._forget()
 
@@ -84,6 +86,8 @@ class Joined(KeepsState):
         self._edges: dict[str, CropEdge] = {}
         self._seen = dict.fromkeys(self._mountings, 0)  # time of the newest scan [ns]
         self._since = ASKED_M
+        self._hang_sd = 0.0  # told last to a scanner's own detector [m]
+        self._shared = dict.fromkeys(self._mountings, 0.0)  # standard deviation of what all see alike [m]
 
     def reset(self, stream: Stream) -> Outputs:
         """No edge at t = 0: nothing was seen yet."""
@@ -98,10 +102,16 @@ class Joined(KeepsState):
         for name, one in self._each.items():
             own = {"odometry": odometry, "inertial": inputs.get("inertial"), "scan": inputs[name]}
             self._edges[name] = _edge(one.step(t, dt, own))
-        return {"edge": self._joined(list(self._edges.values()))}
+            self._shared[name] = self._hang_sd
+        least = [self._own(self._mountings[name], edge) for name, edge in self._edges.items()]
+        return {"edge": self._joined(list(self._edges.values()), list(self._shared.values()), least)}
 
     def of(self, crop: float, stopped: float, ramp: float) -> tuple[float, float]:
         """`Overhang` of the stand, for the scanners' own detectors: all of them see the same tops."""
+        hang, self._hang_sd = self._hang(crop, stopped, ramp)
+        return hang, self._hang_sd
+
+    def _hang(self, crop: float, stopped: float, ramp: float) -> tuple[float, float]:
         if not self._lean.is_seen or ramp >= 0.5:
             return self._height.of(crop, stopped, ramp)
         low = self._height.lean(crop, stopped)
@@ -140,19 +150,37 @@ class Joined(KeepsState):
         aim = aim[good]
         across = self._sign * (c * aim[:, 1] - s * aim[:, 0])
         rays = np.column_stack([c * aim[:, 0] + s * aim[:, 1], across, aim[:, 2]])
-        self._lean.add(rays, scan.intensity[usable, 0][good].astype(np.float64))
+        bright = scan.intensity[usable, 0][good].astype(np.float64)
+        self._lean.add(rays, bright, list(self._mountings).index(name))
 
-    def _joined(self, edges: Sequence[CropEdge]) -> CropEdge:
-        found = [edge for edge in edges if edge.is_found]
+    def _own(self, mounting: Pose, edge: CropEdge) -> float:
+        """Standard deviation of an edge that is this scanner's alone at least [m].
+
+        One that stands over the crop looks out over its tops: where they end is known as their height is,
+        times how far a ray goes across the edge while it falls.
+        """
+        if not (edge.is_found and isfinite(edge.crop_height)):
+            return OWN
+        x, y, z = mounting.position.tolist()
+        c, s = cos(edge.heading), sin(edge.heading)
+        over = self._sign * (c * (y - edge.offset) - s * (x - edge.reference_x))
+        flat = max(over, 0.0) / max(z - edge.crop_height, LEAST_ABOVE)
+        return hypot(OWN, TOPS * edge.crop_height * flat)
+
+    def _joined(self, edges: Sequence[CropEdge], shared: Sequence[float], own: Sequence[float]) -> CropEdge:
+        """shared, own: standard deviations of each edge that all have alike, that are its alone [m]."""
+        both = [told for told in zip(edges, shared, own, strict=True) if told[0].is_found]
+        found = [edge for edge, *_ in both]
         if len(found) < 2:
             return found[0] if found else edges[0]
-        weights = [1.0 / max(edge.offset_sd**2 - FLOOR**2, OWN**2) for edge in found]
+        weights = [1.0 / max(edge.offset_sd**2 - FLOOR**2 - sd**2, least**2) for edge, sd, least in both]
         whole = fsum(weights)
         offset = _mean(weights, [edge.offset for edge in found])
         apart = fsum(w * (edge.offset - offset) ** 2 for w, edge in zip(weights, found, strict=True))
         is_one = chance_of(apart, len(found) - 1) >= self._p.chance
         scale = 1.0 if is_one else apart / (len(found) - 1)
-        sd = hypot(sqrt(scale / whole), FLOOR)
+        alike = fsum(w * sd for w, (_, sd, _) in zip(weights, both, strict=True)) / whole
+        sd = hypot(sqrt(scale / whole), FLOOR, alike)
         agreed = max(edge.confidence / _within(edge.offset_sd) for edge in found)
         sure = _within(sd) * min(agreed, 1.0)
         best = max(zip(weights, found, strict=True), key=lambda pair: pair[0])[1]

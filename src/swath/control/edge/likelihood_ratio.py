@@ -33,8 +33,9 @@ BEGIN = 3  # blocks: a line through two shows nothing of its own error
 TOLERANCE = 0.10  # m, of the confidence
 FLOOR = 0.018  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
 RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bites, swing
-DUSTY, CLEAR, THICK = 0.12, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
+DUSTY, CLEAR, THICK = 0.08, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
+BITES = 0.8  # of the depth of bites: the edge lies 0.76 of it further in than the line, at most
 RAMP = 0.25  # of the way from a ramp to its feet
 HALF_RAMP = 0.04  # m, where a lean may be one or not
 UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not seen; m, its least deviation
@@ -173,8 +174,14 @@ class LikelihoodRatio(KeepsState):
 
     def _near(self, at: tuple[float, float, float]) -> NearLine | None:
         """The edge abreast of the reference, seen from a machine at x, u [m] with a heading [rad]."""
-        arc = self._blocks.track.arc
-        return None if arc is None else self._line.near(self._blocks.points.rows, at, arc.frame(*at), arc.way)
+        arc, bite = self._blocks.track.arc, self._blocks.bite
+        if arc is None:
+            return None
+        line = self._line.near(self._blocks.points.rows, at, arc.frame(*at), arc.way)
+        if line is None or bite == 0.0:
+            return line
+        frame, sd = _abreast(arc.frame(*at), self._reference), max(line.offset_sd, BITES * bite)
+        return replace(line, frame=frame, offset_sd=sd, angle_sd=self._blocks.turn_sd)
 
     def _as_edge(self, now: int, line: NearLine) -> CropEdge:
         sign, edge = self._sign, line.frame
@@ -186,14 +193,15 @@ class LikelihoodRatio(KeepsState):
         feet = self._blocks.feet
         shift = feet.shift(crop, stopped, line.spread, dust)
         hang, hang_sd = self._overhang.of(crop, stopped, feet.leans_in)
-        ragged = sqrt(max(0.0, self._blocks.scatter - EVEN**2))
+        is_smooth = self._blocks.bite > 0.0
+        ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - EVEN**2))
         half = HALF_RAMP * 4.0 * feet.lean[0] * (1.0 - feet.lean[0])
         known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), half, BENT * edge.bend, FLOOR)
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
         known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
         sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
-        if line.seen_to < 0.0 or not isfinite(crop) or not self._shows(line, crop):
+        if is_smooth or line.seen_to < 0.0 or not isfinite(crop) or not self._shows(line, crop):
             sure, sd = min(sure, UNSURE), max(sd, HELD)
         return CropEdge(
             t=now,
@@ -223,6 +231,13 @@ class LikelihoodRatio(KeepsState):
     def _no_edge(self, now: int) -> CropEdge:
         nan = float("nan")
         return CropEdge(now, nan, nan, 0.0, self._reference, 0.0, nan, nan)
+
+
+def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:
+    """A parabola's frame moved along it, to a place ahead of the machine's origin [m]."""
+    along = (reference - edge.x) / max(cos(edge.angle), 0.2)
+    u = edge.u + (reference - edge.x) * tan(edge.angle) + 0.5 * edge.bend * along**2
+    return EdgeFrame(reference, u, edge.angle + edge.bend * along, edge.bend)
 
 
 def _finite(value: float) -> float:

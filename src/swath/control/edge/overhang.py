@@ -36,7 +36,10 @@ class HeightOverhang:
         return acos(max(crop, 0.0) / self._upright) if crop < limit * self._upright else 0.0
 
     def of(self, crop: float, stopped: float, ramp: float) -> tuple[float, float]:
-        """As `Overhang`; ramp: how sure the crop is to lean away from the edge, 0..1."""
+        """As `Overhang`; ramp: how sure the crop is to lean away from the edge, 0..1.
+
+        The tops lie no farther off than stems of that height reach, evenly anywhere up to there.
+        """
         if ramp >= 0.5 or self.lean(crop, stopped) == 0.0:
             return 0.0, 0.0
-        return 0.0, sqrt(self._upright**2 - crop**2)
+        return 0.0, sqrt((self._upright**2 - crop**2) / 3.0)

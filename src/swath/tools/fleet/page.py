@@ -25,12 +25,14 @@ def check_target(out: Path) -> None:
 def result_rows(r: JobResult) -> list[tuple[str, str, str]]:
     """Name, number and unit of what a job comes to."""
     cut, passes = len(r.pass_times), len(r.plan.passes)
+    left = 100.0 * max(r.plan.area_left, 0.0) / r.plan.area
     rows = [
         ("until the last grain is at the truck", f"{r.duration / 3600.0:.2f}", "h"),
         ("until the last pass is cut", f"{r.harvest_time / 3600.0:.2f}", "h"),
         ("field", f"{r.area / 1e4:.2f}", "ha"),
-        ("passes, each cut once", f"{cut} of {passes}", ""),
-        ("ground that no pass cuts", f"{100.0 * max(r.plan.area_left, 0.0) / r.plan.area:.3f}", "%"),
+        ("passes that are cut", f"{cut} of {passes}", ""),
+        ("ground that no pass of the plan cuts", f"{left:.3f}", "%"),
+        *_ground_rows(r),
         ("grain at the truck", f"{r.grain / 1000.0:.1f}", "t"),
         ("mass error, over all grain", f"{r.mass_error:.0e}", "1"),
         ("harvested per hour", f"{r.hectares_per_hour:.2f}", "ha/h"),
@@ -43,6 +45,19 @@ def result_rows(r: JobResult) -> list[tuple[str, str, str]]:
     if r.digest:
         rows.append(("digest", r.digest[:16], ""))
     return rows
+
+
+def _ground_rows(r: JobResult) -> list[tuple[str, str, str]]:
+    """What the knives of driven machines went over."""
+    if r.ground is None or r.planned is None:
+        return []
+    share = 100.0 / r.plan.area
+    return [
+        ("ground that no knife went over, as driven", f"{share * r.ground.left:.3f}", "%"),
+        ("widest strip of it", f"{r.ground.widest:.2f}", "m"),
+        ("ground that knives went over again, as driven", f"{share * r.ground.twice:.2f}", "%"),
+        ("the same on the planned lines, overlap and corners", f"{share * r.planned.twice:.2f}", "%"),
+    ]
 
 
 def contact_rows(r: JobResult) -> list[tuple[str, str, str, str]]:
@@ -83,6 +98,7 @@ def write_result(r: JobResult, out: Path) -> None:
         results=result_rows(r),
         head=head,
         machines=rows,
+        pairs=contact_rows(r),
         image=as_image(fig, kind="png", dpi=130),
         notes=r.notes,
     )
@@ -101,6 +117,10 @@ def to_dict(r: JobResult) -> dict[str, Any]:
         "field_efficiency": r.field_efficiency,
         "diesel_l_per_ha": r.litres_per_ha,
         "digest": r.digest,
+        **{
+            key: {"once_m2": g.once, "twice_m2": g.twice, "left_m2": g.left, "widest_left_m": g.widest}
+            for key, g in (("swept", r.ground), ("swept_planned", r.planned)) if g is not None
+        },
         "contacts": [
             {"first": p.first, "second": p.second, "least_clearance_m": p.least, "touched_s": p.touched,
              "begin_end_s": p.times, "places_m": p.places}

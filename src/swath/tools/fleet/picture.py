@@ -49,8 +49,15 @@ def _map(fig: Any, ax: Any, r: JobResult) -> None:
     for m, way in driven:
         shade = INK if m.kind == "combine" else ORANGE
         ax.plot(way[:, 0], way[:, 1], color=shade, lw=0.8, label=f"way of {m.name}")
-    for way in r.ways if r.level != "sensors" else ():
-        ax.plot(way[:, 0], way[:, 1], color=GREY, lw=0.6)
+    for k, way in enumerate(r.ways if r.level != "sensors" else ()):
+        ax.plot(way[:, 0], way[:, 1], color=GREY, lw=0.6, label=None if k else "turns, ways between passes")
+    for k, ring in enumerate(r.ground.pieces if r.ground is not None else ()):
+        name = "no knife went there" if k == 0 else None
+        ax.fill(ring[:, 0], ring[:, 1], color=ORANGE, lw=0.5, zorder=4, label=name)
+    spots = [spot for pair in r.contacts for spot in pair.places]
+    if spots:
+        x, y = zip(*spots, strict=True)
+        ax.plot(x, y, marker="x", ms=5, mew=1.2, color=INK, ls="none", zorder=5, label="bodies touch")
     truck = r.file.truck
     ax.plot([truck.x_m], [truck.y_m], marker="s", ms=8, color=BLUE, ls="none", label="truck")
     ax.plot([], [], color=GREY, ls=(0, (4, 2)), label="standing crop or boundary on the left: no cart there")
