@@ -1,6 +1,9 @@
 """Instructions of a simulated second, counted by Valgrind: load of the machine does not move them.
 
 python benchmarks/instructions.py [--scenario straight] [--seconds 3] [--record exact] [--set KEY=VALUE ...]
+    [--parts]
+
+--parts: how many of them each component, evaluator and part of the recorder takes.
 
 Needs `valgrind`. One thread, kernels compiled for AVX2, which Valgrind knows; SHA-256 has no instruction of
 its own there and takes 17 million per simulated second. The start of the run is not counted.
@@ -13,12 +16,19 @@ import site
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from counted_parts import WITHIN, Parts, read_counts
 
 SETTLE_S = 1.5
 LEVEL = "combine.lidar.level=empirical"
-TOOL = ("valgrind", "--tool=callgrind", "--instr-atstart=no")
+TOOL = ("valgrind", "--tool=callgrind", "--instr-atstart=no", "--dump-instr=yes", "--compress-pos=no")
+RUN, PLACES, REST = "counted", "places", "graph, loop"
 
 
 def inside(options: argparse.Namespace) -> None:
@@ -42,16 +52,46 @@ def inside(options: argparse.Namespace) -> None:
         more = {name: evaluation.columns(name) for name in machines}
         out = Path(tempfile.mkdtemp())
         observers.append(Recorder(out, list(machines.values()), extra=more, detail=options.record))
+    parts = None if options.places is None else count_parts(world, evaluation, observers)
     drive(world, observers, until_s=SETTLE_S)
     count("on", options)
     drive(world, observers, until_s=SETTLE_S + options.seconds, resume=True)
+    if parts is not None:
+        parts.count_counting()
     count("off", options)
+    if parts is not None:
+        parts.write(options.places)
     os._exit(0)
+
+
+def count_parts(world: Any, evaluation: Any, observers: Sequence[Any]) -> Parts:
+    """From now on components and observers are counted one by one."""
+    from swath.record.container import Container
+    from swath.record.messenger import Messenger
+    from swath.record.samples import Blocks
+    from swath.record.tracks import Tracks
+
+    parts = Parts()
+    for node in world.graph.nodes:
+        parts.count(node.component, "step", node.slot.name)
+    for evaluator in chain.from_iterable(vars(evaluation)["_of"].values()):
+        parts.count(evaluator, "see", f"Evaluation{WITHIN}{type(evaluator).__name__}")
+    for observer in observers:
+        parts.count(type(observer), "__call__", type(observer).__name__)
+    for owner, method, what in (
+        (Messenger, "write", "messages"),
+        (Blocks, "add", "exact samples"),
+        (Blocks, "flush", "blocks of them"),
+        (Tracks, "take", "tracks"),
+        (Container, "flush", "chunks, counted above, too"),
+    ):
+        parts.count(owner, method, f"Recorder{WITHIN}{what}")
+    return parts
 
 
 def count(state: str, options: argparse.Namespace) -> None:
     """Begin or end counting in this process."""
-    if options.inside == "counted":
+    if options.inside == RUN:
         command = ["callgrind_control", "-i", state, str(os.getpid())]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
@@ -65,24 +105,61 @@ def main(arguments: Sequence[str] | None = None) -> float:
     parser.add_argument("--seconds", type=float, default=3.0, help="simulated time that is counted")
     parser.add_argument("--record", default="none", choices=("none", "standard", "exact", "full"))
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    parser.add_argument("--inside", choices=("plain", "counted"), help=argparse.SUPPRESS)
+    parser.add_argument("--parts", action="store_true", help="what each part of it takes")
+    parser.add_argument("--inside", choices=("plain", RUN), help=argparse.SUPPRESS)
+    parser.add_argument("--places", type=Path, help=argparse.SUPPRESS)
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = parser.parse_args(given)
     if options.inside:
         inside(options)
+    started(given, "plain")
+    millions = million(counted(given)) / options.seconds
+    print(f"{millions:.1f} million instructions per simulated second")
+    if options.parts:
+        with tempfile.TemporaryDirectory() as folder:
+            places = Path(folder) / PLACES
+            text = counted([*given, "--places", str(places)])
+            show_parts(read_counts(places, text), millions, options.seconds)
+    return millions
+
+
+def started(given: Sequence[str], how: str, tool: Sequence[str] = ()) -> None:
+    """A process of this program."""
     source = Path(__file__).resolve().parent.parent / "src"
     paths = os.pathsep.join([str(source), *site.getsitepackages()])
     env = os.environ | {"SWATH_THREADS": "1", "SWATH_CPU": "haswell", "PYTHONPATH": paths}
-    python = [sys.executable, "-S", __file__, *given, "--inside"]  # a .pth file may start Python anew
-    subprocess.run([*python, "plain"], env=env, check=True)
+    python = [sys.executable, "-S", __file__, *given, "--inside", how]  # a .pth file may start Python anew
+    subprocess.run([*tool, *python], env=env, check=True, capture_output=bool(tool))
+
+
+def counted(given: Sequence[str]) -> str:
+    """What Callgrind writes of a run."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "counts"
-        command = [*TOOL, f"--callgrind-out-file={file}", *python, "counted"]
-        subprocess.run(command, env=env, check=True, capture_output=True)
-        text = "".join(part.read_text() for part in Path(folder).glob("counts*"))
-    millions = sum(int(n) for n in re.findall(r"^totals: (\d+)", text, re.MULTILINE)) / 1e6 / options.seconds
-    print(f"{millions:.1f} million instructions per simulated second")
-    return millions
+        started(given, RUN, [*TOOL, f"--callgrind-out-file={file}"])
+        return "".join(part.read_text() for part in Path(folder).glob("counts*"))
+
+
+def million(text: str) -> float:
+    """Instructions that Callgrind counted, in millions."""
+    return sum(int(n) for n in re.findall(r"^totals: (\d+)", text, re.MULTILINE)) / 1e6
+
+
+def show_parts(found: Mapping[str, tuple[int, float]], millions: float, seconds: float) -> None:
+    """The table, largest first, parts of a part below it."""
+    from swath.terminal.tables import table
+
+    each = {name: (calls / seconds, spent / seconds / 1e6) for name, (calls, spent) in found.items() if calls}
+    whole = {name: row for name, row in each.items() if WITHIN not in name}
+    whole[REST] = 0.0, millions - sum(spent for _, spent in whole.values())
+    rows = []
+    for name in sorted(whole, key=lambda n: -whole[n][1]):
+        inner = sorted((n for n in each if n.startswith(name + WITHIN)), key=lambda n: -each[n][1])
+        for part in (name, *inner):
+            calls, spent = each.get(part, whole.get(part, (0.0, 0.0)))
+            shown = part if part == name else "  " + part.removeprefix(name + WITHIN)
+            rows.append([shown, f"{calls:.0f}", f"{spent:.1f}", f"{100.0 * spent / millions:.1f}"])
+    table("Instructions per simulated second", ["part", "calls", "million", "%"], rows)
 
 
 if __name__ == "__main__":

@@ -99,7 +99,7 @@ class Blocks:
 
     def _write(self, values: Sequence[tuple[Any, ...]], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
-        columns = [_column(column, _kind(column[0])) for column in (tuple(published), tuple(t), *values)]
+        columns = _columns_of([tuple(published), tuple(t), *values])
         message = self.file.make(
             MSGTYPE,
             header=self.file.make.header(t[-1], ""),
@@ -209,14 +209,17 @@ def _kind(value: Any) -> str:
     raise TypeError(f"a sample field of type {type(value).__name__} cannot be recorded")
 
 
-def _column(values: tuple[Any, ...], kind: str) -> tuple[str, bool, bytes]:
-    """Entry in `kinds`, whether the values are one and the same array, bit for bit, and their bytes."""
-    code = kind.partition(" ")[0]
-    first = values[0]
-    is_held = isinstance(first, np.ndarray) and _are_same(first, values)
-    column = np.asarray(first if is_held else values, dtype=CODES.get(code, code))
-    packing, data = packed_columns.pack(column)
-    return f"{kind} {packing}" if packing else kind, is_held, data
+def _columns_of(columns: Sequence[tuple[Any, ...]]) -> list[tuple[str, bool, bytes]]:
+    """Of each its entry in `kinds`, whether its values are one and the same array, bit for bit, its bytes."""
+    kinds = [_kind(values[0]) for values in columns]
+    held = [isinstance(v[0], np.ndarray) and _are_same(v[0], v) for v in columns]
+    arrays = []
+    for values, kind, is_held in zip(columns, kinds, held, strict=True):
+        code = kind.partition(" ")[0]
+        arrays.append(np.asarray(values[0] if is_held else values, dtype=CODES.get(code, code)))
+    packed = packed_columns.pack_all(arrays)
+    told = zip(kinds, held, packed, strict=True)
+    return [(f"{kind} {way}" if way else kind, is_held, data) for kind, is_held, (way, data) in told]
 
 
 def _are_same(first: np.ndarray, values: tuple[Any, ...]) -> bool:
