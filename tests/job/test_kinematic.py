@@ -79,10 +79,18 @@ def test_one_combine_takes_as_long_as_by_events():
 
 @pytest.mark.parametrize("layout", [4, 5])
 def test_numbers_of_carts_rank_the_same(layout):
-    """Layout 5 is the one of twenty where hours are farthest apart, 5.4 %; in 4 a third cart costs time."""
+    """Layout 5 has three combines, for which driven carts wait, 7.0 %; in 4 a third cart costs time."""
     cheap, dear = zip(*(hours(layout, n) for n in CARTS), strict=True)
     assert same_ranking(cheap, dear)
-    assert dear == pytest.approx(cheap, rel=0.055)
+    assert dear == pytest.approx(cheap, rel=0.075)
+
+
+def test_carts_give_way(echelon):
+    """What is left are corners at which combines meet, and carts that are in a combine's way already."""
+    job, motion = echelon
+    touched = {(p.first, p.second): p.touched for p in motion.watch.pairs}
+    assert touched["cart_0", "cart_1"] == 0.0
+    assert math.fsum(touched.values()) < 0.04 * job.time
 
 
 def test_the_same_job_gives_the_same_bytes(echelon):

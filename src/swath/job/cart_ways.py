@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.job.machines import Cart, Combine
-from swath.job.path import Path, Pose, joined, path_of, polyline
+from swath.job.path import Path, Pose, ahead_of, joined, path_of, polyline
 from swath.job.states import CombineState
 from swath.job.turns import TurnLimits, dubins
 
@@ -24,7 +24,10 @@ LANDS = 0.5  # m, that the stream lands beyond the mouth of the pipe
 RUN_UP = 12.0  # m before a pass, from where a cart drives straight along it
 ASIDE = 15.0  # m beside its line, from where a cart can follow a combine
 LANE = 7.0  # m between the places of carts at the truck
-STRAIGHT_IN = 14.0  # m before its place at the truck, from where a cart drives straight
+AT_TRUCK = 3.0  # m beside its place at the truck: a cart still stands there
+STRAIGHT_OUT = 12.0  # m that it drives straight from there, past the truck, or from beside a combine
+STRAIGHT_IN = 20.0  # m before its place at the truck, from where a cart drives straight
+ONTO = 20.0  # m of way, in which it moves over onto the line beside a combine
 BEYOND = 30.0  # m that its way goes on behind the pass
 CLOSE = 0.3  # m/s, slowest towards the end of a way
 CATCH_UP = 0.3  # 1/s, speed per distance to the place beside a combine
@@ -57,25 +60,80 @@ def box_behind(cart: Cart) -> float:
     return -box.x if hitch is None else hitch.drawbar - hitch.x - box.x
 
 
-def way_beside(here: Pose, at: CombineState, cart: Cart) -> tuple[Path, float, float]:
+def way_beside(here: Pose, at: CombineState, cart: Cart, truck: Pose) -> tuple[Path, float, float]:
     """To the start of a combine's pass, along it on its left and beyond; the distance at which the box is
     under the pipe of the combine that begins the pass, < 0 behind it, and the length of the pass [m].
 
     A cart that is beside the pass already follows the combine; where that has no pass any more: to where it
-    stands.
+    stands. truck: its place there, from where it drives straight on first
     """
+    is_there = math.hypot(here.x - truck.x, here.y - truck.y) <= AT_TRUCK
+    out = STRAIGHT_OUT if is_there else 0.0
+    begin, here = here, ahead_of(here, out)
     combine, task = at.spec, at.task
     line = np.array([at.place[:2], at.place[:2]]) if task is None else task.line
     course = at.place.heading if task is None else task.start.heading
+    beside_it = shifted(line, course, aside(combine))
     c, s = math.cos(course), math.sin(course)
-    left, ahead = np.array([-s, c]), np.array([c, s])
-    first = line[0] + aside(combine) * left - RUN_UP * ahead
-    last = line[-1] + aside(combine) * left + BEYOND * ahead
-    goal, end = Pose(float(first[0]), float(first[1]), course), (float(last[0]), float(last[1]))
-    points = [end] if _follows(here, goal, at) else [*corner_way(here, goal), end]
-    path = rounded(points, here)
-    length = float(np.hypot(*(line[-1] - line[0])))
+    first = Pose(float(beside_it[0, 0] - RUN_UP * c), float(beside_it[0, 1] - RUN_UP * s), course)
+    last = course if len(line) < 3 else math.atan2(*(line[-1] - line[-2])[::-1])
+    end = beside_it[-1] + BEYOND * np.array([math.cos(last), math.sin(last)])
+    points = np.array([*beside_it[1:-1], end])
+    across = c * (here.y - first.y) - s * (here.x - first.x)
+    is_behind = c * (here.x - first.x) + s * (here.y - first.y) < 0.0
+    if _follows(here, first, at):
+        path = _onto_line(here, first, points)
+    else:
+        path = _way_in(here, first, points, straight=is_behind and abs(across) < 2.0 * RADIUS)
+    path = _straight_first(begin, out, path)
+    length = float(np.hypot(*np.diff(beside_it, axis=0).T).sum())
     return path, path.length - BEYOND - length - box_offset(combine) + box_behind(cart), length
+
+
+def _straight_first(here: Pose, out: float, way: Path) -> Path:
+    """A way that begins so far [m] straight ahead, from here on."""
+    return joined([polyline(np.array([here[:2], ahead_of(here, out)[:2]])), way]) if out > 0.0 else way
+
+
+def shifted(line: Array, course: float, left: float) -> Array:
+    """A line [m] moved to its left by a distance [m]; course: of one without length [rad]."""
+    steps = np.diff(line, axis=0)
+    angles = [math.atan2(y, x) if math.hypot(x, y) > 0.0 else course for x, y in steps.tolist()]
+    before, after = np.array([angles[0], *angles]), np.array([*angles, angles[-1]])
+    half = 0.5 * (np.remainder(after - before + math.pi, 2.0 * math.pi) - math.pi)
+    middle = before + half
+    out: Array = line + (left / np.cos(half))[:, None] * np.stack([-np.sin(middle), np.cos(middle)], 1)
+    return out
+
+
+def _onto_line(here: Pose, first: Pose, points: Array) -> Path:
+    """Onto the line from `first` over points on, within ONTO of way where it is beside it."""
+    along = 0.0
+    start = np.array(first[:2])
+    for i, point in enumerate(points):
+        step = point - start
+        way = float(np.hypot(*step))
+        c, s = step / way
+        along = max((here.x - start[0]) * c + (here.y - start[1]) * s + ONTO, 0.0)
+        if along < way - 1.0:
+            join = Pose(float(start[0] + along * c), float(start[1] + along * s), math.atan2(s, c))
+            return _way_in(here, join, points[i:], straight=True)
+        start = point
+    return rounded([(float(start[0]), float(start[1]))], here)
+
+
+def _way_in(here: Pose, first: Pose, points: Array, *, straight: bool = False) -> Path:
+    """Over passes and headland to a place in its direction, and from there along points.
+
+    straight: by a shortest turn; else along the place's direction to abreast of it first
+    """
+    limits, parts = TurnLimits(RADIUS, 1.0), []
+    abreast = corner_way(here, first)[0]
+    if not straight and math.hypot(abreast[0] - here.x, abreast[1] - here.y) > 2.0 * RADIUS:
+        parts.append(rounded([abreast], here))
+        here = parts[-1].end
+    parts.append(path_of(dubins.plan(here, first, limits), here, 0.5))
+    return joined([*parts, polyline(np.array([parts[-1].end[:2], *points]), 0.5)])
 
 
 def _follows(here: Pose, first: Pose, at: CombineState) -> bool:
@@ -94,15 +152,20 @@ def way_to(here: Pose, goal: Pose) -> Path:
     return rounded(corner_way(here, Pose(goal.x, goal.y, here.heading)), here)
 
 
-def way_into_lane(here: Pose, place: Pose) -> Path:
-    """Over passes and headland to a place at the truck, straight in from the nearer side."""
+def way_into_lane(here: Pose, place: Pose, *, is_beside: bool = False) -> Path:
+    """Over passes and headland to a place at the truck, straight in from the nearer side.
+
+    is_beside: beside a combine, from where it drives straight on first, to wait there until that is past
+    """
+    out = STRAIGHT_OUT if is_beside else 0.0
+    begin, here = here, ahead_of(here, out)
     c, s = math.cos(place.heading), math.sin(place.heading)
     ahead = (here.x - place.x) * c + (here.y - place.y) * s
     if ahead > 0.0:
         place = Pose(place.x, place.y, place.heading + math.pi)
         c, s = -c, -s
     first = Pose(place.x - STRAIGHT_IN * c, place.y - STRAIGHT_IN * s, place.heading)
-    return rounded([*corner_way(here, first), (place.x, place.y)], here)
+    return _straight_first(begin, out, _way_in(here, first, np.array([place[:2]])))
 
 
 def place_at_truck(truck: Pose, boundary: Array, number: int) -> Pose:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
-from swath.job.cart_ways import beside, place_at_truck, way_into_lane, way_to
+from swath.job.cart_ways import beside, place_at_truck, way_beside, way_into_lane
 from swath.job.fleet import FleetFile
 from swath.job.grain import move_grain
 from swath.job.machines import Fleet
@@ -24,6 +24,7 @@ from swath.job.team import Passes
 Array = NDArray[np.float64]
 LONGEST = 400.0 * 3600.0  # s
 MOST_MOVES = 20_000_000
+BESIDE = 20.0  # m to a combine
 START = 12.0  # m between combines in echelon before the first pass
 SHORT_POUR = 8.0  # s before the end of a pass within which pouring is not begun
 
@@ -40,10 +41,7 @@ class Job:
         first = plan.passes[0].start
         self.combines = [CombineState(c, i, first, c.start) for i, c in enumerate(fleet.combines)]
         self.passes = Passes(plan, self.combines, file.team.together)
-        count = len(fleet.carts)
-        self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(count)]
-        if count == 1:
-            self.places = [self.truck]
+        self.places = [place_at_truck(self.truck, plan.boundary, i) for i in range(len(fleet.carts))]
         self.carts = [CartState(c, p) for c, p in zip(fleet.carts, self.places, strict=True)]
         self.time, self.moves = 0.0, 0
         volume = file.truck.volume_m3
@@ -99,9 +97,14 @@ class Job:
         return self.places[self.carts.index(cart)]
 
     def way_to_truck(self, cart: CartState, here: Pose) -> Path:
-        """Of a cart from a place; where it is alone it comes as it likes."""
-        place = self.place_at_truck(cart)
-        return way_to(here, place) if len(self.carts) == 1 else way_into_lane(here, place)
+        """Of a cart from a place; beside a combine straight on first, to wait there until that is past."""
+        is_beside = any(way_between(here, at(c)) <= BESIDE for c in self.combines)
+        return way_into_lane(here, self.place_at_truck(cart), is_beside=is_beside)
+
+    def way_to_combine(self, cart: CartState, here: Pose) -> tuple[Path, float, float]:
+        """Of a cart from a place, as `way_beside`; from the truck straight out of its lane first."""
+        assert cart.combine is not None
+        return way_beside(here, cart.combine, cart.spec, self.place_at_truck(cart))
 
     def leader_of(self, combine: CombineState) -> CombineState | None:
         """The combine on the pass before in the same direction, in echelon; None where nobody is there."""

@@ -15,7 +15,6 @@ from swath.job.cart_ways import (
     speed_beside,
     speed_limits,
     speed_to_end,
-    way_beside,
 )
 from swath.job.combine_ways import (
     axle_pose,
@@ -93,7 +92,7 @@ class Events:
     def cart_to_combine(self, job: Job, cart: CartState) -> None:
         """To the start of the combine's pass, and after it."""
         assert cart.combine is not None
-        path, base, length = way_beside(self._place(cart), cart.combine, cart.spec)
+        path, base, length = job.way_to_combine(cart, self._place(cart))
         self._ways[cart.spec.name] = _Way(self._on(path, cart), base, length)
         cart.left = path.length
 

@@ -21,14 +21,15 @@ from swath.job.cart_ways import (
     speed_beside,
     speed_limits,
     speed_to_end,
-    way_beside,
 )
 from swath.job.combine_ways import axle_pose, corner_angle, is_far, way_to_pass
 from swath.job.combine_ways import speed_limits as combine_limits
 from swath.job.contact import ContactWatch
 from swath.job.drive import MARGIN, DrivenMachine, Follower
 from swath.job.engine import Job
-from swath.job.footprint import footprint_of
+from swath.job.footprint import Footprint, footprint_of
+from swath.job.give_way import MOVES, Traffic, must_stop
+from swath.job.machines import REVERSE
 from swath.job.path import Path, Pose, polyline
 from swath.job.states import DONE, CartState, CombineState, at
 
@@ -38,6 +39,7 @@ SHARP = 0.35  # rad between a path and a machine, beyond which it drives slowly
 SLOW = 2.0  # m/s
 STOPS, CREEP = 0.25, 0.1  # 1/s, m/s: to the start of a pass whose leader in echelon is too near ahead
 THERE = 0.05  # m before the end of a combine's way, where it is done
+LOOKS = 3  # steps after which a cart looks again whether it has to give way
 RECORD = 5  # steps between two points of a combine's track
 
 
@@ -48,6 +50,8 @@ class Kinematic:
         self._machines: dict[str, DrivenMachine] = {}
         self._paths: dict[str, Follower] = {}
         self._wait: dict[str, float] = {}
+        self._back: dict[str, float] = {}
+        self._stops: dict[str, bool] = {}
         self._base: dict[str, float] = {}
         self._length: dict[str, float] = {}
         self._profiles: dict[str, list[float]] = {}
@@ -56,6 +60,7 @@ class Kinematic:
         self._track: dict[str, list[tuple[float, float, float]]] = {}
         self.largest_error = 0.0
         self.watch = ContactWatch()
+        self._footprints: dict[str, Footprint] = {}
 
     def combine_way(self, job: Job, combine: CombineState) -> None:
         """A corner, or a driven turn."""
@@ -71,6 +76,7 @@ class Kinematic:
         turned = corner_angle(combine.place, task)
         if turned is not None:
             self._wait[name] = combine.spec.corner_time(turned)
+            self._back[name] = combine.spec.corner_back(turned)
             combine.left, combine.pace = combine.spec.corner_path(turned), 0.0
             return
         far = is_far(combine.place, task.start)
@@ -123,7 +129,7 @@ class Kinematic:
         combine = cart.combine
         assert combine is not None
         machine = self._cart(cart)
-        path, begin, length = way_beside(machine.pose, combine, cart.spec)
+        path, begin, length = job.way_to_combine(cart, machine.pose)
         name = cart.spec.name
         self._set_out(cart, path)
         self._base[name], self._length[name] = begin, length
@@ -146,7 +152,7 @@ class Kinematic:
         for c in job.combines:
             self._drive_combine(job, c)
         for k in job.carts:
-            self._drive_cart(k)
+            self._drive_cart(job, k)
         return STEP
 
     def _look(self, job: Job) -> None:
@@ -155,22 +161,14 @@ class Kinematic:
         places = {name: (m.pose, m.trailer) for name, m in self._machines.items()}
         if job.carts and job.away <= DONE:
             sheets[truck.NAME] = job.fleet.truck
-            stands = truck.truck_pose(self._beside_truck(job), job.fleet.truck)
+            x, y, course = job.places[0]  # the truck is on the field's side of the first lane
+            stands = truck.truck_pose(Pose(x, y, course + math.pi), job.fleet.truck)
             places[truck.NAME] = stands, stands.heading
         for name, sheet in sheets.items():
             if name not in self.watch:
-                self.watch.add(name, footprint_of(sheet))
+                self._footprints[name] = footprint_of(sheet)
+                self.watch.add(name, self._footprints[name])
         self.watch.look(job.time, STEP, places)
-
-    def _beside_truck(self, job: Job) -> Pose:
-        """Place of a cart that empties, with the truck on its right: in the first lane the truck is on the
-        side of the field; a cart that is alone comes straight from the field.
-        """
-        if len(job.carts) > 1:
-            x, y, course = job.places[0]
-            return Pose(x, y, course + math.pi)
-        north = job.truck.y > float(job.plan.boundary[:, 1].mean())
-        return job.truck._replace(heading=math.copysign(0.5 * math.pi, 1.0 if north else -1.0))
 
     def _drive_combine(self, job: Job, c: CombineState) -> None:
         name = c.spec.name
@@ -178,6 +176,7 @@ class Kinematic:
         if name in self._wait and c.phase in ("way", "hold"):
             self._wait[name] -= STEP
             machine.speed, c.speed = 0.0, 0.0
+            self._reverse(name)
             c.left = 0.0 if self._wait[name] <= DONE else c.left
             return
         if follower is None or c.phase == "done":
@@ -214,7 +213,7 @@ class Kinematic:
             x, y, heading = _knife(machine, c.spec.sheet.knife_x)
             self._track[c.spec.name].append((x, y, heading))
 
-    def _drive_cart(self, k: CartState) -> None:
+    def _drive_cart(self, job: Job, k: CartState) -> None:
         name = k.spec.name
         machine, follower = self._cart(k), self._paths.get(name)
         wanted = 0.0
@@ -231,6 +230,10 @@ class Kinematic:
             return
         curvature = follower.curvature(machine)
         wanted = min(wanted, self._profiles[name][follower.index])
+        if self._count % LOOKS == 0:
+            self._stops[name] = self._gives_way(job, k)
+        if self._stops.get(name, False):
+            wanted = 0.0
         off = math.remainder(follower.heading - machine.heading, 2.0 * math.pi)
         machine.step(curvature, min(wanted, SLOW) if abs(off) > SHARP else wanted)
         k.speed = machine.speed
@@ -242,13 +245,35 @@ class Kinematic:
             gap = self._gap(k, k.combine)
             k.left = 0.0 if abs(gap) < IN_PLACE or follower.is_done else abs(gap)
 
+    def _gives_way(self, job: Job, k: CartState) -> bool:
+        """Whether a cart stops before what others drive over next; beside its combine it does not."""
+        if k.phase == "beside" and k.combine is not None and k.combine.phase in ("cut", "stand"):
+            return False
+        others = []
+        for c in job.combines:
+            name = c.spec.name
+            if c.phase == "way" and name in self._wait:
+                others.append(Traffic(self._machines[name], self._footprints[name], None, 0.0))
+            elif c.phase in ("way", "cut") and c.speed > MOVES:
+                others.append(
+                    Traffic(self._machines[name], self._footprints[name], self._paths[name], c.speed)
+                )
+        for other in job.carts[: job.carts.index(k)]:
+            name = other.spec.name
+            if other.speed > MOVES:
+                follower = self._paths.get(name)
+                others.append(Traffic(self._machines[name], self._footprints[name], follower, other.speed))
+        name = k.spec.name
+        own = Traffic(self._machines[name], self._footprints[name], self._paths[name], 0.0)
+        return must_stop(own, others)
+
     def _gap(self, cart: CartState, combine: CombineState) -> float:
         """How far a cart's box is behind the pipe, along its path [m]."""
         follower = self._paths[cart.spec.name]
         if combine.task is None:  # at the end of its last pass
             done = self._length[cart.spec.name]
         else:
-            done = combine.task.length - combine.left
+            done = (combine.task.length - combine.left) * self._length[cart.spec.name] / combine.task.length
         if combine.phase in ("way", "hold"):
             done = 0.0
         return self._base[cart.spec.name] + done - follower.at
@@ -258,6 +283,13 @@ class Kinematic:
         if name not in self._machines:
             self._machines[name] = DrivenMachine(k.spec.sheet, k.place, STEP)
         return self._machines[name]
+
+    def _reverse(self, name: str) -> None:
+        """Out of the corner: what comes behind stands out of the way of who goes along the next side."""
+        machine, way = self._machines[name], min(self._back.get(name, 0.0), REVERSE * STEP)
+        machine.x -= way * math.cos(machine.heading)
+        machine.y -= way * math.sin(machine.heading)
+        self._back[name] = self._back.get(name, 0.0) - way
 
     def _put(self, name: str, pose: Pose) -> None:
         """Set a machine down at rest."""

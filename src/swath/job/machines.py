@@ -49,6 +49,10 @@ class Combine:
         half = math.tan(0.5 * min(angle, math.radians(150.0)))
         return 2.0 * self.limits.radius * half + self.sheet.knife_x + self.limits.radius * angle
 
+    def corner_back(self, angle: float) -> float:
+        """Way [m] that it reverses first in a corner."""
+        return self.limits.radius * math.tan(0.5 * min(angle, math.radians(150.0)))
+
     def corner_time(self, angle: float) -> float:
         """Time [s] to get round a corner of an angle [rad] at the end of a headland pass."""
         half = math.tan(0.5 * min(angle, math.radians(150.0)))

@@ -20,6 +20,11 @@ class Pose(NamedTuple):
     heading: float
 
 
+def ahead_of(pose: Pose, way: float) -> Pose:
+    """A pose so far straight ahead [m]."""
+    return Pose(pose.x + way * math.cos(pose.heading), pose.y + way * math.sin(pose.heading), pose.heading)
+
+
 class Piece(NamedTuple):
     """Curvature [1/m], > 0 to the left, from `first` to `last` over `length` [m]."""
 
