@@ -97,18 +97,18 @@ def _straight_first(here: Pose, out: float, way: Path) -> Path:
 
 def shifted(line: Array, course: float, left: float) -> Array:
     """A line [m] moved to its left by a distance [m]; course: of one without length [rad]."""
-    steps = np.diff(line, axis=0)
-    angles = [math.atan2(y, x) if math.hypot(x, y) > 0.0 else course for x, y in steps.tolist()]
-    before, after = np.array([angles[0], *angles]), np.array([*angles, angles[-1]])
-    half = 0.5 * (np.remainder(after - before + math.pi, 2.0 * math.pi) - math.pi)
-    middle = before + half
-    out: Array = line + (left / np.cos(half))[:, None] * np.stack([-np.sin(middle), np.cos(middle)], 1)
-    return out
+    steps = np.diff(line, axis=0).tolist()
+    angles = [math.atan2(y, x) if math.hypot(x, y) > 0.0 else course for x, y in steps]
+    moved = []
+    for (x, y), before, after in zip(line.tolist(), [angles[0], *angles], [*angles, angles[-1]], strict=True):
+        half = 0.5 * math.remainder(after - before, 2.0 * math.pi)
+        out = left / math.cos(half)  # a mitre keeps both sides at that distance
+        moved.append((x - out * math.sin(before + half), y + out * math.cos(before + half)))
+    return np.array(moved)
 
 
 def _onto_line(here: Pose, first: Pose, points: Array) -> Path:
     """Onto the line from `first` over points on, within ONTO of way where it is beside it."""
-    along = 0.0
     start = np.array(first[:2])
     for i, point in enumerate(points):
         step = point - start
@@ -145,11 +145,6 @@ def _follows(here: Pose, first: Pose, at: CombineState) -> bool:
     along, across = c * dx + s * dy - RUN_UP, c * dy - s * dx
     turned = math.cos(here.heading - first.heading)
     return 0.0 < along < at.task.length - at.left and abs(across) < ASIDE and turned > 0.7
-
-
-def way_to(here: Pose, goal: Pose) -> Path:
-    """Over passes and headland, to a place that is reached in the direction that the cart has now."""
-    return rounded(corner_way(here, Pose(goal.x, goal.y, here.heading)), here)
 
 
 def way_into_lane(here: Pose, place: Pose, *, is_beside: bool = False) -> Path:
