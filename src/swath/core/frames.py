@@ -22,8 +22,8 @@ Numbers = tuple[list[float], list[list[float]]]
 class Pose:
     """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes.
 
-    numbers: position and rows of the rotation as plain numbers. Of those and the arrays, which nobody changes,
-    a pose holds what it was made of, and makes the others when somebody asks for them: most never do.
+    numbers: position and rows of the rotation as plain numbers. Of those and the arrays, which nobody
+    changes, a pose holds what it was made of, and makes the others when somebody asks: most never do.
     """
 
     position: Array

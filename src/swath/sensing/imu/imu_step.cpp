@@ -1,5 +1,5 @@
-// A sample of the level `error`, from the motion to the noise: the body of a native function. The same operations in the same
-// order as `Strapdown` and `ErrorImu` do them in Python.
+// A sample of the level `error`, from the motion to the noise: the body of a native function, after exact.cpp. The same
+// operations in the same order as `Strapdown` and `ErrorImu` do them in Python.
 //
 // In and out: m, see `imu_step.py`, whose offsets these are.
 
@@ -10,33 +10,6 @@ const D *before = *count > 1.0 ? m + 14 : first, *newest = m + 27, *place = m + 
 D *bias = m + 62, *velocity = m + 52, *reading = m + 92, *sample = m + 98;
 constexpr D NS = 1e9, GRAVITY = 9.81;
 
-// To the last bit, as `math.hypot` has it: squares and their sum with what rounding leaves over.
-auto split = [](D a, D& low) {
-  const D t = 134217729.0 * a, high = t - (t - a);
-  low = a - high;
-  return high;
-};
-auto squared = [&](D a, D& left) {
-  D low;
-  const D high = split(a, low), p = a * a;
-  left = ((high * high - p) + 2.0 * (high * low)) + low * low;
-  return p;
-};
-auto length = [&](const D* v) {
-  D sum = 0.0, rest = 0.0;
-  for (int i = 0; i < 3; ++i) {
-    D left;
-    const D p = squared(v[i], left), next = sum + p, back = next - sum;
-    rest += ((sum - (next - back)) + (p - back)) + left;
-    sum = next;
-  }
-  const D whole = sum + rest, below = rest - (whole - sum);
-  if (!(whole > 0.0)) return whole;
-  const D root = __builtin_sqrt(whole);
-  D left;
-  const D p = squared(root, left);
-  return root + (((whole - p) - left) + below) / (2.0 * root);
-};
 auto turned_back = [](const D* r, const D* v, D* out) {  // as `strapdown.back`
   for (int i = 0; i < 3; ++i) out[i] = r[i] * v[0] + r[3 + i] * v[1] + r[6 + i] * v[2];
 };
@@ -52,7 +25,7 @@ D turn[3] = {0.5 * (a[2] * j[1] + a[5] * j[4] + a[8] * j[7] - (a[1] * j[2] + a[4
              0.5 * (a[1] * j[0] + a[4] * j[3] + a[7] * j[6] - (a[0] * j[1] + a[3] * j[4] + a[6] * j[7]))};
 const D trace = a[0] * j[0] + a[3] * j[3] + a[6] * j[6] + (a[1] * j[1] + a[4] * j[4] + a[7] * j[7]) +
                 (a[2] * j[2] + a[5] * j[5] + a[8] * j[8]);
-const D sine = length(turn), size = sine > 1e-12 ? ::atan2(sine, 0.5 * (trace - 1.0)) / sine : 1.0;
+const D sine = exact_length(turn, 3), size = sine > 1e-12 ? ::atan2(sine, 0.5 * (trace - 1.0)) / sine : 1.0;
 for (int i = 0; i < 3; ++i) turn[i] *= size;
 
 // force
@@ -68,7 +41,7 @@ change[2] += GRAVITY;
 turned_back(a, change, at_first);
 for (int i = 0; i < 3; ++i) about[i] = turn[i] * way;
 {  // `turned`
-  const D *v = at_first, p = about[0], q = about[1], r = about[2], angle = length(about);
+  const D *v = at_first, p = about[0], q = about[1], r = about[2], angle = exact_length(about, 3);
   D by = 1.0, twice = 0.5;
   if (angle > 0.0) {
     by = ::sin(angle) / angle;

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import warp as wp
 
+from swath.kernels import exact_code
+
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 
-@wp.func_native((Path(__file__).parent / "imu_step.cpp").read_text(encoding="utf-8"))
+@wp.func_native(exact_code(Path(__file__).parent / "imu_step.cpp"))
 def make_sample(memory: wp.array(dtype=wp.float64)): ...
 
 
