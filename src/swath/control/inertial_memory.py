@@ -22,7 +22,7 @@ class InertialMemory:
         self._kernel = kernel
         self._all = np.zeros(SAMPLES + 7 * ROOM)
         self.numbers: F64 = self._all[:SAMPLES]
-        self.bytes: Any = self._all.view(np.uint8)
+        self.bytes = self._all.data.cast("B")
         self._launch: Callable[[], Any] | None = None
 
     def put(self, samples: Sequence[Inertial]) -> bool:

@@ -26,6 +26,7 @@ ANGLE, FAULTY_ANGLE = 0.2 * DEG, 10.0 * DEG  # rad, of the zero of the steering 
 UNDERSTEER = 10.0 * PERCENT  # of the yaw rate that the wheels are at
 LEAST = 0.003 * DEG  # rad/s: a machine at rest turns by no more, whatever its sensors say
 FAULTY = 0.05  # chance of each sensor
+CHANCES = log(1.0 - FAULTY), log(FAULTY)
 MEMORY_S, AGAIN_S = 20.0, 0.5  # s over which differences are averaged; from one estimate to the next
 LONGEST_S = 0.5  # s: of a step that counts
 # Numbers of the shared memory: samples, yaw rate, speed, steering angle and seconds of the step; means of
@@ -146,15 +147,18 @@ class _Mean(KeepsState):
 def _bias(differences: Sequence[tuple[float, float, float]]) -> float:
     """Posterior mean of the gyroscope's bias [rad/s] from its differences to other sensors."""
     logs, means = [], []
+    terms = [  # of each sensor, sound and faulty: precision, pull, cost
+        [(1.0 / sd**2, away / sd**2, 2.0 * log(sd) + (away / sd) ** 2) for sd in sds]
+        for away, *sds in differences
+    ]
     for which in product((0, 1), repeat=1 + len(differences)):
         gyro, *others = which
         precision, pull, cost = 1.0 / GYRO[gyro] ** 2, 0.0, 2.0 * log(GYRO[gyro])
-        for is_faulty, (away, *sds) in zip(others, differences, strict=True):
-            sd = sds[is_faulty]
-            precision, pull = precision + 1.0 / sd**2, pull + away / sd**2
-            cost += 2.0 * log(sd) + (away / sd) ** 2
+        for is_faulty, of in zip(others, terms, strict=True):
+            more, to, costs = of[is_faulty]
+            precision, pull, cost = precision + more, pull + to, cost + costs
         cost += log(precision) - pull**2 / precision
-        chance = fsum(log(FAULTY) if faulty else log(1.0 - FAULTY) for faulty in which)
+        chance = fsum(CHANCES[is_faulty] for is_faulty in which)
         logs.append(chance - 0.5 * cost)
         means.append(pull / precision)
     most = max(logs)

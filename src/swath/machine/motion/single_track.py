@@ -80,6 +80,7 @@ class SingleTrack:
         self._wheelbase, self._track = -setup.machine.steered_x, setup.machine.front_track
         self._sense = -1.0 if setup.machine.steers_ahead else 1.0
         self._machine, self._grain = setup.machine, 0.0
+        self._carried: MachineLoad | None = None  # the newest that was looked at
         given = params.understeer_deg_per_g
         self._stiffness = axle_stiffness(
             _either(params.stiffness_per_rad, d.stiffness),
@@ -99,6 +100,7 @@ class SingleTrack:
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, tyres without slip."""
+        self._carried = None
         self._fill(0.0)
         x, y = float(self._start.position[0]), float(self._start.position[1])
         self._go_to(x, y, self._start.euler()[2], 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -166,7 +168,7 @@ class SingleTrack:
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._speed = state["speed"]
+        self._speed, self._carried = state["speed"], None
         self._fill(state["grain"])
         self._go_to(*(state[name] for name in self._q.names))
         self._stand_there()
@@ -218,8 +220,9 @@ class SingleTrack:
 
     def _carry(self, load: MachineLoad | None) -> None:
         """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
-        if load is None:
+        if load is None or load is self._carried:
             return
+        self._carried = load
         grain = max(load.tank_grain, 0.0)
         if abs(grain - self._grain) >= GRAIN_STEP:
             before = self._ahead

@@ -36,7 +36,7 @@ class ImuStep(Strapdown):
 
     def __init__(self, mounting: Pose) -> None:
         m = self._memory = np.zeros(SIZE)
-        self._bytes: Any = m.view(np.uint8)
+        self._bytes = m.data.cast("B")
         m[PLACE:VELOCITY] = [*mounting.position, *mounting.rotation.ravel()]
         self.scale, self.bias, self.steps, self.white = (
             m[first : first + 6] for first in (SCALE, BIAS, STEPS, WHITE)
