@@ -125,7 +125,8 @@ class SingleTrack:
             self._drive_in_python(h, steer, wanted, q)
             q, pose = self._q.read(), self._follower.pose()
         else:
-            pose = Pose.of_numbers([q[0], q[1], at[2]], [[*at[7:10]], [*at[10:13]], [*at[13:]]])
+            _, _, z, _, _, _, _, xx, xy, xz, yx, yy, yz, zx, zy, zz = at
+            pose = Pose.of_numbers([q[0], q[1], z], [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
         tow(self._towed, inputs, q[0], q[1], q[2])
         return self._output(t + dt, pose, steer, q, (self._speed - before) / (dt / NS))
 
