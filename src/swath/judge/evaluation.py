@@ -65,11 +65,13 @@ class Evaluation:
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Show samples to the evaluators whose business they are."""
         key = slot, *map(type, outputs.values())
-        if key not in self._shown:
+        shown = self._shown.get(key)
+        if shown is None:
             every = self._interested(slot, tuple(map(type, outputs.values())))
             always: list[See] = [e.see for e in every if not isinstance(e, Rests)]
-            self._shown[key] = always, [e for e in every if isinstance(e, Rests)]
-        awake, resting = self._shown[key]
+            shown = always, [e for e in every if isinstance(e, Rests)]
+            self._shown[key] = shown
+        awake, resting = shown
         for see in awake:
             see(slot, t, outputs)
         for evaluator in resting:

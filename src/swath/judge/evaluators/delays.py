@@ -32,10 +32,15 @@ class Delays:
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note the age of what arrives at t [ns]."""
         for signal in outputs.values():
-            if t > 0 and isinstance(signal, CropEdge):
-                self._ages.setdefault("edge_delay_s", Counter())[t - signal.t] += 1
-            elif t > 0 and isinstance(signal, SteerCommand):
-                self._ages.setdefault("command_delay_s", Counter())[t - signal.t] += 1
+            if t > 0 and isinstance(signal, SteerCommand):
+                self._note("command_delay_s", t - signal.t)
+            elif t > 0 and isinstance(signal, CropEdge):
+                self._note("edge_delay_s", t - signal.t)
+
+    def _note(self, name: str, age: int) -> None:
+        if name not in self._ages:
+            self._ages[name] = Counter()
+        self._ages[name][age] += 1
 
     def metrics(self) -> dict[str, float]:
         """Of what the machine has: nothing without an edge detection or automatic steering."""

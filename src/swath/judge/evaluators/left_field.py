@@ -51,13 +51,14 @@ class LeftField:
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look where the knife is."""
         for signal in outputs.values():
-            if isinstance(signal, CropFlow):
+            if isinstance(signal, MachineState):
+                if signal.distance >= self._next and self._has_header:
+                    self._waiting.append(signal)
+                    self._next = signal.distance + STEP_M
+                    if len(self._waiting) == CHUNK:
+                        self._judge()
+            elif isinstance(signal, CropFlow):
                 self._has_header = True
-            elif isinstance(signal, MachineState) and signal.distance >= self._next and self._has_header:
-                self._waiting.append(signal)
-                self._next = signal.distance + STEP_M
-                if len(self._waiting) == CHUNK:
-                    self._judge()
 
     def metrics(self) -> dict[str, float]:
         """Of the whole way; nothing of a machine without a header."""

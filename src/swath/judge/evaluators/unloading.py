@@ -86,9 +86,11 @@ class Unloading:
         name = slot.partition(".")[0]
         for signal in outputs.values():
             self._latest[name, type(signal)] = signal
+            if isinstance(signal, MachineState):  # by far the most
+                continue
             if isinstance(signal, HeapState):
                 self._keep(name, signal)
-            if isinstance(signal, UnloadState):
+            elif isinstance(signal, UnloadState):
                 since = (signal.t - self._times.get(name, signal.t)) / NS
                 self._times[name] = signal.t
                 if signal.flow > 0.0:

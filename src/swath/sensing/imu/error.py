@@ -144,6 +144,6 @@ LEVEL = Level(
     ErrorImu,
     Params,
     "bias, its random walk, scale error and white noise of a MEMS unit",
-    cost="25 us per sample",
+    cost="12 us per sample",
     tolerance="equal to ideal with every error at 0",
 )
