@@ -14,6 +14,7 @@ from swath.control.edge.blocks import Block, Found, find_edge, split
 from swath.control.edge.canopy_feet import CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from swath.control.edge.edge_breaks import LEAD, LEAST_GAIN, OUT, WIDEST, EdgeBreaks, is_sunken
+from swath.control.edge.edge_wall import JaggedWall, Wall, place_along, wall_of
 from swath.control.edge.inner_edge import LONG
 from swath.control.edge.lodging import DENSE, Lodging
 from swath.control.edge.near_line import EdgePoints
@@ -56,19 +57,20 @@ class BlockTrack(KeepsState):
     scatter: of the blocks about the track, beyond their own variance [m2]
     blank: mean width of the strip about the edge between the rays that show it [m]
     bite: how deep the bites of the edge are [m], along which the track is smooth; 0 where it follows them
-    turn_sd: standard deviation of its angle there [rad]
+    turn_sd: standard deviation of its angle there [rad]; jagged: the wall of the edge, along it
     """
 
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_broken", "_scatters", "_lost", "bite", "turn_sd", "_breaks", "_lodging",
+        "jagged",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
         self._search = search
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
         self.populations, self.feet = Populations(search.usual), CanopyFeet()
-        self._breaks, self._lodging = EdgeBreaks(), Lodging()
+        self._breaks, self._lodging, self.jagged = EdgeBreaks(), Lodging(), JaggedWall()
         self.clear()
 
     def clear(self) -> None:
@@ -77,6 +79,7 @@ class BlockTrack(KeepsState):
             part.clear()
         self._breaks.clear()
         self._lodging.clear()
+        self.jagged.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter = HEIGHT, 0.0, 0.0
         self.blank, self.followed = 0.0, 0
@@ -171,12 +174,13 @@ class BlockTrack(KeepsState):
             return False
         self.followed += 1
         self.populations.move(block.travel)
-        along = block.along if np.isfinite(block.along) else block.travel
-        swing = self._lodging.swing(block, found.beside, self.populations, arc.angle - heading)
+        angle, wall = arc.angle - heading, wall_of(self._scans, found.beside, block.alike)
+        along = place_along(wall, self._middle, angle)
+        swing = self._lodging.swing(block, found.beside, self.populations, angle)
         if swing > 0.0 and abs(found.beside) < swing + 0.1:
             self._pass_lodged(found, along, swing)
         elif found.gain >= LEAST_GAIN and is_near and not self._is_hole(found, arc):
-            self._accept(found, along, heading)
+            self._accept(found, along, heading, wall)
         else:
             broke = not is_near or self._is_hole(found, arc)
             if broke:
@@ -197,7 +201,12 @@ class BlockTrack(KeepsState):
         is_even = self.agreed > USED and self.bite == 0.0
         return self._breaks.is_hole(found, arc, self.scatter, is_even=is_even)
 
-    def _accept(self, found: Found, along: float, heading: float) -> None:
+    @property
+    def _middle(self) -> float:
+        """Of the block's rays, along the track [m]."""
+        return self._block.along if isfinite(self._block.along) else self._block.travel
+
+    def _accept(self, found: Found, along: float, heading: float, wall: Wall) -> None:
         self._breaks.fits(found.beside)
         self._lodging.stands(self._block, found.beside, self.populations)
         if abs(found.beside) < LEARNED:
@@ -220,6 +229,7 @@ class BlockTrack(KeepsState):
         self._smooth(heading)
         self.agreed += 0.2 * (1.0 - self.agreed)
         angle = edge.angle - heading
+        self.jagged.add(wall, self._middle, angle, self._block.travel)
         self.feet.learn(self._scans, self._block.counts, found.beside, self._block.travel, self.height, angle)
 
     def _smooth(self, heading: float) -> None:
