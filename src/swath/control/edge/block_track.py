@@ -84,7 +84,8 @@ class BlockTrack(KeepsState):
         self.height, self.agreed, self.scatter = HEIGHT, 0.0, 0.0
         self.blank, self.followed = 0.0, 0
         self._is_broken = False  # the last blocks showed no standing edge near the track
-        self._scatters: deque[tuple[float, float]] = deque(maxlen=KEPT)  # (way, scatter before its block)
+        # way, scatter and variance of the wall before its block
+        self._scatters: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
         self.bite, self.turn_sd = 0.0, 0.0
         self._lost: tuple[Arc, float] | None = None  # the track before, and how far back it was lost [m]
 
@@ -219,17 +220,18 @@ class BlockTrack(KeepsState):
         if self._is_broken:  # what the track drifted by across the hole is not the edge's
             self.points.found_again(edge.way)
             own = float(edge.covariance[0, 0])
-        is_dense = self.populations.heights()[2] > DENSE
+        is_dense, was_broken = self.populations.heights()[2] > DENSE, self._is_broken
         self._is_broken = is_dense and is_sunken(self._block, found, self.height)
         self.blank += min(1.0, self._block.travel / RAGGED_M) * (found.blank - self.blank)
-        self._scatters.append((edge.way, self.scatter))
+        self._scatters.append((edge.way, self.scatter, self.jagged.variance))
         more = max(0.0, found.beside**2 - found.variance - own)
         self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance)
         self._smooth(heading)
         self.agreed += 0.2 * (1.0 - self.agreed)
         angle = edge.angle - heading
-        self.jagged.add(wall, self._middle, angle, self._block.travel)
+        if not (was_broken or self._is_broken):
+            self.jagged.add(wall, self._middle, angle, self._block.travel)
         self.feet.learn(self._scans, self._block.counts, found.beside, self._block.travel, self.height, angle)
 
     def _smooth(self, heading: float) -> None:
@@ -285,7 +287,7 @@ class BlockTrack(KeepsState):
         way = self.track.rewind(STRAIGHTEN, self.points.rows)
         self.points.doubt(way)
         while self._scatters and self._scatters[-1][0] >= way:
-            self.scatter = self._scatters.pop()[1]
+            _, self.scatter, self.jagged.variance = self._scatters.pop()
 
     def _pass_lodged(self, found: Found, along: float, swing: float) -> None:
         """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
