@@ -25,6 +25,7 @@ from swath.core.component import KeepsState
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
 BEGIN_GAIN = 20.0  # nat of two populations over one, at first
 GATE, WIDENING = 0.28, 0.025  # m, 1/m: + WIDENING times the square of the way unseen
+BLURRED, BROAD = 0.08, 0.5  # m, deviation of a block's edge in dust from which on the gate is as wide; m
 MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of rays that only crop stops
 HEIGHT = 0.85  # m, of a crop that was not seen yet
 LEARNED = 0.15  # m beside the track: blocks further off teach nothing
@@ -34,6 +35,7 @@ RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered;
 USED = 0.9  # share of late blocks that fitted, from which on a step is one
 YOUNG, RISES = 6, 0.09  # blocks that may show a false start; m by which crop rises where its front is seen
 DEEP, SHALLOW = 0.2, 0.1  # m: bites that are followed no more; that are none
+STEPS, LEVEL, SLIGHT = 0.35, 0.1, 0.07  # m that the wall lies to and fro, rad to the machine, m: bites, too
 FADING, ALONG = 10.0, 0.3  # m, over which bites are forgotten; rad from the heading: beyond it is a bend
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
@@ -162,9 +164,7 @@ class BlockTrack(KeepsState):
     def _go_on(self, arc: Arc, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """A block is full: where is its edge? False when it needs more rays."""
         block, heading = self._block, at[2]
-        bites = self.bite + OUT if self.bite > 0.0 else 0.0
-        gate = min(WIDEST, max(GATE + WIDENING * arc.unseen**2, bites))
-        found = find_edge(block, self.populations.ratios(), gate)
+        found = self._find(arc)
         wide = self._step_out(found, arc, heading)
         if wide is not None:
             found, self.bite = wide, -wide.beside
@@ -190,6 +190,14 @@ class BlockTrack(KeepsState):
             self._follow_inner(found, is_inside=broke)
         self.height = self._crop_height()
         return True
+
+    def _find(self, arc: Arc) -> Found:
+        """The edge of the block within the gate, which shall not cut off what the block says."""
+        bites = self.bite + OUT if self.bite > 0.0 else 0.0
+        gate, ratios = min(WIDEST, max(GATE + WIDENING * arc.unseen**2, bites)), self.populations.ratios()
+        found = find_edge(self._block, ratios, gate)
+        is_cut_off = found.variance > BLURRED**2 and found.lead < LEAD and gate < BROAD
+        return find_edge(self._block, ratios, BROAD) if is_cut_off else found
 
     def _step_out(self, found: Found, arc: Arc, heading: float) -> Found | None:
         """A step outward beside a line that fitted so far, along the machine."""
@@ -227,11 +235,11 @@ class BlockTrack(KeepsState):
         more = max(0.0, found.beside**2 - found.variance - own)
         self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance)
-        self._smooth(heading)
-        self.agreed += 0.2 * (1.0 - self.agreed)
         angle = edge.angle - heading
         if not (was_broken or self._is_broken):
             self.jagged.add(wall, self._middle, angle, self._block.travel)
+        self._smooth(heading)
+        self.agreed += 0.2 * (1.0 - self.agreed)
         self.feet.learn(self._scans, self._block.counts, found.beside, self._block.travel, self.height, angle)
 
     def _smooth(self, heading: float) -> None:
@@ -240,7 +248,10 @@ class BlockTrack(KeepsState):
         assert arc is not None
         bite = max(bite_of(self.points.rows, arc), self.bite * (1.0 - self._block.travel / FADING))
         is_known = self.bite > 0.0 and bite > SHALLOW
-        self.bite = bite if is_known or (bite > DEEP and abs(arc.angle - heading) < ALONG) else 0.0
+        angle = abs(arc.angle - heading)
+        if self.jagged.swing > STEPS and angle < LEVEL and bite > SLIGHT:
+            bite = max(bite, DEEP)
+        self.bite = bite if is_known or (bite >= DEEP and angle < ALONG) else 0.0
         if self.bite > 0.0:
             self.track.arc, self.turn_sd = ragged_line(self.points.rows, arc, heading)
 
