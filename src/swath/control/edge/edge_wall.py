@@ -33,7 +33,8 @@ class Wall:
 def wall_of(scans: Sequence[RayAnswers], beside: float, alike: float) -> Wall:
     """The wall of an edge `beside` the frame [m] in the scans of a block; alike: rays per independent ray."""
     first, last = (round((beside + side + HALF) / CELL) * CLASSES for side in STRIP)
-    ahead = np.concatenate([r.ahead[(r.cells >= first) & (r.cells < last)] for r in scans])
+    cells, ahead = np.concatenate([r.cells for r in scans]), np.concatenate([r.ahead for r in scans])
+    ahead = ahead[(cells >= first) & (cells < last)]
     ahead = ahead[np.isfinite(ahead)]
     if len(ahead) < ENOUGH:
         return Wall(float("nan"), float("nan"))
