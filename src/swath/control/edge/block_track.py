@@ -35,7 +35,11 @@ RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered;
 USED = 0.9  # share of late blocks that fitted, from which on a step is one
 YOUNG, RISES = 6, 0.09  # blocks that may show a false start; m by which crop rises where its front is seen
 DEEP, SHALLOW = 0.2, 0.1  # m: bites that are followed no more; that are none
-STEPS, LEVEL, SLIGHT = 0.35, 0.1, 0.07  # m that the wall lies to and fro, rad to the machine, m: bites, too
+STEPS, PARALLEL, SLIGHT = (
+    0.35,
+    0.1,
+    0.07,
+)  # m that the wall lies to and fro, rad to the machine, m: bites, too
 FADING, ALONG = 10.0, 0.3  # m, over which bites are forgotten; rad from the heading: beyond it is a bend
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
@@ -249,7 +253,7 @@ class BlockTrack(KeepsState):
         bite = max(bite_of(self.points.rows, arc), self.bite * (1.0 - self._block.travel / FADING))
         is_known = self.bite > 0.0 and bite > SHALLOW
         angle = abs(arc.angle - heading)
-        if self.jagged.swing > STEPS and angle < LEVEL and bite > SLIGHT:
+        if self.jagged.swing > STEPS and angle < PARALLEL and bite > SLIGHT:
             bite = max(bite, DEEP)
         self.bite = bite if is_known or (bite >= DEEP and angle < ALONG) else 0.0
         if self.bite > 0.0:
