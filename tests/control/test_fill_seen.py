@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from swath.control.box.grain_profile import fill_of
+from swath.control.box.grain_profile import BoxLook, fill_of
 from swath.control.cooperate.freeboard import FreeboardTrack
 from swath.control.cooperate.station import Shared
 from swath.core.schedule import NS
@@ -34,7 +34,7 @@ def seen_of(surface, t, place, rng):
     y = rng.uniform(-0.5, 0.5, 1500) * box.width
     i, j = np.searchsorted(surface.x, x) - 1, np.searchsorted(surface.y, y) - 1
     z = surface.heights[i.clip(0), j.clip(0)] - box.depth + RIM + 0.02 * rng.standard_normal(len(x))
-    fill = fill_of(np.column_stack([x, y, z]), box.length, box.width, RIM, 0.005, 12)
+    fill = fill_of(np.column_stack([x, y, z]), BoxLook(box.length, box.width, RIM, 0.005), 12)
     sds = 0.01, 0.01, 0.002, 0.005
     grain = fill.height, fill.sd, fill.freeboard, fill.lean
     return BoxSeen(t, True, *place, 0.0, RIM, *sds, 0.9, *grain)

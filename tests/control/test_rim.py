@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath.control.box.grain_profile import at_wall, fill_of
+from swath.control.box.grain_profile import BoxLook, at_wall, fill_of
 from swath.control.box.rim_fit import edges_of, fit_rim
 from tests.control.box_rig import DUST, MOUNT, THICK, errors, look
 
@@ -126,7 +126,7 @@ def test_grain_at_the_end_of_a_box_where_a_cone_touches_it(end):
     slope = np.tan(np.radians(25.0))
     cone = slope * (1.25 - np.hypot(x - 1.75 * end, y))
     points = np.column_stack([x, y, 2.0 + np.maximum(cone, -0.4) + 0.01 * rng.standard_normal(6000)])
-    free = fill_of(points, 6.0, 3.0, 2.0, 0.005, 12).freeboard
+    free = fill_of(points, BoxLook(6.0, 3.0, 2.0, 0.005), 12).freeboard
     beside = 10 if end > 0.0 else 1
     assert free[-1 if end > 0.0 else 0] == pytest.approx(0.0, abs=0.03)
     assert free[beside] == pytest.approx(slope * 0.25, abs=0.03)
@@ -142,7 +142,7 @@ def part_of_a_heap(keeps, seed=9):
     fall, along = np.tan(np.radians([25.0, 20.0]))
     z = 2.5 - fall * np.abs(y) - along * x + 0.01 * rng.standard_normal(8000)
     points = np.column_stack([x, y, z])[keeps(x, y)]
-    fill = fill_of(points, 6.0, 3.0, 2.0, 0.005, 12)
+    fill = fill_of(points, BoxLook(6.0, 3.0, 2.0, 0.005), 12)
     return fill.height - (0.5 - along * (np.arange(12) - 5.5) * 0.5), fill.sd
 
 

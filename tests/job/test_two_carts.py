@@ -23,7 +23,7 @@ from swath.tools.fleet.whole import scenario_text, share_uncut
 from tests.job.jobs import job_file
 from tests.job.layouts import layout
 
-FIELD = [(0.0, 0.0), (60.0, 0.0), (60.0, 19.5), (0.0, 19.5)]
+FIELD = [(0.0, 0.0), (50.0, 0.0), (50.0, 19.5), (0.0, 19.5)]
 JOB = job_file(
     carts=2,
     boundary_m=FIELD,
@@ -39,8 +39,9 @@ CHEAP = (
     "combine_0.imu=off", "combine_0.edge.rate_hz=10", "combine_0.job.unload_to_m=15",
     "combine_0.header.rate_hz=10", "combine_0.process.rate_hz=5",
     *(f"{m}.motion=kinematic" for m in MACHINES),
+    *(f"{m}.gnss.{set}" for m in MACHINES for set in ("level=ideal", "rate_hz=5")),
     *(f"{m}.{s}.rate_hz=10" for m in MACHINES for s in ("motion", "steering")),
-    *(f"{m}.{s}.rate_hz=10" for m in MACHINES for s in ("pose", "odometry", "steer", "speed", "gnss")),
+    *(f"{m}.{s}.rate_hz=10" for m in MACHINES for s in ("pose", "odometry", "steer", "speed")),
     *(f"{m}.job.break_off_m=15" for m in CARTS),
     *(f"{m}.{s}.rate_hz=10" for m in CARTS for s in ("imu", "cooperate", "heap")),
 )  # fmt: skip
@@ -85,11 +86,11 @@ def test_the_field_gets_empty_and_both_carts_bring_grain(run):
 
 
 def test_nothing_touches(run):
-    """Tyres of a trailer under the pipe are 0.3 m beside the header of the 5 m combine: 4.8 - 2.7 - 1.8 m."""
+    """Tyres of a trailer abreast of the header of the 5 m combine would be 0.3 m off: 4.8 - 2.7 - 1.8 m."""
     for name in MACHINES:
         metrics = run.evaluation.metrics(name)
         assert metrics["contact_count"] == 0.0
-        assert metrics["least_clearance_m"] > 0.2
+        assert metrics["least_clearance_m"] > 0.5
 
 
 def test_one_cart_at_a_time_serves_the_combine(run):

@@ -150,10 +150,21 @@ def test_it_takes_as_long_as_the_cheaper_levels_say(run):
 def test_the_cart_keeps_out_of_the_headland_turn(run):
     """While the combine turns, the cart is behind it or farther away than it needs."""
     done, _ = run
-    turns = column(done, "phase") == Phase.TURNS
+    turns = (column(done, "phase") == Phase.TURNS) & (column(done, "task") < len(done.plan.passes) - 1)
     ahead, left = column(done, "ahead")[turns], column(done, "left")[turns]
     assert turns.sum() > 100
     assert (np.hypot(ahead, left) > 10.0).all()
+
+
+def test_behind_the_last_pass_the_combine_drives_on_past_the_cart(run):
+    """So that the trailer need not come by the header: the cart stands until the combine is gone by."""
+    done, _ = run
+    leaves = (column(done, "phase") == Phase.TURNS) & (column(done, "task") == len(done.plan.passes) - 1)
+    ahead, left = column(done, "ahead")[leaves], column(done, "left")[leaves]
+    assert np.hypot(ahead[-1], left[-1]) > 12.0
+    assert ahead[-1] < ahead[0] - 10.0
+    assert np.ptp(left) < 0.5
+    assert done.evaluation.metrics("combine_0")["least_clearance_m"] > 0.5
 
 
 def test_grain_flows_only_while_the_cart_keeps_its_station(run):
@@ -269,13 +280,24 @@ def test_unloading_is_not_broken_off_at_the_end_of_a_row():
         job = bench.step(north, 0.15, flow=92.0)
     job = bench.step(100.35, 0.1, flow=92.0)
     assert (job.phase, job.speed, job.may_unload) == (Phase.STANDS, 0.0, True)
-    job = bench.step(100.35, 0.003)
-    assert job.phase == Phase.TURNS
+    phases = [bench.step(100.35, 0.003).phase for _ in range(20)]
+    assert set(phases[:14]) == {Phase.STANDS}
+    assert set(phases[16:]) == {Phase.TURNS}  # once the pipe is dry for 1.5 s
     bench = Bench(NORTH)
     may = [bench.step(north, 0.9, flow=92.0).may_unload for north in np.arange(1.0, 100.0, 0.5)]
     assert may[100]
     assert not may[-1]
     assert bench.step(100.35, 0.9).phase == Phase.TURNS
+
+
+def test_a_load_is_not_finished_beside_a_turn_that_would_sweep_the_cart():
+    """A turn that swings out to the left first: the load is broken off before the end, and goes on later."""
+    bulb = Segment(8.0, np.pi / 16.0), Segment(24.0, -1.5 * np.pi / 24.0)
+    for turn, stands in ((NORTH[0].turn, True), (bulb, False)):
+        bench = Bench((Pass(NORTH[0].line_m, turn=turn), NORTH[1]))
+        for north in np.arange(1.0, 100.2, 0.5):
+            job = bench.step(north, 0.15, flow=92.0, peer=(3.2, 8.2))
+        assert job.may_unload is stands
 
 
 def test_the_turn_waits_for_a_cart_in_its_way():

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.box.grain_profile import STEEPEST, fill_of
+from swath.control.box.grain_profile import BoxLook, fill_of
 from swath.control.box.rim_fit import Rim
 from swath.core.component import Inputs, KeepsState, Outputs
 from swath.core.random import Stream
@@ -94,18 +94,9 @@ class BoxFinder(KeepsState, ABC):
         return is_known and confidence(rim) >= p.least_confidence
 
 
-def sample(
-    t: int,
-    rim: Rim,
-    inside: F64,
-    length: float,
-    width: float,
-    steepest: float = STEEPEST,
-    alike: float = 1.0,
-) -> BoxSeen:
-    """A rim, and grain among points (n, 3) of the box's frame [m]; steepest, alike: as of `fill_of`."""
-    count = max(1, round(length / STATION))
-    fill = fill_of(inside, length, width, rim.height, rim.height_sd, count, steepest, alike)
+def sample(t: int, rim: Rim, inside: F64, look: BoxLook) -> BoxSeen:
+    """A rim, and grain among points (n, 3) of the box's frame [m]."""
+    fill = fill_of(inside, look, max(1, round(look.length / STATION)))
     return BoxSeen(
         t, True, rim.x, rim.y, rim.heading, rim.height, *rim.sd, rim.height_sd, confidence(rim),
         fill.height, fill.sd, fill.freeboard, fill.lean,

@@ -39,21 +39,29 @@ class Fill:
     lean: float
 
 
-def fill_of(
-    points: F64,
-    length: float,
-    width: float,
-    rim: float,
-    rim_sd: float,
-    count: int,
-    steepest: float = STEEPEST,
-    alike: float = 1.0,
-) -> Fill:
-    """Grain among points (n, 3) of the box's frame [m]; rim: its height; count: of the places; steepest:
-    tangent of the slope at which grain may fall towards a wall; alike: number of points that err alike.
+@dataclass(frozen=True)
+class BoxLook:
+    """A box, and how the sensor that looks into it tells heights.
+
+    length, width: inside; rim: height of its rim; rim_sd: standard deviation of that [m]
+    steepest: tangent of the slope at which grain may fall towards a wall; alike: number of points that err
+    alike
+    """
+
+    length: float
+    width: float
+    rim: float
+    rim_sd: float
+    steepest: float = STEEPEST
+    alike: float = 1.0
+
+
+def fill_of(points: F64, look: BoxLook, count: int) -> Fill:
+    """Grain among points (n, 3) of the box's frame [m], at so many places.
 
     A strip beside a wall that is not seen is hidden by that wall: grain lies low there.
     """
+    length, width, rim, rim_sd = look.length, look.width, look.rim, look.rim_sd
     inside = np.abs(points[:, 0]) < 0.5 * length - NEAREST
     inside &= np.abs(points[:, 1]) < 0.5 * width - NEAREST
     inside &= (points[:, 2] < rim + ABOVE) & (points[:, 2] > rim - BELOW)
@@ -65,18 +73,19 @@ def fill_of(
         own = place == k
         from_middle = points[:, 0] - ((k + 0.5) / count - 0.5) * length
         on_line = own & middle
-        found = _at_middle(from_middle[on_line], points[on_line, 1], points[on_line, 2], alike)
+        found = _at_middle(from_middle[on_line], points[on_line, 1], points[on_line, 2], look.alike)
         if found is not None and hypot(rim_sd, LIES, found[1]) <= MOST_SD:
             height[k], sd[k] = found[0] - rim, hypot(rim_sd, LIES, found[1])
         along = from_middle[own]
         for side, sign in enumerate((1.0, -1.0)):
             away = 0.5 * width - sign * points[own, 1]
-            sides[side, k] = at_wall(away, along, points[own, 2], length / count, steepest) - rim
+            sides[side, k] = at_wall(away, along, points[own, 2], length / count, look.steepest) - rim
     there = np.isfinite(sides)
     highest = np.where(there.any(axis=0), np.where(there, sides, -np.inf).max(axis=0), np.nan)
     for k, sign in ((0, -1.0), (count - 1, 1.0)):
         away = 0.5 * length - sign * points[:, 0]
-        highest[k] = float(np.fmax(highest[k], _at_end(away, points, width, length / count, steepest) - rim))
+        at_end = _at_end(away, points, width, length / count, look.steepest)
+        highest[k] = float(np.fmax(highest[k], at_end - rim))
     both = there.all(axis=0)
     lean = float((sides[0, both] - sides[1, both]).mean()) if bool(both.any()) else 0.0
     return Fill(height, sd, -highest, lean)

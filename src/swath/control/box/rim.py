@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from swath.control.box.finder import BoxFinder, FinderParams, Size, sample
+from swath.control.box.grain_profile import BoxLook
 from swath.control.box.rim_fit import edges_of, fit_rim, grid_of, in_box
 from swath.core.component import Inputs, Port
 from swath.core.registry import Level
@@ -51,7 +52,8 @@ class RimFit(BoxFinder):
         if rim is None or not self.is_sure(rim):
             return box_unseen(t)
         near = points[np.isfinite(away)]
-        return sample(t, rim, in_box(near, rim.x, rim.y, rim.heading), length, width)
+        inside = in_box(near, rim.x, rim.y, rim.heading)
+        return sample(t, rim, inside, BoxLook(length, width, rim.height, rim.height_sd))
 
 
 LEVEL = Level(

@@ -17,6 +17,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.control.box.finder import BoxFinder, FinderParams, Size, sample
+from swath.control.box.grain_profile import BoxLook
 from swath.control.box.picture_edges import edges_of
 from swath.control.box.picture_rim import on_plane, rim_in
 from swath.control.box.plane_sweep import ALIKE, grain_points
@@ -67,7 +68,8 @@ class StereoBox(BoxFinder):
             return box_unseen(t)
         greys = (grey(images[0]), grey(images[1]))
         points = grain_points(greys, views, rim, length, width)
-        return sample(t, rim, points, length, width, steepest=0.0, alike=ALIKE)
+        box = BoxLook(length, width, rim.height, rim.height_sd, steepest=0.0, alike=ALIKE)
+        return sample(t, rim, points, box)
 
 
 def grey(image: Image) -> F64:

@@ -11,23 +11,23 @@ from swath.control.job.clothoid import bends_of
 from swath.control.job.dubins import Place
 from swath.control.job.ground import Ground, Point, beside
 from swath.control.job.passes import Pass, way_along
-from swath.control.job.right_of_way import place_of
+from swath.control.job.right_of_way import KEEP, outline_of, place_of
 from swath.control.job.ways import Search
 from swath.control.steer.guidance_line import along_bends
 from swath.signals import F64, PeerState, Phase
 
 HALF, NARROW = 2.0, 1.2  # m, of the machine to either side, and of that about start and goal
-HEADER = 4.0  # m, of a combine's knife ahead of its axle
+CUTS_IN = 1.3  # m, that a trailer runs inside of its machine's tightest bend
+CELL = 0.5  # m, that a way may pass nearer than it was looked for
 COME_UP = 25.0  # m behind the combine, where it comes onto the line beside the pass
 STRAIGHT = 14.0  # m before that on the same line: the trailer is straight behind
 BEGIN = -4.0  # m from the begin of a pass, where the line beside it begins
 BEYOND = 30.0  # m behind the end of a pass, where that line ends
 PULL_AHEAD = 10.0  # m on before it turns away from a combine beside it
 NEAR = 18.0  # m from a combine, where it does so
-ASIDE, SHIFT = (
-    0.7,
-    7.0,
-)  # m farther out than under the pipe, where a header and a trailer pass each other; on m
+GONE_BY = 6.0  # m ahead of the own axle: a combine there has driven past
+ASIDE = 0.7  # m farther out than under the pipe, where a header and a trailer pass each other
+SHIFT = 7.0  # m of way, on which it drives out so far
 MOVES = 0.3  # m/s, faster than which a combine will be elsewhere
 
 
@@ -60,7 +60,7 @@ class CartWays:
     ) -> Way | None:
         """To a place, in any direction. discs: that other carts take up (x, y, radius) [m]"""
         goals = [Place(*place, 2.0 * pi * i / 12) for i in range(12)]
-        if hypot(combine.x, combine.y) >= NEAR:
+        if hypot(combine.x, combine.y) >= NEAR or combine.x > GONE_BY:
             return self._found(here, combine, goals, [], [], discs)
         is_beside = combine.y < -0.5 * self._left and abs(combine.x) < NEAR
         return self._found(here, combine, goals, [], _pulled_ahead(here, ASIDE if is_beside else 0.0), discs)
@@ -90,26 +90,24 @@ class CartWays:
         first: list[Place],
         taken: Sequence[Disc],
     ) -> Way | None:
-        """Through the first places, to the goal, and through the rest; None where there is none now."""
+        """Through the first places, to the goal, and through the rest; None where there is none now.
+
+        About a combine that stands its trailer has room to cut corners, where there is such a way.
+        """
         ground = self._ground(combine)
-        discs = [*self._discs(here, combine), *taken]
-        search = Search(ground, ground.clear_of(HALF, discs), ground.clear_of(NARROW, discs), self._radius)
         start = first[-1] if first else here
-        way = search.way(start, goals)
+        for keep in (KEEP + CUTS_IN, KEEP):
+            discs = [*_discs(here, start, combine, keep), *taken]
+            masks = ground.clear_of(HALF, discs), ground.clear_of(NARROW, discs)
+            way = Search(ground, *masks, self._radius).way(start, goals)
+            if way is not None:
+                break
         if way is None:
             return None
         before = [place[:2] for place in first[:-1]]
         points = np.array([*before, *along_bends(*start, bends_of(way, self._radius)), *rest])
         last = hypot(rest[0][0] - goals[0].x, rest[0][1] - goals[0].y) if rest else 0.0
         return Way(points, last)
-
-    def _discs(self, here: Place, combine: PeerState) -> list[tuple[float, float, float]]:
-        """What a combine that stands takes up; one that moves is waited for."""
-        if combine.speed > MOVES:
-            return []
-        at, half = place_of(here, combine), 0.5 * self._header
-        discs = [(*beside(*at, ahead, 0.0), 1.7) for ahead in (-5.0, -3.0, -1.0, 1.0)]
-        return discs + [(*beside(*at, HEADER, half * (i / 4.0 - 1.0)), 0.3) for i in range(9)]
 
     def _ground(self, combine: PeerState) -> Ground:
         """Crop as it stands now, by the passes that are done and the way in the present one."""
@@ -127,6 +125,17 @@ class CartWays:
         (ax, ay), (bx, by) = of.line_m[0], of.line_m[-1]
         course = atan2(by - ay, bx - ax)
         return [beside(x, y, course, 0.0, self._left + aside) for x, y in ((ax, ay), (bx, by))]
+
+
+def _discs(here: Place, start: Place, combine: PeerState, keep: float) -> list[Disc]:
+    """What is left free about a combine that stands, as far as the start is from it; one that moves is waited
+    for. here: where the own machine is; keep: from the outline [m]
+    """
+    if combine.speed > MOVES and combine.phase in (Phase.CUTS, Phase.TURNS):
+        return []
+    outline, at = outline_of(combine), place_of(here, combine)
+    radius = max(min(outline.away(at, start.x, start.y), keep + CELL) - NARROW - 0.5 * CELL, 0.3)
+    return [(x, y, radius) for x, y in outline.points(at)]
 
 
 def _pulled_ahead(here: Place, aside: float) -> list[Place]:

@@ -17,7 +17,7 @@ from swath.signals import GuidancePath, PeerState, Phase
 
 LATER = 1.0  # s, that a cart waits for each one before it by number to take a call
 AT_TRUCK = 12.0  # m from the truck's place: it is taken
-APART = 3.0  # m about the way of another cart, beyond the own half width
+APART = 3.5  # m about the way of another cart, beyond the own half width
 AROUND = 1.5  # m about the outline of one that stands, likewise
 EVERY = 3.0  # m between places of a way
 SOON, NEAR = 4.0, 20.0  # s, m

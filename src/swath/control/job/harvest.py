@@ -1,7 +1,7 @@
 """Job level `harvest`: pass after pass with its turns; stands with a full tank, calls a cart."""
 
 from dataclasses import dataclass
-from math import hypot, isfinite, nan, sqrt
+from math import hypot, inf, isfinite, nan, sqrt
 from typing import Annotated
 
 import numpy as np
@@ -11,7 +11,7 @@ from swath.control.cooperate.peer_track import OTHER_PORTS
 from swath.control.job.dubins import Place
 from swath.control.job.ground import beside
 from swath.control.job.heard import SILENT, STOPS, AllHeard
-from swath.control.job.passes import Pass, Route, route_of
+from swath.control.job.passes import RUN_OUT, Pass, Route, route_of
 from swath.control.job.right_of_way import is_swept, outline_of, own_outline, place_of
 from swath.control.job.turn_limits import limits_of
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -35,12 +35,14 @@ from swath.signals.setup import ControlSetup
 
 BRAKE = 0.4  # m/s2, gentler than the drive can
 EMPTY = 0.004  # of the tank
+RUNS_OUT = 1.5  # s without grain from the pipe: what comes late from the threshing has run out, too
 AT_END = -0.3  # m to go, at which the header is out of the crop
 CRAWL = 0.2  # m/s, slowest towards the end of a pass
 TAKEN = 0.02  # of the tank, that a cart took before a machine with a full one goes on
 NEAR = 60.0  # m, beyond which another machine is not in the way of a turn
 AHEAD, EVERY = 45.0, 2.0  # m of the way through a turn that has to be free; between two looks
 SOON = 6  # s, for which another machine is taken to drive straight on
+BESIDE = 16.0  # m, nearer than which a cart stands beside it
 CAN_BE = 15.0  # m about a place where a silent machine may stand, that a turn takes
 
 
@@ -75,7 +77,10 @@ class Params:
 class Harvest(KeepsState):
     """Knows its passes, and by its own pose how far it has come."""
 
-    kept = ("_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_ended", "_heard", "_silent_for")
+    kept = (
+        "_index", "_way", "_phase", "_calls", "_finishes", "_stands", "_ended", "_heard", "_silent_for",
+        "_dry_for",
+    )  # fmt: skip
     inputs = (
         Port("pose", PoseEstimate),
         Port("odometry", Odometry),
@@ -100,7 +105,7 @@ class Harvest(KeepsState):
     def _forget(self) -> None:
         self._index, self._way, self._phase = 0, 0.0, Phase.WAITS
         self._calls = self._finishes = self._stands = False
-        self._ended, self._silent_for = "", 0.0
+        self._ended, self._silent_for, self._dry_for = "", 0.0, inf
         self._heard.reset()
 
     def reset(self, stream: Stream) -> Outputs:
@@ -116,6 +121,9 @@ class Harvest(KeepsState):
         self._advance(pose)
         carts = list(self._heard.update(t + dt, dt, inputs).values())
         here = Place(pose.x, pose.y, pose.heading)
+        unload: UnloadState | None = inputs.get("unload")
+        pours = unload is not None and unload.flow > 0.0
+        self._dry_for = 0.0 if pours else self._dry_for + dt / NS
         speed = self._speed(inputs, here, carts)
         self._note_silence(carts, dt / NS)
         return self._out(t + dt, speed, self._way)
@@ -160,15 +168,16 @@ class Harvest(KeepsState):
         to_last = is_last or (self._phase == Phase.TURNS and self._index + 2 == len(p.passes))
         wants = level >= p.call_percent * PERCENT or ((self._calls or to_last) and level > EMPTY)
         self._calls = has_cart and wants
-        if self._phase == Phase.DONE or (is_over and not self._calls and flow <= 0.0):
-            self._phase = Phase.DONE
-            return 0.0
-        if flow > 0.0 and 0.0 < left < p.unload_to_m:
-            self._finishes |= load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
+        leaves = self._phase == Phase.TURNS or (not self._calls and self._dry_for > RUNS_OUT)
+        if self._phase == Phase.DONE or (is_over and leaves):
+            return self._leaves(left, here, carts)
+        if flow > 0.0 and 0.0 < left < p.unload_to_m and not self._finishes:
+            is_soon_over = load.tank_grain / flow <= p.finish_s + left / max(speed, 0.3)
+            self._finishes = is_soon_over and self._turns_clear_of(carts)
         if left > AT_END:
             holds = self._is_full(work, level, pours=flow > 0.0)
         else:
-            holds = is_over or self._is_held(level, here, carts, pours=flow > 0.0)
+            holds = is_over or self._is_held(here, carts)
         if holds:
             self._phase = Phase.STANDS
             return 0.0
@@ -178,6 +187,18 @@ class Harvest(KeepsState):
             return turning
         slower = 0.0 if self._finishes or is_last else min(turning, wanted)
         return min(wanted, max(sqrt(slower**2 + 2.0 * BRAKE * (left - AT_END)), CRAWL))
+
+    def _leaves(self, left: float, here: Place, carts: list[PeerState]) -> float:
+        """Behind the last pass: on past a cart that stands beside it, whose trailer need not come by the
+        header then. left: to the end of the pass [m], < 0 behind it
+        """
+        rest = RUN_OUT - 1.0 + left
+        near = any(cart.is_heard and hypot(cart.x, cart.y) < BESIDE for cart in carts)
+        if self._phase == Phase.DONE or rest <= 0.0 or not near or self._is_blocked(here, carts):
+            self._phase = Phase.DONE
+            return 0.0
+        self._phase = Phase.TURNS
+        return min(self._p.turn_speed_kmh * KMH, max(sqrt(2.0 * BRAKE * rest), CRAWL))
 
     def _is_full(self, work: Pass, level: float, *, pours: bool) -> bool:
         """In the pass it stands with a full tank, until a cart takes grain on the go, or has taken some."""
@@ -190,13 +211,20 @@ class Harvest(KeepsState):
             self._stands = False
         return self._stands
 
-    def _is_held(self, level: float, here: Place, carts: list[PeerState], *, pours: bool) -> bool:
+    def _is_held(self, here: Place, carts: list[PeerState]) -> bool:
         """At the end of a pass: until a load is finished, and the carts are out of the way of the turn."""
         if self._phase == Phase.TURNS:
             return False
-        if self._finishes and pours and level > EMPTY:
-            return True
+        return (self._finishes and self._dry_for <= RUNS_OUT) or self._is_blocked(here, carts)
+
+    def _is_blocked(self, here: Place, carts: list[PeerState]) -> bool:
         return any(cart.is_heard and self._is_in_way(here, cart) for cart in carts)
+
+    def _turns_clear_of(self, carts: list[PeerState]) -> bool:
+        """Whether the turn behind the pass leaves carts in peace that stand beside the machine as now."""
+        end = self._route().length - AT_END
+        here = self._through_turn(end)[0]
+        return not any(cart.is_heard and self._sweeps(end, cart, [place_of(here, cart)]) for cart in carts)
 
     def _is_in_way(self, here: Place, said: PeerState) -> bool:
         away = hypot(said.x, said.y)
@@ -204,13 +232,18 @@ class Harvest(KeepsState):
             return away < STOPS + CAN_BE
         if away > NEAR:
             return False
-        line = self._route().line
-        ways = [self._way + EVERY * i for i in range(round(AHEAD / EVERY) + 1)]
-        turn = [Place(*line.point(way), line.heading(way)) for way in ways]
         at = place_of(here, said)
         ahead = [0.0] if said.speed < 0.3 else [said.speed * i for i in range(SOON)]
-        places = [Place(*beside(*at, way, 0.0), at.heading) for way in ahead]
-        return is_swept(self._outline, turn, outline_of(said), places)
+        return self._sweeps(self._way, said, [Place(*beside(*at, way, 0.0), at.heading) for way in ahead])
+
+    def _sweeps(self, way: float, said: PeerState, places: list[Place]) -> bool:
+        return is_swept(self._outline, self._through_turn(way), outline_of(said), places)
+
+    def _through_turn(self, way: float) -> list[Place]:
+        """Places of the next metres, from so far along the way [m]."""
+        line = self._route().line
+        ways = [way + EVERY * i for i in range(round(AHEAD / EVERY) + 1)]
+        return [Place(*line.point(w), line.heading(w)) for w in ways]
 
     def _out(self, t: int, speed: float, way: float) -> Outputs:
         p, (route, path), work = self._p, self._made(), self._p.passes[self._index]

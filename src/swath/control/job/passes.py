@@ -16,7 +16,7 @@ from swath.control.steer.path import Segment
 
 Coordinate = Annotated[float, Ge(-1e6), Le(1e6)]
 Point = tuple[float, float]
-RUN_OUT = 12.0  # straight on behind the last pass [m]
+RUN_OUT = 20.0  # straight on behind the last pass [m]
 SHORTEST = 1e-6  # piece of a turn [m]
 STRAIGHT = 3.0  # behind a turn, on the line of the next pass before its begin [m]
 

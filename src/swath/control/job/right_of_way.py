@@ -17,7 +17,8 @@ SAME_WAY = pi / 3.0  # rad, of its heading from that of its way, where it is loo
 LIMITS = TurnLimits(7.0, 0.1)  # of turns that the plan does not give
 KNIFE = 4.0  # m ahead of the axle, where no message tells it
 FORE = 30.0  # m ahead of a combine, that are left to it
-SWEPT, NEARER = 1.5, 0.1  # m that a turn has to be clear of a machine, if it is not nearer already
+SWEPT, NEARER = 0.8, 0.1  # m that a turn has to be clear of a machine, if it is not nearer already: half a
+# metre, and what the tyres of a trailer stand out beyond its box
 KEEP = 3.0  # m from the middle of a machine to the outline of another one
 LOOK, STEP = 8.0, 1.0  # m beyond the braking way; between two looks
 SHORT = 2.0  # m kept before what is in the way

@@ -42,6 +42,8 @@ from swath.signals.setup import ControlSetup
 
 BRAKE = 0.4  # m/s2
 SIDEWAYS = 0.8  # m/s2, most in a bend
+OFF, SLOWLY = 0.3, 2.0  # m off its way it drives no faster than that, m/s
+STEERS = 0.26  # rad/s (15 deg/s), of the steering angle: the default of steering along a path
 CATCH_UP = 0.3  # 1/s
 IN_LINE, TURNED, NEAR = 1.0, 0.2094, 4.0  # m, rad (12 deg), m: from there on it keeps the station
 FULL_FOR = 4.0  # s, that the station says full, or that nothing is poured any more, before it leaves
@@ -49,7 +51,7 @@ HELD_FOR = 8.0  # s without grain beside a combine that stands: it cannot turn w
 AHEAD = STRAIGHT - BEGIN + 20.0  # m along the line beside a pass, where it waits for the combine to come up
 FORESIGHT = 2  # passes after the present one, for which it sets out
 APART = 45.0  # m from a combine that cuts, from where on it sets out for a pass to come
-CLEAR = 16.0  # m from a combine that turns, likewise
+CLEAR = 16.0  # m from a combine that turns, likewise; and from one that drives, before it sets out elsewhere
 LEAST = 15.0  # m of a pass beside the combine, for which it sets out
 RETRY = 5.0  # s between two looks for a way
 ARRIVED = 0.4  # m
@@ -105,7 +107,7 @@ class Shuttle(KeepsState):
         p = self._p = params
         places = [] if p.wait_m is None else [p.truck_m, p.wait_m]
         self._ways = CartWays(p.passes, p.boundary_m, p.header_m, p.beside_m, p.radius_m, places)
-        self._clearance = Clearance(p.passes)
+        self._clearance, self._steers = Clearance(p.passes), STEERS / setup.machine.wheelbase
         self._line: GuidanceLine | None = None
         self._heard, self._others = AllHeard(), list[OtherCart]()
         self._forget()
@@ -199,8 +201,9 @@ class Shuttle(KeepsState):
         return next((i for i in then if passes[i].cart_beside), -1)
 
     def _set_out(self, now: float, here: Place, peer: PeerState, goal: str) -> None:
-        if now < self._retry_at:
-            return
+        drives = peer.phase in (Phase.CUTS, Phase.TURNS) and hypot(peer.x, peer.y) < CLEAR
+        if now < self._retry_at or (drives and goal != "combine"):
+            return  # a combine that drives away from it is not driven past
         self._retry_at = now + RETRY
         task = self._next_task(peer) if goal == "combine" else -1
         discs = discs_of(self._others)
@@ -221,7 +224,8 @@ class Shuttle(KeepsState):
         """Along the way that was found; on the line beside the pass it catches up."""
         station, heap, speed = inputs["station"], inputs["heap"], max(inputs["odometry"].speed, 0.0)
         line = self._made()
-        self._way = line.project(here.x, here.y, self._way).way
+        nearest = line.project(here.x, here.y, self._way)
+        self._way = nearest.way
         left = line.length - self._way
         if left <= ARRIVED and self._goal != "combine":
             empties = self._has_load(heap) or (peer.phase == Phase.DONE and heap.grain > 0.0)
@@ -249,9 +253,10 @@ class Shuttle(KeepsState):
             return 0.0
         if in_lane and peer.task < self._task:
             free = min(free, max(self._lane + AHEAD - self._way, 0.0))
-        wanted = min(
-            self._p.speed_kmh * KMH, self._slow(line, speed), sqrt(2.0 * BRAKE * max(min(left, free), 0.0))
-        )
+        slow = self._slow(line, speed)
+        if abs(nearest.left) > OFF and not in_lane:
+            slow = min(slow, SLOWLY)
+        wanted = min(self._p.speed_kmh * KMH, slow, sqrt(2.0 * BRAKE * max(min(left, free), 0.0)))
         if in_lane and peer.task >= self._task:
             behind = station.ahead if station.is_active else 0.0
             return float(min(wanted, max(peer.speed + CATCH_UP * behind, 0.0)))
@@ -287,10 +292,12 @@ class Shuttle(KeepsState):
         )  # fmt: skip
 
     def _slow(self, line: GuidanceLine, speed: float) -> float:
-        """Speed [m/s] for the bends of the next metres."""
-        ahead = [self._way + i for i in range(0, int(2.0 + 2.5 * speed) + 2, 2)]
-        bend = max(abs(line.curvature(way, 1.0)) for way in ahead)
-        return sqrt(SIDEWAYS / max(bend, 1e-3))
+        """Speed [m/s] for the bends of the next metres, and for the steering to turn between them."""
+        ahead = [self._way + i for i in range(-2, int(2.0 + 2.5 * speed) + 4, 2)]
+        bends = [line.curvature(way, 1.0) for way in ahead]
+        bend = max(abs(k) for k in bends[1:-1])
+        change = max(abs(b - a) for a, b in zip(bends, bends[2:], strict=False)) / 4.0
+        return min(sqrt(SIDEWAYS / max(bend, 1e-3)), self._steers / max(change, 1e-3))
 
     def _keeps(self, now: float, here: Place, peer: PeerState, station: Wanted) -> None:
         is_over = peer.phase == Phase.DONE or (peer.phase == Phase.STANDS and not peer.calls)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from swath.control.job.passes import RUN_OUT
 from swath.core.errors import InputError
 from swath.job.machines import Combine
 from swath.job.path import path_of
@@ -47,11 +48,13 @@ def _around(truck: Point) -> list[Point]:
 
 
 def axle_ways(plan: FieldPlan, combine: Combine) -> F64:
-    """Points (n, 2) [m] of the fixed axle's way through all passes and turns."""
+    """Points (n, 2) [m] of the fixed axle's way through all passes and turns, and on behind the last pass."""
     parts = []
     for p, then in zip(plan.passes, (*plan.passes[1:], None), strict=True):
         end = axle_at(p.end, combine)
         parts.append(np.array([axle_at(p.start, combine)[:2], end[:2]]))
+        if then is None:
+            parts.append(np.array([axle_at(p.end, combine, -RUN_OUT)[:2]]))
         if then is not None:
             parts.append(path_of(turn_between(p, then, combine), end).points)
     return np.concatenate(parts)
