@@ -28,7 +28,7 @@ from swath.scenario.scenario import load_scenario
 
 POOLS = {
     "judged": 5021, "training": 7, "second": 9377, "third": 80211, "fourth": 66391, "fifth": 907531,
-    "sixth": 350617,
+    "sixth": 350617, "seventh": 774193,
 }  # fmt: skip
 Draw = Callable[[np.random.Generator], dict[str, Any]]
 Run = dict[str, Any]

@@ -60,6 +60,11 @@ def filled(kind: Any, device: str = "cpu", /, **members: Any) -> Any:
     return struct
 
 
+def exact_code(file: Path) -> str:
+    """The body of a native function that has `ExactSum` and `exact_length` of exact.cpp."""
+    return "\n".join(f.read_text(encoding="utf-8") for f in (Path(__file__).parent / "exact.cpp", file))
+
+
 class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 

@@ -75,3 +75,30 @@ def test_a_saved_filter_goes_on():
     for f in (filtered, other):
         f.take(sample, 2.0)
     assert (filtered.up == other.up).all()
+
+
+def test_the_compiled_step_is_that_in_python_to_the_last_bit():
+    rng = np.random.default_rng(5)
+    mounting = Pose.from_euler((1.0, 0.0, 2.0), 0.2, -0.1, 1.5)
+    compiled, python = Inclination(mounting), Inclination(mounting)
+    t = 0
+    for call in range(400):
+        samples = []
+        for _ in range(call % 6):
+            t += 10_000_000
+            values = [*rng.normal(0.0, 0.2, 3), *rng.normal(0.0, 1.0, 2), rng.normal(9.81, 1.0)]
+            values[call % 6] = np.nan if rng.random() < 0.1 else values[call % 6]
+            if rng.random() < 0.05:
+                values[3:] = [0.0, 0.0, 0.1]  # no direction
+            samples.append(Inertial(t, *values))
+        speed = float(rng.normal(2.0, 0.5))
+        compiled.take(samples, speed)
+        python.take_in_python(samples, speed)
+        assert compiled.save() == python.save()
+    other = Inclination(mounting)
+    other.load(compiled.save())
+    assert other.rise == compiled.rise
+    many = [Inertial(t + k, 0.1, 0.0, 0.0, 0.5, 0.5, 9.0) for k in range(1, 90)]
+    other.take(many, 2.0)  # more than the shared memory holds
+    python.take_in_python(many, 2.0)
+    assert other.save() == python.save()

@@ -355,7 +355,7 @@ def answers(rng, top):
     height = np.where(place > 0.0, rng.uniform(0.1, top, 240), rng.uniform(-0.02, 0.05, 240))
     layer = np.clip((height - LOWEST) / LAYER, 0, LAYERS - 1).astype(np.int64)
     cells = np.clip((place + HALF) / CELL, 0, PLACES - 1).astype(np.int64) * CLASSES + layer
-    return RayAnswers(cells, 0.0, 240, height, place, place)
+    return RayAnswers(cells, np.full(240, np.nan), 0.0, 240, height, place, place)
 
 
 @pytest.mark.parametrize("bias", [0.4, -0.4])

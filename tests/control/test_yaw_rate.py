@@ -47,3 +47,18 @@ def test_sound_sensors_leave_the_gyroscope_alone():
 def test_a_machine_at_rest_does_not_turn():
     assert left_over(0.3, speed=0.0, has_unit=False) == pytest.approx(0.0, abs=0.03)
     assert abs(left_over(0.3, has_unit=False)) > 0.1  # one sensor against one, on the way
+
+
+def test_the_compiled_step_is_that_in_python_to_the_last_bit():
+    rng = np.random.default_rng(8)
+    mounting = Pose.from_euler((1.0, 0.0, 2.0), 0.2, -0.1, 1.5)
+    compiled, python = YawRate(BASE, mounting), YawRate(BASE, mounting)
+    python._memory.put = lambda samples: False
+    for call in range(600):
+        felt = [Inertial(0, *rng.normal(0.0, 0.1, 3), 0.0, 0.0, 9.81) for _ in range(call % 5)]
+        felt += [Inertial(0, nan, 0.0, 0.0, 0.0, 0.0, 9.81)] if call % 7 == 0 else []
+        steer = nan if call % 11 == 0 else float(rng.normal(0.0, 0.2))
+        odometry = Odometry(0, float(rng.normal(2.0, 0.5)), float(rng.normal(0.0, 0.05)), steer)
+        given = odometry, (felt if call % 13 else None), DT
+        assert compiled.of(*given) == python.of(*given)
+        assert compiled.save() == python.save()

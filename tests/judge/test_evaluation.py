@@ -47,6 +47,16 @@ class States(Counting):
     LIMITS = {"states": {"max": 0.0}}
 
 
+class Resting(States):
+    METRICS = (Metric("looks", "", "machine states shown", "Run"),)
+    LIMITS = {"looks": {"max": 0.0}}
+    rests_until = 0
+
+    def see(self, slot, t, outputs):
+        self.count += 1
+        self.rests_until = t + 200_000_000
+
+
 def judged(*classes, expect=(), names=("combine",)):
     machines = {name: machine(name=name) for name in names}
     setups = {name: EvaluatorSetup(GridField(ArcEdge()), machines, name) for name in names}
@@ -70,6 +80,13 @@ def test_an_evaluator_is_shown_the_signals_it_names_and_without_names_all():
     assert everything > 5 * states
     evaluation("cart.speed", 0, {"command": SpeedCommand(0, 1.0)})
     assert evaluation.find("combine", Counting).count == everything
+
+
+def test_an_evaluator_that_rests_is_shown_nothing_before_its_time():
+    evaluation = judged(States, Resting)
+    drive([evaluation], GridField(ArcEdge()), seconds=1.0)
+    assert evaluation.find("combine", States).count == 101
+    assert evaluation.find("combine", Resting).count == 6
 
 
 def test_the_end_is_asked_for_once():

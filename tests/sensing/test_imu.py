@@ -204,3 +204,27 @@ def test_a_unit_put_in_while_driving_starts_at_rest():
     assert sensor.step(0, STEP, {"state": (state(straight(2.0), 10**9 + 2 * STEP),)})[
         "inertial"
     ].force_x == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_the_compiled_step_is_that_in_python_to_the_last_bit(count):
+    rng = np.random.default_rng(count)
+    place = Place(x_m=1.3, y_m=-0.4, z_m=2.1, roll_deg=3.0, pitch_deg=-7.0, yaw_deg=20.0)
+    compiled, python = (error(4, mount=place, unit="bmi088") for _ in range(2))
+    python._motion.sample = lambda states: None
+    pose, t, made = Pose.from_euler((3.0, 4.0, 1.0), 0.05, -0.02, 1.0), 0, ([], [])
+    for step in range(300):
+        states = []
+        for _ in range(count):
+            t += STEP // count
+            turn = rng.normal(0.0, 0.02, 3) if step > 20 else np.zeros(3)  # at first it goes straight
+            pose = pose @ Pose.from_euler(rng.normal(0.0, 0.02, 3), *turn)
+            states.append(state(lambda _, there=pose: there, t))
+        for sensor, samples in zip((compiled, python), made, strict=True):
+            given = {"state": tuple(states)}
+            samples.append(sensor.step(step * STEP, STEP, given)["inertial"])
+        if step == 100:  # each goes on from what the other saved
+            saved = compiled.save(), python.save()
+            python.load(saved[0]), compiled.load(saved[1])
+    assert compiled._motion._launch is not None
+    assert bits(made[0]) == bits(made[1])

@@ -8,9 +8,11 @@ and r about y and z. What the pull has to undo again and again is the gyroscopes
 
 from collections.abc import Sequence
 from math import fsum, hypot, isfinite
+from struct import Struct
 
 import numpy as np
 
+from swath.control.inertial_memory import InertialMemory
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.schedule import NS
@@ -21,19 +23,25 @@ BIAS_S = 30.0  # the same of the gyroscopes' bias [s]
 CRAB = 0.27  # side slip per side force in g: about 1 / the tyres' cornering stiffness over load
 GRAVITY = 9.81  # m/s2
 LEAST_FORCE = 1.0  # m/s2: a smaller specific force has no direction
+# Numbers of the shared memory: samples and speed of the step; direction upward, bias of the gyroscopes,
+# whether samples came in, time and speed then; rotation of the unit.
+STEP, UPWARD = Struct("2d"), Struct("3d")
+UP, BIAS, KNOWN, TIME, SPEED, TURN = 2, 5, 8, 9, 10, 11
 
 
 class Inclination(KeepsState):
     """The upward direction in the machine frame. mounting: pose_machine_sensor of the inertial unit.
 
     up: unit vector (3,), the vertical in the machine frame; (0, 0, 1) before the first sample
-    is_known: samples came in
     """
 
     kept = ("_up", "is_known", "_bias", "_t", "_speed")
 
     def __init__(self, mounting: Pose | None) -> None:
         self._turn = (np.eye(3) if mounting is None else mounting.rotation).tolist()
+        self._memory = InertialMemory("take_inclination")
+        self._numbers = self._memory.numbers
+        self._numbers[TURN:] = [v for row in self._turn for v in row]
         self.clear()
 
     def clear(self) -> None:
@@ -45,8 +53,18 @@ class Inclination(KeepsState):
 
     def take(self, samples: Sequence[Inertial] | None, speed: float) -> None:
         """Samples since the last call, oldest first, and the measured speed [m/s]. None: there is no unit."""
+        if not samples:
+            return
+        if self._memory.put(samples):
+            STEP.pack_into(self._memory.bytes, 0, len(samples), speed)
+            self._memory.step()
+        else:
+            self.take_in_python(samples, speed)
+
+    def take_in_python(self, samples: Sequence[Inertial], speed: float) -> None:
+        """The same, bit for bit, and for any number of samples."""
         good, t = [], 0
-        for s in samples or ():
+        for s in samples:
             p, q, r, x, y, z = s.rate_x, s.rate_y, s.rate_z, s.force_x, s.force_y, s.force_z
             if isfinite(p + q + r + x + y + z):
                 good.append((p, q, r, x, y, z))
@@ -91,6 +109,49 @@ class Inclination(KeepsState):
         return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
     @property
+    def is_known(self) -> bool:
+        """Samples came in."""
+        return bool(self._numbers[KNOWN])
+
+    @is_known.setter
+    def is_known(self, value: bool) -> None:
+        self._numbers[KNOWN] = value
+
+    @property
+    def _up(self) -> list[float]:
+        up: list[float] = self._numbers[UP:BIAS].tolist()
+        return up
+
+    @_up.setter
+    def _up(self, value: Sequence[float]) -> None:
+        self._numbers[UP:BIAS] = value
+
+    @property
+    def _bias(self) -> list[float]:
+        bias: list[float] = self._numbers[BIAS:KNOWN].tolist()
+        return bias
+
+    @_bias.setter
+    def _bias(self, value: Sequence[float]) -> None:
+        self._numbers[BIAS:KNOWN] = value
+
+    @property
+    def _t(self) -> int:
+        return int(self._numbers[TIME])
+
+    @_t.setter
+    def _t(self, value: int) -> None:
+        self._numbers[TIME] = value
+
+    @property
+    def _speed(self) -> float:
+        return float(self._numbers[SPEED])
+
+    @_speed.setter
+    def _speed(self, value: float) -> None:
+        self._numbers[SPEED] = value
+
+    @property
     def up(self) -> F64:
         """The vertical in the machine frame, a unit vector (3,)."""
         return np.array(self._up)
@@ -102,7 +163,7 @@ class Inclination(KeepsState):
         In the machine frame, for a plant that stands upright. On a slope that rises to the right the machine
         leans to the left, and plants seem to lean to the right.
         """
-        ahead, left, up = self._up
+        ahead, left, up = UPWARD.unpack_from(self._memory.bytes, 8 * UP)
         steep = max(up, 0.5)
         return ahead / steep, left / steep
 

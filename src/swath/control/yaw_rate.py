@@ -11,11 +11,13 @@ conjugate: Gelman et al., Bayesian Data Analysis, 3rd ed., section 22.1).
 from collections.abc import Sequence
 from itertools import product
 from math import exp, fsum, hypot, isfinite, log, tan
+from struct import Struct
 
+from swath.control.inertial_memory import InertialMemory
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.units import DEG, PERCENT
-from swath.signals import Inertial, Odometry
+from swath.signals import F64, Inertial, Odometry
 
 # sensor: standard deviation when sound, when faulty; estimates after the data sheets of the bundled ones
 GYRO = 0.03 * DEG, 0.5 * DEG  # rad/s, of the odometry
@@ -24,8 +26,13 @@ ANGLE, FAULTY_ANGLE = 0.2 * DEG, 10.0 * DEG  # rad, of the zero of the steering 
 UNDERSTEER = 10.0 * PERCENT  # of the yaw rate that the wheels are at
 LEAST = 0.003 * DEG  # rad/s: a machine at rest turns by no more, whatever its sensors say
 FAULTY = 0.05  # chance of each sensor
+CHANCES = log(1.0 - FAULTY), log(FAULTY)
 MEMORY_S, AGAIN_S = 20.0, 0.5  # s over which differences are averaged; from one estimate to the next
 LONGEST_S = 0.5  # s: of a step that counts
+# Numbers of the shared memory: samples, yaw rate, speed, steering angle and seconds of the step; means of
+# what the wheels and the unit differ by; wheelbase, direction upward in the unit's frame.
+STEP = Struct("5d")
+WHEELS, TURN, WHEELBASE, UP = slice(5, 8), slice(8, 10), 10, slice(11, 14)
 
 
 class YawRate(KeepsState):
@@ -40,12 +47,17 @@ class YawRate(KeepsState):
     def __init__(self, wheelbase: float, mounting: Pose | None) -> None:
         self._wheelbase = wheelbase
         self._up = [0.0, 0.0, 1.0] if mounting is None else mounting.rotation[2].tolist()
+        self._memory = InertialMemory("take_yaw_rate")
+        numbers = self._memory.numbers
+        numbers[WHEELBASE], numbers[UP] = wheelbase, self._up
+        self._angle, self._unit = _Mean(numbers[WHEELS]), _Mean(numbers[TURN])
         self.clear()
 
     def clear(self) -> None:
         """No bias is known."""
         self.bias, self._since = 0.0, 0.0
-        self._angle, self._unit = _Mean(2), _Mean(1)
+        self._angle.clear()
+        self._unit.clear()
 
     def of(self, odometry: Odometry, samples: Sequence[Inertial] | None, seconds: float) -> float:
         """The yaw rate [rad/s], > 0 to the left, less the bias; nan where none is measured.
@@ -55,23 +67,33 @@ class YawRate(KeepsState):
         rate, speed = odometry.yaw_rate, odometry.speed
         if not isfinite(rate):
             return rate
-        seconds = min(seconds, LONGEST_S)
-        if isfinite(speed) and isfinite(odometry.steer_angle):
-            wheels = speed * tan(odometry.steer_angle) / self._wheelbase
-            sd = hypot(speed / self._wheelbase * ANGLE, UNDERSTEER * wheels)
-            self._angle.take(seconds, rate - wheels, sd)
-        (x, y, z), turns = self._up, []
-        for s in samples or ():
-            turn = fsum((x * s.rate_x, y * s.rate_y, z * s.rate_z))
-            if isfinite(turn):
-                turns.append(turn)
-        if turns:
-            self._unit.take(seconds, rate - fsum(turns) / len(turns))
+        seconds, samples = min(seconds, LONGEST_S), samples or ()
+        if self._memory.put(samples):
+            given = rate, speed, odometry.steer_angle, seconds
+            STEP.pack_into(self._memory.bytes, 0, len(samples), *given)
+            self._memory.step()
+        else:
+            self.compare_in_python(odometry, samples, seconds)
         self._since += seconds
         if self._since >= AGAIN_S:
             self._since = 0.0
             self.bias = _bias(self._differences())
         return rate - self.bias
+
+    def compare_in_python(self, odometry: Odometry, samples: Sequence[Inertial], seconds: float) -> None:
+        """What the compiled step does with them, bit for bit, and for any number of samples."""
+        rate, speed = odometry.yaw_rate, odometry.speed
+        if isfinite(speed) and isfinite(odometry.steer_angle):
+            wheels = speed * tan(odometry.steer_angle) / self._wheelbase
+            sd = hypot(speed / self._wheelbase * ANGLE, UNDERSTEER * wheels)
+            self._angle.take(seconds, rate - wheels, sd)
+        (x, y, z), turns = self._up, []
+        for s in samples:
+            turn = fsum((x * s.rate_x, y * s.rate_y, z * s.rate_z))
+            if isfinite(turn):
+                turns.append(turn)
+        if turns:
+            self._unit.take(seconds, rate - fsum(turns) / len(turns))
 
     def _differences(self) -> list[tuple[float, float, float]]:
         """(by what the gyroscope is above another sensor, deviations of that: sound, faulty) [rad/s]"""
@@ -89,8 +111,31 @@ class _Mean(KeepsState):
 
     kept = ("values", "seconds")
 
-    def __init__(self, count: int) -> None:
-        self.values, self.seconds = [0.0] * count, 0.0
+    def __init__(self, numbers: F64) -> None:
+        self._numbers = numbers  # the means, and the seconds that they are over
+
+    def clear(self) -> None:
+        """Nothing yet."""
+        self._numbers[:] = 0.0
+
+    @property
+    def values(self) -> list[float]:
+        """The means."""
+        means: list[float] = self._numbers[:-1].tolist()
+        return means
+
+    @values.setter
+    def values(self, values: Sequence[float]) -> None:
+        self._numbers[:-1] = values
+
+    @property
+    def seconds(self) -> float:
+        """Over which they are, at most MEMORY_S."""
+        return float(self._numbers[-1])
+
+    @seconds.setter
+    def seconds(self, value: float) -> None:
+        self._numbers[-1] = value
 
     def take(self, seconds: float, *values: float) -> None:
         """Values that held for some seconds."""
@@ -102,15 +147,18 @@ class _Mean(KeepsState):
 def _bias(differences: Sequence[tuple[float, float, float]]) -> float:
     """Posterior mean of the gyroscope's bias [rad/s] from its differences to other sensors."""
     logs, means = [], []
+    terms = [  # of each sensor, sound and faulty: precision, pull, cost
+        [(1.0 / sd**2, away / sd**2, 2.0 * log(sd) + (away / sd) ** 2) for sd in sds]
+        for away, *sds in differences
+    ]
     for which in product((0, 1), repeat=1 + len(differences)):
         gyro, *others = which
         precision, pull, cost = 1.0 / GYRO[gyro] ** 2, 0.0, 2.0 * log(GYRO[gyro])
-        for is_faulty, (away, *sds) in zip(others, differences, strict=True):
-            sd = sds[is_faulty]
-            precision, pull = precision + 1.0 / sd**2, pull + away / sd**2
-            cost += 2.0 * log(sd) + (away / sd) ** 2
+        for is_faulty, of in zip(others, terms, strict=True):
+            more, to, costs = of[is_faulty]
+            precision, pull, cost = precision + more, pull + to, cost + costs
         cost += log(precision) - pull**2 / precision
-        chance = fsum(log(FAULTY) if faulty else log(1.0 - FAULTY) for faulty in which)
+        chance = fsum(CHANCES[is_faulty] for is_faulty in which)
         logs.append(chance - 0.5 * cost)
         means.append(pull / precision)
     most = max(logs)

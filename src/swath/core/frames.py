@@ -6,7 +6,7 @@ of frame b to frame a. Its `position` is b's origin seen from a.
 """
 
 from math import asin, atan2, cos, sin
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,37 +15,31 @@ from swath.core.frozen import frozen
 from swath.core.portable import product
 
 Array = NDArray[np.float64]
+Numbers = tuple[list[float], list[list[float]]]
 
 
 @frozen
 class Pose:
     """Rigid transform. position [m], shape (3,); rotation, shape (3, 3), columns are the body axes.
 
-    One that is made of numbers (`from_euler`) makes its arrays when somebody asks for them: most never do.
+    numbers: position and rows of the rotation as plain numbers. Of those and the arrays, which nobody
+    changes, a pose holds what it was made of, and makes the others when somebody asks: most never do.
     """
 
     position: Array
     rotation: Array
+    numbers: ClassVar[Numbers]  # no field: it says the same
 
     def __getattr__(self, name: str) -> Any:
-        numbers = self.__dict__.get("_numbers")
-        if numbers is None or name not in ("position", "rotation"):
+        held = self.__dict__
+        if name == "numbers" and "rotation" in held:
+            made: Any = self.position.tolist(), self.rotation.tolist()
+        elif name in ("position", "rotation") and "numbers" in held:
+            made = np.array(held["numbers"][name == "rotation"])
+        else:
             raise AttributeError(f"{type(self).__name__} has no {name}")
-        made = self.__dict__[name] = np.array(numbers[name == "rotation"])
+        held[name] = made
         return made
-
-    @property
-    def is_of_numbers(self) -> bool:
-        """True of one made of numbers whose arrays nobody asked for yet."""
-        return "position" not in self.__dict__ and "rotation" not in self.__dict__
-
-    @property
-    def numbers(self) -> tuple[list[float], list[list[float]]]:
-        """Position and rows of the rotation as plain numbers, made once: neither changes."""
-        known: tuple[list[float], list[list[float]]] | None = self.__dict__.get("_numbers")
-        if known is None:
-            known = self.__dict__["_numbers"] = self.position.tolist(), self.rotation.tolist()
-        return known
 
     def __getstate__(self) -> dict[str, Array]:
         return {"position": self.position, "rotation": self.rotation}
@@ -65,7 +59,7 @@ class Pose:
     def of_numbers(position: list[float], rows: list[list[float]]) -> "Pose":
         """Pose from a position [m] and the rows of its rotation, as plain numbers that nobody changes."""
         made = object.__new__(Pose)
-        made.__dict__["_numbers"] = position, rows
+        made.__dict__["numbers"] = position, rows
         return made
 
     def __matmul__(self, other: "Pose") -> "Pose":

@@ -15,8 +15,11 @@ from swath.core.signal import Signal
 
 Wire = tuple[str, str]
 Observer = Callable[[str, int, Outputs], None]
-NOWHERE: Wire = ("", "")
-NOTHING: tuple[Any, Wire] = (), NOWHERE
+Queue = list[Signal]
+Held = dict[str, Any]  # what a component will be given, by port
+Readers = tuple[list[tuple[Held, str]], list[Queue]]  # of an output: those of the newest sample, of every one
+Sends = tuple[type[Signal], Wire, list[tuple[Held, str]], list[Queue]]  # type, place of the newest, readers
+NOBODY: Readers = [], []
 
 
 @dataclass
@@ -34,22 +37,18 @@ class Node:
     step_count: int = 0
 
 
-Queue = list[Signal]
-
-
 @dataclass(slots=True)
 class _Links:
     """What joins a node to others, looked up once.
 
-    ports: of which the newest sample is read, and where that is; queues: port -> samples since the last step
-    sends: output -> type of what it sends, where its newest sample is; listeners: output, queue of a reader
+    wires: port of which the newest sample is read -> where that is; held: these samples, kept up to date
+    queues: port -> samples since the last step; sends: by output
     """
 
-    ports: tuple[str, ...]
-    places: tuple[Wire, ...]
+    wires: list[tuple[str, Wire | None]]
+    held: Held
     queues: list[tuple[str, Queue]]
-    sends: dict[str, tuple[type[Signal], Wire]]
-    listeners: list[tuple[str, Queue]]
+    sends: dict[str, Sends]
 
 
 class EndOfRun(Exception):
@@ -83,8 +82,8 @@ class Graph:
         self._latest: dict[tuple[str, str], Signal] = {}
         self._before: dict[tuple[str, str], Signal] = {}
         self._queues: dict[tuple[str, str], Queue] = {}  # by slot and port
-        self._listeners: dict[str, list[tuple[str, Queue]]] = {}  # slot -> output, queue of a reader
         self._links: dict[str, _Links] = {}
+        self._readers: dict[Wire, Readers] = {}
         self._connect()
         self._latches = any(n.slot.latch for n in nodes)
 
@@ -95,6 +94,7 @@ class Graph:
         self._latest.clear()
         for queue in self._queues.values():
             queue.clear()
+        self._hold()
         for node in self.nodes:
             stream = Stream(self.seed, node.slot.name)
             outputs = node.component.reset(stream)
@@ -117,8 +117,14 @@ class Graph:
                 self._before = dict(self._latest)
             for index in due:
                 node = nodes[index]
-                started, period = clock(), node.slot.period
-                outputs = node.component.step(t - period, period, self._gather(node))
+                slot = node.slot
+                started, period = clock(), slot.period
+                links = self._links[slot.name]
+                if slot.latch or links.queues:
+                    inputs = self._gather(node, links)
+                else:
+                    inputs = links.held.copy()
+                outputs = node.component.step(t - period, period, inputs)
                 node.cost_s += clock() - started
                 node.step_count += 1
                 self._send(node, t, outputs)
@@ -131,12 +137,13 @@ class Graph:
         """The end: parts that can (`StepsAnyLength`) take in what was sent to them since their last step."""
         for node in self.nodes:
             slot = node.slot
-            queues = [queue for _, queue in self._links[slot.name].queues]
+            links = self._links[slot.name]
+            queues = [queue for _, queue in links.queues]
             waits = any(queues) or not queues
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
             part = node.component
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
-                self._send(node, self.t, part.step(last, self.t - last, self._gather(node)))
+                self._send(node, self.t, part.step(last, self.t - last, self._gather(node, links)))
 
     def let_go(self) -> None:
         """Forget those who watch and wait. They may hold the graph, too: then both go when nobody uses them,
@@ -147,9 +154,11 @@ class Graph:
     def put(self, slot: str, output: str, sample: Signal) -> None:
         """A sample from outside: components that step from now on see it."""
         self._latest[(slot, output)] = sample
-        for listened, queue in self._listeners.get(slot, ()):
-            if listened == output:
-                queue.append(sample)
+        readers, queues = self._readers.get((slot, output), NOBODY)
+        for held, port in readers:
+            held[port] = sample
+        for queue in queues:
+            queue.append(sample)
 
     def latest(self, slot: str, output: str) -> Signal | None:
         """The newest sample of an output, None before there is one."""
@@ -204,10 +213,11 @@ class Graph:
         self._latest = dict(state["latest"])
         for key, queue in self._queues.items():
             queue[:] = state["queues"][key]
+        self._hold()
 
     def _connect(self) -> None:
         """Check every wire; note who reads what, and who wants every sample."""
-        self._queues, self._listeners = {}, {}
+        self._queues = {}
         for node in self.nodes:
             ports = {p.name: p for p in node.component.inputs}
             for name in node.wires:
@@ -223,20 +233,37 @@ class Graph:
                 source, output = node.wires[port.name]
                 check_fit(source, self._output_port(source, output, node, port), node.slot.name, port)
                 if port.history:
-                    queue = self._queues[node.slot.name, port.name] = []
-                    self._listeners.setdefault(source, []).append((output, queue))
+                    self._queues[node.slot.name, port.name] = []
         self._links = {n.slot.name: self._links_of(n) for n in self.nodes}
+        self._join()
+
+    def _join(self) -> None:
+        """Give each output its readers."""
+        self._readers = {}
+        for node in self.nodes:
+            links = self._links[node.slot.name]
+            for name, source in links.wires:
+                if source is not None:
+                    self._readers.setdefault(source, ([], []))[0].append((links.held, name))
+            for name, queue in links.queues:
+                self._readers.setdefault(node.wires[name], ([], []))[1].append(queue)
+        for slot, part in ((n.slot.name, n.component) for n in self.nodes):
+            for port in part.outputs:
+                wire = slot, port.name
+                sends = port.signal, wire, *self._readers.get(wire, ([], []))
+                self._links[slot].sends[port.name] = sends
+        self._hold()
 
     def _links_of(self, node: Node) -> _Links:
         name, ports = node.slot.name, node.component.inputs
-        newest = tuple(p.name for p in ports if (name, p.name) not in self._queues)
-        return _Links(
-            newest,
-            tuple(node.wires.get(port, NOWHERE) for port in newest),
-            [(p.name, self._queues[name, p.name]) for p in ports if (name, p.name) in self._queues],
-            {p.name: (p.signal, (name, p.name)) for p in node.component.outputs},
-            self._listeners.get(name, []),
-        )
+        wires = [(p.name, node.wires.get(p.name)) for p in ports if (name, p.name) not in self._queues]
+        queues = [(p.name, self._queues[name, p.name]) for p in ports if (name, p.name) in self._queues]
+        return _Links(wires, {}, queues, {})
+
+    def _hold(self) -> None:
+        """What each component will be given, from the newest samples."""
+        for links in self._links.values():
+            links.held.update((port, self._latest.get(wire) if wire else None) for port, wire in links.wires)
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"
@@ -249,9 +276,10 @@ class Graph:
             raise WiringError(f"{end}: {source} has no output {output}; it has {sorted(ports)}")
         return ports[output]
 
-    def _gather(self, node: Node) -> dict[str, Any]:
-        newest, links = (self._before if node.slot.latch else self._latest).get, self._links[node.slot.name]
-        values: dict[str, Any] = dict(zip(links.ports, map(newest, links.places), strict=True))
+    def _gather(self, node: Node, links: _Links) -> dict[str, Any]:
+        values = links.held.copy()
+        if node.slot.latch:
+            values.update((port, self._before.get(wire) if wire else None) for port, wire in links.wires)
         for port, queue in links.queues:
             values[port] = tuple(queue)
             queue.clear()
@@ -262,26 +290,27 @@ class Graph:
         if node.fault is not None:
             outputs = node.fault.pass_on(t, outputs)
         name = node.slot.name
-        links, latest = self._links[name], self._latest
+        sends, latest = self._links[name].sends, self._latest
         if not isinstance(outputs, dict):
-            raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(links.sends)}")
+            raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(sends)}")
         for output, signal in outputs.items():
-            wanted, wire = links.sends.get(output, NOTHING)
+            if output not in sends:
+                raise _unfit(name, output, signal, sends)
+            wanted, wire, readers, queues = sends[output]
             if type(signal) is not wanted and not isinstance(signal, wanted):
-                raise _unfit(name, output, signal, links.sends)
+                raise _unfit(name, output, signal, sends)
             latest[wire] = signal
-        for output, queue in links.listeners:
-            if output in outputs:
-                queue.append(outputs[output])
+            for held, port in readers:
+                held[port] = signal
+            for queue in queues:
+                queue.append(signal)
         if name in self.watches:
             self.watches[name](name, t, outputs)
         for observe in self.observers:
             observe(name, t, outputs)
 
 
-def _unfit(
-    slot: str, output: str, signal: Any, sends: Mapping[str, tuple[type[Signal], Wire]]
-) -> WiringError:
+def _unfit(slot: str, output: str, signal: Any, sends: Mapping[str, Sends]) -> WiringError:
     if output not in sends:
         return WiringError(f"{slot}.{output}: there is no such output; it has {sorted(sends)}")
     given = type(signal).__name__

@@ -111,7 +111,11 @@ def _level_files(package: str) -> tuple[str, ...]:
     """Names of the files of a package that are levels."""
     path = importlib.import_module(package).__path__
     files = [i.name for i in pkgutil.iter_modules(path) if not i.name.startswith("_")]
-    return tuple(name for name in files if hasattr(importlib.import_module(f"{package}.{name}"), "LEVEL"))
+    return tuple(name for name in files if _is_level(importlib.import_module(f"{package}.{name}")))
+
+
+def _is_level(module: Any) -> bool:
+    return isinstance(getattr(module, "LEVEL", None), Level)
 
 
 @cache

@@ -17,8 +17,9 @@ for (int n = 0; n < lines; ++n) {
       const double along = (double)(from + k) + 0.5;
       x[k] = (int)__builtin_floor(x0 + dx * along), y[k] = (int)__builtin_floor(y0 + dy * along);
     }
-    for (int k = 0; k < ROOM && from + k < count; ++k) {
-      const int i = x[k] >> 9, j = y[k] >> 9, u = x[k] & 511, v = y[k] & 511;
+    const int room = count - from < ROOM ? count - from : ROOM;
+    for (int k = 0; k < room;) {
+      const int i = x[k] >> 9, j = y[k] >> 9;
       if (slot < 0 || i != page_x || j != page_y) {
         const int column = i - land.table_x, row = j - land.table_y;
         slot = column < 0 || row < 0 || column >= nx || row >= ny ? -1 : land.table.data[row * nx + column];
@@ -27,8 +28,15 @@ for (int n = 0; n < lines; ++n) {
         page_x = i, page_y = j, code = -1 - line;
         codes = line < 0 ? nullptr : land.cut.data + (long long)line * PAGE * PAGE;
       }
-      const int here = codes ? codes[v * PAGE + u] : code;
-      crop.data[n * count + from + k] = here == STANDING && land.tile_stand.data[64 * slot + (v >> 6) * 8 + (u >> 6)][3] > 0.0f;
+      const bool is_whole = x[room - 1] >> 9 == i && y[room - 1] >> 9 == j;  // a line leaves a page once
+      const auto* stand = land.tile_stand.data + 64 * slot;
+      bool* to = (bool*)crop.data + n * count + from;
+      int next = k;
+      for (; next < room && (is_whole || (x[next] >> 9 == i && y[next] >> 9 == j)); ++next) {
+        const int u = x[next] & 511, v = y[next] & 511, here = codes ? codes[v * PAGE + u] : code;
+        to[next] = here == STANDING && stand[(v >> 6) * 8 + (u >> 6)][3] > 0.0f;
+      }
+      k = next;
     }
   }
 }

@@ -34,6 +34,7 @@ class Cutter:
         self.store, self.stems, self.sway = store, stems, sway
         self._polygon, self._edges = np.zeros((CORNERS_MAX, 2)), np.zeros((CORNERS_MAX, 4))
         self._ask, self._report = np.zeros(4, np.int32), np.zeros(5, np.int32)
+        self._corner_bytes, self._ask_bytes = self._polygon.data.cast("B"), self._ask.data.cast("B")
         self._pages = np.zeros((PAGES_MAX, 4), np.int32)
         self._tiles = np.zeros((PAGES_MAX, 64), np.uint8)
         self._masses = np.zeros((2, 3))  # grain, straw, grain left; of them by earlier cuts [kg]
@@ -57,7 +58,7 @@ class Cutter:
         """
         if len(corners) > CORNERS_MAX:
             return None
-        pack_into("3i", self._ask.data, 0, len(corners), *self._take(corners))
+        pack_into("3i", self._ask_bytes, 0, len(corners), *self._take(corners))
         self._refresh()
         self._count.launch()
         is_missing, count, *_ = self._report.tolist()
@@ -67,7 +68,7 @@ class Cutter:
         """Take over a polygon; its first and last row of cells."""
         if len(corners) > CORNERS_MAX:
             raise InputError("polygon", len(corners), f"expected at most {CORNERS_MAX} corners")
-        pack_into(f"{2 * len(corners)}d", self._polygon.data.cast("B"), 0, *chain.from_iterable(corners))
+        pack_into(f"{2 * len(corners)}d", self._corner_bytes, 0, *chain.from_iterable(corners))
         y = [v for _, v in corners]
         return ceil(min(y) - 0.5), floor(max(y) - 0.5)
 
@@ -84,7 +85,7 @@ class Cutter:
 
     def _cut_rows(self, corners: int, first: int, last: int, code: int) -> Cut:
         """Cut these rows of cells of the polygon; in two halves when they lie on too many pages."""
-        pack_into("4i", self._ask.data, 0, corners, first, last, code)
+        pack_into("4i", self._ask_bytes, 0, corners, first, last, code)
         pages = self._run(code)
         if pages is None:
             if first == last:

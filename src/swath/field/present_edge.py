@@ -48,14 +48,15 @@ def edges_of(crop: Bits) -> list[Array]:
     crop: (n, k), from the cut side to the crop side
     """
     n, k = crop.shape
-    sums = np.zeros((n, k + 1), np.int32)
-    np.cumsum(crop, axis=1, out=sums[:, 1:])
-    row, at = np.nonzero(crop[:, 1:] & ~crop[:, :-1])
-    at = at + 1
-    whole = (at >= _HALF) & (at <= k - _HALF)
-    row, at = row[whole], at[whole]
-    inside = sums[row, at + _HALF] - sums[row, at]
-    outside = _HALF - (sums[row, at] - sums[row, at - _HALF])
+    flat = crop.ravel()  # one axis: several times as fast
+    sums = np.zeros(n * k + 1, np.int32)
+    np.cumsum(flat, out=sums[1:])
+    place = np.flatnonzero(flat[1:] > flat[:-1]) + 1
+    row, at = np.divmod(place, k)
+    whole = (at >= _HALF) & (at <= k - _HALF)  # never the begin of a line
+    row, at, place = row[whole], at[whole], place[whole]
+    inside = sums[place + _HALF] - sums[place]
+    outside = _HALF - (sums[place] - sums[place - _HALF])
     is_edge = (2 * inside > _HALF) & (2 * outside > _HALF)
     row, at, score = row[is_edge], at[is_edge], (inside + outside)[is_edge]
     starts = np.searchsorted(row, np.arange(n + 1))

@@ -2,10 +2,8 @@
 
 from collections.abc import Iterator, Mapping, MutableMapping
 from dataclasses import dataclass
-from os import SEEK_END
-from tempfile import TemporaryFile
-from typing import Any
-from weakref import finalize
+
+from swath.core.unnamed_file import UnnamedFile
 
 Key = tuple[int, int]
 UNCHANGED, IN_FILE = -2, -1  # in place of a page's one code
@@ -26,7 +24,7 @@ class StoredChanges(MutableMapping[Key, Change]):
 
     def __init__(self, changes: Mapping[Key, Change] | None = None) -> None:
         self._places: dict[Key, tuple[int, int, int, int]] = {}  # code, place, bytes of codes and of straw
-        self._file: Any = None  # there from the first bytes on
+        self._file = UnnamedFile()
         self.update(changes or {})
 
     def __setitem__(self, key: Key, change: Change) -> None:
@@ -34,14 +32,14 @@ class StoredChanges(MutableMapping[Key, Change]):
         in_file = (codes if isinstance(codes, bytes) else b"") + straw
         code = codes if isinstance(codes, int) else UNCHANGED if codes is None else IN_FILE
         self._places.pop(key, None)
-        self._places[key] = code, self._put(in_file), len(in_file) - len(straw), len(straw)
+        at, size = self._file.append(in_file), len(in_file) - len(straw)
+        self._places[key] = code, at, size, len(straw)
 
     def __getitem__(self, key: Key) -> Change:
         code, at, codes, straw = self._places[key]
         data = b""
         if codes + straw:
-            self._file.seek(at)
-            data = self._file.read(codes + straw)
+            data = self._file.read(at, codes + straw)
         whole = None if code == UNCHANGED else data[:codes] if code == IN_FILE else code
         return Change(whole, data[codes:] if straw else None)
 
@@ -61,14 +59,3 @@ class StoredChanges(MutableMapping[Key, Change]):
     def has_straw(self, key: Key) -> bool:
         """Whether there is straw on a page."""
         return key in self._places and self._places[key][3] > 0
-
-    def _put(self, data: bytes) -> int:
-        """Append to the file; where."""
-        if not data:
-            return 0
-        if self._file is None:
-            self._file = TemporaryFile()  # noqa: SIM115
-            finalize(self, self._file.close)
-        at: int = self._file.seek(0, SEEK_END)
-        self._file.write(data)
-        return at

@@ -16,6 +16,7 @@ from swath.judge.evaluator import (
     HasEvents,
     HasLimits,
     HasSignals,
+    Rests,
     is_shown,
 )
 from swath.judge.limits import NO_SAMPLE, check_metric, check_samples, entry_of, window_of
@@ -55,7 +56,7 @@ class Evaluation:
         }
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
-        self._shown: dict[tuple[object, ...], list[See]] = {}
+        self._shown: dict[tuple[object, ...], tuple[list[See], list[Any]]] = {}  # the second ones rest
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
         self._distance = dict.fromkeys(self._setups, 0.0)
@@ -64,12 +65,16 @@ class Evaluation:
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Show samples to the evaluators whose business they are."""
         key = slot, *map(type, outputs.values())
-        shown = self._shown.get(key)
-        if shown is None:
-            kinds = tuple(map(type, outputs.values()))
-            shown = self._shown[key] = [e.see for e in self._interested(slot, kinds)]
-        for see in shown:
+        if key not in self._shown:
+            every = self._interested(slot, tuple(map(type, outputs.values())))
+            always: list[See] = [e.see for e in every if not isinstance(e, Rests)]
+            self._shown[key] = always, [e for e in every if isinstance(e, Rests)]
+        awake, resting = self._shown[key]
+        for see in awake:
             see(slot, t, outputs)
+        for evaluator in resting:
+            if t >= evaluator.rests_until:
+                evaluator.see(slot, t, outputs)
         if self._windows:
             self._show_windows(slot, t, outputs)
 

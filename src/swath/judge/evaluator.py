@@ -3,7 +3,7 @@
 An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/evaluators/` that ends with
 `LEVEL = Level(Class, None, summary="...")`, or in a user's file, named `my.py:Class` under the scenario's key
 `evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`,
-`HasSignals` and `core.abilities.EndsRun` and `HasNotes`.
+`HasSignals`, `Rests` and `core.abilities.EndsRun` and `HasNotes`.
 """
 
 import dataclasses
@@ -175,6 +175,13 @@ class HasSignals(Protocol, metaclass=ByMembers):
     """
 
     SIGNALS: ClassVar[tuple[type[Signal], ...]]
+
+
+@runtime_checkable
+class Rests(Protocol, metaclass=ByMembers):
+    """An evaluator that need not be shown samples of before a time of its own. rests_until [ns]"""
+
+    rests_until: int
 
 
 def is_shown(evaluator: HasSignals, kinds: Iterable[type[Signal]]) -> bool:

@@ -3,13 +3,11 @@
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
-from os import SEEK_END
-from tempfile import TemporaryFile
 from typing import Any
-from weakref import finalize
 
 import numpy as np
 
+from swath.core.unnamed_file import UnnamedFile
 from swath.record import packed_columns
 from swath.signals import F64
 
@@ -23,9 +21,9 @@ class KeptRows:
 
     def __init__(self, width: int) -> None:
         self._width = width
-        self._older: list[tuple[str, int, int]] = []  # how packed, rows, bytes in the file
+        self._older: list[tuple[str, int, int, int]] = []  # how packed, rows; place, bytes in the file
         self._newest = array("d")
-        self._file: Any = None  # there from the first block on
+        self._file = UnnamedFile()
 
     def __bool__(self) -> bool:
         return bool(self._older or self._newest)
@@ -57,16 +55,9 @@ class KeptRows:
         return np.concatenate([*older, np.array(self._newest, dtype=float).reshape(-1, self._width)])
 
     def _put(self, how: str, count: int, data: bytes) -> None:
-        if self._file is None:
-            self._file = TemporaryFile()  # noqa: SIM115
-            finalize(self, self._file.close)
-        self._file.seek(0, SEEK_END)
-        self._file.write(data)
-        self._older.append((how, count, len(data)))
+        self._older.append((how, count, self._file.append(data), len(data)))
 
     def _blocks(self) -> Iterator[tuple[str, int, bytes]]:
         """How packed, rows, bytes."""
-        if self._file is not None:
-            self._file.seek(0)
-        for how, count, size in self._older:
-            yield how, count, self._file.read(size)
+        for how, count, at, size in self._older:
+            yield how, count, self._file.read(at, size)

@@ -9,9 +9,9 @@ from array import array
 from collections import defaultdict
 from struct import Struct
 from sys import byteorder
-from tempfile import TemporaryFile
 from typing import Any, BinaryIO
-from weakref import finalize
+
+from swath.core.unnamed_file import UnnamedFile
 
 MAGIC = b"\x89MCAP0\r\n"
 MESSAGE, FOOTER, INDEX = 0x05, 0x02, 0x07  # opcodes
@@ -40,8 +40,7 @@ class Container:
         self._size = 0  # bytes in the open chunk
         self._counts: dict[int, int] = defaultdict(int)  # messages by channel
         self._chunk_count = 0
-        self._chunks = TemporaryFile()  # noqa: SIM115 - ChunkIndex of each, encoded
-        finalize(self, self._chunks.close)
+        self._chunks = UnnamedFile()  # ChunkIndex of each, encoded
         self._span: tuple[int, int] | None = None  # times of the first and the last message
         self._attachments: list[Any] = []
         stream.write(MAGIC)
@@ -115,7 +114,7 @@ class Container:
             uncompressed_size=len(records),
         )  # fmt: skip
         self._chunk_count += 1
-        self._chunks.write(self._encoded(entry))
+        self._chunks.append(self._encoded(entry))
         span = self._span or (min(times), max(times))
         self._span = min(span[0], min(times)), max(span[1], max(times))
         self._open, self._declared, self._size = [], [], 0
@@ -177,7 +176,6 @@ class Container:
         from mcap.records import Statistics
 
         first, last = self._span or (0, 0)
-        self._chunks.seek(0)
         chunks = [_Encoded(self._chunks.read())] if self._chunk_count else []
         statistics = Statistics(
             attachment_count=len(self._attachments),

@@ -32,6 +32,7 @@ Packer = Callable[[int, Any], "bytes | None"]
 _Published = tuple[str, int, tuple[tuple[str, Signal], ...]]  # slot, time [ns], output and sample
 FEW = 16  # numbers of an array that are looked at one by one
 _LAYOUTS: dict[tuple[str, str, Any], "_Layout"] = {}
+_PACKERS: dict[tuple[str, str, Any], Packer] = {}  # of those that have one
 _PREFIXES: dict[tuple[Any, tuple[int, ...]], bytes] = {}  # of arrays
 
 
@@ -68,11 +69,10 @@ class Digest:
         return True
 
     def _take(self, slot: str, t: int, outputs: Iterable[tuple[str, Signal]]) -> None:
-        block, known = self._block, _LAYOUTS
+        block = self._block
         for output, signal in outputs:
-            layout = known.get((slot, output, type(signal)))
-            packed = None if layout is None or layout.pack is None else layout.pack(t, signal)
-            block += packed or sample_bytes(slot, output, t, signal)
+            pack = _PACKERS.get((slot, output, type(signal)))
+            block += (pack and pack(t, signal)) or sample_bytes(slot, output, t, signal)
             if len(block) >= BLOCK_BYTES:
                 self._fold()
 
@@ -126,6 +126,7 @@ class _Layout:
         self._names = tuple(f.name for f in fields(kind))
         self._values = attrgetter(*self._names, self._names[0])  # a tuple also of a single field
         self._head = "/".join((slot, output, kind.__name__, *self._names)).encode() + b"\n"
+        self._key = slot, output, kind
         self._types: tuple[type, ...] = ()
         self.pack: Packer | None = None
         self._kept: dict[int, tuple[Any, bytes]] = {}  # arrays that do not change, by field, and their bytes
@@ -138,6 +139,8 @@ class _Layout:
         if types != self._types:
             self._types = types
             self.pack = _packer(self._head, self._names, types)
+            if self.pack is not None:
+                _PACKERS[self._key] = self.pack
         return b"".join([self._head, TIME.pack(t), *map(self._encode, range(len(values)), values)])
 
     def _encode(self, place: int, value: Any) -> bytes:
@@ -162,9 +165,9 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
     for i, (name, kind) in enumerate(zip(names, types, strict=True)):
         v = f"v{i}"
         lines.append(f"{v} = s.{name}")
-        right.append(f"type({v}) is types[{i}]")
+        right.append(f"type({v}) is k{i}")
         if kind is Pose:
-            right.append(f"is_usual({v})")
+            right.append(f"('rotation' not in {v}.__dict__ or is_usual({v}))")
             place, turn = [f"{v}p{k}" for k in range(3)], [f"{v}r{k}" for k in range(9)]
             layout += f"{len(PLACE)}s3d{len(TURN)}s9dc"
             packed += ["place", *place, "turn", *turn, "b')'"]
@@ -178,8 +181,9 @@ def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer 
     if reals:
         lines += [f"x = {' + '.join(reals)}", "if x != x:", *(f" if {v} != {v}: {v} = nan" for v in reals)]
     lines.append(f"return pack({', '.join(packed)})")
-    known = {"head": head, "types": types, "is_usual": _is_usual, "place": PLACE, "turn": TURN, "nan": np.nan}
-    return cast("Packer", define("packer", "t, s", lines, {**known, "pack": Struct(layout).pack}))
+    known = {"head": head, "is_usual": _is_usual, "place": PLACE, "turn": TURN, "nan": np.nan}
+    kinds = {f"k{i}": kind for i, kind in enumerate(types)}
+    return cast("Packer", define("packer", "t, s", lines, {**known, **kinds, "pack": Struct(layout).pack}))
 
 
 def _unpacked(v: str) -> list[str]:
@@ -190,8 +194,6 @@ def _unpacked(v: str) -> list[str]:
 
 def _is_usual(pose: Pose) -> bool:
     """Whether the arrays of a pose are of its kind and shape."""
-    if pose.is_of_numbers:
-        return True
     p, r = pose.position, pose.rotation
     return p.dtype is REAL and r.dtype is REAL and p.shape == (3,) and r.shape == (3, 3)
 

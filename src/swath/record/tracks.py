@@ -11,17 +11,15 @@ from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
-from os import SEEK_END
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
-from weakref import finalize
 
 import numpy as np
 
 from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
 from swath.core.signal import TrackColumn, quantities, signal_types
+from swath.core.unnamed_file import UnnamedFile
 from swath.core.whole_file import write_whole
 from swath.documents.packed import readable
 from swath.record.formats import TRACKS, check_format
@@ -120,8 +118,7 @@ class Tracks:
         groups = [(source, [*columns]) for source, columns in groupby(self.columns, lambda c: c.source)]
         self._groups = [(source, columns, _reader(columns)) for source, columns in groups]
         self._values: list[tuple[Any, list[float]]] = [(None, []) for _ in self._groups]  # of the last row
-        self._rows, self._stored = array("d"), TemporaryFile()  # noqa: SIM115
-        finalize(self, self._stored.close)
+        self._rows, self._stored = array("d"), UnnamedFile()
         self._latest: dict[Any, Signal] = {}  # by type; of a further output of a type by its name
         self._further = {o for o, kind in machine.outputs.items() if o != _first(machine, kind)}
         self._period, self._due, self._is_open = period, 0, False
@@ -144,7 +141,7 @@ class Tracks:
             if column.later is not None and column.value is not Column.value:
                 raise SwathError(f"column {column.name} is judged later, its rows cannot be read back")
         self._store()
-        rows = self._stored.tell() // (8 * len(self.columns))
+        rows = self._stored.size // (8 * len(self.columns))
         kept = {"latest": dict(self._latest), "due": self._due, "is_open": self._is_open}
         return {"rows": rows, "columns": [c.name for c in self.columns], **kept}
 
@@ -179,7 +176,6 @@ class Tracks:
         if is_over:
             self._finish_row()
         self._store()
-        self._stored.seek(0)
         table = np.frombuffer(self._stored.read(), dtype=float).reshape(-1, len(self.columns))
         found = {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
         return self._later(found, is_over=is_over)
@@ -211,8 +207,7 @@ class Tracks:
 
     def _store(self) -> None:
         """Put the newest rows to those before."""
-        self._stored.seek(0, SEEK_END)
-        self._stored.write(self._rows)
+        self._stored.append(self._rows)
         del self._rows[:]
 
 

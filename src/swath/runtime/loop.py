@@ -5,7 +5,6 @@ odometry, edge, steer, speed, steering. Observers record and judge.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 
 from swath.core.abilities import EndsRun
 from swath.core.graph import EndOfRun, Observer
@@ -49,7 +48,7 @@ def drive(
         world.reset()
     limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
     end = round(limit_s * NS)
-    arrived = partial(has_arrived, world)
+    arrived = _arrival(world)
     while graph.t < end and not arrived() and not graph.ended:
         graph.run(min((graph.t // REPORT_EVERY + 1) * REPORT_EVERY, end), stop=arrived)
         raise_if_lost()
@@ -92,4 +91,18 @@ def driven_m(world: World) -> float:
 
 def has_arrived(world: World) -> bool:
     """True when the scenario's distance is driven."""
-    return driven_m(world) >= world.scenario.run.distance_m
+    return _arrival(world)()
+
+
+def _arrival(world: World) -> Callable[[], bool]:
+    """`has_arrived`, asked after every tick: what stays is looked up once."""
+    latest, slots, distance = world.graph.latest, world.driving, world.scenario.run.distance_m
+
+    def arrived() -> bool:
+        for slot in slots:
+            state = latest(slot, "state")
+            if isinstance(state, MachineState) and state.distance >= distance:
+                return True
+        return distance <= 0.0
+
+    return arrived

@@ -21,7 +21,7 @@ class Sweep:
         n = len(beam_t)
         self._count = n
         self._states, self._sizes = np.zeros((ROOM, 13)), np.zeros(3)
-        self._rows: Any = self._states.view(np.uint8).reshape(-1)
+        self._rows = self._states.data.cast("B")
         self._mounting = np.concatenate([mounting.position, mounting.rotation.ravel()])
         self._beam_t = np.ascontiguousarray(beam_t)
         self._origins, self._rotations = np.zeros((n, 3)), np.zeros((n, 3, 3))

@@ -74,6 +74,10 @@ class Arc:
         bend = min(max(self.bend + float(move[2]), -0.2), 0.2)
         return Arc(float(x), float(u), float(self.angle + move[1]), bend, covariance, self.way, 0.0)
 
+    def beside(self, aside: float) -> tuple[float, float]:
+        """A place x, u [m] beside its point [m]."""
+        return self.x - aside * float(np.sin(self.angle)), self.u + aside * float(np.cos(self.angle))
+
     def frame(self, x: float, u: float, angle: float) -> EdgeFrame:
         """The arc in the frame of a machine that stands at x, u [m] with a heading [rad]."""
         c, s = cos(angle), sin(angle)

@@ -80,12 +80,14 @@ class Traced:
 @wp.struct
 class Answers:
     """Height above the stubble, place beside the edge at the crop's top and at the lower limit [m], of every
-    ray; cell: place and class of those that count, flat"""
+    ray; of those that count: cell, place and class, flat; ahead, of an echo in the canopy along the edge [m],
+    else nan"""
 
     height: wp.array(dtype=wp.float64)
     upper: wp.array(dtype=wp.float64)
     lower: wp.array(dtype=wp.float64)
     cell: wp.array(dtype=wp.int64)
+    ahead: wp.array(dtype=wp.float64)
 
 
 @wp.func
@@ -203,6 +205,7 @@ def answer(
         answers.lower[i] = end[1]
         kind = int(NOTHING)
         height = real(NAN)
+        ahead = real(NAN)
         r = rays.distance[i]
         if r == r:
             p = start + aim * r
@@ -213,6 +216,7 @@ def answer(
                 kind = int(wp.clamp((height - LOWEST) / LAYER, ZERO, real(LAYERS - 1)))
                 if height > limit:
                     end = place(way, p[0] - crop.ahead * height, p[1] - crop.aside * height)
+                    ahead = end[0]
         answers.height[i] = height
         inner = upper
         through = end[1] - upper[1]
@@ -224,6 +228,7 @@ def answer(
         cell = wp.floor((beside + HALF_WIDTH) / CELL)
         if cell >= ZERO and cell < real(PLACES):
             answers.cell[counted] = wp.int64(cell) * wp.int64(CLASSES) + wp.int64(kind)
+            answers.ahead[counted] = ahead
             counted += 1
             if wp.abs(beside) < ONE:
                 sum_along += inner[0]

@@ -40,6 +40,7 @@ class RayAnswers:
 
     cells: place and class of those that count, flat index of (PLACES, CLASSES); along: sum of the places
     along the edge ahead of the frame's origin of `close` rays near it [m]
+    ahead: of the same, echoes in the canopy along the edge ahead of the frame's origin [m], else nan
     height: of the echo above the stubble side [m], nan = none; upper, lower: beside the edge at the crop's
     top and at the lower limit [m]; of every ray that falls, (n,)
     rise: of upright plants toward the crop, by which places were moved to the feet, per height [1]
@@ -47,6 +48,7 @@ class RayAnswers:
     """
 
     cells: NDArray[np.int64]
+    ahead: F64
     along: float
     close: int
     height: F64
@@ -186,8 +188,9 @@ class CanopyRays(KeepsState):
         self._answer()
         counted, close, _ = self._counts.tolist()
         height, upper, lower = (column[:n].copy() for column in self._columns)
-        cells, along = self._cells[:counted].copy(), float(self._along[0])
-        return RayAnswers(cells, along, close, height, upper, lower, rise[1], self._across)
+        cells, ahead = self._cells[:counted].copy(), self._ahead[:counted].copy()
+        along = float(self._along[0])
+        return RayAnswers(cells, ahead, along, close, height, upper, lower, rise[1], self._across)
 
     def _point(self, scan: Scan) -> None:
         """Directions in the machine frame and times of the beams, where they are not those before."""
@@ -216,11 +219,12 @@ class CanopyRays(KeepsState):
         self._directions, start, aim = (np.zeros((room, 3)) for _ in range(3))
         self._ago, self._ranges, distance, self._u, self._z = (np.zeros(room) for _ in range(5))
         self._columns = tuple(np.zeros(room) for _ in range(3))
-        self._cells, self._counts = np.zeros(room, np.int64), np.zeros(3, np.int32)
+        self._cells, self._ahead = np.zeros(room, np.int64), np.zeros(room)
+        self._counts = np.zeros(3, np.int32)
         self._plane, self._along = np.zeros(2), np.zeros(1)
         rays = filled(kernel.Traced, start=start, aim=aim, distance=distance, u=self._u, z=self._z)
         columns = dict(zip(("height", "upper", "lower"), self._columns, strict=True))
-        answers = filled(kernel.Answers, cell=self._cells, **columns)
+        answers = filled(kernel.Answers, cell=self._cells, ahead=self._ahead, **columns)
 
         directions = wp.array(self._directions, dtype=wp.vec3d, device="cpu", copy=False)
         ago, ranges, plane, along, counts = (

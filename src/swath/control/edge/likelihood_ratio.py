@@ -31,10 +31,13 @@ from swath.signals.setup import ControlSetup
 
 BEGIN = 3  # blocks: a line through two shows nothing of its own error
 TOLERANCE = 0.10  # m, of the confidence
-FLOOR = 0.018  # m, standard deviation of the offset that no fit shows: overhang, mounting, odometry
+FLOOR, OPEN = 0.013, 0.018  # m, deviation that no fit shows: overhang, mounting, odometry; of open stands
+STOPPED = (0.85, 0.97)  # share of the rays that open stands stop, and closed ones
 RAGGED, EVEN = 2.8, 0.028  # of the scatter [m] beyond that of an even edge: bites, swing
 DUSTY, CLEAR, THICK = 0.08, 0.2, 0.8  # m, in dust; shares of the rays that are lost in clear air, in dust
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
+SLIPPED = 0.12  # m per rad that the edge turns away from the crop: 1.3 % of wheel slip, not known
+HIDDEN = 0.4  # of what the wall lies to and fro along the edge: bites behind what stands out
 BITES = 0.8  # of the depth of bites: the edge lies 0.76 of it further in than the line, at most
 RAMP = 0.25  # of the way from a ramp to its feet
 HALF_RAMP = 0.04  # m, where a lean may be one or not
@@ -195,8 +198,12 @@ class LikelihoodRatio(KeepsState):
         hang, hang_sd = self._overhang.of(crop, stopped, feet.leans_in)
         is_smooth = self._blocks.bite > 0.0
         ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - EVEN**2))
+        hidden = 0.0 if is_smooth else HIDDEN * _closed(stopped) * self._blocks.jagged.swing
         half = HALF_RAMP * 4.0 * feet.lean[0] * (1.0 - feet.lean[0])
-        known = hypot(line.offset_sd, RAGGED * ragged, RAMP * min(shift, 0.0), half, BENT * edge.bend, FLOOR)
+        known = hypot(line.offset_sd, RAGGED * ragged, hidden, RAMP * min(shift, 0.0), half)
+        known = hypot(
+            known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), OPEN + _closed(stopped) * (FLOOR - OPEN)
+        )
         known = hypot(known, DUSTY * min(max((dust - CLEAR) / (THICK - CLEAR), 0.0), 1.0))
         known = hypot(known, self._blocks.blank / sqrt(12.0))  # evenly anywhere in it
         sd = hypot(known, hang_sd) / steep
@@ -238,6 +245,11 @@ def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:
     along = (reference - edge.x) / max(cos(edge.angle), 0.2)
     u = edge.u + (reference - edge.x) * tan(edge.angle) + 0.5 * edge.bend * along**2
     return EdgeFrame(reference, u, edge.angle + edge.bend * along, edge.bend)
+
+
+def _closed(stopped: float) -> float:
+    """How closed a stand is that stops a share of the rays, 0..1; of an open one the wall is ragged."""
+    return min(max((stopped - STOPPED[0]) / (STOPPED[1] - STOPPED[0]), 0.0), 1.0)
 
 
 def _finite(value: float) -> float:

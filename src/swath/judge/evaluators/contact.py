@@ -44,7 +44,7 @@ class ContactWatch:
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
-        self._next = 0
+        self.rests_until = 0
         self._count = 0
         self._clearance, self._least = float("nan"), float("inf")
         self._touched: dict[str, _Touch] = {}  # by the other body
@@ -54,8 +54,8 @@ class ContactWatch:
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look around whenever the machine has moved for a while."""
         for signal in outputs.values():
-            if isinstance(signal, MachineState) and signal.t >= self._next:
-                self._next = signal.t + PERIOD
+            if isinstance(signal, MachineState) and signal.t >= self.rests_until:
+                self.rests_until = signal.t + PERIOD
                 self._look(signal)
 
     def metrics(self) -> dict[str, float]:

@@ -11,6 +11,7 @@ from swath.signals import MachineState, Signal
 
 BESIDE_M = 5.0  # the header end passes a gap when it is no farther from the edge than this
 STEP_M = 0.05  # driven between two looks
+NEVER = 1 << 62  # ns
 
 
 class Gaps:
@@ -25,14 +26,13 @@ class Gaps:
         self.setup = setup
         self._end = HeaderPath(setup.machine).end
         self._looked_at = -STEP_M
+        self.rests_until = 0 if setup.gaps else NEVER
         self._events: list[Event] = []
         self._open: dict[int, int] = {}  # gap -> index of its event
         self._circles: list[tuple[float, float, float]] | None = None  # around gaps: x, y, radius [m]
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look where the header end is."""
-        if not self.setup.gaps:
-            return
         for signal in outputs.values():
             if isinstance(signal, MachineState) and signal.distance - self._looked_at >= STEP_M:
                 self._looked_at = signal.distance

@@ -35,14 +35,14 @@ class Rollover:
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
-        self._next = 0
+        self.rests_until = 0
         self._events: list[Event] = []
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look how the machine stands."""
         for signal in outputs.values():
-            if isinstance(signal, MachineState) and signal.t >= self._next and not self._events:
-                self._next = signal.t + PERIOD
+            if isinstance(signal, MachineState) and signal.t >= self.rests_until and not self._events:
+                self.rests_until = signal.t + PERIOD
                 if signal.pose.numbers[1][2][2] < cos(TIPPED) and (tilt := self._tilt(signal)) > TIPPED:
                     self._note(signal, tilt)
 

@@ -80,6 +80,7 @@ class SingleTrack:
         self._wheelbase, self._track = -setup.machine.steered_x, setup.machine.front_track
         self._sense = -1.0 if setup.machine.steers_ahead else 1.0
         self._machine, self._grain = setup.machine, 0.0
+        self._carried: MachineLoad | None = None  # the newest that was looked at
         given = params.understeer_deg_per_g
         self._stiffness = axle_stiffness(
             _either(params.stiffness_per_rad, d.stiffness),
@@ -99,6 +100,7 @@ class SingleTrack:
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, tyres without slip."""
+        self._carried = None
         self._fill(0.0)
         x, y = float(self._start.position[0]), float(self._start.position[1])
         self._go_to(x, y, self._start.euler()[2], 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -123,7 +125,8 @@ class SingleTrack:
             self._drive_in_python(h, steer, wanted, q)
             q, pose = self._q.read(), self._follower.pose()
         else:
-            pose = Pose.of_numbers([q[0], q[1], at[2]], [[*at[7:10]], [*at[10:13]], [*at[13:]]])
+            _, _, z, _, _, _, _, xx, xy, xz, yx, yy, yz, zx, zy, zz = at
+            pose = Pose.of_numbers([q[0], q[1], z], [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
         tow(self._towed, inputs, q[0], q[1], q[2])
         return self._output(t + dt, pose, steer, q, (self._speed - before) / (dt / NS))
 
@@ -166,7 +169,7 @@ class SingleTrack:
 
     def load(self, state: State) -> None:
         """Back to a saved moment."""
-        self._speed = state["speed"]
+        self._speed, self._carried = state["speed"], None
         self._fill(state["grain"])
         self._go_to(*(state[name] for name in self._q.names))
         self._stand_there()
@@ -218,8 +221,9 @@ class SingleTrack:
 
     def _carry(self, load: MachineLoad | None) -> None:
         """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
-        if load is None:
+        if load is None or load is self._carried:
             return
+        self._carried = load
         grain = max(load.tank_grain, 0.0)
         if abs(grain - self._grain) >= GRAIN_STEP:
             before = self._ahead

@@ -58,6 +58,8 @@ class Actuator(KeepsState):
         self._dead_time = round(dead_time * NS)
         band = params.dead_band_percent
         self._band = d.steer_dead_band if band is None else band * PERCENT
+        self._full = self._lag * self._rate_max  # error at which the valve is fully open [rad]
+        self._rest = self._band * self._lag * self._rate_max  # and up to which it stays closed
 
     def reset(self, stream: Stream) -> Outputs:
         """Wheels straight, nothing under way."""
@@ -82,17 +84,18 @@ class Actuator(KeepsState):
         return {"steering": SteerState(end, self._angle, self._rate())}
 
     def _turn(self, duration: int) -> None:
-        error = self._wanted - self._angle
-        band = self._band * self._lag * self._rate_max
-        if duration <= 0 or abs(error) <= band:
+        error, rest = self._wanted - self._angle, self._rest
+        if duration <= 0 or -rest <= error <= rest:
             return
-        target = self._wanted - (band if error > 0 else -band)
+        target = self._wanted - (rest if error > 0 else -rest)
         lag = self._lag * (1.0 - self._band)
         self._angle, _ = approach(self._angle, target, duration / NS, lag=lag, limit=self._rate_max)
 
     def _rate(self) -> float:
-        opening = (self._wanted - self._angle) / (self._lag * self._rate_max)
-        flow = min(1.0, max(0.0, abs(opening) - self._band) / (1.0 - self._band))
+        opening, band = (self._wanted - self._angle) / self._full, self._band
+        if -band <= opening <= band:
+            return 0.0
+        flow = min(1.0, (abs(opening) - band) / (1.0 - band))
         return self._rate_max * (flow if opening > 0 else 0.0 - flow)
 
 

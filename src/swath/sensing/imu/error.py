@@ -13,8 +13,9 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
+from swath.sensing.imu.imu_step import ImuStep
 from swath.sensing.imu.noise_grades import STANDARD_GRAVITY, UNITS
-from swath.sensing.imu.strapdown import Place, Reading, Strapdown, back
+from swath.sensing.imu.strapdown import Place, Reading, back
 from swath.sensing.imu.vibration import Shaking, Vibration
 from swath.signals import EngineState, Inertial, MachineState
 
@@ -57,7 +58,7 @@ class ErrorImu(KeepsState):
         p, unit = params, UNITS[params.unit]
         self.mounting = p.mount.pose()
         self._start = setup.start
-        self._motion = Strapdown(self.mounting)
+        self._motion = ImuStep(self.mounting)
         self._shaking = None if p.vibration is None else Shaking(p.vibration)
         if self._shaking is not None:
             self.inputs = (*self.inputs, Port("engine", EngineState, optional=True))
@@ -80,24 +81,37 @@ class ErrorImu(KeepsState):
         self._normals = Normals(stream)
         draw = stream.at(0).standard_normal(12).tolist()
         self._bias = [sd * d for sd, d in zip(self._bias_sd, draw[:6], strict=True)]
-        self._scale = [1.0 + sd * d for sd, d in zip(self._scale_sd, draw[6:], strict=True)]
+        self._motion.scale[:] = [1.0 + sd * d for sd, d in zip(self._scale_sd, draw[6:], strict=True)]
         if self._shaking is not None:
             self._shaking.reset(stream.child("vibration").at(0).random(3).tolist())
         return self._read(0, self._motion.reset(self._start), [0.0] * 6)
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """One sample at t + dt."""
-        draw = self._normals.at(t + dt, 12).tolist()
-        seconds = dt / NS
+        motion, states = self._motion, inputs["state"]
+        self._normals.into(t + dt, motion.draw)
         if dt != self._dt:
             self._spread(dt)
-        self._bias = [
-            bias + step * d for bias, step, d in zip(self._bias, self._steps, draw[6:], strict=True)
-        ]
-        truth = self._motion.take(inputs["state"])
+        made = motion.sample(states) if self._shaking is None else None
+        if made is not None:
+            p, q, r, x, y, z = made
+            return {"inertial": Inertial(t + dt, p, q, r, x, y, z, *self._white_sd)}
+        draw = motion.draw.tolist()
+        walk = zip(self._bias, motion.steps.tolist(), draw[6:], strict=True)
+        self._bias = [bias + step * d for bias, step, d in walk]
+        truth = motion.take(states)
         if self._shaking is not None:
-            truth = self._shaken(self._shaking, truth, seconds, inputs.get("engine"))
+            truth = self._shaken(self._shaking, truth, dt / NS, inputs.get("engine"))
         return self._read(t + dt, truth, draw[:6])
+
+    @property
+    def _bias(self) -> list[float]:
+        bias: list[float] = self._motion.bias.tolist()
+        return bias
+
+    @_bias.setter
+    def _bias(self, values: Sequence[float]) -> None:
+        self._motion.bias[:] = values
 
     def _shaken(self, by: Shaking, truth: Reading, seconds: float, engine: EngineState | None) -> Reading:
         """The reading and what shakes the machine, in the axes of the unit."""
@@ -111,12 +125,13 @@ class ErrorImu(KeepsState):
         """Standard deviations of what is drawn for a step of dt [ns]."""
         root = sqrt(dt / NS)
         self._dt = dt
-        self._steps = [walk * root for walk in self._walk]  # of the bias
-        self._white = [density / root for density in self._density]
+        self._motion.steps[:] = [walk * root for walk in self._walk]
+        self._motion.white[:] = [density / root for density in self._density]
 
     def _read(self, t: int, truth: Reading, draw: Sequence[float]) -> Outputs:
         """draw: normal numbers of the white noise."""
-        wrong = zip((*truth[0], *truth[1]), self._scale, self._bias, self._white, draw, strict=True)
+        kept = self._motion.scale.tolist(), self._bias, self._motion.white.tolist()
+        wrong = zip((*truth[0], *truth[1]), *kept, draw, strict=True)
         p, q, r, x, y, z = [v * scale + bias + sd * d for v, scale, bias, sd, d in wrong]
         return {"inertial": Inertial(t, p, q, r, x, y, z, *self._white_sd)}
 

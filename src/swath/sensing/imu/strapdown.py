@@ -134,7 +134,8 @@ def turned(about: Triple, vector: Triple) -> Triple:
     x, y, z = vector
     angle = hypot(p, q, r)
     a = sin(angle) / angle if angle > 0.0 else 1.0
-    b = 2.0 * (sin(0.5 * angle) / angle) ** 2 if angle > 0.0 else 0.5
+    half = sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+    b = 2.0 * (half * half)
     cx, cy, cz = q * z - r * y, r * x - p * z, p * y - q * x
     return (
         x + a * cx + b * (q * cz - r * cy),
