@@ -1,6 +1,9 @@
 """A whole field: the rows of docs/fleet.md, with the numbers that come out now.
 
-SWATH_DATA=... python benchmarks/harvest.py [--layouts [FIRST LAST]]
+SWATH_DATA=... python benchmarks/harvest.py [--driven [FIRST LAST]]
+
+--driven: bundled jobs, or layouts from a number to another: hours by events and by driven machines, whether
+both rank the numbers of carts alike, and seconds for which bodies of driven machines are over each other.
 """
 
 import math
@@ -12,11 +15,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.job import measured_turns as turns
 from tests.job.jobs import finished, job_file
-from tests.job.layouts import CARTS, hours, layout, same_ranking
+from tests.job.layouts import CARTS, both_levels, layout, layout_file, same_ranking
 from tests.job.test_events import gain_of
 from tests.job.test_plan import LOG
 
-from swath.job.fleet import read_fleet
+from swath.job.fleet import FleetFile, read_fleet
 from swath.job.recorded import predict, read_day
 from swath.job.turns import limits_of
 from swath.job.work import work_off
@@ -86,20 +89,40 @@ def whole_fields() -> None:
         )  # fmt: skip
 
 
-def layouts(first: int = 1, last: int = 20) -> None:
-    """Events against driven machines."""
+PAIRS = (
+    ("cart", "cart"),
+    ("cart", "combine"),
+    ("combine", "combine"),
+    ("cart", "truck"),
+    ("combine", "truck"),
+)
+
+
+def driven_row(name: str, file: FleetFile) -> tuple[float, float]:
+    """Events against driven machines for one job; returns the hours of both."""
+    cheap, dear, touched = both_levels(file)
+    seconds = " ".join(f"{touched.get(pair, 0.0):5.1f}" for pair in PAIRS)
+    print(f"{name:34s} {cheap:7.3f} {dear:7.3f} {100.0 * (dear / cheap - 1.0):+6.1f}  {seconds}", flush=True)
+    return cheap, dear
+
+
+def driven(first: int = 0, last: int = -1) -> None:
+    """Events against driven machines: the bundled jobs, or layouts."""
+    print(f"{'job':34s}  events  driven      %  seconds over each other: " + ", ".join(map("-".join, PAIRS)))
+    if last < first:
+        for name in ("small-field", "echelon", "harvest-field"):
+            driven_row(name, read_fleet(name)[0])
+        return
     for seed in range(first, last + 1):
-        pairs = [hours(seed, carts) for carts in CARTS]
-        cheap, dear = zip(*pairs, strict=True)
-        off = ", ".join(f"{100.0 * (b / a - 1.0):+.1f}" for a, b in pairs)
-        ranks = "same ranking" if same_ranking(cheap, dear) else "another ranking"
-        combines = layout(seed)["combines"]
-        say(f"layout {seed}, {combines} combines, 1, 2, 3 carts, % longer", off, ranks)
+        name = f"layout {seed}, {layout(seed)['combines']} combines"
+        pairs = [driven_row(f"{name}, {n} carts", layout_file(seed, n)) for n in CARTS]
+        ranks = "same ranking" if same_ranking(*zip(*pairs, strict=True)) else "ANOTHER RANKING"
+        print(f"{name}: {ranks}", flush=True)
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--layouts"]:
-        layouts(*map(int, sys.argv[2:4]))
+    if sys.argv[1:2] == ["--driven"]:
+        driven(*map(int, sys.argv[2:4]))
         sys.exit()
     whole_fields()
     headland_turns()

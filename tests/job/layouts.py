@@ -22,10 +22,25 @@ def layout(seed):
     }
 
 
+def layout_file(seed, carts):
+    """The job of a layout with so many carts."""
+    return job_file(carts=carts, combine={"call_percent": 40.0}, **layout(seed))
+
+
+def both_levels(file):
+    """Hours by events and by driven machines, and seconds over each other by the kinds of the two."""
+    driven = finished(file, motion=Kinematic())
+    kinds = {c.name: "combine" for c in driven.fleet.combines} | {c.name: "cart" for c in driven.fleet.carts}
+    touched = {}
+    for p in driven.motion.watch.pairs:
+        pair = tuple(sorted((kinds.get(p.first, "truck"), kinds.get(p.second, "truck"))))
+        touched[pair] = touched.get(pair, 0.0) + p.touched
+    return finished(file).time / 3600.0, driven.time / 3600.0, touched
+
+
 def hours(seed, carts):
     """Hours of a layout by events and by driven machines."""
-    file = job_file(carts=carts, combine={"call_percent": 40.0}, **layout(seed))
-    return finished(file).time / 3600.0, finished(file, motion=Kinematic()).time / 3600.0
+    return both_levels(layout_file(seed, carts))[:2]
 
 
 def same_ranking(cheap, dear, tie=0.02):
