@@ -1,10 +1,13 @@
-"""Where along an edge its wall stops rays: bends that end, and bites behind what stands out."""
+"""Where along an edge its wall stops rays: bends that begin and end, bites behind what stands out."""
 
 import numpy as np
 import pytest
 
+from swath.control.edge.arc_track import Arc, ArcTrack
+from swath.control.edge.blocks import Found
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
 from swath.control.edge.canopy_rays import RayAnswers
+from swath.control.edge.edge_breaks import EdgeBreaks
 from swath.control.edge.edge_wall import EVEN, JaggedWall, Wall, place_along, wall_of
 from swath.signals import Odometry
 from tests.control.synthetic_edge import Scanner, Stand, mounting
@@ -58,28 +61,72 @@ def test_bites_that_hide_are_in_the_deviation():
     assert sd[150:].mean() > 2.0 * np.mean([e.offset_sd for e in even[150:]])
 
 
-def inside_of_bend(x, y):
+def inside_of_bend(x, y, radius=RADIUS):
     """How far inside the crop, right of an edge that is straight, bends to the left and is straight again."""
-    turn = np.arctan2(x - BEGIN, 6.0 + RADIUS - y)
+    turn = np.arctan2(x - BEGIN, 6.0 + radius - y)
     c, s = np.cos(ANGLE), np.sin(ANGLE)
-    end = BEGIN + RADIUS * s, 6.0 + RADIUS * (1.0 - c)
+    end = BEGIN + radius * s, 6.0 + radius * (1.0 - c)
     on = c * (y - end[1]) - s * (x - end[0])
-    arc = np.hypot(x - BEGIN, y - 6.0 - RADIUS) - RADIUS
+    arc = np.hypot(x - BEGIN, y - 6.0 - radius) - radius
     return np.where(turn < 0.0, 6.0 - y, np.where(turn < ANGLE, arc, -on))
 
 
-def test_an_edge_is_followed_where_its_bend_ends():
-    scanner, level = Scanner(Stand(inside_of_bend), mounting("left")), detector()
+def errors_in_bend(radius, metres, slips=1.0, bite=0.0):
+    """Of the told edge [m], step by step, along the bend; a bite lies over the 2 m before it."""
+    seen = lambda x, y: inside_of_bend(x, y, radius) - np.where((x > BEGIN - 2.0) & (x < BEGIN), bite, 0.0)  # noqa: E731
+    scanner, level = Scanner(Stand(seen), mounting("left")), detector()
     rng, pose, errors = np.random.default_rng(3), [0.0, 0.0, 0.0], []
-    for k in range(round(48.0 / (SPEED * 0.04))):
-        yaw_rate = SPEED / (RADIUS + 6.0) if pose[0] > BEGIN and pose[2] < ANGLE else 0.0
+    for k in range(round(metres / (SPEED * 0.04))):
+        yaw_rate = SPEED / (radius + 6.0) if pose[0] > BEGIN and pose[2] < ANGLE else 0.0
         pose[2] += yaw_rate * 0.04
         pose[0] += SPEED * 0.04 * np.cos(pose[2])
         pose[1] += SPEED * 0.04 * np.sin(pose[2])
         scan = scanner.scan((k + 1) * PERIOD, pose, rng)
-        odometry = Odometry(0, SLIPS * SPEED, yaw_rate, float(np.arctan(3.9 * yaw_rate / SPEED)))
+        odometry = Odometry(0, slips * SPEED, yaw_rate, float(np.arctan(3.9 * yaw_rate / SPEED)))
         edge = level.step(k * PERIOD, PERIOD, {"scan": scan, "odometry": odometry})["edge"]
         c, s = np.cos(pose[2]), np.sin(pose[2])
         x, y = edge.reference_x, edge.offset
-        errors.append(float(inside_of_bend(pose[0] + c * x - s * y, pose[1] + s * x + c * y)))
-    assert np.abs(errors[150:]).max() < 0.12
+        errors.append(float(inside_of_bend(pose[0] + c * x - s * y, pose[1] + s * x + c * y, radius)))
+    return np.array(errors)
+
+
+def test_an_edge_is_followed_where_its_bend_ends():
+    assert np.abs(errors_in_bend(RADIUS, 48.0, slips=SLIPS)[150:]).max() < 0.12
+
+
+def test_a_bend_is_followed_that_seems_bites_at_first():
+    """A bite just before it and rays that meet its wall far ahead tell of a saw, until the edge goes on."""
+    errors = errors_in_bend(13.0, 30.0, bite=0.15)[100:]
+    assert np.abs(errors).max() < 0.5
+    assert np.abs(errors[-100:]).max() < 0.15
+
+
+def breaks_after(places):
+    """From which way on [m] an edge whose blocks lie so far beside a line along bites [m] bends away."""
+    breaks = EdgeBreaks()
+    found = [Found(beside, 1e-4, 100.0, 0.0, 0.0, beside) for beside in places]
+    return [breaks.bends_away(f, 0.4 * k, has_bites=True) for k, f in enumerate(found)]
+
+
+def test_bites_come_back_to_their_line_and_bends_do_not():
+    assert breaks_after([0.0, -0.25, -0.31, -0.38])[-1] == pytest.approx(0.4)
+    for bites in ([0.0, -0.5, -0.45, -0.4, -0.35], [-0.3, -0.3, -0.3, -0.3], [-0.25, 0.1, -0.35, 0.0, -0.5]):
+        assert breaks_after(bites) == [None] * len(bites)
+
+
+def test_a_track_goes_along_the_points_that_a_line_left_out():
+    """On a circle of 13 m from 6 m on, of which the line along bites saw nothing."""
+    track, rows = ArcTrack(), []
+    track.begin(Arc(0.0, 0.0, 0.0, 0.0))
+    for k in range(1, 26):
+        way = 0.4 * k
+        turn = max(way - 6.0, 0.0) / 13.0
+        x = min(way, 6.0) + 13.0 * np.sin(turn)
+        rows.append((x, -13.0 * (1.0 - np.cos(turn)), 1e-4, way))
+        track.advance(0.4)
+        track.accept(0.0, 1e-4)
+    assert abs(track.arc.u - rows[-1][1]) > 0.5
+    track.retrace(6.2, np.array(rows))
+    assert track.arc.way == pytest.approx(10.0)
+    assert np.hypot(track.arc.x - rows[-1][0], track.arc.u - rows[-1][1]) < 0.05
+    assert track.arc.angle == pytest.approx(-4.0 / 13.0, abs=0.1)

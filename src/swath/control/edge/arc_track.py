@@ -114,6 +114,26 @@ class ArcTrack(KeepsState):
         assert self.arc is not None
         self.arc = self.arc.ahead(way, is_seen=self.arc.unseen < 2.0)
 
+    def retrace(self, way: float, points: F64) -> None:
+        """Back to before a way along the edge [m], and from there on along the points seen since.
+
+        points: of the edge so far, rows of x, u [m], variance [m2] and way along the edge [m]
+        """
+        assert self.arc is not None
+        now = self.arc.way
+        while len(self._past) > 1 and self._past[-1].way >= way:
+            self._past.pop()
+        if not self._past:
+            return
+        arc = self._past[-1]
+        for x, u, variance, there in points[points[:, -1] > arc.way + 1e-6].tolist():
+            at = arc.frame(x, u, arc.angle)
+            arc = arc.ahead(-at.x)
+            arc = replace(arc, way=there).corrected(-arc.frame(x, u, arc.angle).u, variance)
+            self._past.append(arc)
+        unseen = now - arc.way
+        self.arc = replace(arc.ahead(unseen), unseen=unseen) if unseen > 0.0 else arc
+
     def rewind(self, straighten: float, points: F64) -> float:
         """Back behind the last blocks, and on from there; the way along [m] from which blocks are doubted.
 

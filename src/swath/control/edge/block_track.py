@@ -17,7 +17,7 @@ from swath.control.edge.edge_breaks import LEAD, LEAST_GAIN, OUT, WIDEST, EdgeBr
 from swath.control.edge.edge_wall import JaggedWall, Wall, place_along, wall_of
 from swath.control.edge.inner_edge import LONG
 from swath.control.edge.lodging import DENSE, Lodging
-from swath.control.edge.near_line import EdgePoints
+from swath.control.edge.near_line import WAY, EdgePoints
 from swath.control.edge.populations import Populations, crop_excess, overlap_of
 from swath.control.edge.ragged_line import bite_of, ragged_line
 from swath.core.component import KeepsState
@@ -69,7 +69,7 @@ class BlockTrack(KeepsState):
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_broken", "_scatters", "_lost", "bite", "turn_sd", "_breaks", "_lodging",
-        "jagged",
+        "jagged", "_bends",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -93,6 +93,7 @@ class BlockTrack(KeepsState):
         # way, scatter and variance of the wall before its block
         self._scatters: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
         self.bite, self.turn_sd = 0.0, 0.0
+        self._bends = float("-inf")  # way along the edge [m] before which it says nothing of bites
         self._lost: tuple[Arc, float] | None = None  # the track before, and how far back it was lost [m]
 
     def add(
@@ -142,7 +143,7 @@ class BlockTrack(KeepsState):
         x, u = frame.x + c * along - s * place, frame.u + s * along + c * place
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
         self.points.clear()
-        self.followed, self.bite = 0, 0.0
+        self.followed, self.bite, self._bends = 0, 0.0, float("-inf")
         self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2] + frame.angle, 0.0))
         return True
 
@@ -192,6 +193,7 @@ class BlockTrack(KeepsState):
                 self._breaks.broke_off(found.best)
             self._miss(along, broke=broke)
             self._follow_inner(found, is_inside=broke)
+        self._bend_away(found)
         self.height = self._crop_height()
         return True
 
@@ -250,7 +252,8 @@ class BlockTrack(KeepsState):
         """Along an edge with bites the track goes on as their outer line."""
         arc = self.track.arc
         assert arc is not None
-        bite = max(bite_of(self.points.rows, arc), self.bite * (1.0 - self._block.travel / FADING))
+        rows = self.points.rows[self.points.rows[:, WAY] >= self._bends]
+        bite = max(bite_of(rows, arc), self.bite * (1.0 - self._block.travel / FADING))
         is_known = self.bite > 0.0 and bite > SHALLOW
         angle = abs(arc.angle - heading)
         if self.jagged.swing > STEPS and angle < PARALLEL and bite > SLIGHT:
@@ -258,6 +261,18 @@ class BlockTrack(KeepsState):
         self.bite = bite if is_known or (bite >= DEEP and angle < ALONG) else 0.0
         if self.bite > 0.0:
             self.track.arc, self.turn_sd = ragged_line(self.points.rows, arc, heading)
+
+    def _bend_away(self, found: Found) -> None:
+        """What seemed bites may be the begin of a bend: from there on the track follows its blocks again."""
+        arc, has_bites = self.track.arc, self.bite > 0.0 and not self._lodging.is_lodged
+        way = self._breaks.bends_away(found, arc.way, has_bites=has_bites) if arc is not None else None
+        if way is None:
+            return
+        self.track.retrace(way, self.points.rows)
+        self.bite, self._bends = 0.0, way
+        self.jagged.clear()
+        while self._scatters and self._scatters[-1][0] >= way:
+            _, self.scatter, _ = self._scatters.pop()
 
     def _miss(self, along: float, *, broke: bool) -> None:
         """The block shows no edge here; where it shows one elsewhere, the last blocks are doubted too."""

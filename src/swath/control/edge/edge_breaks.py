@@ -16,12 +16,13 @@ CHANCE = 4.0  # standard deviations of block and line, within which a step is no
 HOLE, NEARER = 0.3, 0.5  # m inward from which on an edge beside a line that broke off is a hole's; part of it
 OUT = 0.2  # m: a step outward
 SUNKEN = 0.25  # of the crop's height
+BENDS, NOISE, GROWS = 3, 0.03, 0.08  # blocks, m between two, m in all: crop stands out ever further
 
 
 class EdgeBreaks(KeepsState):
     """What is seen beside a line that broke off. inner: the edge that goes on there."""
 
-    kept = ("_hole", "_beside", "inner")
+    kept = ("_hole", "_beside", "_outside", "inner")
 
     def __init__(self) -> None:
         self.inner = InnerEdge()
@@ -31,6 +32,8 @@ class EdgeBreaks(KeepsState):
         """Nothing seen."""
         self._hole = float("nan")  # beside a line that broke off: where another edge was seen [m]
         self._beside = 0.0  # the track: the last block that fitted [m]
+        # beside a line along bites [m], way along it [m]: the last blocks, ever further outside
+        self._outside: tuple[tuple[float, float], ...] = ()
         self.inner.clear()
 
     def fits(self, beside: float) -> None:
@@ -67,6 +70,23 @@ class EdgeBreaks(KeepsState):
         wide = find_edge(block, populations.ratios(), WIDEST)
         is_one = wide.gain >= LEAST_GAIN and wide.lead < LEAD and wide.beside < -OUT
         return wide if is_one else None
+
+    def bends_away(self, found: Found, way: float, *, has_bites: bool) -> float | None:
+        """The edge leaves a line along bites outward, ever further: from which way along it on [m], or None.
+
+        Bites come back to the line: of teeth and saws of up to 0.6 m single blocks lie so far outside it.
+        """
+        beside = found.beside if found.lead < LEAD else found.best
+        if not has_bites or beside > -OUT or found.gain + found.lead < LEAST_GAIN:
+            self._outside = ()
+            return None
+        before = self._outside if self._outside and beside < self._outside[-1][0] + NOISE else ()
+        self._outside = (*before, (beside, way))
+        first, since = self._outside[0]
+        if len(self._outside) < BENDS or beside > first - GROWS:
+            return None
+        self._outside = ()
+        return since
 
     def follow(self, found: Found, arc: Arc | None, *, is_inside: bool) -> bool:
         """Another edge goes on beside the line: whether one is seen."""
