@@ -90,6 +90,12 @@ def repeatable(kernel: Any, inputs: list[Any], *, threads: int = 1) -> "Repeated
     return Repeated(start_warp().launch(kernel, dim=threads, inputs=inputs, device="cpu", record_cmd=True))
 
 
+def launch_on(kernel: Any, numbers: Any) -> Callable[[], Any]:
+    """A repeatable launch on the CPU of a kernel whose one input is an array of float64, shared with it."""
+    wp = start_warp()
+    return repeatable(kernel, [wp.array(numbers, dtype=wp.float64, device="cpu", copy=False)]).launch
+
+
 class Repeated:
     """A recorded launch of Warp whose arguments are laid out once, not at every launch."""
 

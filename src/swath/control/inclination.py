@@ -12,7 +12,7 @@ from struct import Struct
 
 import numpy as np
 
-from swath.control.inertial_memory import InertialMemory
+from swath.control.inertial_memory import InertialMemory, Number, Numbers
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.schedule import NS
@@ -33,15 +33,19 @@ class Inclination(KeepsState):
     """The upward direction in the machine frame. mounting: pose_machine_sensor of the inertial unit.
 
     up: unit vector (3,), the vertical in the machine frame; (0, 0, 1) before the first sample
+    is_known: samples came in
     """
 
     kept = ("_up", "is_known", "_bias", "_t", "_speed")
+    is_known = Number(KNOWN, bool)
+    _up, _bias = Numbers(slice(UP, BIAS)), Numbers(slice(BIAS, KNOWN))
+    _t, _speed = Number(TIME, int), Number(SPEED, float)
 
     def __init__(self, mounting: Pose | None) -> None:
         self._turn = (np.eye(3) if mounting is None else mounting.rotation).tolist()
         self._memory = InertialMemory("take_inclination")
-        self._numbers = self._memory.numbers
-        self._numbers[TURN:] = [v for row in self._turn for v in row]
+        self.numbers = self._memory.numbers
+        self.numbers[TURN:] = [v for row in self._turn for v in row]
         self.clear()
 
     def clear(self) -> None:
@@ -107,49 +111,6 @@ class Inclination(KeepsState):
         """A vector of the unit's frame in that of the machine."""
         (a, b, c), (d, e, f), (g, h, i) = self._turn
         return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
-
-    @property
-    def is_known(self) -> bool:
-        """Samples came in."""
-        return bool(self._numbers[KNOWN])
-
-    @is_known.setter
-    def is_known(self, value: bool) -> None:
-        self._numbers[KNOWN] = value
-
-    @property
-    def _up(self) -> list[float]:
-        up: list[float] = self._numbers[UP:BIAS].tolist()
-        return up
-
-    @_up.setter
-    def _up(self, value: Sequence[float]) -> None:
-        self._numbers[UP:BIAS] = value
-
-    @property
-    def _bias(self) -> list[float]:
-        bias: list[float] = self._numbers[BIAS:KNOWN].tolist()
-        return bias
-
-    @_bias.setter
-    def _bias(self, value: Sequence[float]) -> None:
-        self._numbers[BIAS:KNOWN] = value
-
-    @property
-    def _t(self) -> int:
-        return int(self._numbers[TIME])
-
-    @_t.setter
-    def _t(self, value: int) -> None:
-        self._numbers[TIME] = value
-
-    @property
-    def _speed(self) -> float:
-        return float(self._numbers[SPEED])
-
-    @_speed.setter
-    def _speed(self, value: float) -> None:
-        self._numbers[SPEED] = value
 
     @property
     def up(self) -> F64:

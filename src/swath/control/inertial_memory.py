@@ -2,15 +2,52 @@
 
 from collections.abc import Callable, Sequence
 from struct import Struct
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from swath.kernels import repeatable, start_warp
+from swath.kernels import launch_on
 from swath.signals import F64, Inertial
 
 SAMPLES, ROOM = 20, 32  # where samples begin; how many there may be
 ROW = Struct("7d")
+T = TypeVar("T", int, float, bool)
+
+
+class HasNumbers(Protocol):
+    """Goes on from numbers in shared memory."""
+
+    @property
+    def numbers(self) -> F64: ...
+
+
+class Number(Generic[T]):
+    """An attribute that is one of the numbers."""
+
+    def __init__(self, at: int, kind: type[T]) -> None:
+        self._at = at
+        self._kind: type[T] = kind
+
+    def __get__(self, owner: HasNumbers, of: type) -> T:
+        found: T = self._kind(owner.numbers[self._at])
+        return found
+
+    def __set__(self, owner: HasNumbers, value: T) -> None:
+        owner.numbers[self._at] = value
+
+
+class Numbers:
+    """An attribute that is some of the numbers, one after the other."""
+
+    def __init__(self, at: slice) -> None:
+        self._at = at
+
+    def __get__(self, owner: HasNumbers, of: type) -> list[float]:
+        found: list[float] = owner.numbers[self._at].tolist()
+        return found
+
+    def __set__(self, owner: HasNumbers, values: Sequence[float]) -> None:
+        owner.numbers[self._at] = values
 
 
 class InertialMemory:
@@ -41,7 +78,5 @@ class InertialMemory:
         if self._launch is None:
             from swath.control import inertial_kernel
 
-            memory = start_warp().array(self._all, dtype=start_warp().float64, device="cpu", copy=False)
-            recorded = repeatable(getattr(inertial_kernel, self._kernel), [memory])
-            self._launch = recorded.launch
+            self._launch = launch_on(getattr(inertial_kernel, self._kernel), self._all)
         self._launch()

@@ -13,7 +13,7 @@ from itertools import product
 from math import exp, fsum, hypot, isfinite, log, tan
 from struct import Struct
 
-from swath.control.inertial_memory import InertialMemory
+from swath.control.inertial_memory import InertialMemory, Number, Numbers
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
 from swath.core.units import DEG, PERCENT
@@ -110,32 +110,14 @@ class _Mean(KeepsState):
     """Means of some values over the last while."""
 
     kept = ("values", "seconds")
+    values, seconds = Numbers(slice(-1)), Number(-1, float)
 
     def __init__(self, numbers: F64) -> None:
-        self._numbers = numbers  # the means, and the seconds that they are over
+        self.numbers = numbers
 
     def clear(self) -> None:
         """Nothing yet."""
-        self._numbers[:] = 0.0
-
-    @property
-    def values(self) -> list[float]:
-        """The means."""
-        means: list[float] = self._numbers[:-1].tolist()
-        return means
-
-    @values.setter
-    def values(self, values: Sequence[float]) -> None:
-        self._numbers[:-1] = values
-
-    @property
-    def seconds(self) -> float:
-        """Over which they are, at most MEMORY_S."""
-        return float(self._numbers[-1])
-
-    @seconds.setter
-    def seconds(self, value: float) -> None:
-        self._numbers[-1] = value
+        self.numbers[:] = 0.0
 
     def take(self, seconds: float, *values: float) -> None:
         """Values that held for some seconds."""

@@ -322,14 +322,13 @@ class BlockTrack(KeepsState):
     def _pass_lodged(self, found: Found, along: float, swing: float) -> None:
         """Lodged crop shows an edge that may lie as far off as its tops: the line goes on, less sure."""
         lodging = self._lodging
-        if not lodging.is_lodged:
+        if lodging.lies():
             self._take_back()
-            lodging.blocks, self.bite = 0, 0.0
-        lodging.is_lodged = self._is_broken = True
+            self.bite = 0.0
+        self._is_broken = True
         self.track.advance(along)
         assert self.track.arc is not None
         unseen, doubt = self.track.arc.unseen, (DOUBT * swing) ** 2
-        lodging.blocks += 1
         top = lodging.first_metre(self._block, found.beside, self.populations)
         if found.gain >= LEAST_GAIN and isfinite(top):  # of flat crop, what stands out is the wall behind it
             # the tops of all lie off alike: together worth one

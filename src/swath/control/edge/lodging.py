@@ -50,6 +50,12 @@ class Lodging(KeepsState):
         if np.isfinite(now):
             self._usual = now if np.isnan(self._usual) else self._usual + 0.1 * (now - self._usual)
 
+    def lies(self) -> bool:
+        """One more block of a patch that lies; whether it is its first."""
+        is_first = not self.is_lodged
+        self.is_lodged, self.blocks = True, 1 if is_first else self.blocks + 1
+        return is_first
+
     def swing(self, block: Block, edge: float, populations: Populations, angle: float) -> float:
         """How far the tops of a stand that has become low may have moved aside [m], 0 where it stands.
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.kernels import repeatable, start_warp
+from swath.kernels import launch_on
 from swath.sensing.imu.strapdown import Strapdown, Triple
 from swath.signals import MachineState
 
@@ -90,15 +90,9 @@ class ImuStep(Strapdown):
             place, (first, second, third) = last.pose.numbers
             STATE.pack_into(self._bytes, 8 * FIRST, last.t, *place, *first, *second, *third)
         if self._launch is None:
-            self._launch = self._prepare()
+            from swath.sensing.imu.imu_step_kernel import sample_once
+
+            self._launch = launch_on(sample_once, self._memory)
         self._launch()
         self._last = self._held = new
         return SAMPLE.unpack_from(self._bytes, 8 * MADE)
-
-    def _prepare(self) -> Callable[[], Any]:
-        wp = start_warp()
-        from swath.sensing.imu.imu_step_kernel import sample_once
-
-        shared = wp.array(self._memory, dtype=wp.float64, device="cpu", copy=False)
-        recorded = repeatable(sample_once, [shared])
-        return lambda: recorded.launch()

@@ -55,6 +55,6 @@ def axle_ways(plan: FieldPlan, combine: Combine) -> F64:
         parts.append(np.array([axle_at(p.start, combine)[:2], end[:2]]))
         if then is None:
             parts.append(np.array([axle_at(p.end, combine, -RUN_OUT)[:2]]))
-        if then is not None:
+        else:
             parts.append(path_of(turn_between(p, then, combine), end).points)
     return np.concatenate(parts)
