@@ -254,7 +254,9 @@ def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
     )
     passes = SimpleNamespace(write_pass_scenario=lambda folder: folder / "scenario.yaml")
     monkeypatch.setitem(sys.modules, "swath.field_io.importer", importer)
+    case = SimpleNamespace(write_pass_case=lambda folder: folder / "passes.yaml")
     monkeypatch.setitem(sys.modules, "swath.field_io.pass_scenario", passes)
+    monkeypatch.setitem(sys.modules, "swath.field_io.pass_case", case)
     flags = ["--dem", "d.tif", "--grain-g-per-stem", "1.1", "--header-width-m", "9"]
     assert main(["field", "import", "log.csv", "--out", "field", *flags]) == 0
     assert asked[0][:2] == ("log.csv", "field")
@@ -266,7 +268,12 @@ def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
     }
     assert main(["field", "show", "field"]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said == ["3 records", "drive along one of its passes: swath run field", "field/overview.png"]
+    assert said == [
+        "3 records",
+        "drive along one of its passes: swath run field",
+        "along many of them: swath test run field/passes.yaml --out DIR",
+        "field/overview.png",
+    ]
 
 
 def test_scenarios(capsys):

@@ -51,6 +51,7 @@ def run_import(args: argparse.Namespace) -> int:
     """Make the folder and say what came out."""
     from swath.core.errors import InputError
     from swath.field_io.importer import Settings, import_log
+    from swath.field_io.pass_case import write_pass_case
     from swath.field_io.pass_scenario import write_pass_scenario
     from swath.terminal.tables import wide_console
 
@@ -66,6 +67,12 @@ def run_import(args: argparse.Namespace) -> int:
         console.print(f"drive along one of its passes: swath run {args.out}", highlight=False)
     except InputError as error:
         console.print(f"no scenario written: {error}", highlight=False)
+        return 0
+    try:
+        case = write_pass_case(args.out)
+        console.print(f"along many of them: swath test run {case} --out DIR", highlight=False)
+    except InputError as error:
+        console.print(f"no function test written: {error}", highlight=False)
     return 0
 
 

@@ -67,8 +67,8 @@ def write_pass_scenario(folder: Path) -> Path:
         said = {"remark": REMARK_MIDDLE, "along": "the middle of the field", "name": f"{name}-middle"}
     else:
         track, start, length = found
-        width, speed = track.header_width, float(np.clip(3.6 * track.mean_speed, 2.0, 12.0))
-        edge = f"shape: track, track: {track.index}, offset_m: {0.5 * width - OVERLAP_M:.3f}"
+        width, speed = track.header_width, speed_of(track)
+        edge = f"shape: track, track: {track.index}, offset_m: {edge_offset(track):.3f}"
         remark = REMARK.format(index=track.index, machine=track.machine)
         said = {"remark": remark, "along": "a real pass", "name": f"{name}-pass-{track.index}"}
     path = folder / "scenario.yaml"
@@ -80,6 +80,16 @@ def write_pass_scenario(folder: Path) -> Path:
     )  # fmt: skip
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def speed_of(track: Track) -> float:
+    """Mean speed of a pass [km/h], as far as an automatic drives."""
+    return float(np.clip(3.6 * track.mean_speed, 2.0, 12.0))
+
+
+def edge_offset(track: Track) -> float:
+    """From a pass to the edge that its left header end went along [m], to the left."""
+    return 0.5 * track.header_width - OVERLAP_M
 
 
 def _header_width(field: FieldFolder) -> float:
@@ -114,22 +124,26 @@ def _middle(field: FieldFolder, width: float) -> tuple[float, float, float]:
 
 def _longest_straight(field: FieldFolder) -> tuple[Track, float, float] | None:
     """The pass, where its longest straight stretch begins, and its length [m]; None below SHORTEST_M."""
-    best: tuple[Track, float, float] | None = None
+    found = max(straight_stretches(field), key=lambda s: s[2] - s[1], default=None)
+    return None if found is None else (found[0], found[1], found[2] - found[1])
+
+
+def straight_stretches(field: FieldFolder) -> list[tuple[Track, float, float]]:
+    """Pass, begin and end along it [m] of the straight stretches of SHORTEST_M or more that lie inside."""
+    found = []
     ground = Region(field.boundary, field.holes)
     for track in field.tracks:
         steps = np.hypot(*np.diff(track.line, axis=0).T)
         at = np.concatenate([[0.0], np.cumsum(steps)])
         for straight in track.straights:
             first, last = straight.first, min(straight.last, len(at) - 1)
-            begin, end = _inside(field, ground, track, at, first, last)
-            if best is None or end - begin > best[2]:
-                best = track, begin, end - begin
-    return None if best is None or best[2] < SHORTEST_M else best
+            begin, end = _inside(track, ground, at, first, last)
+            if end - begin >= SHORTEST_M:
+                found.append((track, begin, end))
+    return found
 
 
-def _inside(
-    field: FieldFolder, ground: Region, track: Track, at: Array, first: int, last: int
-) -> tuple[float, float]:
+def _inside(track: Track, ground: Region, at: Array, first: int, last: int) -> tuple[float, float]:
     """Where along a track [m] the longest part of a straight stretch begins and ends whose swath, from the
     left end of the header to the right one, lies inside the field.
     """

@@ -23,6 +23,7 @@ GROUPS = (
     "Steering",
     "Positioning",
     "Harvest",
+    "Passes",
     "Header height",
     "Crop and engine",
     "Unloading",

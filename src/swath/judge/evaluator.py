@@ -21,6 +21,7 @@ from swath.record.tracks import Column
 from swath.signals import Signal
 
 SETTLING_M = 10.0  # driven before a run is judged: the machine starts beside its path
+NEVER = 1 << 62  # ns, until when an evaluator rests that has nothing to judge
 
 
 @dataclass(frozen=True)

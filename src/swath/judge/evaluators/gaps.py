@@ -5,13 +5,12 @@ from dataclasses import replace
 from math import hypot
 
 from swath.core.registry import Level
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.evaluator import NEVER, EvaluatorSetup, Event, Metric
 from swath.judge.header_path import HeaderPath
 from swath.signals import MachineState, Signal
 
 BESIDE_M = 5.0  # the header end passes a gap when it is no farther from the edge than this
 STEP_M = 0.05  # driven between two looks
-NEVER = 1 << 62  # ns
 
 
 class Gaps:
