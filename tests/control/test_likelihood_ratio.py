@@ -9,7 +9,18 @@ from hypothesis import strategies as st
 
 from swath.control.edge.arc_track import Arc, ArcTrack
 from swath.control.edge.block_track import BlockTrack, Search
-from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, PLACES
+from swath.control.edge.canopy_classes import (
+    CELL,
+    CLASSES,
+    DUST,
+    HALF,
+    HEADROOM,
+    LAYER,
+    LAYERS,
+    LOWEST,
+    PLACES,
+    ROOM,
+)
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
 from swath.control.edge.populations import Populations
@@ -349,11 +360,41 @@ def test_crop_that_rises_is_seen_from_before_it():
     assert track.height == pytest.approx(0.75, abs=0.1)
 
 
-def answers(rng, top):
-    """240 rays: echoes up to a crop's top [m] on one side, those of stubble on the other."""
+@pytest.mark.parametrize("usual", [2.2, 0.0])
+def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust(usual):
+    """Maize, or crop on a crest that the stubble ahead lies far below."""
+    track, at, rng = (
+        BlockTrack(Search(spread=1.5, forget=9.0, usual=usual)),
+        (0.0, 0.0, 0.0),
+        np.random.default_rng(6),
+    )
+    for _ in range(30):
+        arc = track.track.arc
+        frame = EdgeFrame(10.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
+        at = (at[0] + 0.1, 0.0, 0.0)
+        track.add(answers(rng, 2.0, 1.45, highest=HEADROOM * track.height + ROOM), 0.1, frame, at, 0.0)
+    assert track.followed >= 3
+    assert track.height == pytest.approx(1.95, abs=0.1)
+
+
+def test_puffs_above_the_crop_make_no_tall_crop():
+    track, rng, low = BlockTrack(Search(spread=1.5, forget=9.0, usual=0.85)), np.random.default_rng(7), []
+    for k in range(12):
+        scan = answers(rng, 0.8)
+        scan.height[:20] = rng.uniform(1.0, 2.5, 20)
+        track.add(scan, 0.1, EdgeFrame(10.0, 0.0, 0.0, 0.0), (0.1 * k, 0.0, 0.0), 0.0)
+        low.append(track.height)
+    assert max(low) < 0.9
+
+
+def answers(rng, top, bottom=0.1, *, highest=np.inf):
+    """240 rays: echoes from `bottom` to a crop's top [m] on one side, those of stubble on the other; what is
+    above `highest` counts as dust
+    """
     place = rng.uniform(-3.0, 3.0, 240)
-    height = np.where(place > 0.0, rng.uniform(0.1, top, 240), rng.uniform(-0.02, 0.05, 240))
+    height = np.where(place > 0.0, rng.uniform(bottom, top, 240), rng.uniform(-0.02, 0.05, 240))
     layer = np.clip((height - LOWEST) / LAYER, 0, LAYERS - 1).astype(np.int64)
+    layer[height > highest] = DUST
     cells = np.clip((place + HALF) / CELL, 0, PLACES - 1).astype(np.int64) * CLASSES + layer
     return RayAnswers(cells, np.full(240, np.nan), 0.0, 240, height, place, place)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from swath.control.edge.arc_track import KEPT, Arc, ArcTrack
 from swath.control.edge.blocks import Block, Found, find_edge, split
+from swath.control.edge.canopy_classes import HEADROOM
 from swath.control.edge.canopy_feet import CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from swath.control.edge.edge_breaks import LEAD, LEAST_GAIN, OUT, WIDEST, EdgeBreaks, is_sunken
@@ -28,6 +29,7 @@ GATE, WIDENING = 0.28, 0.025  # m, 1/m: + WIDENING times the square of the way u
 BLURRED, BROAD = 0.08, 0.5  # m, deviation of a block's edge in dust from which on the gate is as wide; m
 MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of rays that only crop stops
 HEIGHT = 0.85  # m, of a crop that was not seen yet
+TALL, MANY = 0.5, 100  # of that height: echoes above are crop; so many show how high it stands
 LEARNED = 0.15  # m beside the track: blocks further off teach nothing
 STRAIGHTEN = 0.3  # part of the bend that is kept where the edge broke off
 RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
@@ -117,7 +119,9 @@ class BlockTrack(KeepsState):
         if self._block.travel < BLOCK:
             return
         self._lodging.ground(level, rise)
-        if self.track.arc is None:
+        if self.track.arc is None and self._is_taller():
+            is_done = True
+        elif self.track.arc is None:
             is_done = self._begin(frame, at) or self._block.travel >= LONGEST
         elif self.followed < YOUNG and self._is_front():
             is_done = self._begin_anew(frame, at)
@@ -126,6 +130,16 @@ class BlockTrack(KeepsState):
         if is_done:
             self._block.clear()
             self._scans = []
+
+    def _is_taller(self) -> bool:
+        """Most of a crop that was not seen yet stands higher than it was taken to: it counts up to there now."""
+        echoes = np.concatenate([scan.height for scan in self._scans])
+        echoes = echoes[echoes > TALL * self.height]
+        if len(echoes) < MANY or np.median(echoes) < HEADROOM * self.height:
+            return False
+        top = min(float(np.percentile(echoes, 90.0)), self.populations.tallest)
+        is_taller, self.height = top > self.height, max(top, self.height)
+        return is_taller
 
     def _begin(self, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """Look for two populations anywhere near the header end."""

@@ -29,14 +29,14 @@ _TOP = LOWEST + LAYER * (np.arange(LAYERS) + 1)
 class Populations(KeepsState):
     """Counts of classes in the crop, lately in the crop, and beside it: rows of (3, CLASSES).
 
-    usual: height of the crop where it stands upright [m], 0 = unknown
+    tallest: that crop may stand [m]; usual: height of the crop where it stands upright [m], 0 = unknown
     """
 
     kept = ("counts", "_told", "_first")
 
     def __init__(self, usual: float = 0.0) -> None:
-        tallest = TALLEST * usual if usual > 0.0 else np.inf
-        self._layers = int(np.count_nonzero(tallest > _HEIGHT))  # that may be crop
+        self.tallest = TALLEST * usual if usual > 0.0 else float("inf")
+        self._layers = int(np.count_nonzero(self.tallest > _HEIGHT))  # that may be crop
         self.clear()
 
     def clear(self) -> None:
