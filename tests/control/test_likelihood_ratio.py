@@ -363,11 +363,8 @@ def test_crop_that_rises_is_seen_from_before_it():
 @pytest.mark.parametrize("usual", [2.2, 0.0])
 def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust(usual):
     """Maize, or crop on a crest that the stubble ahead lies far below."""
-    track, at, rng = (
-        BlockTrack(Search(spread=1.5, forget=9.0, usual=usual)),
-        (0.0, 0.0, 0.0),
-        np.random.default_rng(6),
-    )
+    track, at = BlockTrack(Search(spread=1.5, forget=9.0, usual=usual)), (0.0, 0.0, 0.0)
+    rng = np.random.default_rng(6)
     for _ in range(30):
         arc = track.track.arc
         frame = EdgeFrame(10.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)

@@ -132,7 +132,7 @@ class BlockTrack(KeepsState):
             self._scans = []
 
     def _is_taller(self) -> bool:
-        """Most of a crop that was not seen yet stands higher than it was taken to: it counts up to there now."""
+        """Most of an unseen crop stands higher than it was taken to: it counts up to there now."""
         echoes = np.concatenate([scan.height for scan in self._scans])
         echoes = echoes[echoes > TALL * self.height]
         if len(echoes) < MANY or np.median(echoes) < HEADROOM * self.height:
