@@ -1,5 +1,9 @@
 """Embree at its best: not `robust`, high build quality, cast from C++ in packets of several widths.
 
+python benchmarks/embree.py
+
+casts at one triangle and says how; `benchmarks/rays.py` holds packets of rays against it. Needs embreex, of
+the development tools, and for more than its own loop g++ or clang++ with the headers of the C++ library.
 `embree.cpp` is compiled against the library of embreex when there is a C++ compiler. Without one embreex
 itself serves, which casts ray by ray from its own loop and builds with medium quality: `Embree.how` says
 which it was.
@@ -8,6 +12,7 @@ which it was.
 import ctypes
 import shutil
 import subprocess
+import sys
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -90,7 +95,9 @@ def compiled() -> Any:
     command = [compiler, *FLAGS, str(source), str(found[0]), f"-Wl,-rpath,{folder}", "-o", str(out)]
     # libtbb is found beside it when the program runs
     command.insert(-2, "-Wl,--unresolved-symbols=ignore-in-shared-libs")
-    if subprocess.run(command, capture_output=True, check=False).returncode != 0:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        print(f"embree.cpp does not compile: {done.stderr.strip()[-400:]}", file=sys.stderr)
         return None
     for tbb in sorted(folder.glob("libtbb*.so*")):
         ctypes.CDLL(str(tbb), mode=ctypes.RTLD_GLOBAL)
@@ -109,3 +116,19 @@ def compiled() -> Any:
         *[ctypes.c_void_p] * 3, ctypes.c_size_t, ctypes.c_float, ctypes.c_int, ctypes.c_int, ctypes.c_void_p,
     ]  # fmt: skip
     return library
+
+
+def main() -> None:
+    """One triangle 2 m ahead, two of four rays at it."""
+    corners = np.array([[2.0, -1.0, -1.0], [2.0, 1.0, -1.0], [2.0, 0.0, 1.0]], np.float32)
+    directions = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.1], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.float32)
+    scene = Embree(corners, np.array([[0, 1, 2]]))
+    for width in scene.widths:
+        far = scene.cast(np.zeros((4, 3), np.float32), directions, 10.0, width)
+        print(f"{width:2d} rays together: {np.round(far, 3).tolist()} m")
+    print(scene.how)
+    scene.release()
+
+
+if __name__ == "__main__":
+    main()

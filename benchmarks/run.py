@@ -51,16 +51,22 @@ def main() -> None:
     parser.add_argument("names", nargs="*", choices=[*names, []], help="which ones (default: all)")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="folder of the JSON files")
     parser.add_argument("--base", type=Path, help="versions: checkout of 0.1.0 (default: of the history)")
-    parser.add_argument("--base-python", default=sys.executable, help="versions: its Python")
+    parser.add_argument("--base-python", help="versions: its Python (default: of an environment of its own)")
     parser.add_argument("--rounds", type=int, default=3, help="versions: rounds (default: %(default)s)")
     args = parser.parse_args()
     for name in args.names or names:
         if name != VERSIONS:
             BENCHMARKS[name](args.out)
             continue
-        base = [] if args.base is None else ["--base", str(args.base)]
-        more = ["--base-python", args.base_python, "--rounds", str(args.rounds), "--out", str(args.out)]
-        versions.main([*base, *more])
+        given = {
+            "--base": args.base,
+            "--base-python": args.base_python,
+            "--rounds": args.rounds,
+            "--out": args.out,
+        }
+        versions.main(
+            [text for key, value in given.items() if value is not None for text in (key, str(value))]
+        )
     print(f"JSON files: {args.out}")
 
 

@@ -65,6 +65,14 @@ def exact_code(file: Path) -> str:
     return "\n".join(f.read_text(encoding="utf-8") for f in (Path(__file__).parent / "exact.cpp", file))
 
 
+def address(array: Any) -> int:
+    """Where the numbers of an array begin in memory, in a sixth of the time of `array.ctypes.data`."""
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))
+    except (TypeError, ValueError):  # read-only, of no element, or with gaps
+        return int(array.ctypes.data)
+
+
 class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 

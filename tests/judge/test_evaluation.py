@@ -1,5 +1,6 @@
 """All evaluators together: which limits hold, who is shown what, and that it stays cheap."""
 
+from swath.core.frames import Pose
 from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric, is_shown
@@ -57,6 +58,25 @@ class Resting(States):
         self.rests_until = t + 200_000_000
 
 
+class Newest(Counting):
+    """Notes what it is shown: of states the first and, before anything else, the newest."""
+
+    SIGNALS = (MachineState, SpeedCommand)
+    NEWEST = (MachineState,)
+    METRICS = (Metric("shown_last", "", "samples shown", "Run"),)
+    LIMITS = {"shown_last": {"max": 0.0}}
+
+    def __init__(self, setup):
+        super().__init__(setup)
+        self.seen = []
+
+    def see(self, slot, t, outputs):
+        self.seen.append((slot, t))
+
+    def metrics(self):
+        return {"shown_last": float(self.seen[-1][1])}
+
+
 def judged(*classes, expect=(), names=("combine",)):
     machines = {name: machine(name=name) for name in names}
     setups = {name: EvaluatorSetup(GridField(ArcEdge()), machines, name) for name in names}
@@ -87,6 +107,30 @@ def test_an_evaluator_that_rests_is_shown_nothing_before_its_time():
     drive([evaluation], GridField(ArcEdge()), seconds=1.0)
     assert evaluation.find("combine", States).count == 101
     assert evaluation.find("combine", Resting).count == 6
+
+
+def test_an_evaluator_that_wants_the_newest_is_shown_it_before_all_else_and_before_it_is_asked():
+    evaluation, state = judged(Newest), MachineState(0, Pose.identity(), *[0.0] * 5)
+    for t in (0, 5, 10, 15):
+        evaluation("combine.motion", t, {"state": state})
+        if t == 10:
+            evaluation("combine.speed", t, {"command": SpeedCommand(0, 1.0)})
+    shown = [("combine.motion", 0), ("combine.motion", 10), ("combine.speed", 10), ("combine.motion", 15)]
+    assert evaluation.metrics("combine") == {"shown_last": 15.0}
+    assert evaluation.find("combine", Newest).seen == shown
+    evaluation("combine.motion", 20, {"state": state})
+    saved = evaluation.save()
+    evaluation("combine.motion", 25, {"state": state})
+    evaluation.load(saved)
+    assert evaluation.find("combine", Newest).seen == [*shown, ("combine.motion", 20)]
+
+
+def test_windows_look_at_evaluators_that_are_shown_everything_at_once():
+    evaluation = judged(Newest, expect=[Expectation("combine", "shown_last", Limit(max=1.0, to_m=5.0))])
+    state = MachineState(0, Pose.identity(), *[0.0] * 5)
+    for t in (0, 5, 10):
+        evaluation("combine.motion", t, {"state": state})
+    assert len(evaluation.find("combine", Newest).seen) == 3
 
 
 def test_the_end_is_asked_for_once():

@@ -71,11 +71,28 @@ arrays = st.one_of(
     st.lists(reals, max_size=4).map(lambda v: np.array(v, dtype=np.float64)),
     st.lists(st.floats(width=32), min_size=2, max_size=2).map(lambda v: np.array([v], dtype=np.float32)),
 )
+
+
+def made_pose(numbers, way):
+    """Of arrays, or of plain numbers; with a 1 also asked for the other."""
+    place, rows = numbers[:3], [numbers[3 * k : 3 * k + 3] for k in (1, 2, 3)]
+    if way == "narrow":
+        pose = Pose(np.array(place, np.float32), np.array(rows, np.float32))
+    else:
+        pose = Pose.of_numbers(place, rows) if "plain" in way else Pose(np.array(place), np.array(rows))
+    if way.endswith("1") or way == "narrow":
+        assert len(pose.numbers) == 2
+        assert pose.position.shape == (3,)
+    return pose
+
+
 samples = st.builds(
     Odd,
     t=st.integers(0, 10**12),
-    pose=st.lists(reals, min_size=12, max_size=12).map(
-        lambda v: Pose(np.array(v[:3]), np.array(v[3:]).reshape(3, 3))
+    pose=st.builds(
+        made_pose,
+        st.lists(st.floats(width=32), min_size=12, max_size=12),
+        st.sampled_from(["arrays", "arrays 1", "plain", "plain 1", "narrow"]),
     ),
     real=reals,
     whole=st.integers(-(2**63), 2**63 - 1),
@@ -97,6 +114,28 @@ def test_any_sample_comes_back_to_the_last_bit(tmp_path_factory, given_samples):
     assert [t for t, _ in found] == [t for t, _ in given_samples]
     for (_, made), (_, sample) in zip(found, given_samples, strict=True):
         assert same_bits(made, sample), (made, sample)
+
+
+@pytest.mark.parametrize("moves", [0.0, 1e-3])
+def test_poses_of_plain_numbers_take_the_bytes_of_those_of_arrays(moves, tmp_path):
+    found = []
+    for way in ("arrays", "plain", "plain 1"):
+        (tmp_path / way).mkdir()
+        with Recorder(tmp_path / way, [machine()]) as recorder:
+            for k in range(90):
+                numbers = [
+                    2.0 + moves * k,
+                    -0.0,
+                    0.1,
+                    *rotation(0.3 + moves * k, 0.02, -0.01).ravel().tolist(),
+                ]
+                pose = made_pose(numbers, way)
+                recorder("combine.odd", k, {"odd": Odd(k, pose, 0.5 * k, k, True, np.ones(2), 1.0)})
+        log = McapLog(tmp_path / way / "run.mcap")
+        messages = [m for *_, m in log.messages((exact_topic("combine.odd", "odd"),))]
+        found.append([(list(m.kinds), list(m.held), bytes(m.data)) for m in messages])
+    assert found[0] == found[1] == found[2]
+    assert found[0][0][1][2:4] == [not moves, not moves]  # names: published, t, position, rotation
 
 
 @pytest.fixture(scope="module")

@@ -71,6 +71,20 @@ def test_nans_are_one_value_and_memory_layout_does_not_count():
     assert np.isnan(odd[1, 0])
 
 
+def test_nans_are_one_value_in_arrays_that_are_looked_at_as_a_whole():
+    a = np.linspace(-1, 1, 300)
+    ranges = np.stack([a, a], axis=1)
+    ranges[7, 1] = ranges[299, 0] = np.nan
+    odd = ranges.copy()
+    odd.view(np.uint64)[7, 1] = 0xFFF8000000012345
+    given = ranges, odd, odd.astype(">f8"), np.asfortranarray(odd), np.repeat(odd, 2, axis=0)[::2]
+    found = {digest_of(("combine.lidar", 7, {"scan": Scan(7, a, a, 0 * a, r, a)})) for r in given}
+    assert len(found) == 1
+    assert odd.view(np.uint64)[7, 1] == 0xFFF8000000012345
+    other = Scan(7, a, a, 0 * a, np.where(np.isnan(ranges), 0.0, ranges), a)
+    assert digest_of(("combine.lidar", 7, {"scan": other})) not in found
+
+
 def test_save_in_the_middle_and_go_on():
     whole, first, second = Digest(), Digest(), Digest()
     samples = []

@@ -41,6 +41,15 @@ class Pose:
         held[name] = made
         return made
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether its plain numbers are at hand, and say all that its arrays would."""
+        held = self.__dict__
+        if "numbers" not in held or "rotation" not in held or "position" not in held:
+            return "numbers" in held
+        p, r = held["position"], held["rotation"]
+        return bool(p.dtype == float and r.dtype == float and p.shape == (3,) and r.shape == (3, 3))
+
     def __getstate__(self) -> dict[str, Array]:
         return {"position": self.position, "rotation": self.rotation}
 

@@ -41,10 +41,13 @@ class Node:
 class _Links:
     """What joins a node to others, looked up once.
 
+    gathers: not all of its inputs are the newest samples
     wires: port of which the newest sample is read -> where that is; held: these samples, kept up to date
     queues: port -> samples since the last step; sends: by output
     """
 
+    node: Node
+    gathers: bool
     wires: list[tuple[str, Wire | None]]
     held: Held
     queues: list[tuple[str, Queue]]
@@ -83,6 +86,7 @@ class Graph:
         self._before: dict[tuple[str, str], Signal] = {}
         self._queues: dict[tuple[str, str], Queue] = {}  # by slot and port
         self._links: dict[str, _Links] = {}
+        self._steps: list[_Links] = []  # the same in the order of the nodes
         self._readers: dict[Wire, Readers] = {}
         self._connect()
         self._latches = any(n.slot.latch for n in nodes)
@@ -95,17 +99,18 @@ class Graph:
         for queue in self._queues.values():
             queue.clear()
         self._hold()
-        for node in self.nodes:
+        for links in self._steps:
+            node = links.node
             stream = Stream(self.seed, node.slot.name)
             outputs = node.component.reset(stream)
             if node.fault is not None:
                 node.fault.reset(stream)
-            self._send(node, 0, outputs)
+            self._send(links, 0, outputs)
         self._before = dict(self._latest)
 
     def run(self, until: int, stop: Callable[[], bool] | None = None) -> None:
         """Advance to time `until` [ns], or to the first tick after which `stop()` is true."""
-        clock, nodes = time.perf_counter, self.nodes
+        clock = time.perf_counter
         for t, due in self.plan.walk(self.t, until):
             try:
                 for wait in self.before_tick:
@@ -115,19 +120,16 @@ class Graph:
                 return
             if self._latches:
                 self._before = dict(self._latest)
+            steps = self._steps  # others where a component was exchanged before this tick
             for index in due:
-                node = nodes[index]
-                slot = node.slot
-                started, period = clock(), slot.period
-                links = self._links[slot.name]
-                if slot.latch or links.queues:
-                    inputs = self._gather(node, links)
-                else:
-                    inputs = links.held.copy()
+                links = steps[index]
+                node, period = links.node, links.node.slot.period
+                started = clock()
+                inputs = self._gather(links) if links.gathers else links.held.copy()
                 outputs = node.component.step(t - period, period, inputs)
                 node.cost_s += clock() - started
                 node.step_count += 1
-                self._send(node, t, outputs)
+                self._send(links, t, outputs)
             self.t = t
             if stop is not None and stop():
                 return
@@ -135,15 +137,14 @@ class Graph:
 
     def finish(self) -> None:
         """The end: parts that can (`StepsAnyLength`) take in what was sent to them since their last step."""
-        for node in self.nodes:
-            slot = node.slot
-            links = self._links[slot.name]
+        for links in self._steps:
+            slot = links.node.slot
             queues = [queue for _, queue in links.queues]
             waits = any(queues) or not queues
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
-            part = node.component
+            part = links.node.component
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
-                self._send(node, self.t, part.step(last, self.t - last, self._gather(node, links)))
+                self._send(links, self.t, part.step(last, self.t - last, self._gather(links)))
 
     def let_go(self) -> None:
         """Forget those who watch and wait. They may hold the graph, too: then both go when nobody uses them,
@@ -234,7 +235,8 @@ class Graph:
                 check_fit(source, self._output_port(source, output, node, port), node.slot.name, port)
                 if port.history:
                     self._queues[node.slot.name, port.name] = []
-        self._links = {n.slot.name: self._links_of(n) for n in self.nodes}
+        self._steps = [self._links_of(n) for n in self.nodes]
+        self._links = {links.node.slot.name: links for links in self._steps}
         self._join()
 
     def _join(self) -> None:
@@ -258,7 +260,7 @@ class Graph:
         name, ports = node.slot.name, node.component.inputs
         wires = [(p.name, node.wires.get(p.name)) for p in ports if (name, p.name) not in self._queues]
         queues = [(p.name, self._queues[name, p.name]) for p in ports if (name, p.name) in self._queues]
-        return _Links(wires, {}, queues, {})
+        return _Links(node, node.slot.latch or bool(queues), wires, {}, queues, {})
 
     def _hold(self) -> None:
         """What each component will be given, from the newest samples."""
@@ -276,21 +278,21 @@ class Graph:
             raise WiringError(f"{end}: {source} has no output {output}; it has {sorted(ports)}")
         return ports[output]
 
-    def _gather(self, node: Node, links: _Links) -> dict[str, Any]:
+    def _gather(self, links: _Links) -> dict[str, Any]:
         values = links.held.copy()
-        if node.slot.latch:
+        if links.node.slot.latch:
             values.update((port, self._before.get(wire) if wire else None) for port, wire in links.wires)
         for port, queue in links.queues:
             values[port] = tuple(queue)
             queue.clear()
         return values
 
-    def _send(self, node: Node, t: int, outputs: Outputs) -> None:
+    def _send(self, links: _Links, t: int, outputs: Outputs) -> None:
         """Publish what a component gave at t, as its fault leaves it."""
+        node, sends, latest = links.node, links.sends, self._latest
         if node.fault is not None:
             outputs = node.fault.pass_on(t, outputs)
         name = node.slot.name
-        sends, latest = self._links[name].sends, self._latest
         if not isinstance(outputs, dict):
             raise WiringError(f"{name}: gave {outputs!r}, expected a dict of {sorted(sends)}")
         for output, signal in outputs.items():
@@ -304,8 +306,8 @@ class Graph:
                 held[port] = signal
             for queue in queues:
                 queue.append(signal)
-        if name in self.watches:
-            self.watches[name](name, t, outputs)
+        if (watch := self.watches.get(name)) is not None:
+            watch(name, t, outputs)
         for observe in self.observers:
             observe(name, t, outputs)
 

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from swath.field.obstacles import Thing
 from swath.field.projection import Origin
 from swath.field.solids import merge, moved
 from swath.field.track import EdgeShape
+from swath.signals import MachineState
 from swath.signals.setup import MachineGeometry
 
 TRAILER = ".trailer"  # after a machine's name: the body that it tows
@@ -88,7 +89,7 @@ class Bodies:
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
         self.boxes: dict[str, GrainBox] = {}  # by the body that carries them
-        self._velocities: dict[str, Sequence[float]] = {}
+        self._velocities: dict[str, Sequence[float] | MachineState] = {}
         self._bounds: dict[str, tuple[Array, Array]] = {}
         self._things: dict[str, Thing] = {}  # what is known of the field's obstacles by name
         self._added: dict[str, Thing] = {}  # and of those that came while the run went
@@ -159,9 +160,16 @@ class Bodies:
         Raises InputError for a name that was not added.
         """
         if name not in self._solids:
-            raise InputError("machine", name, f"expected one of {', '.join(sorted(self._solids)) or 'none'}")
+            self._refuse(name)
         self._poses[name] = pose
         self._velocities[name] = velocity
+
+    def follow(self, name: str, state: MachineState) -> None:
+        """Move a machine to where it now is."""
+        if name not in self._solids:
+            self._refuse(name)
+        self._poses[name] = state.pose
+        self._velocities[name] = state
 
     def show(self, name: str, more: Solids, part: str = "") -> None:
         """What sensors see of a part of a body, in its frame; all such parts are seen instead of the solids
@@ -202,7 +210,7 @@ class Bodies:
         standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
         rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
         return standing + [
-            Sighted(n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocities[n]), pose)
+            Sighted(n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocity(n)), pose)
             for n in rest
             for pose in (self._poses[n],)
         ]
@@ -244,12 +252,24 @@ class Bodies:
 
     def save(self) -> dict[str, Any]:
         """Where all machines and things stand, and how fast they go."""
-        return {n: np.vstack([p.position, p.rotation, self._velocities[n]]) for n, p in self._poses.items()}
+        return {n: np.vstack([p.position, p.rotation, self._velocity(n)]) for n, p in self._poses.items()}
 
     def load(self, state: dict[str, Any]) -> None:
         """Put all machines and things back."""
         for name, rows in state.items():
             self.place(name, Pose(np.array(rows[0]), np.array(rows[1:4])), rows[4].tolist())
+
+    def _refuse(self, name: str) -> NoReturn:
+        raise InputError("machine", name, f"expected one of {', '.join(sorted(self._solids)) or 'none'}")
+
+    def _velocity(self, name: str) -> Sequence[float]:
+        """Velocity of a body, world (3,) [m/s]."""
+        held = self._velocities[name]
+        if not isinstance(held, MachineState):
+            return held
+        ahead, left = held.speed, held.lateral_speed
+        (a, b, _), (d, e, _), (g, h, _) = held.pose.numbers[1]
+        return a * ahead + b * left, d * ahead + e * left, g * ahead + h * left
 
     def _around(self, name: str) -> dict[str, Parts]:
         """What a machine may touch: the other machines that it is not hitched to, and all that stands."""
@@ -269,7 +289,7 @@ class Bodies:
         else:
             own, rcs = self._solids[name] if moves else self._standing_solids[name], None
         pose = self._poses[name] if moves else Pose.identity() if thing is None else thing.pose
-        velocity = np.array(self._velocities[name] if moves else STILL)
+        velocity = np.array(self._velocity(name) if moves else STILL)
         if name not in self._bounds:
             self._bounds[name] = bounds(parts_of(own))
         return Body(name, kind, moved(own, pose), pose, velocity, *self._bounds[name], rcs)

@@ -17,6 +17,7 @@ from swath.judge.evaluator import (
     HasLimits,
     HasSignals,
     Rests,
+    WantsNewest,
     is_shown,
 )
 from swath.judge.limits import NO_SAMPLE, check_metric, check_samples, entry_of, window_of
@@ -56,7 +57,8 @@ class Evaluation:
         }
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
-        self._shown: dict[tuple[object, ...], tuple[list[See], list[Any]]] = {}  # the second ones rest
+        self._newest = [_Newest(e) for own in self._of.values() for e in own if isinstance(e, WantsNewest)]
+        self._shown: dict[tuple[object, ...], _Shown] = {}
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
         self._distance = dict.fromkeys(self._setups, 0.0)
@@ -67,11 +69,14 @@ class Evaluation:
         key = slot, *map(type, outputs.values())
         shown = self._shown.get(key)
         if shown is None:
-            every = self._interested(slot, tuple(map(type, outputs.values())))
-            always: list[See] = [e.see for e in every if not isinstance(e, Rests)]
-            shown = always, [e for e in every if isinstance(e, Rests)]
-            self._shown[key] = shown
-        awake, resting = shown
+            shown = self._shown[key] = self._shown_to(slot, tuple(map(type, outputs.values())))
+            for later in shown[2]:
+                later.see(slot, t, outputs)
+        elif shown[2]:
+            newest = slot, t, outputs
+            for later in shown[2]:
+                later.waiting[slot] = newest
+        awake, resting, _ = shown
         for see in awake:
             see(slot, t, outputs)
         for evaluator in resting:
@@ -99,6 +104,7 @@ class Evaluation:
 
     def save(self) -> dict[str, Any]:
         """What the evaluators have seen so far; it may refer to what is `shared`."""
+        self._show_newest()
         return {
             "evaluators": {subject: [state_of(e) for e in own] for subject, own in self._of.items()},
             "windows": [watch.save() for watch in self._windows.values()],
@@ -107,6 +113,8 @@ class Evaluation:
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Back to a saved moment, in an evaluation of the same scenario."""
+        for later in self._newest:
+            later.waiting.clear()
         for subject, saved in state["evaluators"].items():
             for evaluator, own in zip(self._of[subject], saved, strict=True):
                 restore(evaluator, own)
@@ -116,6 +124,7 @@ class Evaluation:
 
     def find(self, subject: str, kind: type[E]) -> E | None:
         """The evaluator of a class for a machine or the field; None where there is none."""
+        self._show_newest()
         return next((e for e in self._of[subject] if isinstance(e, kind)), None)
 
     def columns(self, machine: str) -> tuple[Column, ...]:
@@ -124,16 +133,19 @@ class Evaluation:
 
     def events(self, subject: str = FIELD) -> list[Event]:
         """What happened so far to a machine, or in the field to any, in order of time."""
+        self._show_newest()
         mine = (e for j in self._noting for e in j.events() if concerns(e, subject))
         return sorted(mine, key=lambda e: (e.t, e.kind, e.machine))
 
     def notes(self) -> list[str]:
         """What the evaluators want the user to know about the run."""
+        self._show_newest()
         every = ((name, e) for name, own in self._of.items() for e in own)
         return [f"{name}: {note}" for name, e in every if isinstance(e, HasNotes) for note in e.notes]
 
     def metrics(self, subject: str) -> Metrics:
         """Metrics of a machine, or of `field`."""
+        self._show_newest()
         return {name: value for e in self._of[subject] for name, value in e.metrics().items()}
 
     def end_reason(self, t: int) -> str:
@@ -172,6 +184,27 @@ class Evaluation:
                 if not stretch.count:
                     outcome = None, NO_SAMPLE
                 yield _placed(outcome, stretch.event)
+
+    def _shown_to(self, slot: str, kinds: tuple[type[Signal], ...]) -> "_Shown":
+        """Who is shown samples of these types from a slot: at once, unless it rests, or the newest later.
+
+        Windows look at events at any time: where there are any, nobody is shown anything later.
+        """
+        late = {} if self._windows else {id(later.evaluator): later for later in self._newest}
+        shown: _Shown = [], [], []
+        for e in self._interested(slot, kinds):
+            later = late.get(id(e))
+            if isinstance(e, Rests):
+                shown[1].append(e)
+            elif later is not None and all(issubclass(kind, later.evaluator.NEWEST) for kind in kinds):
+                shown[2].append(later)
+            else:
+                shown[0].append(e.see if later is None else later.see)
+        return shown
+
+    def _show_newest(self) -> None:
+        for later in self._newest:
+            later.show()
 
     def _interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:
         """Who wants samples of these types from a slot: evaluators of its machine, then of the field."""
@@ -217,6 +250,28 @@ class Evaluation:
                 if moved is not None:
                     watch.look_for_events()
                 watch.see(self._distance[subject], slot, t, outputs)
+
+
+class _Newest:
+    """What an evaluator is shown before anything else. waiting: by slot, with its time [ns] and outputs"""
+
+    def __init__(self, evaluator: Any) -> None:
+        self.evaluator = evaluator
+        self.waiting: dict[str, tuple[str, int, Mapping[str, Signal]]] = {}
+
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Show it what waits, then this."""
+        self.show()
+        self.evaluator.see(slot, t, outputs)
+
+    def show(self) -> None:
+        """Show it what waits."""
+        for sample in self.waiting.values():
+            self.evaluator.see(*sample)
+        self.waiting.clear()
+
+
+_Shown = tuple[list[See], list[Any], list[_Newest]]  # at once, when they do not rest, the newest later
 
 
 def _is_object(value: Any) -> bool:

@@ -3,7 +3,7 @@
 An evaluator is a class made by `Class(setup)`, in a file of its own in `judge/evaluators/` that ends with
 `LEVEL = Level(Class, None, summary="...")`, or in a user's file, named `my.py:Class` under the scenario's key
 `evaluators`. Beside the members of `Evaluator` it may have those of `HasColumns`, `HasEvents`, `HasLimits`,
-`HasSignals`, `Rests` and `core.abilities.EndsRun` and `HasNotes`.
+`HasSignals`, `Rests`, `WantsNewest` and `core.abilities.EndsRun` and `HasNotes`.
 """
 
 import dataclasses
@@ -183,6 +183,15 @@ class Rests(Protocol, metaclass=ByMembers):
     """An evaluator that need not be shown samples of before a time of its own. rests_until [ns]"""
 
     rests_until: int
+
+
+@runtime_checkable
+class WantsNewest(Protocol, metaclass=ByMembers):
+    """An evaluator that of some outputs needs the first and the newest alone: it is shown the newest before
+    anything else, and before it is asked for anything. NEWEST: types of the samples in such outputs
+    """
+
+    NEWEST: ClassVar[tuple[type[Signal], ...]]
 
 
 def is_shown(evaluator: HasSignals, kinds: Iterable[type[Signal]]) -> bool:

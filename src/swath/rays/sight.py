@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.field import FAR, Field
-from swath.kernels import repeatable, start_warp
+from swath.kernels import address, repeatable, start_warp
 
 F64 = NDArray[np.float64]
 MANY = 4096  # beams that look to all sides, near enough: the pages around are cheaper to tell
@@ -84,7 +84,7 @@ class Sight:
         arrays = (pages.table, store.ground_low, origins, directions, self._missing, self._seen)
         ny, nx = pages.table.shape
         place = nx, ny, pages.table_x, pages.table_y
-        self._whole[:] = *(a.ctypes.data for a in arrays), *place, len(origins), ROOM, store.stem_reach, 0
+        self._whole[:] = *map(address, arrays), *place, len(origins), ROOM, store.stem_reach, 0
         self._launch.launch()
         found: list[list[int]] = self._missing[: self._whole[13]].tolist()
         return [(i, j) for i, j in found]

@@ -231,12 +231,15 @@ def _encode_array(array: np.ndarray) -> bytes:
     if prefix is None:
         prefix = _PREFIXES[kind, shape] = f"a{kind.newbyteorder('<').str}{shape}".encode()
     if kind.kind == "f" and _has_nan(array):
-        array = np.where(np.isnan(array), np.array(np.nan, dtype=kind), array)
+        array = array.copy()
+        array[array != array] = np.nan
     return prefix + (array if kind.isnative else array.astype(kind.newbyteorder("<"))).tobytes()
 
 
 def _has_nan(array: np.ndarray) -> bool:
-    return any(map(isnan, array.ravel().tolist())) if array.size <= FEW else bool(np.isnan(array).any())
+    if array.size <= FEW:
+        return any(map(isnan, array.ravel().tolist()))
+    return b"\x01" in (array != array).tobytes()  # in a third of the time of `np.isnan(array).any()`
 
 
 def _encode_pose(pose: Pose) -> bytes:

@@ -84,8 +84,9 @@ def _differences(courses: NDArray[Any]) -> NDArray[Any]:
 
 
 def _bits(numbers: NDArray[Any]) -> NDArray[Any]:
-    """How many bits whole numbers have without their sign."""
-    return np.asarray(np.frexp(np.abs(numbers).astype(float))[1])
+    """How many bits whole numbers have without their sign: the exponent of the real number that each is."""
+    exponent = np.abs(numbers).astype(float).view(np.uint64) >> 52 & 0x7FF
+    return np.where(exponent, exponent.view(np.int64) - 1022, 0)
 
 
 def _courses(steps: NDArray[np.uint8], dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:

@@ -13,6 +13,7 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.signal import signal_types
 from swath.record import packed_columns
@@ -28,6 +29,7 @@ BLOCK_NS = NS // 2  # samples of this long share a block
 BLOCK_BYTES = 96 * 1024  # or of about this much
 PLAIN: dict[type, str] = {float: "float", int: "int", bool: "bool"}
 CODES = {"float": "<f8", "int": "<i8", "bool": "|b1"}
+_Column = tuple[Any, ...] | np.ndarray  # values of a field, one per sample
 TIMES = ("published", "t")  # the first two columns of every block [ns]
 
 
@@ -43,6 +45,9 @@ class Blocks:
         self._samples: list[Any] = []
         self._published: list[int] = []  # [ns]
         self._signal: type[Signal] | None = None
+        self._poses: list[
+            int
+        ] = []  # places of whole poses among what is read of a sample, the last one first
         self._most = 1  # samples that fill a block by their size
 
     def add(self, t: int, signal: Signal) -> None:
@@ -51,9 +56,10 @@ class Blocks:
             self.flush()
             self._signal = type(signal)
             self._names = leaf_names(signal)
-            self._values = attrgetter(*self._names, "t", "t")  # a tuple also of no field
+            taken, self._poses = _taken(signal, self._names)
+            self._values = attrgetter(*taken, "t", "t")  # a tuple also of no field
         if not self._published:
-            row = self._values(signal)[:-2]
+            row = [attrgetter(name)(signal) for name in self._names]
             for value in row:
                 _kind(value)
             size = sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
@@ -86,7 +92,10 @@ class Blocks:
         if not samples:
             return
         self._length = BLOCK_NS
-        *columns, t, _ = zip(*map(self._values, samples), strict=True)
+        *taken, t, _ = zip(*map(self._values, samples), strict=True)
+        columns: list[_Column] = [*taken]
+        for place in self._poses:  # from the last one on
+            columns[place : place + 1] = _of_poses(taken[place])
         if all(map(_is_even, columns)):
             self._write(columns, published, t)
             return
@@ -97,7 +106,7 @@ class Blocks:
                 self._write([c[first:i] for c in columns], published[first:i], t[first:i])
                 first = i
 
-    def _write(self, values: Sequence[tuple[Any, ...]], published: list[int], t: Sequence[int]) -> None:
+    def _write(self, values: Sequence[_Column], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
         columns = _columns_of([tuple(published), tuple(t), *values])
         message = self.file.make(
@@ -113,8 +122,32 @@ class Blocks:
         self.file.write(self.topic, published[-1], message)
 
 
-def _is_even(column: tuple[Any, ...]) -> bool:
+def _taken(signal: Signal, names: Sequence[str]) -> tuple[list[str], list[int]]:
+    """What is read of each sample: poses as a whole; and their places, the last one first."""
+    taken: list[str] = []
+    poses: list[int] = []
+    for name in names:
+        whole, _, part = name.rpartition(".")
+        if part not in ("position", "rotation") or type(attrgetter(whole)(signal)) is not Pose:
+            taken.append(name)
+        elif part == "position":
+            poses.insert(0, len(taken))
+            taken.append(whole)
+    return taken, poses
+
+
+def _of_poses(poses: Sequence[Any]) -> tuple[_Column, _Column]:
+    """Their positions and rotations; where their plain numbers are at hand, as mostly, in one array each."""
+    if all(type(pose) is Pose and pose.is_plain for pose in poses):
+        numbers = [pose.numbers for pose in poses]
+        return np.array([place for place, _ in numbers]), np.array([rows for _, rows in numbers])
+    return tuple(pose.position for pose in poses), tuple(pose.rotation for pose in poses)
+
+
+def _is_even(column: _Column) -> bool:
     """Whether values are of one type, arrays of one shape too; some such are only found by a closer look."""
+    if isinstance(column, np.ndarray):
+        return True
     if len(set(map(type, column))) > 1:
         return False
     first = column[0]
@@ -209,7 +242,7 @@ def _kind(value: Any) -> str:
     raise TypeError(f"a sample field of type {type(value).__name__} cannot be recorded")
 
 
-def _columns_of(columns: Sequence[tuple[Any, ...]]) -> list[tuple[str, bool, bytes]]:
+def _columns_of(columns: Sequence[_Column]) -> list[tuple[str, bool, bytes]]:
     """Of each its entry in `kinds`, whether its values are one and the same array, bit for bit, its bytes."""
     kinds = [_kind(values[0]) for values in columns]
     held = [isinstance(v[0], np.ndarray) and _are_same(v[0], v) for v in columns]
@@ -222,7 +255,9 @@ def _columns_of(columns: Sequence[tuple[Any, ...]]) -> list[tuple[str, bool, byt
     return [(f"{kind} {way}" if way else kind, is_held, data) for kind, is_held, (way, data) in told]
 
 
-def _are_same(first: np.ndarray, values: tuple[Any, ...]) -> bool:
+def _are_same(first: np.ndarray, values: _Column) -> bool:
+    if isinstance(values, np.ndarray):
+        return first.tobytes() * len(values) == values.tobytes()
     if all(v is first for v in values):
         return True
     data = first.tobytes()

@@ -257,16 +257,13 @@ class World:
 
     def place_bodies(self, slot: str, t: int, outputs: Mapping[str, Any]) -> None:
         """What a machine's motion or header sent: its bodies stand there."""
-        if (state := outputs.get("state")) is not None:
-            name = slot.partition(".")[0]
-            ahead, left = state.speed, state.lateral_speed
-            (a, b, _), (d, e, _), (g, h, _) = state.pose.numbers[1]
-            velocity = a * ahead + b * left, d * ahead + e * left, g * ahead + h * left
-            self.bodies.place(name, state.pose, velocity)
-            if (trailer := outputs.get("trailer")) is not None:
-                self.bodies.place(name + TRAILER, pose_of(trailer))
-        elif (height := outputs.get("height")) is not None:
-            self._lift_header(self.machines[slot.partition(".")[0]], height)
+        name = slot.partition(".")[0]
+        if "state" in outputs:
+            self.bodies.follow(name, outputs["state"])
+            if "trailer" in outputs:
+                self.bodies.place(name + TRAILER, pose_of(outputs["trailer"]))
+        elif "height" in outputs:
+            self._lift_header(self.machines[name], outputs["height"])
 
     def _lift_header(self, machine: Machine, height: HeaderState | None) -> None:
         """Show sensors where the header of a body from a file is."""

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.kernels import repeatable, start_warp
+from swath.kernels import address, repeatable, start_warp
 from swath.rays.spots import Spots
 from swath.signals import F64
 
@@ -98,7 +98,7 @@ class Echoes:
         given = (spots.origins, spots.axes, spots.offsets, hits, self.distance, self.share)
         arrays = (*(np.ascontiguousarray(a, np.float64) for a in given), points)
         whole, launch = _LAUNCHES.place
-        whole[:] = *(a.ctypes.data for a in arrays), n, s, k, len(spots.offsets)
+        whole[:] = *map(address, arrays), n, s, k, len(spots.offsets)
         launch()
         return points
 
@@ -123,7 +123,7 @@ def receive(bundle: Bundle, receiver: Receiver) -> Echoes:
     arrays = (*given, distance, intensity, signal, share, np.empty(6 * s), np.empty(2 * s, np.int64))
     within = _ONE_ECHO.get(receiver.rule, receiver.within)
     whole, real, launch = _LAUNCHES.receive
-    whole[:] = *(a.ctypes.data for a in arrays), n, s, k, _RULES.get(receiver.rule, 0), _WITHIN[within]
+    whole[:] = *map(address, arrays), n, s, k, _RULES.get(receiver.rule, 0), _WITHIN[within]
     real[:] = receiver.percentile / 100.0, receiver.threshold, receiver.gap, receiver.least_energy
     launch()
     return Echoes(distance, intensity, signal, share)

@@ -21,6 +21,7 @@ class Drivetrain:
 
     OF_FIELD = False
     SIGNALS = (MachineState, MachineLoad, EngineState)
+    NEWEST = (MachineState,)
     METRICS = (
         Metric("mean_throughput_t_h", "t/h", "grain taken in per hour, after settling", GROUP,
                "higher", "throughput of grain", "", 1),

@@ -12,6 +12,7 @@ class Driving:
 
     OF_FIELD = False
     SIGNALS = (MachineState,)
+    NEWEST = (MachineState,)
     METRICS = (Metric("distance_m", "m", "way of the fixed axle's centre", "Run", "", "", "", 1),)
 
     def __init__(self, setup: EvaluatorSetup) -> None:

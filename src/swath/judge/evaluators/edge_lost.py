@@ -23,6 +23,7 @@ class EdgeLost:
 
     OF_FIELD = False
     SIGNALS = (MachineState, CropEdge, SteerCommand)
+    NEWEST = (MachineState,)
     METRICS = (
         Metric("edge_lost_count", "", f"times that the edge was lost for {LEAST_S:g} s or longer while the "
                "machine steered itself", GROUP, "lower", "edge lost, times", "", 0),

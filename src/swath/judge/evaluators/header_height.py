@@ -17,6 +17,7 @@ class HeaderHeight:
 
     OF_FIELD = False
     SIGNALS = (MachineState, CropFlow, HeaderState)
+    NEWEST = (MachineState,)
     METRICS = (
         Metric("header_in_band", "1", "share of the time after settling in which the knife's mean height is "
                "within its band", GROUP, "higher", "mean height within the band", "%", 1),

@@ -25,6 +25,7 @@ class Positioning:
 
     OF_FIELD = False
     SIGNALS = (MachineState, Fix, PoseEstimate, GuidanceState)
+    NEWEST = (MachineState,)
     METRICS = (
         Metric("pose_error_rms_m", "m", "estimated against true place, root mean square", GROUP, "lower",
                "pose error, RMS", "cm"),

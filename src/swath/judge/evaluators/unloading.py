@@ -55,6 +55,7 @@ class Unloading:
 
     OF_FIELD = True
     SIGNALS = (MachineState, TrailerState, UnloadState, Station, HeapState)
+    NEWEST = (MachineState, TrailerState)
     METRICS = (
         Metric("unloaded_kg", "kg", "grain that came down in a box", GROUP, "", "", "", 1),
         Metric("spill_share", "1", "grain that missed a box or ran over its rim, of what left the tank",

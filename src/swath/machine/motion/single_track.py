@@ -93,67 +93,73 @@ class SingleTrack:
         self._loop = SpeedLoop(d)
         self._compile()
         self._weigh(d)
-        self._dt, self._count = 0, 1  # of the last step [ns], and its substeps
+        self._dt, self._count, self._h = 0, 1, 0.0  # of the last step [ns], its substeps, their length [s]
         self._towed = towed_by(setup)
         wheels = (Port("wheels", WheelState),) if params.wheel_slip else ()
         self.outputs = (*ports_of(self._towed), *wheels)
+        self._tells_more = len(self.outputs) > 1
 
     def reset(self, stream: Stream) -> Outputs:
         """Stand (or roll straight) at the start pose, tyres without slip."""
         self._carried = None
         self._fill(0.0)
-        x, y = float(self._start.position[0]), float(self._start.position[1])
-        self._go_to(x, y, self._start.euler()[2], 0.0, 0.0, 0.0, 0.0, 0.0)
+        x, y, yaw = float(self._start.position[0]), float(self._start.position[1]), self._start.euler()[2]
+        self._go_to(x, y, yaw, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._speed = self._params.start_speed_kmh * KMH
         if self._towed is not None:
-            self._towed.place(x, y, self._start.euler()[2])
+            self._towed.place(x, y, yaw)
         self._stand_there()
-        return self._output(0, self._follower.pose(), 0.0, self._q.read(), 0.0)
+        state = MachineState(0, self._follower.pose(), self._speed, 0.0, 0.0, 0.0, 0.0)
+        return self._outputs(state, yaw, 0.0) if self._tells_more else {"state": state}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Integrate over dt in equal substeps."""
-        self._carry(inputs.get("load"))
+        load = inputs.get("load")
+        if load is not None and load is not self._carried:
+            self._carry(load)
         steer: float = inputs["steering"].angle
         wanted = within_drive(inputs["speed"].speed, inputs.get("drive"))
         if dt != self._dt:
             self._dt = dt
             self._count = max(1, ceil(dt / NS / (self._params.substep_ms * MS) - 1e-9))
-        before, h = self._speed, dt / NS / self._count
-        at = self._drive_on(h, steer, wanted)
-        q = self._q.read()
-        if at is None:
-            self._drive_in_python(h, steer, wanted, q)
-            q, pose = self._q.read(), self._follower.pose()
-        else:
-            _, _, z, _, _, _, _, xx, xy, xz, yx, yy, yz, zx, zy, zz = at
-            pose = Pose.of_numbers([q[0], q[1], z], [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
-        tow(self._towed, inputs, q[0], q[1], q[2])
-        return self._output(t + dt, pose, steer, q, (self._speed - before) / (dt / NS))
+            self._h = dt / NS / self._count
+        before = self._speed
+        state = self._drive_on(t + dt, steer, wanted) or self._drive_in_python(t + dt, steer, wanted)
+        if not self._tells_more:
+            return {"state": state}
+        x, y, yaw, *_ = self._q.read()
+        tow(self._towed, inputs, x, y, yaw)
+        return self._outputs(state, yaw, (self._speed - before) / (dt / NS))
 
-    def _drive_on(self, h: float, steer: float, wanted: float) -> tuple[float, ...] | None:
-        """All substeps of h [s] in one launch: numbers of `Stand`, None where that cannot be done."""
+    def _drive_on(self, t: int, steer: float, wanted: float) -> MachineState | None:
+        """The state at t, after all substeps in one launch; None where that cannot be done."""
         if self._whole is None:
             return None
-        self._asked.write(self._count, h, steer, wanted)
+        self._asked.write(self._count, self._h, steer, wanted)
         self._whole()
-        found = self._stand.read()
-        if not found[0]:
+        is_done, speed, z, _, _, _, _, xx, xy, xz, yx, yy, yz, zx, zy, zz, *rest = self._stand.read()
+        if not is_done:
             return None
-        self._speed = found[1]
-        return found
+        self._speed = speed
+        x, y, lateral, turn, distance = rest
+        pose = Pose.of_numbers([x, y, z], [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]])
+        return MachineState(t, pose, speed, lateral, turn, steer, distance)
 
-    def _drive_in_python(self, h: float, steer: float, wanted: float, q: tuple[float, ...]) -> None:
-        """The same substeps one by one, where the ground is no lattice in memory, or not yet. q: the state"""
-        self._follower.at(q[0], q[1], q[2])
+    def _drive_in_python(self, t: int, steer: float, wanted: float) -> MachineState:
+        """The same substeps one by one, where the ground is no lattice in memory, or not yet."""
+        h, read = self._h, self._q.read
+        self._follower.at(*read()[:3])
         for _ in range(self._count):
             middle, _ = self._loop.advance(self._speed, wanted, 0.5 * h)
             end, _ = self._loop.advance(self._speed, wanted, h)
             self._drive.write(h, self._speed, middle, end, self._sense * steer, *self._follower.stance[1:])
             self._advance()
-            q = self._q.read()
-            self._follower.at(q[0], q[1], q[2])
+            self._follower.at(*read()[:3])
             self._speed = end
         self._stand_there()
+        _, _, _, side, turn, _, _, distance = read()
+        lateral = side + self._ahead * turn
+        return MachineState(t, self._follower.pose(), self._speed, lateral, turn, steer, distance)
 
     @property
     def axle_loads(self) -> tuple[float, float]:
@@ -204,7 +210,7 @@ class SingleTrack:
         """Tell the compiled step how fast the machine is, and how it stands."""
         if self._whole is None and isinstance(self._follower.footprint, Footprint):
             self._compile_whole(self._follower.footprint)
-        self._stand.write(0.0, self._speed, *self._follower.stance, *[0.0] * 9)
+        self._stand.write(0.0, self._speed, *self._follower.stance, *[0.0] * 14)
 
     def _go_to(self, x: float, y: float, yaw: float, *rest: float) -> None:
         self._q.write(x, y, yaw, *rest)
@@ -219,10 +225,8 @@ class SingleTrack:
         body = self._ahead, self._behind, d.mass, d.yaw_inertia, d.cg_height, self._track
         self._car.write(*body, *wheels, *tyres)
 
-    def _carry(self, load: MachineLoad | None) -> None:
+    def _carry(self, load: MachineLoad) -> None:
         """Follow the tank in steps of GRAIN_STEP; the speed of the fixed axle and the turn rate go on."""
-        if load is None or load is self._carried:
-            return
         self._carried = load
         grain = max(load.tank_grain, 0.0)
         if abs(grain - self._grain) >= GRAIN_STEP:
@@ -239,17 +243,15 @@ class SingleTrack:
             self._weigh(loaded(d, machine.masses.tank, grain) if grain > 0.0 else d)
         self._grain = grain
 
-    def _output(self, t: int, pose: Pose, steer: float, q: tuple[float, ...], accel: float) -> Outputs:
-        _, _, yaw, side, turn, _, _, distance = q
-        lateral = side + self._ahead * turn
-        state = MachineState(t, pose, self._speed, lateral, turn, steer, distance)
+    def _outputs(self, state: MachineState, yaw: float, accel: float) -> Outputs:
+        """With the trailer and the wheels. yaw: of the machine [rad]; accel: mean of the step [m/s2]"""
         found = with_trailer(self._towed, state, yaw)
         if not self._params.wheel_slip:
             return found
         dynamics = replace(dynamics_of(self._machine), rolling_resistance=self._rolling)
-        force = pull(state, accel, self._grain, dynamics)
+        force, t = pull(state, accel, self._grain, dynamics), state.t
         load = self.axle_loads[0] if t > 0 else GRAVITY * dynamics.mass * self._behind / self._wheelbase
-        return {**found, "wheels": wheels_of(t, self._speed, force, load, self._along)}
+        return {**found, "wheels": wheels_of(t, state.speed, force, load, self._along)}
 
 
 def _either(given: float | None, sheet: float) -> float:

@@ -44,6 +44,7 @@ class Asked:
 class Stand:
     """Where the machine is after a step. is_done: 0 where the ground under it is not in memory or a number is
     not finite, nothing has changed then; speed [m/s]; as `attitude.Stance`; rows of its rotation
+    place [m], speed to the left [m/s], yaw rate [rad/s], distance [m]
     """
 
     is_done: wp.float64
@@ -62,6 +63,11 @@ class Stand:
     zx: wp.float64
     zy: wp.float64
     zz: wp.float64
+    x: wp.float64
+    y: wp.float64
+    lateral: wp.float64
+    turn: wp.float64
+    distance: wp.float64
 
 
 @wp.func_native("return __builtin_expm1(x);")
@@ -134,14 +140,14 @@ def stood(
 
 
 @wp.func
-def turned(a: Stand, yaw: wp.float64) -> Stand:
-    """With the rows of the rotation, as `frames.rotation_rows`."""
+def turned(a: Stand, q: Track, car: Car) -> Stand:
+    """With the rows of the rotation, as `frames.rotation_rows`, and what else a sample says."""
     cr = wp.cos(a.roll)
     sr = wp.sin(a.roll)
     cp = wp.cos(a.pitch)
     sp = wp.sin(a.pitch)
-    cy = wp.cos(yaw)
-    sy = wp.sin(yaw)
+    cy = wp.cos(q.yaw)
+    sy = wp.sin(q.yaw)
     a.xx = cy * cp
     a.xy = cy * sp * sr - sy * cr
     a.xz = cy * sp * cr + sy * sr
@@ -151,6 +157,11 @@ def turned(a: Stand, yaw: wp.float64) -> Stand:
     a.zx = -sp
     a.zy = cp * sr
     a.zz = cp * cr
+    a.x = q.x
+    a.y = q.y
+    a.lateral = q.side + car.ahead * q.turn
+    a.turn = q.turn
+    a.distance = q.distance
     return a
 
 
@@ -197,7 +208,7 @@ def drive(
             speed = d.end
             is_done = a.is_done == ONE
     if is_done:
-        a = turned(a, q.yaw)
+        a = turned(a, q, car)
         a.is_done = ONE
         a.speed = speed
         stands[0] = a

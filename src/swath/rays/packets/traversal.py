@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.memory_layout import PlantLibrary
-from swath.kernels import filled, repeatable
+from swath.kernels import address, filled, repeatable
 from swath.rays.device import ThreadPool, start_warp
 from swath.rays.hits import Hits
 from swath.rays.packets.index import PacketIndex, make_index
@@ -80,10 +80,10 @@ class PacketTraversal:
             starts, ways = rays
         else:
             offsets = np.ascontiguousarray(rays.offsets)
-            starts, ways, spots, subs = rays.origins, rays.axes, offsets.ctypes.data, offsets.shape[1]
+            starts, ways, spots, subs = rays.origins, rays.axes, address(offsets), offsets.shape[1]
             step = 0 if len(offsets) == 1 else 5 * subs
         kept = np.ascontiguousarray(starts, np.float64), np.ascontiguousarray(ways, np.float64)
-        o, d, *held = [a.ctypes.data for a in (*kept, *hits.arrays, *before)]
+        o, d, *held = map(address, (*kept, *hits.arrays, *before))
         places = (o, d, spots, *packing.addresses, *held, *[0] * (8 - len(held)))
         sizes = packing.lanes, packing.group_count, subs, packing.row, step, 3 * (starts.ndim > 1)
         self._job[0] = (*places, *sizes, 0, 0, range_max)
